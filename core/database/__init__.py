@@ -1,0 +1,1 @@
+"""Motion databases: building, storing and opening them."""

@@ -1,0 +1,59 @@
+"""The one error tree: every failure that a user can meet says what is wrong, where, and what to do."""
+
+
+class PerfanimError(Exception):
+    """Base of all errors that are reported to the user in one line.
+
+    Args:
+        what: what is wrong, in plain words.
+        where: file, line, frame, camera, ... ("" when there is no place).
+        advice: what the user can do about it.
+    """
+
+    def __init__(self, what: str, *, where: str = "", advice: str = "") -> None:
+        self.what = what
+        self.where = where
+        self.advice = advice
+        place = f"{where}: " if where else ""
+        hint = f"; {advice}" if advice else ""
+        super().__init__(f"{place}{what}{hint}")
+
+
+class FormatError(PerfanimError):
+    """A file is not what its name promises, or is damaged."""
+
+
+class SkeletonError(PerfanimError):
+    """A skeleton is inconsistent or lacks a joint."""
+
+
+class SettingsError(PerfanimError):
+    """A setting is out of its range."""
+
+
+class MarkerSetError(PerfanimError):
+    """A marker set is inconsistent or does not fit its skeleton."""
+
+
+class TakeError(PerfanimError):
+    """A recorded take is unusable for what was asked."""
+
+
+class SubjectError(PerfanimError):
+    """A subject calibration failed or does not fit."""
+
+
+class DatabaseError(PerfanimError):
+    """A motion database is missing, empty, damaged or of another version."""
+
+
+class CalibrationError(PerfanimError):
+    """Cameras could not be calibrated, or a calibration does not fit the images."""
+
+
+class CaptureError(PerfanimError):
+    """A camera, video or the capture process failed."""
+
+
+class CharacterError(PerfanimError):
+    """A character cannot be driven."""

@@ -1,0 +1,87 @@
+"""A full-body motion: rotations of all joints and the root's path at a steady rate."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import rotations as rot
+from .errors import FormatError
+from .skeleton import Skeleton
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Poses of one skeleton.
+
+    Args:
+        name: what it is called (clip or file name).
+        fps: frames per second.
+        skeleton: the body it belongs to.
+        rotations: (F, J, 4) parent-from-joint quaternions relative to rest; the root's is world-from-root.
+        root_positions_m: (F, 3) world position of the root, metres.
+    """
+
+    name: str
+    fps: float
+    skeleton: Skeleton
+    rotations: Array
+    root_positions_m: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rotations", np.asarray(self.rotations, dtype=np.float64))
+        object.__setattr__(self, "root_positions_m", np.asarray(self.root_positions_m, dtype=np.float64))
+        frames = len(self.rotations)
+        shapes = (self.rotations.shape, self.root_positions_m.shape)
+        if frames == 0 or shapes != ((frames, len(self.skeleton), 4), (frames, 3)):
+            raise FormatError(
+                f"a motion of {len(self.skeleton)} joints cannot have arrays of shapes {shapes}", where=self.name
+            )
+        if not self.fps > 0.0:
+            raise FormatError(f"frame rate {self.fps} is not positive", where=self.name)
+
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        return len(self.rotations)
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first to the last frame, seconds."""
+        return (self.frames - 1) / self.fps
+
+
+def sliced(motion: Motion, start: int, stop: int) -> Motion:
+    """Return frames `start` up to, without, `stop`."""
+    return replace(
+        motion,
+        rotations=motion.rotations[start:stop],
+        root_positions_m=motion.root_positions_m[start:stop],
+    )
+
+
+def resampled(motion: Motion, fps: float) -> Motion:
+    """Return the motion at another rate: rotations on the shortest arc, positions linearly between frames."""
+    if motion.fps == fps or motion.frames == 1:
+        return replace(motion, fps=fps)
+    count = int(np.floor(motion.duration_s * fps + 1e-6)) + 1
+    at = np.minimum(np.arange(count) * (motion.fps / fps), motion.frames - 1)
+    before = np.minimum(at.astype(np.int64), motion.frames - 2)
+    fraction = at - before
+    positions = motion.root_positions_m
+    return replace(
+        motion,
+        fps=fps,
+        rotations=_between_frames(motion.rotations, before, fraction),
+        root_positions_m=positions[before]
+        + fraction[:, None] * (positions[before + 1] - positions[before]),
+    )
+
+
+def _between_frames(rotations: Array, before: NDArray[np.int64], fraction: Array) -> Array:
+    if np.all(fraction == np.round(fraction)):  # whole ratio of rates: frames are picked, nothing is computed
+        return rotations[before + np.round(fraction).astype(np.int64)]
+    start, end = rotations[before], rotations[before + 1]
+    return rot.slerp(start, end, np.broadcast_to(fraction[:, None], start.shape[:2]))

@@ -1,0 +1,202 @@
+"""Unit quaternions over arrays `[..., 4]`, scalar first (w, x, y, z), and their other forms.
+
+A quaternion `a_from_b` turns vectors: v_a = rotate(a_from_b, v_b). Angles are radians.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+_AXES = {"X": 0, "Y": 1, "Z": 2}
+_SMALL_ANGLE = 1e-6  # below it, series replace divisions by the angle
+
+
+def identity(shape: Sequence[int] = ()) -> Array:
+    """Return identity quaternions of the given leading shape."""
+    result = np.zeros((*shape, 4))
+    result[..., 0] = 1.0
+    return result
+
+
+def normalize(quaternions: ArrayLike) -> Array:
+    """Return quaternions of unit length; a zero quaternion becomes the identity."""
+    q = np.asarray(quaternions, dtype=np.float64)
+    length = np.linalg.norm(q, axis=-1, keepdims=True)
+    return np.where(length > 0.0, q / np.where(length > 0.0, length, 1.0), identity())
+
+
+def multiply(left: ArrayLike, right: ArrayLike) -> Array:
+    """Return the Hamilton product: a_from_c = multiply(a_from_b, b_from_c)."""
+    a = np.asarray(left, dtype=np.float64)
+    b = np.asarray(right, dtype=np.float64)
+    aw, ax, ay, az = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
+    bw, bx, by, bz = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
+    return np.stack(
+        (
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ),
+        axis=-1,
+    )
+
+
+def conjugate(quaternions: ArrayLike) -> Array:
+    """Return the inverse rotations: b_from_a of a_from_b."""
+    q = np.asarray(quaternions, dtype=np.float64)
+    return q * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def rotate(quaternions: ArrayLike, vectors: ArrayLike) -> Array:
+    """Return the turned vectors `[..., 3]`."""
+    q = np.asarray(quaternions, dtype=np.float64)
+    v = np.asarray(vectors, dtype=np.float64)
+    w, u = q[..., :1], q[..., 1:]
+    twice = 2.0 * _cross(u, v)
+    return v + w * twice + _cross(u, twice)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    # np.cross spends most of its time on axis handling; this is called in every forward kinematics step
+    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
+    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=-1)
+
+
+def from_rotation_vector(vectors: ArrayLike) -> Array:
+    """Return the rotations by |v| about v (exponential map)."""
+    v = np.asarray(vectors, dtype=np.float64)
+    angle = np.linalg.norm(v, axis=-1, keepdims=True)
+    small = angle < _SMALL_ANGLE
+    safe = np.where(small, 1.0, angle)
+    factor = np.where(small, 0.5 - angle**2 / 48.0, np.sin(0.5 * safe) / safe)
+    return np.concatenate((np.cos(0.5 * angle), v * factor), axis=-1)
+
+
+def to_rotation_vector(quaternions: ArrayLike) -> Array:
+    """Return rotation vectors with angle in [0, pi] (logarithm)."""
+    q = np.asarray(quaternions, dtype=np.float64)
+    q = np.where(q[..., :1] < 0.0, -q, q)
+    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    small = sine < _SMALL_ANGLE
+    safe = np.where(small, 1.0, sine)
+    factor = np.where(small, 2.0 / np.maximum(q[..., :1], 0.5), 2.0 * np.arctan2(sine, q[..., :1]) / safe)
+    return q[..., 1:] * factor
+
+
+def from_matrix(matrices: ArrayLike) -> Array:
+    """Return the quaternions of rotation matrices `[..., 3, 3]` (largest-component method)."""
+    m = np.asarray(matrices, dtype=np.float64)
+    xx, yy, zz = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
+    sx, sy, sz = m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]
+    pxy, pxz, pyz = m[..., 0, 1] + m[..., 1, 0], m[..., 0, 2] + m[..., 2, 0], m[..., 1, 2] + m[..., 2, 1]
+    candidates = np.stack(
+        (
+            np.stack((1 + xx + yy + zz, sx, sy, sz), -1),
+            np.stack((sx, 1 + xx - yy - zz, pxy, pxz), -1),
+            np.stack((sy, pxy, 1 - xx + yy - zz, pyz), -1),
+            np.stack((sz, pxz, pyz, 1 - xx - yy + zz), -1),
+        ),
+        axis=-2,
+    )
+    diagonal = np.stack([candidates[..., i, i] for i in range(4)], axis=-1)
+    best = np.argmax(diagonal, axis=-1)
+    chosen = np.take_along_axis(candidates, best[..., None, None], axis=-2)[..., 0, :]
+    return normalize(chosen)
+
+
+def to_matrix(quaternions: ArrayLike) -> Array:
+    """Return rotation matrices `[..., 3, 3]` of unit quaternions."""
+    q = np.asarray(quaternions, dtype=np.float64)
+    w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    rows = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def from_euler(angles: ArrayLike, order: str) -> Array:
+    """Return rotations from angles `[..., n]` about the axes of `order`: "ZXY" means Rz @ Rx @ Ry."""
+    a = np.asarray(angles, dtype=np.float64)
+    result = identity(a.shape[:-1])
+    for i, axis in enumerate(order.upper()):
+        single = np.zeros((*a.shape[:-1], 4))
+        single[..., 0] = np.cos(0.5 * a[..., i])
+        single[..., 1 + _AXES[axis]] = np.sin(0.5 * a[..., i])
+        result = multiply(result, single)
+    return result
+
+
+def to_euler(quaternions: ArrayLike, order: str) -> Array:
+    """Return the angles `[..., 3]` about three different axes, `from_euler`'s inverse.
+
+    The middle angle lies in [-pi/2, pi/2]; at its ends the last angle is set to zero (gimbal lock).
+    """
+    m = to_matrix(quaternions)
+    i, j, k = (_AXES[axis] for axis in order.upper())
+    sign = 1.0 if (j - i) % 3 == 1 else -1.0
+    middle = np.arcsin(np.clip(sign * m[..., i, k], -1.0, 1.0))
+    first = np.arctan2(-sign * m[..., j, k], m[..., k, k])
+    last = np.arctan2(-sign * m[..., i, j], m[..., i, i])
+    locked = np.abs(m[..., i, k]) > 1.0 - 1e-10
+    first = np.where(locked, np.arctan2(sign * m[..., k, j], m[..., j, j]), first)
+    return np.stack((first, middle, np.where(locked, 0.0, last)), axis=-1)
+
+
+def between(sources: ArrayLike, targets: ArrayLike) -> Array:
+    """Return the shortest rotations that turn the directions `sources` into `targets` (`[..., 3]`, any length)."""
+    a = np.asarray(sources, dtype=np.float64)
+    b = np.asarray(targets, dtype=np.float64)
+    a = a / np.linalg.norm(a, axis=-1, keepdims=True)
+    b = b / np.linalg.norm(b, axis=-1, keepdims=True)
+    dot = np.sum(a * b, axis=-1, keepdims=True)
+    helper = np.where(np.abs(a[..., :1]) < 0.9, np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
+    half_turn = np.concatenate((np.zeros_like(dot), _cross(a, helper)), axis=-1)
+    return normalize(np.where(dot < -1.0 + 1e-12, half_turn, np.concatenate((1.0 + dot, _cross(a, b)), axis=-1)))
+
+
+def angle_between(left: ArrayLike, right: ArrayLike) -> Array:
+    """Return the geodesic angles in [0, pi] between rotations."""
+    difference = multiply(conjugate(left), right)
+    return 2.0 * np.arctan2(np.linalg.norm(difference[..., 1:], axis=-1), np.abs(difference[..., 0]))
+
+
+def slerp(start: ArrayLike, end: ArrayLike, fraction: ArrayLike) -> Array:
+    """Return rotations on the shortest arc from `start` (0) to `end` (1); `fraction` has the leading shape."""
+    a = np.asarray(start, dtype=np.float64)
+    t = np.asarray(fraction, dtype=np.float64)[..., None]
+    return multiply(a, from_rotation_vector(t * to_rotation_vector(multiply(conjugate(a), end))))
+
+
+def mean(quaternions: ArrayLike, weights: ArrayLike | None = None) -> Array:
+    """Return the mean of `[N, ..., 4]` over the first axis (largest eigenvector of the outer products, Markley 2007)."""
+    q = np.asarray(quaternions, dtype=np.float64)
+    w = np.ones(len(q)) if weights is None else np.asarray(weights, dtype=np.float64)
+    outer = np.einsum("n,n...i,n...j->...ij", w, q, q)
+    _, vectors = np.linalg.eigh(outer)
+    result: Array = vectors[..., :, -1]
+    return np.where(result[..., :1] < 0.0, -result, result)
+
+
+def continuous(quaternions: ArrayLike) -> Array:
+    """Return `[F, ..., 4]` with signs chosen so that neighbouring frames lie in one hemisphere."""
+    q = np.array(quaternions, dtype=np.float64)
+    if len(q) > 1:
+        flips = np.where(np.sum(q[1:] * q[:-1], axis=-1) < 0.0, -1.0, 1.0)
+        q[1:] *= np.cumprod(flips, axis=0)[..., None]
+    return q
+
+
+def swing_twist(quaternions: ArrayLike, axis: ArrayLike) -> tuple[Array, Array]:
+    """Split rotations into (swing, twist) with q = swing * twist and the twist about the unit `axis`."""
+    q = np.asarray(quaternions, dtype=np.float64)
+    n = np.asarray(axis, dtype=np.float64)
+    along = np.sum(q[..., 1:] * n, axis=-1, keepdims=True)
+    twist = normalize(np.concatenate((q[..., :1], along * n), axis=-1))
+    return multiply(q, conjugate(twist)), twist

@@ -1,0 +1,1 @@
+"""Simulated performers, markers and cameras with their truth."""

@@ -1,0 +1,218 @@
+"""Skeletons, forward kinematics and the marker Jacobian.
+
+In the rest pose the axes of every joint are aligned with the world's (x to the performer's left, y up, z forward),
+so a skeleton is its joints' names, parents and offsets, and a pose is one rotation per joint relative to rest.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import rotations as rot
+from .errors import SkeletonError
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """Joints of a body, parents before children; joint 0 is the root.
+
+    Args:
+        names: (J) joint names, unique.
+        parents: (J,) index of the parent joint, -1 for the root.
+        offsets_m: (J, 3) joint origin relative to its parent's origin in the rest pose, metres (zero for the root).
+        tips_m: (J, 3) end of the bone relative to the joint's origin in the rest pose, metres.
+        angle_axes: (J, 4) rest-from-angle-frame quaternions: joint angles are measured in these frames (ASF "axis").
+        angle_orders: (J) axes of the joint angles in `rotations.from_euler` order, e.g. "ZYX"; degrees of freedom
+            that a joint does not have are left out, e.g. "X" for a knee, "" for a fixed joint.
+    """
+
+    names: tuple[str, ...]
+    parents: IntArray
+    offsets_m: Array
+    tips_m: Array
+    angle_axes: Array = field(default_factory=lambda: np.empty((0, 4)))
+    angle_orders: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        count = len(self.names)
+        object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(self, "parents", np.asarray(self.parents, dtype=np.int64))
+        object.__setattr__(self, "offsets_m", np.asarray(self.offsets_m, dtype=np.float64))
+        object.__setattr__(self, "tips_m", np.asarray(self.tips_m, dtype=np.float64))
+        if len(self.angle_orders) == 0:
+            object.__setattr__(self, "angle_orders", ("ZYX",) * count)
+        if len(self.angle_axes) == 0:
+            object.__setattr__(self, "angle_axes", rot.identity((count,)))
+        self._check(count)
+
+    def _check(self, count: int) -> None:
+        if count == 0 or len(set(self.names)) != count:
+            raise SkeletonError("a skeleton needs joints with unique names", where=", ".join(self.names[:5]))
+        shapes = (self.parents.shape, self.offsets_m.shape, self.tips_m.shape, self.angle_axes.shape)
+        if shapes != ((count,), (count, 3), (count, 3), (count, 4)) or len(self.angle_orders) != count:
+            raise SkeletonError(f"arrays of {count} joints have shapes {shapes}")
+        if self.parents[0] != -1 or np.any(self.parents[1:] < 0) or np.any(self.parents >= np.arange(count)):
+            raise SkeletonError("joint 0 must be the only root and parents must come before their children")
+        if not (np.all(np.isfinite(self.offsets_m)) and np.all(np.isfinite(self.tips_m))):
+            raise SkeletonError("joint offsets must be finite numbers")
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def index(self, name: str) -> int:
+        """Return the index of a joint; SkeletonError names the joints there are."""
+        try:
+            return self.names.index(name)
+        except ValueError:
+            raise SkeletonError(f"there is no joint {name!r}", advice="joints: " + ", ".join(self.names)) from None
+
+    @cached_property
+    def levels(self) -> tuple[IntArray, ...]:
+        """Joint indices by depth below the root, root excluded: joints of one level can be computed together."""
+        depth = np.zeros(len(self), dtype=np.int64)
+        for joint in range(1, len(self)):
+            depth[joint] = depth[self.parents[joint]] + 1
+        return tuple(np.flatnonzero(depth == d) for d in range(1, int(depth.max()) + 1))
+
+    @cached_property
+    def is_ancestor(self) -> NDArray[np.bool_]:
+        """(J, J) true where joint [i, j]: j is i itself or lies between i and the root."""
+        result = np.eye(len(self), dtype=bool)
+        for joint in range(1, len(self)):
+            result[joint] |= result[self.parents[joint]]
+        return result
+
+    @cached_property
+    def rest_positions_m(self) -> Array:
+        """(J, 3) joint origins in the rest pose, root at the origin."""
+        result = np.zeros((len(self), 3))
+        for joint in range(1, len(self)):
+            result[joint] = result[self.parents[joint]] + self.offsets_m[joint]
+        return result
+
+
+def forward_kinematics(
+    skeleton: Skeleton, rotations: ArrayLike, root_position_m: ArrayLike
+) -> tuple[Array, Array]:
+    """Return joint origins and orientations in the world.
+
+    Args:
+        rotations: (..., J, 4) parent-from-joint quaternions relative to rest; the root's is world-from-root.
+        root_position_m: (..., 3) world position of the root.
+
+    Returns:
+        positions_m (..., J, 3) and world-from-joint quaternions (..., J, 4).
+    """
+    local = np.asarray(rotations, dtype=np.float64)
+    world = np.empty_like(local)
+    positions = np.empty((*local.shape[:-1], 3))
+    world[..., 0, :] = local[..., 0, :]
+    positions[..., 0, :] = root_position_m
+    for level in skeleton.levels:
+        parents = skeleton.parents[level]
+        world[..., level, :] = rot.multiply(world[..., parents, :], local[..., level, :])
+        positions[..., level, :] = positions[..., parents, :] + rot.rotate(
+            world[..., parents, :], skeleton.offsets_m[level]
+        )
+    return positions, world
+
+
+def forward_kinematics_matrices(
+    skeleton: Skeleton, matrices: Array, root_position_m: ArrayLike
+) -> tuple[Array, Array]:
+    """Return joint origins (..., J, 3) and world-from-joint matrices (..., J, 3, 3) from local matrices (..., J, 3, 3).
+
+    The same as `forward_kinematics`, cheaper where matrices are at hand (the solver's inner loop).
+    """
+    world = np.empty_like(matrices)
+    positions = np.empty(matrices.shape[:-1])
+    world[..., 0, :, :] = matrices[..., 0, :, :]
+    positions[..., 0, :] = root_position_m
+    for level in skeleton.levels:
+        parent_world = world[..., skeleton.parents[level], :, :]
+        world[..., level, :, :] = parent_world @ matrices[..., level, :, :]
+        offsets = skeleton.offsets_m[level][..., None]
+        positions[..., level, :] = positions[..., skeleton.parents[level], :] + (parent_world @ offsets)[..., 0]
+    return positions, world
+
+
+def local_from_world(skeleton: Skeleton, world_rotations: ArrayLike) -> Array:
+    """Return parent-from-joint quaternions (..., J, 4) from world-from-joint ones."""
+    world = np.asarray(world_rotations, dtype=np.float64)
+    local = world.copy()
+    local[..., 1:, :] = rot.multiply(rot.conjugate(world[..., skeleton.parents[1:], :]), world[..., 1:, :])
+    return local
+
+
+def marker_positions(
+    skeleton: Skeleton, joints: ArrayLike, offsets_m: ArrayLike, rotations: ArrayLike, root_position_m: ArrayLike
+) -> Array:
+    """Return the world positions (..., M, 3) of markers fixed to joints (Eq. 1 of Chai and Hodgins 2005).
+
+    Args:
+        joints: (M,) index of the joint that carries each marker.
+        offsets_m: (M, 3) joint origin to marker in the joint's own axes.
+        rotations, root_position_m: as in `forward_kinematics`.
+    """
+    positions, world = forward_kinematics(skeleton, rotations, root_position_m)
+    carriers = np.asarray(joints, dtype=np.int64)
+    return positions[..., carriers, :] + rot.rotate(world[..., carriers, :], np.asarray(offsets_m, dtype=np.float64))
+
+
+def marker_jacobian(
+    skeleton: Skeleton, joints: IntArray, markers_m: Array, positions_m: Array, world_matrices: Array
+) -> Array:
+    """Return d marker / d (root translation, joint rotations), (M, 3, 3 + 3 J), twin of `marker_positions`.
+
+    The rotation of joint k is varied on its right, R_k exp(d_k), so its columns are -[m - p_k]x W_k with the joint's
+    origin p_k and world matrix W_k, and zero where k does not carry the marker.
+
+    Args:
+        joints: (M,) carrying joints.
+        markers_m: (M, 3) marker positions of this pose.
+        positions_m, world_matrices: (J, 3) and (J, 3, 3) of `forward_kinematics_matrices`.
+    """
+    carried = skeleton.is_ancestor[joints]
+    arms = (markers_m[:, None, :] - positions_m[None]) * carried[..., None]
+    # columns of W_k crossed with the lever arm: (W_k e_i) x arm = -[arm]x W_k e_i
+    columns = np.swapaxes(world_matrices, -1, -2)[None]
+    rotational = _cross(columns, arms[:, :, None, :])
+    jacobian = np.zeros((len(joints), 3, 3 + 3 * len(skeleton)))
+    jacobian[:, :, :3] = np.eye(3)
+    jacobian[:, :, 3:] = rotational.reshape(len(joints), -1, 3).swapaxes(1, 2)
+    return jacobian
+
+
+def _cross(a: Array, b: Array) -> Array:
+    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
+    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=-1)
+
+
+def joint_angles(skeleton: Skeleton, rotations: ArrayLike) -> list[Array]:
+    """Return, per joint, the angles (..., n) about the axes of its `angle_orders` in its `angle_axes` frame, radians.
+
+    A joint with fewer than three axes is decomposed about all three; only its own axes are returned.
+    """
+    local = np.asarray(rotations, dtype=np.float64)
+    framed = rot.multiply(rot.multiply(rot.conjugate(skeleton.angle_axes), local), skeleton.angle_axes)
+    result = []
+    for joint, order in enumerate(skeleton.angle_orders):
+        full = _completed(order)
+        angles = rot.to_euler(framed[..., joint, :], full)
+        result.append(angles[..., [full.index(axis) for axis in order]])
+    return result
+
+
+def _completed(order: str) -> str:
+    """Return a three-axis order that keeps the given axes in their sequence, in the ASF manner where it is free."""
+    for full in ("ZYX", "XYZ", "ZXY", "XZY", "YXZ", "YZX"):
+        rest = iter(full)
+        if all(axis in rest for axis in order):
+            return full
+    raise SkeletonError(f"{order!r} is no order of different axes")

@@ -1,0 +1,1 @@
+"""From labelled markers to full-body poses."""
