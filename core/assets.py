@@ -1,0 +1,7 @@
+"""Where the files shipped with the product lie."""
+
+from pathlib import Path
+
+ASSETS = Path(__file__).resolve().parent.parent / "assets"
+MARKER_SETS = ASSETS / "marker_sets"
+MOTION = ASSETS / "motion"

@@ -1,0 +1,214 @@
+"""Pinhole cameras with lens distortion (OpenCV's model and frame) and rigs of them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import rotations as rot
+from .errors import CalibrationError
+from .files import read_toml, write_toml
+
+Array = NDArray[np.float64]
+
+WORLD_FROM_CAMERA = np.diag([1.0, -1.0, -1.0])
+"""Axes of the world seen by a level camera that the performer faces, used until a floor is known."""
+
+_UNDISTORT_ITERATIONS = 20
+
+
+@dataclass(frozen=True)
+class Camera:
+    """One calibrated camera.
+
+    Args:
+        name: what it is called.
+        image_size: (width, height), pixels.
+        matrix: (3, 3) intrinsics, pixels; pixel centres lie at whole numbers.
+        distortion: (5,) k1, k2, p1, p2, k3 as in OpenCV.
+        rotation: (3, 3) camera-from-world.
+        translation_m: (3,) with x_camera = rotation @ x_world + translation.
+    """
+
+    name: str
+    image_size: tuple[int, int]
+    matrix: Array
+    distortion: Array = field(default_factory=lambda: np.zeros(5))
+    rotation: Array = field(default_factory=lambda: np.eye(3))
+    translation_m: Array = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        size = (int(self.image_size[0]), int(self.image_size[1]))
+        object.__setattr__(self, "image_size", size)
+        for key, shape in (("matrix", (3, 3)), ("rotation", (3, 3)), ("translation_m", (3,)), ("distortion", (5,))):
+            value = np.asarray(getattr(self, key), dtype=np.float64)
+            if key == "distortion":
+                value = np.pad(value.ravel()[:5], (0, max(0, 5 - value.size)))
+            if value.shape != shape or not np.all(np.isfinite(value)):
+                raise CalibrationError(f"{key} must be {shape} finite numbers", where=f"camera {self.name}")
+            object.__setattr__(self, key, value)
+        if min(size) <= 0 or self.matrix[0, 0] <= 0.0 or self.matrix[1, 1] <= 0.0:
+            raise CalibrationError("image size and focal lengths must be positive", where=f"camera {self.name}")
+        if np.abs(self.rotation @ self.rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(self.rotation) < 0:
+            raise CalibrationError("rotation is not a rotation matrix", where=f"camera {self.name}")
+
+    @property
+    def centre_m(self) -> Array:
+        """(3,) optical centre in the world."""
+        return np.asarray(-self.rotation.T @ self.translation_m)
+
+    def to_camera(self, points_m: ArrayLike) -> Array:
+        """Return world points (..., 3) in the camera's frame."""
+        return np.asarray(np.asarray(points_m, dtype=np.float64) @ self.rotation.T + self.translation_m)
+
+    def project(self, points_m: ArrayLike) -> Array:
+        """Return the pixels (..., 2) of world points (..., 3); NaN for points behind the camera."""
+        local = self.to_camera(points_m)
+        depth = np.where(local[..., 2:] > 1e-9, local[..., 2:], np.nan)
+        return self.to_pixels(local[..., :2] / depth)
+
+    def to_pixels(self, normalised: ArrayLike) -> Array:
+        """Return distorted pixels (..., 2) of undistorted normalised coordinates x/z, y/z."""
+        distorted = _distort(np.asarray(normalised, dtype=np.float64), self.distortion)
+        return np.asarray(distorted @ self.matrix[:2, :2].T + self.matrix[:2, 2])
+
+    def undistort(self, pixels: ArrayLike) -> Array:
+        """Return undistorted normalised coordinates (..., 2) of pixels, by fixed-point iteration."""
+        inverse = np.linalg.inv(self.matrix)
+        p = np.asarray(pixels, dtype=np.float64)
+        target = p @ inverse[:2, :2].T + inverse[:2, 2]
+        result = target.copy()
+        for _ in range(_UNDISTORT_ITERATIONS):
+            error = target - _distort(result, self.distortion)
+            result = result + error
+            if error.size == 0 or np.nanmax(np.abs(error), initial=0.0) < 1e-12:
+                break
+        return result
+
+    def rays(self, normalised: ArrayLike) -> Array:
+        """Return unit directions (..., 3) in the world of undistorted normalised coordinates (..., 2)."""
+        n = np.asarray(normalised, dtype=np.float64)
+        local = np.concatenate((n, np.ones((*n.shape[:-1], 1))), axis=-1)
+        local /= np.linalg.norm(local, axis=-1, keepdims=True)
+        return np.asarray(local @ self.rotation)
+
+    @property
+    def focal_px(self) -> float:
+        """Mean focal length in pixels: one pixel is about 1 / focal_px in normalised coordinates."""
+        return float(0.5 * (self.matrix[0, 0] + self.matrix[1, 1]))
+
+
+def _distort(normalised: Array, distortion: Array) -> Array:
+    """Apply radial and tangential distortion (Brown 1966, as in OpenCV) to normalised coordinates (..., 2)."""
+    k1, k2, p1, p2, k3 = distortion
+    x, y = normalised[..., 0], normalised[..., 1]
+    r2 = x * x + y * y
+    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    return np.stack(
+        (
+            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+        ),
+        axis=-1,
+    )
+
+
+@dataclass(frozen=True)
+class CameraRig:
+    """Cameras calibrated together; the world is theirs in common.
+
+    Args:
+        cameras: at least one.
+        metadata: facts about the calibration (error, date, ...), kept in the file.
+    """
+
+    cameras: tuple[Camera, ...]
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cameras", tuple(self.cameras))
+        if not self.cameras:
+            raise CalibrationError("a camera rig needs at least one camera")
+
+    def __len__(self) -> int:
+        return len(self.cameras)
+
+    def baseline_m(self, first: int = 0, second: int = 1) -> float:
+        """Return the distance between two optical centres."""
+        return float(np.linalg.norm(self.cameras[first].centre_m - self.cameras[second].centre_m))
+
+
+def save_rig(rig: CameraRig, path: str | Path) -> None:
+    """Write the rig in anipose's layout: one table a camera, rotation as a rotation vector."""
+    tables: dict[str, Any] = {}
+    for i, camera in enumerate(rig.cameras):
+        tables[f"cam_{i}"] = {
+            "name": camera.name,
+            "size": list(camera.image_size),
+            "matrix": camera.matrix,
+            "distortions": camera.distortion,
+            "rotation": rot.to_rotation_vector(rot.from_matrix(camera.rotation)),
+            "translation": camera.translation_m,
+        }
+    write_toml(path, tables | {"metadata": dict(rig.metadata) | {"length_unit": "m"}})
+
+
+def load_rig(path: str | Path) -> CameraRig:
+    """Return a rig from an anipose-style TOML file (`cam_N` tables; millimetres or metres).
+
+    Files without `metadata.length_unit` are of another program: there anipose writes the unit of its board,
+    millimetres, and a baseline above 10 tells so.
+    """
+    tables = read_toml(path)
+    rows = [tables[key] for key in sorted(tables, key=_camera_order) if key.startswith("cam_")]
+    if not rows:
+        raise CalibrationError(
+            "has no [cam_0] table", where=str(path), advice="use a file of `perfanim calibrate cameras` or of anipose"
+        )
+    metadata = tables.get("metadata", {})
+    cameras = tuple(_camera_from(row, str(path)) for row in rows)
+    if "length_unit" not in metadata and _spread(cameras) > 10.0:
+        cameras = tuple(_scaled(camera, 1e-3) for camera in cameras)
+    return CameraRig(cameras, metadata)
+
+
+def _camera_order(key: str) -> tuple[int, str]:
+    suffix = key.removeprefix("cam_")
+    return (int(suffix) if suffix.isdigit() else 10**9, key)
+
+
+def _camera_from(row: Mapping[str, Any], where: str) -> Camera:
+    try:
+        rotation = np.asarray(row["rotation"], dtype=np.float64)
+        matrix = rotation if rotation.shape == (3, 3) else rot.to_matrix(rot.from_rotation_vector(rotation))
+        return Camera(
+            name=str(row.get("name", "camera")),
+            image_size=(int(row["size"][0]), int(row["size"][1])),
+            matrix=np.asarray(row["matrix"], dtype=np.float64),
+            distortion=np.asarray(row.get("distortions", [0.0] * 5), dtype=np.float64),
+            rotation=matrix,
+            translation_m=np.asarray(row["translation"], dtype=np.float64),
+        )
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise CalibrationError(
+            f"a camera table is incomplete ({error})", where=where, advice="calibrate the cameras again"
+        ) from error
+
+
+def _spread(cameras: Sequence[Camera]) -> float:
+    centres = np.array([camera.centre_m for camera in cameras])
+    return float(np.linalg.norm(centres - centres[0], axis=1).max())
+
+
+def _scaled(camera: Camera, factor: float) -> Camera:
+    return Camera(
+        camera.name,
+        camera.image_size,
+        camera.matrix,
+        camera.distortion,
+        camera.rotation,
+        camera.translation_m * factor,
+    )

@@ -1,0 +1,221 @@
+"""Marker sets (which joint carries which marker) and subjects (a person's skeleton with calibrated markers)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .assets import MARKER_SETS
+from .errors import MarkerSetError, SubjectError
+from .files import read_toml, write_toml
+from .skeleton import Skeleton
+
+Array = NDArray[np.float64]
+
+_MINIMUM_TORSO_MARKERS = 3
+
+
+@dataclass(frozen=True)
+class Marker:
+    """One marker.
+
+    Args:
+        name: as in takes.
+        joint: the joint that carries it.
+        offset_m: (3) joint origin to marker in the rest pose in the joint's axes (x left, y up, z forward), metres;
+            None until the subject is calibrated.
+        torso: whether it serves to find the root.
+    """
+
+    name: str
+    joint: str
+    offset_m: tuple[float, float, float] | None = None
+    torso: bool = False
+
+
+@dataclass(frozen=True)
+class MarkerSet:
+    """Markers worn together, in a fixed order."""
+
+    name: str
+    markers: tuple[Marker, ...]
+
+    def __post_init__(self) -> None:
+        names = [marker.name for marker in self.markers]
+        if not names or len(set(names)) != len(names):
+            raise MarkerSetError("needs markers with unique names", where=f"marker set {self.name}")
+        if sum(marker.torso for marker in self.markers) < _MINIMUM_TORSO_MARKERS:
+            raise MarkerSetError(
+                f"needs at least {_MINIMUM_TORSO_MARKERS} markers with torso = true to find the root",
+                where=f"marker set {self.name}",
+            )
+        for marker in self.markers:
+            if marker.offset_m is not None and not np.all(np.isfinite(marker.offset_m)):
+                raise MarkerSetError("offset_m must be three finite numbers", where=f"marker {marker.name}")
+
+    def __len__(self) -> int:
+        return len(self.markers)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Marker names in order."""
+        return tuple(marker.name for marker in self.markers)
+
+    @property
+    def torso(self) -> NDArray[np.bool_]:
+        """(M,) which markers serve to find the root."""
+        return np.array([marker.torso for marker in self.markers])
+
+    @property
+    def offsets_m(self) -> Array:
+        """(M, 3) offsets; MarkerSetError when a marker has none yet."""
+        missing = [marker.name for marker in self.markers if marker.offset_m is None]
+        if missing:
+            raise MarkerSetError(
+                "no offset for " + ", ".join(missing),
+                where=f"marker set {self.name}",
+                advice="calibrate the subject, or give offset_m",
+            )
+        return np.array([marker.offset_m for marker in self.markers], dtype=np.float64)
+
+    def joint_indices(self, skeleton: Skeleton) -> NDArray[np.int64]:
+        """(M,) index of each marker's joint in the skeleton."""
+        return np.array([skeleton.index(marker.joint) for marker in self.markers], dtype=np.int64)
+
+    def with_offsets(self, offsets_m: Array) -> "MarkerSet":
+        """Return the set with new offsets (M, 3)."""
+        rows = np.asarray(offsets_m, dtype=np.float64)
+        markers = [
+            replace(m, offset_m=(float(o[0]), float(o[1]), float(o[2])))
+            for m, o in zip(self.markers, rows, strict=True)
+        ]
+        return replace(self, markers=tuple(markers))
+
+    def subset(self, names: Sequence[str]) -> "MarkerSet":
+        """Return the set without the markers that are not in `names`."""
+        return replace(self, markers=tuple(marker for marker in self.markers if marker.name in names))
+
+
+def marker_set_names() -> tuple[str, ...]:
+    """Names of the shipped marker sets."""
+    return tuple(sorted(path.stem for path in MARKER_SETS.glob("*.toml")))
+
+
+def load_marker_set(name_or_path: str | Path) -> MarkerSet:
+    """Return a shipped marker set by its name, or one from a TOML file."""
+    path = MARKER_SETS / f"{name_or_path}.toml"
+    if not path.is_file():
+        path = Path(name_or_path)
+    if not path.is_file():
+        raise MarkerSetError(
+            f"there is no marker set or file {str(name_or_path)!r}",
+            advice="shipped sets: " + ", ".join(marker_set_names()),
+        )
+    return marker_set_from(read_toml(path), where=str(path))
+
+
+def marker_set_from(table: Mapping[str, Any], where: str) -> MarkerSet:
+    """Return the marker set of a TOML table with `name` and `[[marker]]` entries."""
+    rows = table.get("marker", [])
+    if not isinstance(rows, list):
+        raise MarkerSetError("has no [[marker]] entries", where=where)
+    return MarkerSet(str(table.get("name", Path(where).stem)), tuple(_marker(row, where) for row in rows))
+
+
+def _marker(row: Mapping[str, Any], where: str) -> Marker:
+    for key in ("name", "joint"):
+        if not isinstance(row.get(key), str):
+            raise MarkerSetError(f"a [[marker]] lacks {key!r}", where=where)
+    offset = row.get("offset_m")
+    if offset is not None:
+        try:
+            x, y, z = (float(value) for value in offset)
+        except (TypeError, ValueError):
+            raise MarkerSetError("offset_m must be three numbers", where=f"{where}, {row['name']}") from None
+        offset = (x, y, z)
+    return Marker(row["name"], row["joint"], offset, bool(row.get("torso", False)))
+
+
+def marker_set_table(marker_set: MarkerSet) -> dict[str, Any]:
+    """Return the TOML table of a marker set, `marker_set_from`'s inverse."""
+    rows = []
+    for marker in marker_set.markers:
+        row: dict[str, Any] = {"name": marker.name, "joint": marker.joint}
+        if marker.offset_m is not None:
+            row["offset_m"] = list(marker.offset_m)
+        rows.append(row | {"torso": marker.torso})
+    return {"name": marker_set.name, "marker": rows}
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A calibrated person: skeleton and marker offsets.
+
+    Args:
+        name: the person.
+        skeleton: bone lengths of the person.
+        marker_set: markers with offsets.
+        residual_m: RMS distance between seen and modelled markers of the calibration pose (0 when not calibrated).
+    """
+
+    name: str
+    skeleton: Skeleton
+    marker_set: MarkerSet
+    residual_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.marker_set.joint_indices(self.skeleton)
+        _ = self.marker_set.offsets_m
+
+
+def save_subject(subject: Subject, path: str | Path) -> None:
+    """Write a subject as TOML."""
+    skeleton = subject.skeleton
+    joints = [
+        {
+            "name": name,
+            "parent": skeleton.names[parent] if parent >= 0 else "",
+            "offset_m": skeleton.offsets_m[i],
+            "tip_m": skeleton.tips_m[i],
+            "angle_axes": skeleton.angle_axes[i],
+            "angle_order": skeleton.angle_orders[i],
+        }
+        for i, (name, parent) in enumerate(zip(skeleton.names, skeleton.parents, strict=True))
+    ]
+    tables = {
+        "kind": "perfanim subject",
+        "version": 1,
+        "name": subject.name,
+        "residual_m": float(subject.residual_m),
+        "marker_set": marker_set_table(subject.marker_set),
+        "joint": joints,
+    }
+    write_toml(path, tables)
+
+
+def load_subject(path: str | Path) -> Subject:
+    """Return a subject from its TOML file."""
+    table = read_toml(path)
+    if table.get("kind") != "perfanim subject" or table.get("version") != 1:
+        raise SubjectError("is not a subject file of this version", where=str(path), advice="calibrate the subject again")
+    try:
+        skeleton = _skeleton_from(table["joint"])
+        marker_set = marker_set_from(table["marker_set"], where=str(path))
+        return Subject(str(table["name"]), skeleton, marker_set, float(table["residual_m"]))
+    except (KeyError, TypeError, ValueError) as error:
+        raise SubjectError(f"is damaged ({error})", where=str(path), advice="calibrate the subject again") from error
+
+
+def _skeleton_from(joints: list[Mapping[str, Any]]) -> Skeleton:
+    names = tuple(str(joint["name"]) for joint in joints)
+    return Skeleton(
+        names=names,
+        parents=np.array([names.index(j["parent"]) if j["parent"] else -1 for j in joints]),
+        offsets_m=np.array([j["offset_m"] for j in joints]),
+        tips_m=np.array([j["tip_m"] for j in joints]),
+        angle_axes=np.array([j["angle_axes"] for j in joints]),
+        angle_orders=tuple(str(j["angle_order"]) for j in joints),
+    )

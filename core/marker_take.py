@@ -1,0 +1,102 @@
+"""Labelled marker trajectories: what is tracked, simulated, or read from other systems."""
+
+import zipfile
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import TakeError
+from .files import atomic_path
+
+Array = NDArray[np.float64]
+
+_KIND = "perfanim marker take"
+_VERSION = 1
+
+
+@dataclass(frozen=True)
+class MarkerTake:
+    """Trajectories of named markers.
+
+    Args:
+        name: what it is called.
+        fps: nominal rate, frames per second.
+        names: (M) marker names, unique.
+        positions_m: (F, M, 3) world positions, NaN where a marker was not located.
+        frame_numbers: (F,) numbers of the camera frames; default 0 .. F-1.
+        times_s: (F,) capture times; default frame_numbers / fps.
+    """
+
+    name: str
+    fps: float
+    names: tuple[str, ...]
+    positions_m: Array
+    frame_numbers: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    times_s: Array = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(self, "positions_m", np.asarray(self.positions_m, dtype=np.float64))
+        frames = len(self.positions_m)
+        if len(self.frame_numbers) == 0:
+            object.__setattr__(self, "frame_numbers", np.arange(frames))
+        if len(self.times_s) == 0:
+            object.__setattr__(self, "times_s", np.asarray(self.frame_numbers) / max(self.fps, 1e-9))
+        if self.positions_m.shape != (frames, len(self.names), 3) or frames == 0 or not self.names:
+            raise TakeError(
+                f"{len(self.names)} markers with positions of shape {self.positions_m.shape}",
+                where=self.name,
+                advice="a take needs at least one frame and one marker",
+            )
+        if len(set(self.names)) != len(self.names):
+            raise TakeError("marker names are not unique", where=self.name)
+        if not (np.isfinite(self.fps) and self.fps > 0.0):
+            raise TakeError(f"frame rate {self.fps} is not positive", where=self.name)
+        if len(self.frame_numbers) != frames or len(self.times_s) != frames:
+            raise TakeError("frame numbers or times do not fit the number of frames", where=self.name)
+
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        return len(self.positions_m)
+
+    @property
+    def visible(self) -> NDArray[np.bool_]:
+        """(F, M) where a marker was located."""
+        return np.all(np.isfinite(self.positions_m), axis=-1)
+
+
+def save_take(take: MarkerTake, path: str | Path) -> None:
+    """Write the product's own take file (a zip of numpy arrays, no pickle)."""
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        np.savez_compressed(
+            stream,
+            kind=np.array(_KIND),
+            version=np.array(_VERSION),
+            name=np.array(take.name),
+            fps=np.array(take.fps),
+            names=np.array(take.names),
+            positions_m=take.positions_m,
+            frame_numbers=take.frame_numbers,
+            times_s=take.times_s,
+        )
+
+
+def load_take(path: str | Path) -> MarkerTake:
+    """Return a take from the product's own file; TakeError when it is not one or is damaged."""
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            if str(stored["kind"]) != _KIND or int(stored["version"]) != _VERSION:
+                raise TakeError("is not a marker take of this version", where=str(path))
+            return MarkerTake(
+                name=str(stored["name"]),
+                fps=float(stored["fps"]),
+                names=tuple(str(name) for name in stored["names"]),
+                positions_m=stored["positions_m"],
+                frame_numbers=stored["frame_numbers"],
+                times_s=stored["times_s"],
+            )
+    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile, TypeError) as error:
+        raise TakeError(f"is not a marker take ({error})", where=str(path), advice="check the file") from error
