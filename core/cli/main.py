@@ -1,0 +1,125 @@
+"""The `perfanim` command: parses, runs one command, prints its summary, maps errors to exit codes.
+
+Exit status: 0 done; 1 bad input or failed work (one line on stderr); 2 wrong usage; 130 interrupted.
+"""
+
+import argparse
+import importlib
+import json
+import math
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from .. import __version__
+from ..errors import PerfanimError
+
+# Each module offers add_parser(subparsers), which sets `run`: (args, progress) -> summary.
+_COMMANDS = ("demo", "calibrate", "track", "database", "solve", "evaluate", "simulate")
+
+
+class Progress:
+    """Shows how far long work is, on stderr and only on a terminal."""
+
+    def __init__(self) -> None:
+        self._shown = sys.stderr.isatty()
+        self._width = 0
+
+    def __call__(self, fraction: float, text: str) -> None:
+        """Show `fraction` (0 to 1) and what is being done."""
+        if self._shown:
+            line = f"{fraction:4.0%} {text}"
+            sys.stderr.write("\r" + line.ljust(self._width))
+            sys.stderr.flush()
+            self._width = len(line)
+
+    def clear(self) -> None:
+        """Remove the line."""
+        if self._shown and self._width:
+            sys.stderr.write("\r" + " " * self._width + "\r")
+            sys.stderr.flush()
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of all commands."""
+    parser = argparse.ArgumentParser(
+        prog="perfanim", description="Full-body performance animation from a few markers and two cameras."
+    )
+    parser.add_argument("--version", action="version", version=f"perfanim {__version__}")
+    subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
+    for name in _COMMANDS:
+        importlib.import_module(f".{name}", __package__).add_parser(subparsers)
+    _add_json_option(parser)
+    return parser
+
+
+def _add_json_option(parser: argparse.ArgumentParser) -> None:
+    """Give every command that runs something the --json option."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for child in set(action.choices.values()):
+                _add_json_option(child)
+    if parser.get_default("run") is not None:
+        parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else on stdout")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit status."""
+    args = build_parser().parse_args(argv)
+    progress = Progress()
+    try:
+        summary = args.run(args, progress)
+    except PerfanimError as error:
+        progress.clear()
+        sys.stderr.write("perfanim: " + " ".join(str(error).split()) + "\n")
+        return 1
+    except KeyboardInterrupt:
+        progress.clear()
+        sys.stderr.write("perfanim: interrupted\n")
+        return 130
+    progress.clear()
+    sys.stdout.write((json.dumps(_jsonable(summary)) if args.json else summary_text(summary)) + "\n")
+    return 0
+
+
+def _jsonable(value: Any) -> Any:
+    """Return the value with numpy scalars and arrays as plain ones and NaN as null."""
+    if isinstance(value, dict):
+        return {str(key): _jsonable(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_jsonable(item) for item in value]
+    if hasattr(value, "tolist"):
+        return _jsonable(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    return str(value)
+
+
+def summary_text(summary: dict[str, Any]) -> str:
+    """Return the summary for a person: one line a figure; long lists and tables are counted, not printed."""
+    lines = []
+    for key, value in _jsonable(summary).items():
+        label = key.replace("_", " ")
+        if isinstance(value, float):
+            lines.append(f"{label}: {value:.4g}")
+        elif isinstance(value, dict) and value:
+            lines.append(f"{label}: " + ", ".join(f"{k} {_short(v)}" for k, v in list(value.items())[:40]))
+        elif isinstance(value, list):
+            lines.append(f"{label}: {len(value)}" if len(value) > 12 else f"{label}: {', '.join(map(_short, value))}")
+        else:
+            lines.append(f"{label}: {value}")
+    return "\n".join(lines)
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, dict):
+        return " ".join(f"{key}={_short(item)}" for key, item in value.items())
+    return str(value)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,146 @@
+"""What the cameras tell about one moment, and its bytes on the way from the capture process to the solver."""
+
+import struct
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import CaptureError
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_MAGIC = b"PFMF"
+_VERSION = 1
+_HEADER = struct.Struct("<4sHHqdIIII")  # magic, version, cameras, number, time, points, rays, note bytes, body bytes
+
+
+def _no_points() -> Array:
+    return np.empty((0, 3))
+
+
+@dataclass(frozen=True)
+class MarkerFrame:
+    """Markers seen at one moment by C cameras.
+
+    Args:
+        number: frame number of the source.
+        time_s: capture time, seconds.
+        points_m: (N, 3) triangulated candidates in the world.
+        covariances_m2: (N, 3, 3) their uncertainty.
+        labels: (N,) index in the marker set where the source knows it, else -1.
+        blobs: per camera (n, 5): x, y (pixels, distorted), radius_px, brightness 0-255, hue 0-180.
+        point_blobs: (N, C) blob of each point in each camera, -1 where none.
+        single_cameras, single_blobs: (R,) camera and blob of markers seen by one camera only.
+        single_points: (R, 2) their undistorted normalised coordinates.
+        single_labels: (R,) as `labels`.
+        notes: what went wrong, in plain words (a frozen camera, ...).
+    """
+
+    number: int
+    time_s: float
+    points_m: Array = field(default_factory=_no_points)
+    covariances_m2: Array = field(default_factory=lambda: np.empty((0, 3, 3)))
+    labels: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    blobs: tuple[NDArray[np.float32], ...] = ()
+    point_blobs: IntArray = field(default_factory=lambda: np.empty((0, 0), dtype=np.int64))
+    single_cameras: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    single_blobs: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    single_points: Array = field(default_factory=lambda: np.empty((0, 2)))
+    single_labels: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        points, rays, cameras = len(self.points_m), len(self.single_cameras), len(self.blobs)
+        if len(self.labels) == 0 and points:
+            object.__setattr__(self, "labels", np.full(points, -1, dtype=np.int64))
+        if len(self.single_labels) == 0 and rays:
+            object.__setattr__(self, "single_labels", np.full(rays, -1, dtype=np.int64))
+        if self.point_blobs.size == 0:
+            object.__setattr__(self, "point_blobs", np.full((points, cameras), -1, dtype=np.int64))
+        expected = {
+            "points_m": (points, 3),
+            "covariances_m2": (points, 3, 3),
+            "labels": (points,),
+            "point_blobs": (points, cameras),
+            "single_blobs": (rays,),
+            "single_points": (rays, 2),
+            "single_labels": (rays,),
+        }
+        for name, shape in expected.items():
+            if getattr(self, name).shape != shape:
+                raise CaptureError(
+                    f"{name} has shape {getattr(self, name).shape}, not {shape}", where=f"frame {self.number}"
+                )
+
+
+def pack(frame: MarkerFrame) -> bytes:
+    """Return the frame as bytes: little-endian header, then arrays in the order of `_layout`."""
+    notes = "\n".join(frame.notes).encode("utf-8")
+    counts = np.array([len(blobs) for blobs in frame.blobs], dtype="<u4")
+    parts = [counts.tobytes()]
+    parts += [np.ascontiguousarray(blobs, dtype="<f4").tobytes() for blobs in frame.blobs]
+    layout = _layout(len(frame.points_m), len(frame.single_cameras), len(frame.blobs))
+    parts += [np.ascontiguousarray(getattr(frame, name), dtype=kind).tobytes() for name, _, kind in layout]
+    body = b"".join(parts) + notes
+    header = _HEADER.pack(
+        _MAGIC,
+        _VERSION,
+        len(frame.blobs),
+        frame.number,
+        frame.time_s,
+        len(frame.points_m),
+        len(frame.single_cameras),
+        len(notes),
+        len(body),
+    )
+    return header + body
+
+
+def unpack(data: bytes) -> MarkerFrame:
+    """Return the frame of `pack`; CaptureError when the bytes are not one whole frame of this version."""
+    if len(data) < _HEADER.size:
+        raise CaptureError("a marker frame was cut off")
+    magic, version, cameras, number, time_s, points, rays, note_bytes, body_bytes = _HEADER.unpack_from(data)
+    if magic != _MAGIC or version != _VERSION:
+        raise CaptureError(
+            "the capture process speaks another version", advice="restart Blender after updating the extension"
+        )
+    reader = _Reader(data, _HEADER.size)
+    counts = reader.array((cameras,), "<u4")
+    blobs = tuple(reader.array((int(count), 5), "<f4") for count in counts)
+    arrays = {name: reader.array(shape, kind) for name, shape, kind in _layout(points, rays, cameras)}
+    notes = reader.bytes(note_bytes).decode("utf-8")
+    if len(data) != _HEADER.size + body_bytes or reader.position != len(data):
+        raise CaptureError("a marker frame was cut off", where=f"frame {number}")
+    return MarkerFrame(number, time_s, blobs=blobs, notes=tuple(notes.split("\n")) if notes else (), **arrays)
+
+
+def _layout(points: int, rays: int, cameras: int) -> list[tuple[str, tuple[int, ...], str]]:
+    return [
+        ("points_m", (points, 3), "<f8"),
+        ("covariances_m2", (points, 3, 3), "<f8"),
+        ("labels", (points,), "<i8"),
+        ("point_blobs", (points, cameras), "<i8"),
+        ("single_cameras", (rays,), "<i8"),
+        ("single_blobs", (rays,), "<i8"),
+        ("single_points", (rays, 2), "<f8"),
+        ("single_labels", (rays,), "<i8"),
+    ]
+
+
+class _Reader:
+    def __init__(self, data: bytes, position: int) -> None:
+        self._data = data
+        self.position = position
+
+    def bytes(self, count: int) -> bytes:
+        if self.position + count > len(self._data):
+            raise CaptureError("a marker frame was cut off")
+        self.position += count
+        return self._data[self.position - count : self.position]
+
+    def array(self, shape: tuple[int, ...], kind: str) -> NDArray[np.generic]:
+        count = int(np.prod(shape, dtype=np.int64)) * np.dtype(kind).itemsize
+        return np.frombuffer(self.bytes(count), dtype=kind).reshape(shape)

@@ -1,0 +1,40 @@
+"""What the solver says about one moment."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PoseFrame:
+    """The solved pose of one marker frame.
+
+    Args:
+        number, time_s: of the marker frame.
+        rotations: (J, 4) parent-from-joint quaternions relative to rest; the root's is world-from-root.
+        root_position_m: (3,) world position of the root.
+        confidence: 0 (guessed) to 1 (all markers seen and explained, motion like the database).
+        markers_m: (M, 3) the subject's markers on the solved pose.
+        labels: (M,) point of the marker frame that each marker was, -1 where not located.
+        rays: (M,) single-camera ray that each marker was, -1 where none.
+        marker_rms_m: RMS distance between located and solved markers; NaN when none was located.
+        neighbours: K of the local model.
+        dimensions: B of the local model.
+        notes: in plain words what is wrong ("left hand hidden", ...).
+    """
+
+    number: int
+    time_s: float
+    rotations: Array
+    root_position_m: Array
+    confidence: float
+    markers_m: Array
+    labels: NDArray[np.int64]
+    rays: NDArray[np.int64]
+    marker_rms_m: float
+    neighbours: int = 0
+    dimensions: int = 0
+    notes: tuple[str, ...] = ()

@@ -1,0 +1,40 @@
+"""Fixtures shared by all tests: where the recordings of others lie, if they are there."""
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+SHARED = ROOT.parent / "shared"
+
+
+@pytest.fixture(scope="session")
+def shared_dir() -> Path:
+    """Folder of test data written by others."""
+    data = SHARED / "data"
+    if not data.is_dir():
+        pytest.skip("../shared/data is not here")
+    return data
+
+
+@pytest.fixture(scope="session")
+def mocap_dir() -> Path:
+    """Folder with the unpacked motion archives (cmu, bandai)."""
+    tool = SHARED / "tools" / "unpack-data"
+    if not tool.is_file():
+        pytest.skip("../shared/tools/unpack-data is not here")
+    done = subprocess.run([str(tool)], check=True, capture_output=True, text=True)
+    return Path(done.stdout.strip().splitlines()[-1])
+
+
+@pytest.fixture(scope="session")
+def cmu_dir(mocap_dir: Path) -> Path:
+    """Unpacked CMU trials."""
+    return mocap_dir / "cmu"
+
+
+@pytest.fixture(scope="session")
+def bandai_dir(mocap_dir: Path) -> Path:
+    """Unpacked BVH clips."""
+    return mocap_dir / "bandai"
