@@ -1,0 +1,255 @@
+"""The motion database file: a JSON header and aligned arrays, memory-mapped when opened.
+
+Layout: magic, version (u32), header length (u64), file length (u64), header digest (32 bytes), header (JSON), padding,
+arrays. The file length and the digest tell a file that was cut off or changed; nothing is ever half read.
+"""
+
+import hashlib
+import json
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import rotations as rot
+from ..errors import DatabaseError
+from ..files import atomic_path
+from ..product_skeleton import JOINT_NAMES
+from ..skeleton import Skeleton
+
+Array = NDArray[np.float64]
+FloatArray = NDArray[np.float32]
+
+_MAGIC = b"PERFANIM-DB\n"
+_VERSION = 1
+_PREAMBLE = struct.Struct("<12sIQQ32s")
+_ALIGNMENT = 64
+_MEAN_SAMPLES = 20_000  # frames that the mean rotations are taken over
+
+
+@dataclass(frozen=True)
+class Clip:
+    """One clip of the database: frames `start` up to `stop`.
+
+    Args:
+        name: source file name.
+        behaviour: what is done ("walk"), "" when unknown.
+        subject: who moved, "" when unknown.
+        source_fps: rate of the source file.
+        start, stop: frames of the database.
+        skeleton: index of its skeleton in the database.
+    """
+
+    name: str
+    behaviour: str
+    subject: str
+    source_fps: float
+    start: int
+    stop: int
+    skeleton: int
+
+
+@dataclass(frozen=True)
+class Database:
+    """Poses of many clips at one rate.
+
+    Args:
+        path: its file.
+        fps: frames per second of every clip.
+        clips: in the order of their frames, without gaps.
+        skeletons: bodies of the subjects, product joints.
+        mean_rotations: (J, 4) mean local rotation of each joint; poses are relative to it, so that no joint angle
+            comes near 180 degrees, where rotation vectors jump.
+        poses: (F, J - 1, 3) float32 rotation vectors of all joints but the root: local = mean * exp(pose).
+        root_rotations: (F, 4) float32 world-from-root.
+        root_positions_m: (F, 3) float32.
+    """
+
+    path: Path
+    fps: float
+    clips: tuple[Clip, ...]
+    skeletons: tuple[Skeleton, ...]
+    mean_rotations: Array
+    poses: FloatArray
+    root_rotations: FloatArray
+    root_positions_m: FloatArray
+
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        return len(self.poses)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The product's joints; the root is the first."""
+        return JOINT_NAMES
+
+    @property
+    def behaviours(self) -> dict[str, int]:
+        """Frames of each behaviour."""
+        counts: dict[str, int] = {}
+        for clip in self.clips:
+            counts[clip.behaviour] = counts.get(clip.behaviour, 0) + clip.stop - clip.start
+        return counts
+
+    @cached_property
+    def clip_of_frame(self) -> NDArray[np.int32]:
+        """(F,) clip index of each frame."""
+        return np.repeat(np.arange(len(self.clips), dtype=np.int32), [c.stop - c.start for c in self.clips])
+
+    def local_rotations(self, frames: Any) -> Array:
+        """Return the local rotations (..., J, 4) of frames; the root's is the stored world-from-root."""
+        return rotations_from_pose(
+            np.asarray(self.poses[frames], dtype=np.float64), self.mean_rotations, self.root_rotations[frames]
+        )
+
+
+def rotations_from_pose(pose: Array, mean_rotations: Array, root_rotation: Any) -> Array:
+    """Return local rotations (..., J, 4) of poses (..., J - 1, 3) relative to the mean rotations."""
+    result = np.empty((*pose.shape[:-2], pose.shape[-2] + 1, 4))
+    result[..., 0, :] = root_rotation
+    result[..., 1:, :] = rot.multiply(mean_rotations[1:], rot.from_rotation_vector(pose))
+    return result
+
+
+def pose_from_rotations(rotations: Any, mean_rotations: Array) -> Array:
+    """Return poses (..., J - 1, 3) of local rotations (..., J, 4), `rotations_from_pose`'s inverse."""
+    local = np.asarray(rotations, dtype=np.float64)[..., 1:, :]
+    return rot.to_rotation_vector(rot.multiply(rot.conjugate(mean_rotations[1:]), local))
+
+
+def write_database(
+    path: str | Path,
+    fps: float,
+    rotations: NDArray[Any],
+    root_positions_m: NDArray[Any],
+    clips: Sequence[Clip],
+    skeletons: Sequence[Skeleton],
+) -> None:
+    """Write a database file.
+
+    Args:
+        rotations: (F, J, 4) local rotations of the product's joints relative to rest, root included.
+        root_positions_m: (F, 3).
+        clips: cover the frames in order without gaps.
+        skeletons: indexed by `Clip.skeleton`.
+
+    Raises:
+        DatabaseError: there are no frames, or the parts do not fit together.
+    """
+    frames = len(rotations)
+    if frames == 0:
+        raise DatabaseError("there is no motion to store", where=str(path), advice="add files with motion")
+    edges = [clip.start for clip in clips] + [frames]
+    if edges[0] != 0 or [clip.stop for clip in clips] != edges[1:] or rotations.shape[1:] != (len(JOINT_NAMES), 4):
+        raise DatabaseError("clips do not cover the frames", where=str(path))
+    step = max(1, frames // _MEAN_SAMPLES)
+    mean_rotations = rot.mean(rotations[::step])
+    poses = np.empty((frames, len(JOINT_NAMES) - 1, 3), dtype=np.float32)
+    for start in range(0, frames, _MEAN_SAMPLES):
+        part = slice(start, start + _MEAN_SAMPLES)
+        poses[part] = pose_from_rotations(rotations[part], mean_rotations)
+    arrays = {
+        "mean_rotations": mean_rotations,
+        "poses": poses,
+        "root_rotations": np.asarray(rotations[:, 0], dtype=np.float32),
+        "root_positions_m": np.asarray(root_positions_m, dtype=np.float32),
+    }
+    facts = {
+        "fps": float(fps),
+        "joints": list(JOINT_NAMES),
+        "clips": [asdict(clip) for clip in clips],
+        "skeletons": [_skeleton_facts(skeleton) for skeleton in skeletons],
+    }
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        _write_file(stream, facts, arrays)
+
+
+def _write_file(stream: BinaryIO, facts: dict[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
+    position = 0
+    layout = {}
+    for name, array in arrays.items():
+        position += -position % _ALIGNMENT
+        layout[name] = {"dtype": array.dtype.str, "shape": list(array.shape), "offset": position}
+        position += array.nbytes
+    header = json.dumps(facts | {"arrays": layout}).encode("utf-8")
+    start = _PREAMBLE.size + len(header)
+    start += -start % _ALIGNMENT
+    digest = hashlib.sha256(header).digest()
+    stream.write(_PREAMBLE.pack(_MAGIC, _VERSION, len(header), start + position, digest))
+    stream.write(header)
+    for name, array in arrays.items():
+        stream.write(b"\0" * (start + layout[name]["offset"] - stream.tell()))
+        stream.write(np.ascontiguousarray(array).tobytes())
+
+
+def open_database(path: str | Path) -> Database:
+    """Return the database of a file, its arrays mapped into memory, not read.
+
+    Raises:
+        DatabaseError: the file is missing, no database, of another version, or cut off.
+    """
+    path = Path(path)
+    advice = "build it again with `perfanim database build`, or import the motion again"
+    try:
+        size = path.stat().st_size
+        with path.open("rb") as stream:
+            preamble = stream.read(_PREAMBLE.size)
+            if len(preamble) < _PREAMBLE.size or not preamble.startswith(_MAGIC):
+                raise DatabaseError("is not a motion database", where=str(path), advice=advice)
+            _, version, header_bytes, file_bytes, digest = _PREAMBLE.unpack(preamble)
+            if version != _VERSION:
+                raise DatabaseError(f"has version {version}, not {_VERSION}", where=str(path), advice=advice)
+            if size != file_bytes:
+                raise DatabaseError(f"is cut off: {size} of {file_bytes} bytes", where=str(path), advice=advice)
+            header = stream.read(header_bytes)
+    except OSError as error:
+        raise DatabaseError(f"cannot be read ({error.strerror})", where=str(path), advice="check the path") from error
+    if hashlib.sha256(header).digest() != digest:
+        raise DatabaseError("is damaged", where=str(path), advice=advice)
+    facts = json.loads(header)
+    if tuple(facts["joints"]) != JOINT_NAMES:
+        raise DatabaseError("was made for other joints", where=str(path), advice=advice)
+    start = _PREAMBLE.size + header_bytes
+    start += -start % _ALIGNMENT
+    arrays = {name: _mapped(path, start, row) for name, row in facts["arrays"].items()}
+    return Database(
+        path=path,
+        fps=facts["fps"],
+        clips=tuple(Clip(**clip) for clip in facts["clips"]),
+        skeletons=tuple(_skeleton_from_facts(row) for row in facts["skeletons"]),
+        mean_rotations=np.array(arrays["mean_rotations"]),
+        poses=arrays["poses"],
+        root_rotations=arrays["root_rotations"],
+        root_positions_m=arrays["root_positions_m"],
+    )
+
+
+def _mapped(path: Path, start: int, row: Mapping[str, Any]) -> NDArray[Any]:
+    return np.memmap(path, dtype=row["dtype"], mode="r", offset=start + row["offset"], shape=tuple(row["shape"]))
+
+
+def _skeleton_facts(skeleton: Skeleton) -> dict[str, Any]:
+    return {
+        "offsets_m": skeleton.offsets_m.tolist(),
+        "tips_m": skeleton.tips_m.tolist(),
+        "angle_axes": skeleton.angle_axes.tolist(),
+        "angle_orders": list(skeleton.angle_orders),
+        "parents": skeleton.parents.tolist(),
+    }
+
+
+def _skeleton_from_facts(row: Mapping[str, Any]) -> Skeleton:
+    return Skeleton(
+        JOINT_NAMES,
+        np.array(row["parents"]),
+        np.array(row["offsets_m"]),
+        np.array(row["tips_m"]),
+        np.array(row["angle_axes"]),
+        tuple(row["angle_orders"]),
+    )
