@@ -1,0 +1,116 @@
+"""The worker's side of the loopback connection.
+
+Sending goes through a queue without limit and a thread of its own, so that a slow Blender never makes a camera lose
+frames; receiving has a thread too. These threads live in the worker process, never in Blender.
+"""
+
+import os
+import queue
+import socket
+import threading
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from ..errors import PerfanimError
+from ..marker_frame import MarkerFrame
+from .protocol import Decoder, Message, MessageKind, encode_frame, encode_json
+
+HEARTBEAT_S = 0.5
+_PARENT_GONE_GRACE_S = 3.0
+
+
+class Channel:
+    """Connection to Blender.
+
+    `send_*` never waits; `stop_requested` is set by a STOP message, or when Blender is gone.
+    """
+
+    def __init__(self, port: int, token: str) -> None:
+        self._socket = socket.create_connection(("127.0.0.1", port), timeout=30)
+        self._socket.settimeout(None)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._queue: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
+        self._requests: queue.SimpleQueue[Message] = queue.SimpleQueue()
+        self.stop_requested = threading.Event()
+        self.activity = "starting"
+        self.frames = 0
+        self._queue.put(encode_json(MessageKind.HELLO, {"token": token, "process": os.getpid()}))
+        self._sender = threading.Thread(target=self._send_loop, name="send")
+        self._sender.start()
+        threading.Thread(target=self._receive_loop, name="receive", daemon=True).start()
+
+    def wait_request(self) -> dict[str, Any]:
+        """Return the job that Blender asks for."""
+        return self._requests.get().json()
+
+    @property
+    def queued(self) -> int:
+        """Messages that Blender has not taken yet (those in the socket's own buffer not counted)."""
+        return self._queue.qsize()
+
+    def send_frame(self, stamp_s: float, frame: MarkerFrame) -> None:
+        """Hand a marker frame over; `stamp_s` = `time.perf_counter()` when its images were in hand."""
+        self.frames += 1
+        self._queue.put(encode_frame(stamp_s, frame))
+
+    def send_status(self, activity: str, fraction: float | None = None, **details: Any) -> None:
+        """Say what is being done; `fraction` of the work done where that is known."""
+        self.activity = activity
+        content = {"activity": activity, "fraction": fraction, "frames": self.frames, "queued": self.queued}
+        self._queue.put(encode_json(MessageKind.STATUS, {**content, **details}))
+
+    def send_warning(self, text: str) -> None:
+        """Tell the user something that does not end the job."""
+        self._queue.put(encode_json(MessageKind.WARNING, {"text": text}))
+
+    def send_result(self, summary: Mapping[str, Any]) -> None:
+        """Hand over the result of a job."""
+        self._queue.put(encode_json(MessageKind.RESULT, summary))
+
+    def send_error(self, error: PerfanimError) -> None:
+        """Hand over an error."""
+        content = {"what": error.what, "where": error.where, "advice": error.advice}
+        self._queue.put(encode_json(MessageKind.ERROR, content))
+
+    def close(self) -> None:
+        """Say that nothing follows, wait until all is sent, close."""
+        self._queue.put(encode_json(MessageKind.END, {"frames": self.frames}))
+        self._queue.put(None)
+        self._sender.join()
+        self._socket.close()
+
+    def _send_loop(self) -> None:
+        while True:
+            try:
+                data = self._queue.get(timeout=HEARTBEAT_S)
+            except queue.Empty:
+                content = {"activity": self.activity, "frames": self.frames, "queued": 0}
+                data = encode_json(MessageKind.STATUS, content)
+            if data is None:
+                return
+            try:
+                self._socket.sendall(data)
+            except OSError:  # Blender is gone: what is queued has no reader
+                self.stop_requested.set()
+                return
+
+    def _receive_loop(self) -> None:
+        decoder = Decoder()
+        while True:
+            try:
+                data = self._socket.recv(1 << 16)
+            except OSError:
+                data = b""
+            if not data:
+                break
+            for message in decoder.feed(data):
+                if message.kind is MessageKind.STOP:
+                    self.stop_requested.set()
+                else:
+                    self._requests.put(message)
+        # Blender closed the connection or died. A job that does not end by itself now must not stay as an orphan.
+        self.stop_requested.set()
+        self._requests.put(Message(MessageKind.REQUEST))
+        time.sleep(_PARENT_GONE_GRACE_S)
+        os._exit(3)

@@ -1,0 +1,24 @@
+"""A command of the command line, run in the worker for Blender."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from ..cli.main import build_parser
+from ..errors import CaptureError
+from .channel import Channel
+
+
+def run(request: Mapping[str, Any], channel: Channel) -> None:
+    """Run request["arguments"]; progress as STATUS messages, the summary as RESULT."""
+    arguments = [str(argument) for argument in request.get("arguments", [])]
+    try:
+        options = build_parser().parse_args(arguments)
+    except SystemExit as error:
+        raise CaptureError(f"was asked for an unknown command: {' '.join(arguments)}", where="worker") from error
+
+    def progress(fraction: float, text: str) -> None:
+        if channel.stop_requested.is_set():
+            raise CaptureError("stopped", where=" ".join(arguments[:2]))
+        channel.send_status(text, fraction)
+
+    channel.send_result(options.run(options, progress))

@@ -1,0 +1,46 @@
+"""Main program of the worker process: one request, one job, then the end.
+
+Requests (JSON):
+    {"job": "capture", "source": {...}, "rig": path or null, "marker_set": name or path, "settings": {...}}:
+        images to marker frames until STOP or the end of the source.
+    {"job": "command", "arguments": [...]}: a command of the command line, with its progress as STATUS messages and
+        its summary as RESULT, so that long work never freezes Blender.
+"""
+
+import importlib
+import traceback
+from collections.abc import Mapping
+from typing import Any
+
+from ..errors import CaptureError, PerfanimError
+from .channel import Channel
+
+_JOBS = {"capture": ".capture_job", "command": ".command_job"}
+
+
+
+def main(port: int, token: str) -> int:
+    """Connect to Blender on `port`, do the job that it asks for, and end; returns the exit status."""
+    channel = Channel(port, token)
+    try:
+        request = channel.wait_request()
+        _job(request).run(request, channel)
+    except PerfanimError as error:
+        channel.send_error(error)
+        return 1
+    except Exception as error:
+        # The last resort of a process without a terminal: the whole traceback goes to its log, the user gets one line.
+        traceback.print_exc()
+        channel.send_error(CaptureError(f"failed unexpectedly: {type(error).__name__}: {error}", where="worker"))
+        return 1
+    finally:
+        channel.close()
+    return 0
+
+
+def _job(request: Mapping[str, Any]) -> Any:
+    name = str(request.get("job", ""))
+    if name not in _JOBS:
+        raise CaptureError(f"does not know the job {name!r}", where="worker", advice="restart Blender")
+    # Imported here: a database is built without loading what images need, and the other way round.
+    return importlib.import_module(_JOBS[name], __package__)

@@ -1,0 +1,123 @@
+"""Messages between Blender and its worker process: a version, a kind, a length and bytes; never pickle.
+
+Control messages carry JSON. A frame message carries the moment at which its images were in hand (seconds of
+`time.perf_counter`, which is one clock for all processes of a machine) and a packed `MarkerFrame`.
+"""
+
+import json
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+from ..errors import CaptureError
+from ..marker_frame import MarkerFrame, pack, unpack
+
+VERSION = 1
+MAX_PAYLOAD = 64 * 1024 * 1024
+
+_HEADER = struct.Struct("<2sBBI")
+_MAGIC = b"PA"
+_STAMP = struct.Struct("<d")
+
+
+class MessageKind(IntEnum):
+    """What a message is; the first four go to the worker, the others come from it."""
+
+    REQUEST = 1  # JSON: what to do
+    STOP = 2  # end cleanly, hand over what is left
+    HELLO = 10  # JSON: token, process id
+    STATUS = 11  # JSON: activity, fraction, frames, queued
+    FRAME = 12  # stamp and marker frame
+    RESULT = 13  # JSON: summary of the finished job
+    ERROR = 14  # JSON: what, where, advice
+    WARNING = 15  # JSON: text
+    END = 16  # JSON: frames handed over; nothing follows
+
+
+@dataclass(frozen=True)
+class Message:
+    """One whole message."""
+
+    kind: MessageKind
+    payload: bytes = b""
+
+    def json(self) -> dict[str, Any]:
+        """Return the JSON object that a control message carries; {} for an empty payload."""
+        if not self.payload:
+            return {}
+        try:
+            value = json.loads(self.payload)
+        except (UnicodeDecodeError, json.JSONDecodeError) as error:
+            raise CaptureError(f"a {self.kind.name} message is not JSON ({error})", where="worker") from error
+        if not isinstance(value, dict):
+            raise CaptureError(f"a {self.kind.name} message is not an object", where="worker")
+        return value
+
+    def frame(self) -> tuple[float, MarkerFrame]:
+        """Return (moment at which the images were in hand, marker frame) of a FRAME message."""
+        if self.kind is not MessageKind.FRAME or len(self.payload) < _STAMP.size:
+            raise CaptureError(f"a {self.kind.name} message holds no marker frame", where="worker")
+        (stamp,) = _STAMP.unpack_from(self.payload)
+        return stamp, unpack(self.payload[_STAMP.size :])
+
+
+def encode(kind: MessageKind, payload: bytes = b"") -> bytes:
+    """Return a message as bytes."""
+    if len(payload) > MAX_PAYLOAD:
+        raise CaptureError(f"a {kind.name} message of {len(payload)} bytes is too long", where="worker")
+    return _HEADER.pack(_MAGIC, VERSION, kind, len(payload)) + payload
+
+
+def encode_json(kind: MessageKind, content: Mapping[str, Any]) -> bytes:
+    """Return a control message as bytes."""
+    return encode(kind, json.dumps(content, default=_plain).encode("utf-8"))
+
+
+def _plain(value: Any) -> Any:
+    """Return numpy scalars and arrays as Python's own, paths and the like as text."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)
+
+
+def encode_frame(stamp_s: float, frame: MarkerFrame) -> bytes:
+    """Return a FRAME message as bytes; `stamp_s` is `time.perf_counter()` when the images were in hand."""
+    return encode(MessageKind.FRAME, _STAMP.pack(stamp_s) + pack(frame))
+
+
+class Decoder:
+    """Cuts a stream of bytes into messages, whatever pieces it arrives in."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+
+    def feed(self, data: bytes) -> list[Message]:
+        """Add bytes; return the messages that are now whole.
+
+        Raises:
+            CaptureError: the stream is not ours, of another version, or damaged.
+        """
+        self._buffer += data
+        messages: list[Message] = []
+        start = 0
+        while len(self._buffer) - start >= _HEADER.size:
+            kind, length = self._header(start)
+            stop = start + _HEADER.size + length
+            if len(self._buffer) < stop:
+                break
+            messages.append(Message(kind, bytes(self._buffer[start + _HEADER.size : stop])))
+            start = stop
+        del self._buffer[:start]
+        return messages
+
+    def _header(self, start: int) -> tuple[MessageKind, int]:
+        magic, version, number, length = _HEADER.unpack_from(self._buffer, start)
+        if magic != _MAGIC:
+            raise CaptureError("the stream from the other process is damaged", where="worker")
+        if version != VERSION:
+            raise CaptureError(
+                f"speaks protocol {version}, this add-on {VERSION}", where="worker", advice="restart Blender"
+            )
+        if length > MAX_PAYLOAD or number not in MessageKind._value2member_map_:
+            raise CaptureError(f"sent an impossible message (kind {number}, {length} bytes)", where="worker")
+        return MessageKind(number), length

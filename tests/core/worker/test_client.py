@@ -1,0 +1,81 @@
+import os
+import signal
+import socket
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from perfanim.core.errors import CaptureError
+from perfanim.core.worker.client import WorkerClient
+from perfanim.core.worker.protocol import Message, MessageKind
+
+PATIENCE_S = 60.0
+
+
+@contextmanager
+def worker(request: dict[str, Any]) -> Iterator[WorkerClient]:
+    client = WorkerClient(request)
+    try:
+        yield client
+    finally:
+        client.close()
+
+
+def collect(client: WorkerClient, until: Callable[[list[Message]], bool]) -> list[Message]:
+    messages: list[Message] = []
+    limit = time.monotonic() + PATIENCE_S
+    while not until(messages):
+        assert time.monotonic() < limit, [m.kind for m in messages]
+        messages += client.poll()
+        time.sleep(0.01)
+    return messages
+
+
+def test_an_unknown_job_is_an_error_message_then_the_end() -> None:
+    with worker({"job": "nonsense"}) as client:
+        messages = collect(client, lambda m: client.ended)
+        wanted = [m for m in messages if m.kind is not MessageKind.STATUS]
+        assert [m.kind for m in wanted] == [MessageKind.ERROR, MessageKind.END]
+        assert "nonsense" in wanted[0].json()["what"]
+        assert client.poll() == []
+
+
+def test_poll_never_waits() -> None:
+    with worker({"job": "nonsense"}) as client:
+        started = time.perf_counter()
+        client.poll()  # the process cannot have answered yet
+        assert not client.ended
+        assert time.perf_counter() - started < PATIENCE_S
+
+
+def test_a_killed_worker_is_noticed() -> None:
+    with worker({"job": "nonsense"}) as client:
+        os.kill(client.process_id, signal.SIGKILL)
+        with pytest.raises(CaptureError, match="ended by itself"):
+            collect(client, lambda m: False)
+
+
+def test_a_missing_interpreter_is_a_clear_error(tmp_path: Path) -> None:
+    with pytest.raises(CaptureError, match="could not be started"):
+        WorkerClient({"job": "nonsense"}, python=str(tmp_path / "no-python"))
+
+
+def test_a_stranger_on_the_port_is_refused() -> None:
+    with worker({"job": "nonsense"}) as client:
+        port = client._listener.getsockname()[1]
+        with socket.create_connection(("127.0.0.1", port)) as stranger:
+            stranger.sendall(b"PA\x01\x0a\x02\x00\x00\x00{}")
+            messages = collect(client, lambda m: client.ended)
+            assert MessageKind.ERROR in [m.kind for m in messages]
+            assert stranger.recv(1) == b""
+
+
+def test_the_worker_ends_when_its_parent_is_gone() -> None:
+    client = WorkerClient({"job": "nonsense"}, python=sys.executable)
+    process = client._process
+    client.close(grace_s=PATIENCE_S)
+    assert process.returncode is not None
