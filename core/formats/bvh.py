@@ -1,0 +1,335 @@
+"""BVH motion files: reader for every channel layout, writer for the product's motion.
+
+A joint's position channels replace its OFFSET, rotations are multiplied in the order of the channels (a file with
+Zrotation Xrotation Yrotation means Rz Rx Ry), angles are degrees, Y is up.
+"""
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import rotations as rot
+from ..errors import FormatError
+from ..files import atomic_path, read_bytes
+from ..motion import Motion
+from ..skeleton import Skeleton
+from .numbers import parse_numbers
+from .source_motion import SourceMotion
+
+Array = NDArray[np.float64]
+
+# metres of one unit of a file; "cmu" is the unit of the CMU database's own files (inches / 0.45)
+UNITS: dict[str, float] = {
+    "m": 1.0,
+    "cm": 0.01,
+    "mm": 0.001,
+    "in": 0.0254,
+    "ft": 0.3048,
+    "cmu": 0.0254 / 0.45,
+}
+WRITTEN_ORDER = "ZXY"
+_LONGEST_LIMB_M = 1.25  # pelvis to finger tips of an adult; decides between units, which lie a factor of two apart
+_STILL = 1e-4  # position channels that move a joint by less than this (file units) only repeat its offset
+
+
+@dataclass
+class _Joint:
+    name: str
+    parent: int
+    offset: Array = field(default_factory=lambda: np.zeros(3))
+    tip: Array = field(default_factory=lambda: np.zeros(3))
+    channels: list[str] = field(default_factory=list)
+
+
+def read_bvh(content: Path | str | bytes, name: str = "", unit: str = "auto") -> SourceMotion:
+    """Return the motion of a BVH file, in metres.
+
+    Args:
+        content: path, or the bytes of a file.
+        name: clip name; for bytes also the file's name in messages (a path names itself).
+        unit: one of UNITS, or "auto" to take the one that makes the body most nearly man-sized.
+
+    Frames with "nan" keep it (see `SourceMotion.finite_frames`). A declared frame count that differs from the rows
+    present is noted, not refused, as long as the last row is whole.
+
+    Raises:
+        FormatError: not a BVH file, damaged or cut off; names file and line.
+    """
+    if isinstance(content, bytes):
+        where, data = name or "BVH data", content
+    else:
+        where, data = str(content), read_bytes(content)
+    if unit != "auto" and unit not in UNITS:
+        raise FormatError(f"{unit!r} is no unit", where=where, advice="units: auto, " + ", ".join(UNITS))
+    header, motion, line = _split(data, where)
+    joints = _HierarchyParser(header, where).parse()
+    rows, fps, notes = _read_motion(motion, sum(len(j.channels) for j in joints), where, line)
+    return _assemble(joints, rows, fps, unit, name or Path(where).stem, where, notes)
+
+
+def _split(data: bytes, where: str) -> tuple[str, bytes, int]:
+    """Return hierarchy text, motion bytes and the line number of the MOTION line."""
+    data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    if b"\x00" in data[:4096] or not data[:4096].lstrip().upper().startswith(b"HIERARCHY"):
+        raise FormatError("is not a BVH file (it does not begin with HIERARCHY)", where=where)
+    match = re.search(rb"(?mi)^[ \t]*MOTION[ \t]*$", data)
+    if match is None:
+        lines = data.count(b"\n") + 1
+        raise FormatError("has no MOTION section", where=f"{where}, line {lines}", advice="the file is cut off")
+    line = data.count(b"\n", 0, match.start()) + 1
+    return data[: match.start()].decode("utf-8", errors="replace"), data[match.end() :], line
+
+
+class _HierarchyParser:
+    def __init__(self, text: str, where: str) -> None:
+        self.where = where
+        self.lines = text.replace("{", "\n{\x01").replace("}", "\n\x01}").split("\n")
+        self.joints: list[_Joint] = []
+        self.stack: list[int] = []
+        self.number = 0
+
+    def _error(self, what: str) -> FormatError:
+        return FormatError(what, where=f"{self.where}, line {self.number}", advice="the file is damaged")
+
+    def parse(self) -> list[_Joint]:
+        opened: int | None = None
+        end_site = -2  # on the stack in place of a joint
+        self.number = 1
+        first = True
+        for piece in self.lines:
+            # braces were given lines of their own, marked so that they do not count
+            own_line = "\x01" in piece
+            self.number += 0 if first or own_line else 1
+            first = False
+            brace, text = ("{", piece[2:]) if piece.startswith("{\x01") else ("", piece)
+            if brace:
+                if opened is None:
+                    raise self._error("has a '{' that belongs to no joint")
+                self.stack.append(opened)
+                opened = None
+            if text.startswith("\x01}"):
+                if not self.stack:
+                    raise self._error("closes more joints than it opens")
+                self.stack.pop()
+                text = text[2:]
+            words = text.split()
+            if not words:
+                continue
+            keyword = words[0].upper()
+            if keyword in ("ROOT", "JOINT"):
+                opened = self._open(" ".join(words[1:]))
+            elif keyword == "END":
+                opened = end_site
+            elif keyword == "OFFSET":
+                self._offset(words[1:])
+            elif keyword == "CHANNELS":
+                self._channels(words[1:])
+            elif keyword != "HIERARCHY":
+                raise self._error(f"has the unknown keyword {words[0][:40]!r}")
+        if self.stack or not self.joints:
+            raise self._error("has a hierarchy that is not complete")
+        return self.joints
+
+    def _open(self, name: str) -> int:
+        if not name:
+            raise self._error("has a joint without a name")
+        parent = self.stack[-1] if self.stack else -1
+        if parent == -2 or (parent == -1) != (len(self.joints) == 0):
+            raise self._error(f"has the joint {name!r} outside of the root's hierarchy")
+        taken = {joint.name for joint in self.joints}
+        unique, copy = name, 2
+        while unique in taken:
+            unique, copy = f"{name}_{copy}", copy + 1
+        self.joints.append(_Joint(unique, parent))
+        return len(self.joints) - 1
+
+    def _offset(self, words: list[str]) -> None:
+        try:
+            offset = np.array([float(word) for word in words])
+        except ValueError:
+            raise self._error(f"has an OFFSET that is no number: {' '.join(words)[:60]}") from None
+        if offset.shape != (3,) or not np.all(np.isfinite(offset)) or not self.stack:
+            raise self._error("needs three finite numbers after OFFSET, inside a joint")
+        if self.stack[-1] >= 0:
+            self.joints[self.stack[-1]].offset = offset
+        else:
+            self.joints[self.stack[-2]].tip = offset
+
+    def _channels(self, words: list[str]) -> None:
+        channels = [word.lower() for word in words[1:]]
+        known = all(c[:1] in ("x", "y", "z") and c[1:] in ("position", "rotation") for c in channels)
+        if not words or words[0] != str(len(channels)) or not known or len(set(channels)) != len(channels):
+            raise self._error(f"has unknown channels: {' '.join(words)[:80]}")
+        if not self.stack or self.stack[-1] < 0:
+            raise self._error("has CHANNELS outside of a joint")
+        self.joints[self.stack[-1]].channels = channels
+
+
+def _read_motion(block: bytes, width: int, where: str, line: int) -> tuple[Array, float, list[str]]:
+    """Return the rows (F, width), the frame rate and notes."""
+    match = re.match(rb"\s*Frames:?[ \t]*(\S+)[ \t]*\n\s*Frame[ \t]*Time:?[ \t]*(\S+)[ \t]*(?:\n|$)", block, re.I)
+    place = f"{where}, line {line}"
+    try:
+        declared, interval = (int(match[1]), float(match[2])) if match else (0, float("nan"))
+    except ValueError:
+        declared, interval = 0, float("nan")
+    if match is None or not (np.isfinite(interval) and interval > 0.0):
+        raise FormatError("needs 'Frames:' and a positive 'Frame Time:' after MOTION", where=place)
+    if width == 0:
+        raise FormatError("has no channels", where=where)
+    body = block[match.end() :]
+    numbers = parse_numbers(body)
+    if numbers is None or numbers.size % width or np.any(np.isinf(numbers)):
+        raise _first_fault(body, width, where, line + block.count(b"\n", 0, match.end()))
+    rows = numbers.reshape(-1, width)
+    if len(rows) == 0:
+        raise FormatError("has no frames", where=place)
+    notes = [] if len(rows) == declared else [f"declares {declared} frames, has {len(rows)}"]
+    fps = 1.0 / interval
+    return rows, float(round(fps)) if abs(fps - round(fps)) < 0.01 else fps, notes
+
+
+def _first_fault(body: bytes, width: int, where: str, line: int) -> FormatError:
+    """Return the error that names the first bad row; rows may be broken over lines, so columns are counted on."""
+    seen = 0
+    for number, raw in enumerate(body.split(b"\n"), start=line):
+        for word in raw.split():
+            seen += 1
+            if re.fullmatch(rb"[-+]?(\d+\.?\d*([eE][-+]?\d+)?|\.\d+([eE][-+]?\d+)?|nan(\(\w*\))?)", word, re.I) is None:
+                text = word[:30].decode("latin-1")
+                return FormatError(f"{text!r} is not a finite number", where=f"{where}, line {number}")
+        if raw.split() and seen % width and len(raw.split()) not in (seen, seen % width, width):
+            break
+    last = line + body.rstrip().count(b"\n")
+    return FormatError(
+        f"has {seen % width or width} of {width} values in its last row",
+        where=f"{where}, line {last}",
+        advice="the file is cut off or a value is missing",
+    )
+
+
+def _assemble(
+    joints: list[_Joint], rows: Array, fps: float, unit: str, name: str, where: str, notes: list[str]
+) -> SourceMotion:
+    offsets = np.array([joint.offset for joint in joints])
+    rotations = rot.identity((len(rows), len(joints)))
+    translations: dict[int, Array] = {}
+    orders: list[str] = []
+    column = 0
+    for index, joint in enumerate(joints):
+        values = rows[:, column : column + len(joint.channels)]
+        column += len(joint.channels)
+        turning = [i for i, channel in enumerate(joint.channels) if channel.endswith("rotation")]
+        orders.append("".join(joint.channels[i][0].upper() for i in turning))
+        if turning:
+            rotations[:, index] = rot.from_euler(np.radians(values[:, turning]), orders[-1])
+        path = _path_of(joint, values)
+        if path is None:
+            continue
+        if index == 0 or np.nanmax(np.ptp(path, axis=0)) > _STILL or not np.all(np.isfinite(path)):
+            translations[index] = path
+        else:
+            offsets[index] = path[0]
+    tips = np.array([joint.tip for joint in joints])
+    parents = np.array([joint.parent for joint in joints], dtype=np.int64)
+    translations.setdefault(0, np.tile(offsets[0], (len(rows), 1)))
+    metres = UNITS[unit] if unit != "auto" else _likely_unit(parents, offsets, tips)
+    return SourceMotion(
+        name=name,
+        where=where,
+        fps=fps,
+        names=tuple(joint.name for joint in joints),
+        parents=parents,
+        offsets_m=offsets * metres,
+        tips_m=tips * metres,
+        rotations=rot.continuous(rotations),
+        translations_m={joint: path * metres for joint, path in translations.items()},
+        euler_orders=tuple(orders),
+        metres_per_unit=metres,
+        notes=tuple(notes),
+    )
+
+
+def _path_of(joint: _Joint, values: Array) -> Array | None:
+    moving = [i for i, channel in enumerate(joint.channels) if channel.endswith("position")]
+    if not moving:
+        return None
+    path = np.tile(joint.offset, (len(values), 1))
+    for i in moving:
+        path[:, "xyz".index(joint.channels[i][0])] = values[:, i]
+    return path
+
+
+def _likely_unit(parents: NDArray[np.int64], offsets: Array, tips: Array) -> float:
+    """Return the unit in which the longest chain below the first branching joint is nearest to an adult's."""
+    children = np.bincount(parents[parents >= 0], minlength=len(parents))
+    reach = np.zeros(len(parents))
+    for joint in range(1, len(parents)):
+        above = parents[joint]
+        # what lies above the first branching is where the body stands, not the body
+        anatomical = reach[above] > 0.0 or children[above] > 1
+        reach[joint] = reach[above] + np.linalg.norm(offsets[joint]) if anatomical else 0.0
+    longest = float(np.max(reach + np.linalg.norm(tips, axis=1)))
+    if longest <= 0.0:
+        return 1.0
+    return min(UNITS.values(), key=lambda metres: abs(np.log(longest * metres / _LONGEST_LIMB_M)))
+
+
+def write_bvh(motion: Motion, path: Path | str, units: str = "m") -> None:
+    """Write a motion with its skeleton's joint names, Y up.
+
+    The root has six channels, every other joint three, rotations in the order ZXY (Rz Rx Ry). Angles carry seven
+    decimals of a degree, lengths a tenth of a micrometre.
+
+    Raises:
+        FormatError: unknown unit, or the file cannot be written.
+    """
+    if units not in UNITS:
+        raise FormatError(f"{units!r} is no unit", where=str(path), advice="units: " + ", ".join(UNITS))
+    scale = 1.0 / UNITS[units]
+    order = _depth_first(motion.skeleton)
+    angles = np.degrees(rot.to_euler(motion.rotations[:, order], WRITTEN_ORDER))
+    rows = np.concatenate((motion.root_positions_m * scale, angles.reshape(motion.frames, -1)), axis=1)
+    head = [
+        "HIERARCHY",
+        *_joint_lines(motion.skeleton, 0, "", scale),
+        "MOTION",
+        f"Frames: {motion.frames}",
+        f"Frame Time: {1.0 / motion.fps:.9f}",
+    ]
+    row_format = " ".join(["%.7f"] * rows.shape[1])
+    with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
+        file.write("\n".join(head) + "\n")
+        file.writelines(row_format % tuple(row) + "\n" for row in rows.tolist())
+
+
+def _children(skeleton: Skeleton, joint: int) -> list[int]:
+    return [int(child) for child in np.flatnonzero(skeleton.parents == joint)]
+
+
+def _depth_first(skeleton: Skeleton, joint: int = 0) -> list[int]:
+    return [joint, *(below for child in _children(skeleton, joint) for below in _depth_first(skeleton, child))]
+
+
+def _joint_lines(skeleton: Skeleton, joint: int, indent: str, scale: float) -> list[str]:
+    def offset(vector: Array) -> str:
+        return "OFFSET " + " ".join(f"{value * scale:.7f}" for value in vector)
+
+    rotations = " ".join(f"{axis}rotation" for axis in WRITTEN_ORDER)
+    channels = f"3 {rotations}" if joint else f"6 Xposition Yposition Zposition {rotations}"
+    inner = indent + "  "
+    lines = [
+        f"{indent}{'JOINT' if joint else 'ROOT'} {skeleton.names[joint]}",
+        f"{indent}{{",
+        inner + offset(skeleton.offsets_m[joint]),
+        f"{inner}CHANNELS {channels}",
+    ]
+    children = _children(skeleton, joint)
+    for child in children:
+        lines += _joint_lines(skeleton, child, inner, scale)
+    if not children:
+        lines += [f"{inner}End Site", f"{inner}{{", f"{inner}  " + offset(skeleton.tips_m[joint]), f"{inner}}}"]
+    return [*lines, f"{indent}}}"]

@@ -1,0 +1,17 @@
+"""Blocks of numbers in text files."""
+
+import warnings
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def parse_numbers(text: bytes) -> NDArray[np.float64] | None:
+    """Return all numbers of a text separated by white space, or None when anything else stands in it."""
+    with warnings.catch_warnings():
+        # numpy 1 warns about what it cannot read, numpy 2 raises
+        warnings.simplefilter("error", DeprecationWarning)
+        try:
+            return np.fromstring(text, dtype=np.float64, sep=" ")
+        except (DeprecationWarning, ValueError):
+            return None

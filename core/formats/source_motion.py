@@ -1,0 +1,91 @@
+"""Motion as a file holds it: any joint names, any rest pose, before it is mapped onto the product's skeleton."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import rotations as rot
+from ..errors import FormatError
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class SourceMotion:
+    """A hierarchy of joints and its motion, metres and Y up; in the zero pose all joints' axes are the world's.
+
+    Args:
+        name: clip or file name.
+        where: the file, for messages.
+        fps: frames per second.
+        names: (J) joint names as in the file, parents before children.
+        parents: (J,) parent indices, -1 for the root.
+        offsets_m: (J, 3) joint origin relative to its parent's in the zero pose.
+        tips_m: (J, 3) end of the bone relative to the joint's origin; zero when the file does not say.
+        rotations: (F, J, 4) parent-from-joint quaternions; NaN where the file has no number.
+        translations_m: joint index -> (F, 3) position relative to the parent, for the root and for every joint whose
+            position channels move it; other joints stay at their offset.
+        euler_orders: (J) rotation channels in the file's order, e.g. "ZXY"; "" for a joint that has none.
+        metres_per_unit: length of the file's unit.
+        notes: what was tolerated while reading.
+    """
+
+    name: str
+    where: str
+    fps: float
+    names: tuple[str, ...]
+    parents: IntArray
+    offsets_m: Array
+    tips_m: Array
+    rotations: Array
+    translations_m: dict[int, Array]
+    euler_orders: tuple[str, ...]
+    metres_per_unit: float
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        count, frames = len(self.names), len(self.rotations)
+        shapes = (self.parents.shape, self.offsets_m.shape, self.tips_m.shape, self.rotations.shape)
+        if shapes != ((count,), (count, 3), (count, 3), (frames, count, 4)) or len(self.euler_orders) != count:
+            raise FormatError(f"arrays of {count} joints have shapes {shapes}", where=self.where)
+        if frames == 0 or not self.fps > 0.0:
+            raise FormatError(f"has {frames} frames at {self.fps} frames per second", where=self.where)
+
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        return len(self.rotations)
+
+    @property
+    def finite_frames(self) -> NDArray[np.bool_]:
+        """(F,) true where every number of the frame is there."""
+        finite = np.all(np.isfinite(self.rotations), axis=(1, 2))
+        for path in self.translations_m.values():
+            finite &= np.all(np.isfinite(path), axis=1)
+        return finite
+
+
+def source_kinematics(source: SourceMotion) -> tuple[Array, Array]:
+    """Return world positions (F, J, 3) and world-from-joint quaternions (F, J, 4) of a file's joints."""
+    positions = np.empty((*source.rotations.shape[:2], 3))
+    world = np.empty_like(source.rotations)
+    for joint, parent in enumerate(source.parents):
+        local = source.translations_m.get(joint, np.broadcast_to(source.offsets_m[joint], positions[:, 0].shape))
+        if parent < 0:
+            positions[:, joint] = local
+            world[:, joint] = source.rotations[:, joint]
+        else:
+            positions[:, joint] = positions[:, parent] + rot.rotate(world[:, parent], local)
+            world[:, joint] = rot.multiply(world[:, parent], source.rotations[:, joint])
+    return positions, world
+
+
+def zero_pose_positions(source: SourceMotion) -> Array:
+    """Return joint positions (J, 3) with all rotations zero and the root at the origin."""
+    positions = np.zeros((len(source.names), 3))
+    for joint, parent in enumerate(source.parents):
+        if parent >= 0:
+            positions[joint] = positions[parent] + source.offsets_m[joint]
+    return positions
