@@ -1,0 +1,151 @@
+"""Characters: armatures with the product's joint names as bones, made here or picked by the user."""
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import CharacterError
+from ..core.product_skeleton import JOINT_NAMES
+from ..core.skeleton import Skeleton
+from . import axes
+from .character_mesh import add_body
+
+Array = NDArray[np.float64]
+
+_SHORTEST_BONE_M = 0.012  # Blender deletes bones without length when edit mode is left
+_SOLE_SHARE = 0.026  # height of the toe joint above the floor, as a share of the leg's length (hip to ankle)
+_FORWARD_BONES = ("foot", "toes")
+
+
+def create_character(context: bpy.types.Context, skeleton: Skeleton, name: str = "Performer") -> str:
+    """Add an armature with the skeleton's joints as bones and a humanoid mesh that it deforms.
+
+    The armature stands at the scene's origin in the product's T pose, soles on the floor, facing -Y. Bones rotate by
+    quaternions. Needs object mode or an object to leave it from; the new armature becomes the active object.
+
+    Args:
+        skeleton: the product's joints with the proportions that the character takes.
+        name: wished name of the armature object; the mesh is called "<name> body".
+
+    Returns:
+        The armature object's name (Blender may append ".001").
+
+    Raises:
+        CharacterError: the skeleton lacks joints, or Blender allows no new object now.
+    """
+    missing = [joint for joint in JOINT_NAMES if joint not in skeleton.names]
+    if missing:
+        raise CharacterError("the skeleton lacks joints: " + ", ".join(missing))
+    armature_object = _add_armature(context, skeleton, name)
+    heads = skeleton.rest_positions_m + standing_root_m(skeleton)
+    add_body(context, skeleton, heads, armature_object)
+    return str(armature_object.name)
+
+
+def standing_root_m(skeleton: Skeleton) -> Array:
+    """Return the root's position (3,) in product space at which the rest pose stands on the floor (y = 0)."""
+    rest = skeleton.rest_positions_m
+    hip, ankle = rest[skeleton.index("lfemur")], rest[skeleton.index("lfoot")]
+    toes = min(rest[skeleton.index(side + "toes")][1] for side in "lr")
+    return np.array([0.0, _SOLE_SHARE * np.linalg.norm(hip - ankle) - toes, 0.0])
+
+
+def _add_armature(context: bpy.types.Context, skeleton: Skeleton, name: str) -> bpy.types.Object:
+    _leave_edit_mode(context)
+    armature = bpy.data.armatures.new(name)
+    obj = bpy.data.objects.new(name, armature)
+    (context.collection or context.scene.collection).objects.link(obj)
+    for other in context.view_layer.objects:
+        other.select_set(False)
+    obj.select_set(True)
+    context.view_layer.objects.active = obj
+    bpy.ops.object.mode_set(mode="EDIT")
+    try:
+        _add_bones(armature, skeleton)
+    finally:
+        bpy.ops.object.mode_set(mode="OBJECT")
+    for bone in obj.pose.bones:
+        bone.rotation_mode = "QUATERNION"
+    armature.display_type = "STICK"
+    obj.show_in_front = True
+    return obj
+
+
+def _leave_edit_mode(context: bpy.types.Context) -> None:
+    active = context.view_layer.objects.active
+    if active is not None and active.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def _add_bones(armature: bpy.types.Armature, skeleton: Skeleton) -> None:
+    heads = axes.points_to_blender(skeleton.rest_positions_m + standing_root_m(skeleton))
+    tips = axes.points_to_blender(skeleton.tips_m)
+    up, forward = axes.points_to_blender(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]))
+    for joint, name in enumerate(skeleton.names):
+        bone = armature.edit_bones.new(name)
+        bone.head = heads[joint]
+        bone.tail = heads[joint] + _long_enough(tips[joint], up)
+        # knees, elbows and the spine then bend about their local X axis, which animators expect
+        bone.align_roll(up if name[1:] in _FORWARD_BONES else forward)
+        parent = skeleton.parents[joint]
+        if parent >= 0:
+            bone.parent = armature.edit_bones[skeleton.names[parent]]
+
+
+def _long_enough(tip: Array, fallback: Array) -> Array:
+    length = float(np.linalg.norm(tip))
+    if length >= _SHORTEST_BONE_M:
+        return tip
+    return _SHORTEST_BONE_M * (tip / length if length > 1e-6 else fallback)
+
+
+def find_armature(object_name: str) -> bpy.types.Object:
+    """Return the armature object of that name; CharacterError if there is none (deleted, renamed, not an armature)."""
+    obj = bpy.data.objects.get(object_name)
+    if obj is None:
+        raise CharacterError(
+            f"there is no object {object_name!r}", advice="pick an armature under Character or add a character"
+        )
+    if obj.type != "ARMATURE":
+        raise CharacterError(
+            f"{object_name!r} is no armature but a {obj.type.lower()}", advice="pick the armature that moves it"
+        )
+    return obj
+
+
+def check_armature(armature_object: bpy.types.Object) -> list[str]:
+    """Return the product's joint names for which the armature has no bone: empty when it can be driven."""
+    return [name for name in JOINT_NAMES if name not in armature_object.data.bones]
+
+
+def read_rest(armature_object: bpy.types.Object, skeleton: Skeleton) -> axes.RigRest:
+    """Return the rest pose of the armature's bones in the skeleton's order.
+
+    Raises:
+        CharacterError: bones are missing; the message names them.
+    """
+    bones = armature_object.data.bones
+    missing = [name for name in skeleton.names if name not in bones]
+    if missing:
+        raise CharacterError(
+            f"the armature lacks {len(missing)} of {len(skeleton)} bones: {', '.join(missing)}",
+            where=armature_object.name,
+            advice="rename its bones to these names or add a character",
+        )
+    found = [bones[name] for name in skeleton.names]
+    joints = {name: index for index, name in enumerate(skeleton.names)}
+    return axes.RigRest(
+        heads=np.array([bone.head_local for bone in found], dtype=np.float64),
+        axes=np.array([bone.matrix_local.to_3x3().normalized() for bone in found], dtype=np.float64),
+        ancestors=np.array([_ancestor(bone, joints) for bone in found], dtype=np.int64),
+        root_location_is_local=bool(found[0].use_local_location),
+    )
+
+
+def _ancestor(bone: bpy.types.Bone, joints: dict[str, int]) -> int:
+    """Return the nearest joint above that turns the bone; helper bones in between are taken as unposed."""
+    while bone.use_inherit_rotation and bone.parent is not None:
+        bone = bone.parent
+        if bone.name in joints:
+            return joints[bone.name]
+    return -1
