@@ -1,0 +1,163 @@
+"""The performer's body: round cones on the joints of a skeleton, with usual adult proportions.
+
+It is drawn by the studio and by the preview, and it hides markers from the cameras.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import rotations as rot
+from ...product_skeleton import JOINT_NAMES, default_skeleton
+from ...skeleton import Skeleton, forward_kinematics
+from .cones import RoundCones
+
+Array = NDArray[np.float64]
+
+SUIT, TROUSERS, SKIN, SHOES = "suit", "trousers", "skin", "shoes"
+
+# joint: list of (start, end, start radius, end radius, material) in metres for 1.75 m of height, left side.
+# start and end are (share of the bone, x, y, z): a place on the bone from the joint (0) to its tip (1), then shifted.
+_Place = tuple[float, float, float, float]
+_Part = tuple[_Place, _Place, float, float, str]
+_MIDDLE: dict[str, tuple[_Part, ...]] = {
+    "upperneck": (((-0.5, 0.0, 0.0, -0.006), (1.0, 0.0, 0.0, 0.0), 0.058, 0.054, SKIN),),
+    "head": (
+        ((0.0, 0.0, 0.005, 0.030), (1.0, 0.0, -0.010, 0.002), 0.071, 0.095, SKIN),
+        ((0.5, 0.0, -0.012, 0.096), (0.5, 0.0, -0.022, 0.104), 0.013, 0.014, SKIN),
+    ),
+}
+_SIDES: dict[str, tuple[_Part, ...]] = {
+    "root": (((0.0, 0.055, 0.005, 0.022), (0.0, 0.072, -0.075, 0.026), 0.096, 0.100, TROUSERS),),
+    "lowerback": (((0.0, 0.045, 0.02, 0.022), (1.0, 0.042, 0.0, 0.022), 0.096, 0.092, SUIT),),
+    "upperback": (((0.0, 0.042, 0.0, 0.014), (1.0, 0.064, 0.0, 0.014), 0.092, 0.104, SUIT),),
+    "thorax": (((0.0, 0.064, 0.0, 0.014), (0.8, 0.092, 0.0, -0.010), 0.104, 0.074, SUIT),),
+    "lclavicle": (((0.15, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), 0.058, 0.060, SUIT),),
+    "lhumerus": (((0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), 0.058, 0.043, SUIT),),
+    "lradius": (((0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), 0.043, 0.032, SUIT),),
+    "lwrist": (((0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), 0.031, 0.027, SKIN),),
+    "lhand": (
+        ((-0.3, 0.0, 0.0, 0.018), (1.0, 0.0, 0.0, 0.020), 0.021, 0.020, SKIN),
+        ((-0.3, 0.0, 0.0, -0.018), (1.0, 0.0, 0.0, -0.020), 0.021, 0.019, SKIN),
+    ),
+    "lfingers": (
+        ((0.0, 0.0, 0.0, 0.020), (1.0, 0.0, 0.0, 0.014), 0.019, 0.011, SKIN),
+        ((0.0, 0.0, 0.0, -0.020), (1.0, -0.008, 0.0, -0.014), 0.018, 0.010, SKIN),
+    ),
+    "lthumb": (((0.1, 0.0, 0.0, 0.0), (1.3, 0.0, 0.0, 0.0), 0.018, 0.013, SKIN),),
+    "lfemur": (((0.0, 0.0, 0.0, -0.012), (1.0, 0.0, 0.0, 0.0), 0.092, 0.060, TROUSERS),),
+    "ltibia": (
+        ((0.0, 0.0, 0.0, 0.0), (0.32, 0.0, 0.0, -0.012), 0.059, 0.060, TROUSERS),
+        ((0.32, 0.0, 0.0, -0.012), (1.0, 0.0, 0.0, 0.0), 0.060, 0.040, TROUSERS),
+    ),
+    "lfoot": (
+        ((0.0, 0.0, 0.0, 0.0), (0.0, 0.0, -0.030, -0.040), 0.044, 0.038, SHOES),
+        ((0.0, 0.0, -0.026, -0.030), (1.0, 0.0, 0.0, 0.0), 0.040, 0.034, SHOES),
+    ),
+    "ltoes": (((0.0, 0.0, 0.0, 0.0), (1.0, 0.0, -0.006, 0.0), 0.034, 0.026, SHOES),),
+}
+
+
+@dataclass(frozen=True)
+class Body:
+    """P round cones fixed to the joints of one skeleton.
+
+    Args:
+        skeleton: the performer's skeleton.
+        joints: (P,) joint that carries each cone.
+        starts_m, ends_m: (P, 3) ends of the cones' axes in the joint's own axes, metres.
+        start_radii_m, end_radii_m: (P,) radii there, metres.
+        materials: (P) "suit", "trousers", "skin" or "shoes".
+    """
+
+    skeleton: Skeleton
+    joints: NDArray[np.int64]
+    starts_m: Array
+    ends_m: Array
+    start_radii_m: Array
+    end_radii_m: Array
+    materials: tuple[str, ...]
+
+    @cached_property
+    def limbs(self) -> tuple[NDArray[np.int64], ...]:
+        """Indices of the cones by limb: trunk, head, each arm and each leg."""
+        names = [_limb(self.skeleton.names[joint]) for joint in self.joints]
+        return tuple(np.array([i for i, name in enumerate(names) if name == limb]) for limb in sorted(set(names)))
+
+    def posed(self, rotations: Array, root_position_m: Array) -> tuple[Array, Array]:
+        """Return the world positions (..., P, 3) of the axes' starts and ends for (..., J, 4) rotations."""
+        positions, world = forward_kinematics(self.skeleton, rotations, root_position_m)
+        origin, turn = positions[..., self.joints, :], world[..., self.joints, :]
+        return origin + rot.rotate(turn, self.starts_m), origin + rot.rotate(turn, self.ends_m)
+
+    def cones(self, rotations: Array, root_position_m: Array) -> RoundCones:
+        """Return the body in one pose: (J, 4) rotations, (3,) root position."""
+        starts, ends = self.posed(rotations, root_position_m)
+        return self.placed(starts, ends)
+
+    def placed(self, starts: Array, ends: Array) -> RoundCones:
+        """Return the body with its axes at the given world positions, (P, 3) each."""
+        return RoundCones(starts, ends, self.start_radii_m, self.end_radii_m)
+
+
+def make_body(skeleton: Skeleton) -> Body:
+    """Return the body of a skeleton: limbs as long as its bones, as thick as its size and an adult's build say.
+
+    Joints that the product does not know get a thin cone along their bone.
+    """
+    scale = _size(skeleton)
+    rows: list[tuple[int, Array, Array, float, float, str]] = []
+    for joint, name in enumerate(skeleton.names):
+        for (start, end, r0, r1, material), mirror in _parts_of(name):
+            shift = scale * mirror
+            tip = skeleton.tips_m[joint]
+            places = [place[0] * tip + shift * np.array(place[1:]) for place in (start, end)]
+            rows.append((joint, places[0], places[1], scale * r0, scale * r1, material))
+    return Body(
+        skeleton=skeleton,
+        joints=np.array([row[0] for row in rows]),
+        starts_m=np.array([row[1] for row in rows]),
+        ends_m=np.array([row[2] for row in rows]),
+        start_radii_m=np.array([row[3] for row in rows]),
+        end_radii_m=np.array([row[4] for row in rows]),
+        materials=tuple(row[5] for row in rows),
+    )
+
+
+def _parts_of(name: str) -> list[tuple[_Part, Array]]:
+    """The cones of a joint with the mirror factors that put them on its side."""
+    left, right = np.array([1.0, 1.0, 1.0]), np.array([-1.0, 1.0, 1.0])
+    if name in _MIDDLE:
+        return [(part, left) for part in _MIDDLE[name]]
+    if name in _SIDES:
+        sides = (left,) if name.startswith("l") and name != "lowerback" else (left, right)
+        return [(part, side) for part in _SIDES[name] for side in sides]
+    if name.startswith("r") and "l" + name[1:] in _SIDES:
+        return [(part, right) for part in _SIDES["l" + name[1:]]]
+    if name in JOINT_NAMES:  # lowerneck: drawn with the upper neck
+        return []
+    return [(((0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), 0.03, 0.03, SUIT), left)]
+
+
+def _limb(joint: str) -> str:
+    side, part = joint[:1], joint[1:]
+    if part in ("humerus", "radius", "wrist", "hand", "fingers", "thumb"):
+        return side + "arm"
+    if part in ("femur", "tibia", "foot", "toes"):
+        return side + "leg"
+    return "head" if joint == "head" else "trunk"
+
+
+def _size(skeleton: Skeleton) -> float:
+    """Size relative to the product's default skeleton: ratio of the bone lengths that both have."""
+    reference = default_skeleton()
+    common = [name for name in skeleton.names if name in reference.names]
+    if not common:
+        return 1.0
+    own = np.linalg.norm(skeleton.offsets_m[[skeleton.index(name) for name in common]], axis=1).sum()
+    other = np.linalg.norm(reference.offsets_m[[reference.index(name) for name in common]], axis=1).sum()
+    return float(own / other) if own > 0.0 else 1.0

@@ -1,0 +1,109 @@
+"""Round cones: the solid swept by a sphere whose radius changes linearly along a segment.
+
+Every limb of the simulated body is one. The same intersection serves the occlusion of markers and the
+preview's pictures. Points are world metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_TINY = 1e-12
+
+
+@dataclass(frozen=True)
+class RoundCones:
+    """P round cones: starts (P, 3) and ends (P, 3) of the axes, radii (P,) at each; all metres."""
+
+    starts: Array
+    ends: Array
+    start_radii: Array
+    end_radii: Array
+
+    def __len__(self) -> int:
+        return int(self.starts.shape[0])
+
+
+def first_hits(origin: Array, directions: Array, cones: RoundCones, scale: Array | None = None) -> Array:
+    """Distance along each ray to its first hit on each cone, infinity where it misses.
+
+    origin (3,), directions (N, 3) of unit length; scale (N, P) multiplies the radii for single pairs.
+    Returns (N, P). Hits behind the origin do not count.
+
+    The surface is the envelope of the spheres |p - c(s)| = r(s): with F = |p - c(s)|^2 - r(s)^2 the
+    condition dF/ds = 0 gives s as a linear function of p, and F = 0 becomes quadratic in the distance.
+    """
+    scale = np.ones((1, 1)) if scale is None else scale
+    r0 = cones.start_radii * scale
+    r1 = cones.end_radii * scale
+    axis = cones.ends - cones.starts
+    to_origin = origin - cones.starts
+    dw = directions @ axis.T
+    dq = directions @ to_origin.T
+    qw = np.sum(to_origin * axis, axis=-1)
+    qq = np.sum(to_origin * to_origin, axis=-1)
+    growth = r1 - r0
+    spread = np.maximum(np.sum(axis * axis, axis=-1) - growth * growth, _TINY)
+    k = qw + growth * r0
+    distance, along = _envelope(dw, dq, qq - r0 * r0, k, spread)
+    side = np.where((along >= 0.0) & (along <= 1.0) & (distance > 0.0), distance, np.inf)
+    start_cap = _sphere(dq, qq - r0 * r0)
+    end_q = origin - cones.ends
+    end_cap = _sphere(directions @ end_q.T, np.sum(end_q * end_q, axis=-1) - r1 * r1)
+    hits: Array = np.minimum(side, np.minimum(start_cap, end_cap))
+    return hits
+
+
+def _envelope(dw: Array, dq: Array, c0: Array, k: Array, spread: Array) -> tuple[Array, Array]:
+    """First root of the envelope's quadratic and the place along the axis (0..1 is on the segment)."""
+    a = 1.0 - dw * dw / spread
+    b = dq - k * dw / spread
+    c = c0 - k * k / spread
+    root = b * b - a * c
+    with np.errstate(invalid="ignore", divide="ignore"):
+        distance = (-b - np.sqrt(root)) / a
+    distance = np.where((root >= 0.0) & (a > _TINY), distance, np.inf)
+    along = (k + np.where(np.isfinite(distance), distance, 0.0) * dw) / spread
+    return distance, along
+
+
+def _sphere(dq: Array, c: Array) -> Array:
+    """First positive distance along rays to spheres: |q|^2 - r^2 = c and d . q = dq."""
+    root = dq * dq - c
+    with np.errstate(invalid="ignore"):
+        distance = -dq - np.sqrt(root)
+    return np.where((root >= 0.0) & (distance > 0.0), distance, np.inf)
+
+
+def axis_distances(points: Array, cones: RoundCones) -> tuple[Array, Array]:
+    """Distance of points (N, 3) to each axis segment and the cone's radius at the nearest place, both (N, P)."""
+    axis = cones.ends - cones.starts
+    length2 = np.maximum(np.sum(axis * axis, axis=-1), _TINY)
+    offset = points[:, None, :] - cones.starts
+    along = np.clip(np.sum(offset * axis, axis=-1) / length2, 0.0, 1.0)
+    nearest = cones.starts + along[..., None] * axis
+    distance = np.linalg.norm(points[:, None, :] - nearest, axis=-1)
+    radius = cones.start_radii + along * (cones.end_radii - cones.start_radii)
+    return distance, radius
+
+
+def visible(origin: Array, points: Array, cones: RoundCones, margin_m: float) -> NDArray[np.bool_]:
+    """Which points (N, 3) are seen from origin (3,) past the cones, (N,).
+
+    A point that lies in or on a cone is a marker worn on that limb (or on one that the limb touches): the
+    cone is made thinner, for this point only, until the point stands `margin_m` off its surface. So a
+    marker is seen from its own side of the limb and hidden from the other.
+    """
+    distance, radius = axis_distances(points, cones)
+    room = np.maximum(distance - margin_m, 0.1 * radius)
+    scale = np.minimum(1.0, room / np.maximum(radius, _TINY))
+    ray = points - origin
+    length = np.linalg.norm(ray, axis=-1)
+    hits = first_hits(origin, ray / length[:, None], cones, scale)
+    seen: NDArray[np.bool_] = np.all(hits >= length[:, None], axis=1)
+    return seen

@@ -1,0 +1,95 @@
+"""What stands before the cameras at any moment: the body and its markers along a motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...motion import Motion
+from ...skeleton import marker_positions
+from .body import Body, make_body
+from .cones import RoundCones
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Performance:
+    """A motion with markers, ready to be looked at between its frames too.
+
+    Args:
+        motion: the true motion.
+        body: the performer's body.
+        marker_names: (M) names.
+        starts_m, ends_m: (F, P, 3) ends of the body's cones in every frame, world metres.
+        markers_m: (F, M, 3) marker centres in every frame, world metres.
+    """
+
+    motion: Motion
+    body: Body
+    marker_names: tuple[str, ...]
+    starts_m: Array
+    ends_m: Array
+    markers_m: Array
+
+    @property
+    def fps(self) -> float:
+        """Frames per second of the motion."""
+        return self.motion.fps
+
+    @property
+    def frames(self) -> int:
+        """Frames of the motion."""
+        return self.motion.frames
+
+    def cones_at(self, time_s: float) -> RoundCones:
+        """Return the body at a time from the first frame, seconds; before and after the motion it stands still."""
+        return self.body.placed(
+            _sampled(self.starts_m, self.fps, np.array([time_s]))[0],
+            _sampled(self.ends_m, self.fps, np.array([time_s]))[0],
+        )
+
+    def markers_at(self, times_s: ArrayLike) -> Array:
+        """Return the marker centres (N, M, 3) at N times from the first frame, seconds."""
+        return _sampled(self.markers_m, self.fps, np.asarray(times_s, dtype=np.float64))
+
+    def marker_velocities_at(self, time_s: float) -> Array:
+        """Return the marker velocities (M, 3), m/s, by a central difference over a millisecond."""
+        before, after = self.markers_at([time_s - 0.0005, time_s + 0.0005])
+        velocities: Array = (after - before) / 0.001
+        return velocities
+
+
+def make_performance(
+    motion: Motion, marker_names: tuple[str, ...], joints: ArrayLike, offsets_m: ArrayLike
+) -> Performance:
+    """Put markers on a performer.
+
+    Args:
+        motion: the motion to perform.
+        marker_names: (M) names.
+        joints: (M,) joint index that carries each marker; offsets_m: (M, 3) in the joint's axes, metres.
+    """
+    body = make_body(motion.skeleton)
+    starts, ends = body.posed(motion.rotations, motion.root_positions_m)
+    markers = marker_positions(motion.skeleton, joints, offsets_m, motion.rotations, motion.root_positions_m)
+    return Performance(motion, body, tuple(marker_names), starts, ends, markers)
+
+
+def _sampled(values: Array, fps: float, times_s: Array) -> Array:
+    """Values (F, ...) at any times, on the Catmull-Rom curve through the frames; the ends are held."""
+    last = len(values) - 1
+    place = np.clip(times_s * fps, 0.0, last)
+    nearest = np.round(place)
+    if np.all(np.abs(place - nearest) < 1e-9):
+        return values[nearest.astype(np.int64)]
+    before = np.minimum(place.astype(np.int64), last - 1)
+    f = (place - before).reshape(-1, *([1] * (values.ndim - 1)))
+    p0, p1 = values[np.maximum(before - 1, 0)], values[before]
+    p2, p3 = values[before + 1], values[np.minimum(before + 2, last)]
+    slope1, slope2 = 0.5 * (p2 - p0), 0.5 * (p3 - p1)
+    f2, f3 = f * f, f * f * f
+    curve: Array = (2 * f3 - 3 * f2 + 1) * p1 + (f3 - 2 * f2 + f) * slope1 + (3 * f2 - 2 * f3) * p2 + (f3 - f2) * slope2
+    return curve

@@ -1,0 +1,229 @@
+"""The simulated cameras take images: room, body, markers, blur, noise; and the truth about each of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...camera import Camera, CameraRig
+from .cones import visible
+from .discs import draw_disc
+from .limbs import draw_body
+from .performance import Performance
+from .room import FURNITURE, MOVED_OBJECT, draw_room
+from .settings import StudioSettings
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+_NOISE_SPARE = 160  # the noise table is this much larger than the image each way, so that it can be shifted
+_MAX_BLUR_STEPS = 24
+
+
+@dataclass(frozen=True)
+class FrameTruth:
+    """What one set of images really shows.
+
+    Args:
+        number: frame number.
+        time_s: time of the frame from the performance's start, seconds.
+        markers_m: (M, 3) marker centres at that time, world metres.
+        pixels: (C, M, 2) marker centres in each image, at the middle of that camera's exposure.
+        radii_px: (C, M) radii of the discs.
+        visible: (C, M) which markers each image shows.
+        ghosts: per camera (G, 2) centres of the false blobs drawn.
+    """
+
+    number: int
+    time_s: float
+    markers_m: Array
+    pixels: Array
+    radii_px: Array
+    visible: NDArray[np.bool_]
+    ghosts: tuple[Array, ...]
+
+
+@dataclass(frozen=True)
+class StudioFrame:
+    """One image per camera (uint8 BGR), when each was taken (seconds), and the truth."""
+
+    number: int
+    times_s: tuple[float, ...]
+    images: tuple[Image, ...]
+    truth: FrameTruth
+
+
+@dataclass(frozen=True)
+class _Sight:
+    """The markers in one image: pixels (M, S, 2) along the exposure, centres (M, 2), radii, depth and seen (M,)."""
+
+    paths: Array
+    centres: Array
+    radii: Array
+    depth: Array
+    seen: NDArray[np.bool_]
+
+
+class Renderer:
+    """The cameras of a rig in the simulated room."""
+
+    def __init__(self, rig: CameraRig, settings: StudioSettings | None = None) -> None:
+        self.rig = rig
+        self.settings = settings or StudioSettings()
+        furniture = FURNITURE if self.settings.clutter else ()
+        self._empty = tuple(draw_room(camera, furniture) for camera in rig.cameras)
+        self._rooms = self._empty
+        if self.settings.moved_object:
+            self._rooms = tuple(draw_room(camera, (*furniture, MOVED_OBJECT)) for camera in rig.cameras)
+        self._noise = _noise_tables(rig, self.settings)
+
+    def background(self, number: int) -> tuple[Image, ...]:
+        """Return the empty room with fresh noise, one image per camera, for frame `number` of the background."""
+        images = tuple(image.copy() for image in self._empty)
+        for i, image in enumerate(images):
+            self.add_noise(image, i, -1 - number)
+        return images
+
+    def empty_room(self, camera: int) -> Image:
+        """Return a copy of the empty room without noise in one camera."""
+        return self._empty[camera].copy()
+
+    def render(self, performance: Performance, time_s: float, number: int) -> StudioFrame:
+        """Return the images of all cameras at a time of the performance (seconds), with the truth.
+
+        The same number and seed give the same noise.
+        """
+        times = [time_s + self.settings.time_offset_s(i) for i in range(len(self.rig))]
+        images, sights, ghosts = [], [], []
+        for i, (camera, time) in enumerate(zip(self.rig.cameras, times, strict=True)):
+            image = self._room(i, time)
+            sight = self._sight(camera, performance, time, number, i)
+            if self.settings.draw_body:
+                draw_body(image, camera, performance.body, performance.cones_at(time))
+            ghosts.append(self._draw_ghosts(image, time, i))
+            self._draw_markers(image, sight)
+            self.add_noise(image, i, number)
+            images.append(image)
+            sights.append(sight)
+        truth = FrameTruth(
+            number=number,
+            time_s=time_s,
+            markers_m=performance.markers_at([time_s])[0],
+            pixels=np.array([sight.centres for sight in sights]),
+            radii_px=np.array([sight.radii for sight in sights]),
+            visible=np.array([sight.seen for sight in sights]),
+            ghosts=tuple(ghosts),
+        )
+        return StudioFrame(number, tuple(times), tuple(images), truth)
+
+    def add_noise(self, image: Image, camera: int, number: int) -> None:
+        """Add this camera's sensor noise of frame `number` to an image, in place."""
+        if self._noise is None:
+            return
+        rng = np.random.default_rng([self.settings.seed, camera, number & 0xFFFFFFFF])
+        height, width = image.shape[:2]
+        up, down = self._noise
+        y, x = rng.integers(0, up.shape[0] - height + 1), rng.integers(0, up.shape[1] - width + 1)
+        cv2.add(image, up[y : y + height, x : x + width], dst=image)
+        cv2.subtract(image, down[y : y + height, x : x + width], dst=image)
+
+    def _room(self, camera: int, time_s: float) -> Image:
+        room = self._rooms[camera]
+        if self.settings.light_drift == 0.0:
+            return room.copy()
+        factor = 1.0 + self.settings.light_drift * float(np.sin(0.5 * time_s))
+        return np.asarray(cv2.convertScaleAbs(room, alpha=factor), dtype=np.uint8)
+
+    def _sight(self, camera: Camera, performance: Performance, time: float, number: int, index: int) -> _Sight:
+        settings = self.settings
+        count = len(performance.marker_names)
+        middles = np.full(count, time)
+        if settings.rolling_shutter_s > 0.0:
+            rows = np.nan_to_num(camera.project(performance.markers_at([time])[0])[:, 1])
+            middles = time + (rows / camera.image_size[1] - 0.5) * settings.rolling_shutter_s
+        centres_m = _own_times(performance, middles[:, None])[:, 0]
+        depth = camera.to_camera(centres_m)[:, 2]
+        radii = camera.focal_px * settings.marker_radius_m / np.maximum(depth, 0.05)
+        centres = camera.project(centres_m)
+        seen = _inside(camera, centres)
+        if settings.occlusion:
+            cones = performance.cones_at(time)
+            seen &= visible(camera.centre_m, centres_m, cones, 0.5 * settings.marker_radius_m)
+        if settings.dropout > 0.0:
+            rng = np.random.default_rng([settings.seed, index, number, 1])
+            seen &= rng.random(count) >= settings.dropout
+        paths = centres[:, None]
+        if settings.exposure_s > 0.0:
+            paths = self._smeared(camera, performance, middles)
+        return _Sight(paths, centres, radii, depth, seen)
+
+    def _smeared(self, camera: Camera, performance: Performance, middles: Array) -> Array:
+        """Pixels (M, S, 2) at S moments of the exposure: two to a pixel of the longest smear."""
+        half = 0.5 * self.settings.exposure_s
+        ends = camera.project(_own_times(performance, middles[:, None] + np.array([-half, half])))
+        longest = float(np.nanmax(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=-1), initial=0.0))
+        steps = int(np.clip(np.ceil(2.0 * longest), 1, _MAX_BLUR_STEPS))
+        moments = ((np.arange(steps) + 0.5) / steps * 2.0 - 1.0) * half
+        return camera.project(_own_times(performance, middles[:, None] + moments))
+
+    def _draw_markers(self, image: Image, sight: _Sight) -> None:
+        for marker in np.argsort(-sight.depth):
+            if sight.seen[marker]:
+                colour = np.full(3, self.settings.marker_brightness)
+                if marker < len(self.settings.marker_colours):
+                    colour = np.array(self.settings.marker_colours[marker])
+                draw_disc(image, sight.paths[marker], float(sight.radii[marker]), colour)
+
+    def _draw_ghosts(self, image: Image, time_s: float, camera: int) -> Array:
+        """Draw blobs that wander on slow curves and go out now and then; return the centres (G, 2) drawn."""
+        drawn = []
+        size = np.array([image.shape[1], image.shape[0]], dtype=np.float64)
+        for ghost in range(self.settings.ghosts):
+            rng = np.random.default_rng([self.settings.seed, camera, ghost, 2])
+            middle, sway = rng.uniform(0.2, 0.8, 2), rng.uniform(0.03, 0.15, 2)
+            rate, phase = rng.uniform(0.4, 1.5, 2), rng.uniform(0.0, 6.28, 2)
+            radius, brightness = rng.uniform(1.3, 2.8), rng.uniform(200.0, 250.0)
+            centre = size * (middle + sway * np.sin(rate * time_s + phase))
+            if np.sin(0.7 * rate[0] * time_s + phase[1]) > -0.4:
+                draw_disc(image, centre[None], float(radius), np.full(3, brightness))
+                drawn.append(centre)
+        return np.array(drawn).reshape(-1, 2)
+
+
+def without_performer(settings: StudioSettings) -> StudioSettings:
+    """Return the settings with a steady, quiet room, as for pictures of the calibration board."""
+    return replace(settings, ghosts=0, moved_object=False, light_drift=0.0, dropout=0.0)
+
+
+def _own_times(performance: Performance, times: Array) -> Array:
+    """World positions (M, S, 3) of every marker at its own times (M, S)."""
+    count, steps = times.shape
+    if np.all(times == times[0]):
+        return np.swapaxes(performance.markers_at(times[0]), 0, 1)
+    every = performance.markers_at(times.ravel()).reshape(count, steps, count, 3)
+    own = np.arange(count)
+    return every[own, :, own]
+
+
+def _inside(camera: Camera, pixels: Array) -> NDArray[np.bool_]:
+    width, height = camera.image_size
+    x, y = pixels[:, 0], pixels[:, 1]
+    with np.errstate(invalid="ignore"):
+        inside: NDArray[np.bool_] = (x > -0.5) & (y > -0.5) & (x < width - 0.5) & (y < height - 0.5)
+    return inside
+
+
+def _noise_tables(rig: CameraRig, settings: StudioSettings) -> tuple[Image, Image] | None:
+    """What noise adds and what it takes away, larger than the largest image."""
+    if settings.noise_sigma == 0.0:
+        return None
+    rng = np.random.default_rng([settings.seed, 3])
+    width = max(camera.image_size[0] for camera in rig.cameras) + _NOISE_SPARE
+    height = max(camera.image_size[1] for camera in rig.cameras) + _NOISE_SPARE
+    noise = np.rint(rng.standard_normal((height, width, 3), dtype=np.float32) * np.float32(settings.noise_sigma))
+    up = np.clip(noise, 0, 255).astype(np.uint8)
+    down = np.clip(-noise, 0, 255).astype(np.uint8)
+    return up, down

@@ -1,0 +1,75 @@
+"""The simulated cameras."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...camera import Camera, CameraRig
+from ...errors import SettingsError
+
+Array = NDArray[np.float64]
+
+IMAGE_SIZE = (640, 480)
+FPS = 60.0
+
+_HALF_BASELINE_M = 0.9
+_DISTANCE_M = 3.3
+_HEIGHT_M = 1.4
+_TARGET_M = (0.0, 0.98, 0.0)
+
+# Two webcams of one make are not quite alike: focal lengths, centre (pixels), k1, k2, p1, p2, k3.
+_LENSES: tuple[tuple[float, float, float, float, tuple[float, ...]], ...] = (
+    (541.3, 540.6, 322.7, 236.9, (-0.118, 0.071, 0.0006, -0.0004, -0.012)),
+    (537.8, 538.9, 316.1, 242.6, (-0.109, 0.058, -0.0005, 0.0007, -0.009)),
+    (544.9, 543.7, 319.2, 240.8, (-0.124, 0.080, 0.0002, 0.0005, -0.015)),
+    (539.5, 540.2, 324.3, 238.1, (-0.113, 0.064, -0.0003, -0.0006, -0.010)),
+)
+
+
+def looking_at(position_m: ArrayLike, target_m: ArrayLike) -> Array:
+    """Return camera-from-world (3, 3) of a level camera at a position that looks at a target (not straight down)."""
+    position = np.asarray(position_m, dtype=np.float64)
+    forward = np.asarray(target_m, dtype=np.float64) - position
+    forward = forward / np.linalg.norm(forward)
+    right = np.cross(forward, (0.0, 1.0, 0.0))
+    right = right / np.linalg.norm(right)
+    return np.stack((right, np.cross(forward, right), forward))
+
+
+def default_rig(cameras: int = 2) -> CameraRig:
+    """Return the simulated rig: 640x480 cameras 1.8 m apart, 3.3 m before the performer, 1.4 m high.
+
+    The performer stands at the world's origin on the floor y = 0 and faces +z, where the cameras are. Two are named
+    "left" and "right" as they see it; more stand on a circle about the performer.
+
+    Raises:
+        SettingsError: fewer than one or more than eight cameras.
+    """
+    if not 1 <= cameras <= 8:
+        raise SettingsError(f"{cameras} simulated cameras", advice="ask for 1 to 8")
+    if cameras <= 2:
+        places = [(x, _HEIGHT_M, _DISTANCE_M) for x in (-_HALF_BASELINE_M, _HALF_BASELINE_M)][:cameras]
+    else:
+        reach = float(np.hypot(_HALF_BASELINE_M, _DISTANCE_M))
+        angles = np.radians(np.linspace(-1.0, 1.0, cameras) * min(15.0 * (cameras - 1), 75.0))
+        places = [(reach * float(np.sin(a)), _HEIGHT_M, reach * float(np.cos(a))) for a in angles]
+    names = ["left", "right"] if cameras == 2 else [f"camera{i + 1}" for i in range(cameras)]
+    lenses = [_LENSES[i % len(_LENSES)] for i in range(cameras)]
+    made = tuple(_camera(*row) for row in zip(names, places, lenses, strict=True))
+    return CameraRig(made, {"source": "simulated studio", "fps": FPS})
+
+
+def _camera(
+    name: str, place: tuple[float, float, float], lens: tuple[float, float, float, float, tuple[float, ...]]
+) -> Camera:
+    fx, fy, cx, cy, distortion = lens
+    rotation = looking_at(place, _TARGET_M)
+    return Camera(
+        name=name,
+        image_size=IMAGE_SIZE,
+        matrix=np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]),
+        distortion=np.array(distortion),
+        rotation=rotation,
+        translation_m=-rotation @ np.array(place),
+    )

@@ -1,0 +1,161 @@
+"""The room behind the performer: walls, floor, furniture and lamps, seen exactly through each camera's lens."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...camera import Camera
+from .lens import undistorted_grid
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box with its edges along the axes: corners in metres, BGR colour 0-255, whether it shines."""
+
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+    colour: tuple[float, float, float]
+    lamp: bool = False
+
+
+_ROOM_LOW, _ROOM_HIGH = (-3.4, 0.0, -2.6), (3.4, 2.8, 6.0)
+_LIGHT = np.array([-0.35, 0.8, 0.49])
+
+_BOOKS = ((60, 60, 140), (120, 90, 50), (60, 110, 70), (110, 120, 130), (40, 60, 100), (130, 80, 90), (70, 130, 150))
+
+
+def _books(height: float, width: float, count: int) -> tuple[Box, ...]:
+    """Books that stand on a board of the shelf at a height, metres."""
+    return tuple(
+        Box(
+            (1.85 + width * i, height, -2.5),
+            (1.85 + width * (i + 0.85), height + 0.22 + 0.035 * (i * 5 % 4), -2.25),
+            _BOOKS[i * 3 % len(_BOOKS)],
+        )
+        for i in range(count)
+    )
+
+
+FURNITURE: tuple[Box, ...] = (
+    Box((-2.75, 0.9, -2.6), (-1.75, 2.1, -2.57), (206, 196, 178), lamp=True),  # window
+    Box((-2.28, 0.9, -2.6), (-2.22, 2.1, -2.55), (70, 80, 88)),  # its bar
+    Box((-2.75, 1.46, -2.6), (-1.75, 1.52, -2.55), (70, 80, 88)),
+    Box((-1.2, 1.45, -2.6), (-0.55, 2.3, -2.58), (62, 92, 148)),  # posters
+    Box((-1.1, 1.6, -2.58), (-0.65, 2.0, -2.575), (40, 120, 170)),
+    Box((0.75, 1.35, -2.6), (1.45, 1.85, -2.58), (126, 96, 62)),
+    Box((1.75, 0.0, -2.6), (2.85, 0.08, -2.15), (44, 66, 92)),  # shelf
+    Box((1.75, 0.62, -2.6), (2.85, 0.66, -2.15), (44, 66, 92)),
+    Box((1.75, 1.22, -2.6), (2.85, 1.26, -2.15), (44, 66, 92)),
+    Box((1.75, 0.0, -2.6), (1.79, 1.9, -2.15), (44, 66, 92)),
+    Box((2.81, 0.0, -2.6), (2.85, 1.9, -2.15), (44, 66, 92)),
+    *_books(0.66, 0.105, 8),
+    *_books(1.26, 0.145, 6),
+    Box((2.5, 1.9, -2.45), (2.62, 2.06, -2.3), (235, 240, 245), lamp=True),  # lamp on the shelf
+    Box((-3.3, 0.0, -1.6), (-2.7, 0.72, -0.9), (52, 74, 104)),  # chest of drawers
+    Box((-3.15, 0.72, -1.4), (-2.95, 1.05, -1.2), (80, 120, 60)),  # plant
+    Box((-1.55, 0.0, -2.55), (-1.2, 0.42, -2.2), (88, 128, 160)),  # cardboard box
+    Box((0.62, 0.0, -2.5), (1.05, 0.45, -2.1), (58, 50, 46)),  # stool
+    Box((-0.3, 2.74, -1.2), (0.3, 2.8, -0.9), (245, 248, 250), lamp=True),  # ceiling lamp
+)
+MOVED_OBJECT = Box((-1.95, 0.0, -1.9), (-1.5, 0.62, -1.5), (96, 70, 130))
+
+
+def draw_room(camera: Camera, boxes: tuple[Box, ...]) -> Image:
+    """Return the empty room as the camera sees it without noise, uint8 BGR (height, width, 3).
+
+    Every pixel's ray is bent by the lens, so straight walls look as curved as the camera makes them.
+    """
+    width, height = camera.image_size
+    grid = undistorted_grid(camera, np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
+    rays = camera.rays(grid).reshape(-1, 3)
+    origin = camera.centre_m
+    distance, axis = _exit(origin, rays)
+    colour = _shell(origin + distance[:, None] * rays, axis)
+    glow = np.zeros_like(colour)
+    pixels = np.arange(width * height).reshape(height, width)
+    for box in boxes:
+        part = pixels[_window(camera, box)].ravel()
+        near, side = _entry(origin, rays[part], box)
+        hit = near < distance[part]
+        part, near, side = part[hit], near[hit], side[hit]
+        distance[part] = near
+        colour[part] = _box_colour(box, origin + near[:, None] * rays[part], side)
+        glow[part] = np.array(box.colour) if box.lamp else 0.0
+    picture = colour.reshape(height, width, 3)
+    bloom = cv2.GaussianBlur(glow.reshape(height, width, 3), (0, 0), 9.0) * 0.45
+    softened = cv2.GaussianBlur(np.minimum(picture + bloom, 255.0), (0, 0), 0.7)
+    result: Image = np.clip(np.rint(softened), 0, 255).astype(np.uint8)
+    return result
+
+
+def _window(camera: Camera, box: Box) -> tuple[slice, slice]:
+    """Rows and columns of the image that can show a box."""
+    corners = np.array(list(product(*zip(box.low, box.high, strict=True))))
+    if np.any(camera.to_camera(corners)[:, 2] < 0.3):
+        return slice(None), slice(None)
+    # lens distortion bends the edges between the corners by a few pixels
+    low, high = camera.project(corners).min(axis=0) - 12.0, camera.project(corners).max(axis=0) + 12.0
+    (left, top), (right, bottom) = np.maximum(low, 0.0).astype(int), np.maximum(high, 0.0).astype(int)
+    return slice(int(top), int(bottom) + 1), slice(int(left), int(right) + 1)
+
+
+def _exit(origin: Array, rays: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Distance at which rays leave the room from inside, and the axis of the wall they meet."""
+    safe = np.where(np.abs(rays) < 1e-12, 1e-12, rays)
+    wall = np.where(safe > 0.0, np.array(_ROOM_HIGH), np.array(_ROOM_LOW))
+    distances = (wall - origin) / safe
+    axis = np.argmin(distances, axis=1)
+    return np.take_along_axis(distances, axis[:, None], axis=1)[:, 0], axis
+
+
+def _entry(origin: Array, rays: Array, box: Box) -> tuple[Array, NDArray[np.int64]]:
+    """Distance at which rays enter a box (infinity: they miss it), and the axis of the face."""
+    safe = np.where(np.abs(rays) < 1e-12, 1e-12, rays)
+    a, b = (np.array(box.low) - origin) / safe, (np.array(box.high) - origin) / safe
+    near, far = np.minimum(a, b), np.maximum(a, b)
+    axis = np.argmax(near, axis=1)
+    entry = near.max(axis=1)
+    return np.where((entry <= far.min(axis=1)) & (entry > 0.0), entry, np.inf), axis
+
+
+def _shell(points: Array, axis: NDArray[np.int64]) -> Array:
+    """Colour (N, 3) of walls, floor and ceiling at points on them."""
+    x, y, z = points.T
+    low, high = np.array(_ROOM_LOW), np.array(_ROOM_HIGH)
+    grain = 1.2 * np.sin(2.3 * x + 1.7 * z + 2.0 * np.sin(1.9 * y)) + 0.8 * np.sin(5.1 * y + 3.3 * x)
+    wall = np.array([112.0, 116.0, 114.0]) * (0.72 + 0.12 * y / high[1])[:, None] + grain[:, None]
+    wall = np.where((y < 0.11)[:, None], np.array([132.0, 138.0, 140.0]) * 0.7, wall)
+    plank = np.floor(x / 0.16)
+    along = z / 1.6 + 0.37 * plank
+    tone = 0.78 + 0.10 * _scatter(plank, np.floor(along)) + 0.03 * np.sin(60.0 * x + 4.0 * np.sin(5.0 * z))
+    seam = (np.abs(x / 0.16 - plank - 0.5) > 0.475) | (np.abs(along - np.floor(along) - 0.5) > 0.495)
+    floor = np.array([64.0, 84.0, 104.0]) * np.where(seam, 0.62, tone)[:, None]
+    colour = np.where((axis == 1)[:, None], np.where((y < 1.0)[:, None], floor, 150.0), wall)
+    # corners are darker: less of the room's light reaches them
+    corner = np.stack((x - low[0], high[0] - x, z - low[2]), axis=-1).min(axis=1)
+    edge = np.where(axis == 1, corner, np.minimum(y, high[1] - y) + 0.15)
+    shaded: Array = colour * (0.74 + 0.26 * np.clip(edge / 0.9, 0.0, 1.0))[:, None]
+    return shaded
+
+
+def _box_colour(box: Box, points: Array, side: NDArray[np.int64]) -> Array:
+    base = np.array(box.colour)
+    if box.lamp:
+        return np.broadcast_to(base, points.shape)
+    light = 0.45 + 0.55 * np.abs(_LIGHT)[side]
+    grain = 1.0 + 0.02 * np.sin(90.0 * points[:, 1] + 2.0 * np.sin(9.0 * points[:, 0]))
+    return np.asarray(base * (light * grain)[:, None])
+
+
+def _scatter(a: Array, b: Array) -> Array:
+    """A number in [0, 1) that looks random for each pair of whole numbers."""
+    value = np.sin(a * 12.9898 + b * 78.233) * 43758.5453
+    return np.asarray(value - np.floor(value))

@@ -1,0 +1,65 @@
+"""What the simulated cameras and room are like."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ...errors import SettingsError
+
+
+@dataclass(frozen=True)
+class StudioSettings:
+    """How images are taken; the defaults are two good webcams with ring lights in an office.
+
+    Args:
+        marker_radius_m: radius of the markers' balls, metres.
+        marker_brightness: grey level of a marker's face, 0-255, before noise.
+        marker_colours: (B, G, R) per marker, 0-255, or empty: all white of `marker_brightness`.
+        exposure_s: time the shutter is open around the frame's time, seconds; it smears moving markers.
+        noise_sigma: standard deviation of the sensor's Gaussian noise, grey levels, per pixel and channel.
+        time_offsets_s: per camera, how much later it takes its images than the clock says; missing: 0.
+        rolling_shutter_s: time from the first row to the last, seconds; the middle row is on time.
+        clutter: furniture, lamps and pictures in the room; without, bare walls and floor.
+        ghosts: false bright blobs that wander through each image (reflections).
+        moved_object: a box that was not there for the background images stands in the room.
+        light_drift: slow change of the room's light, share of its brightness (0.05: by up to 5 %).
+        draw_body: draw the performer.
+        occlusion: the body hides markers.
+        dropout: chance of each marker to be missing in each image besides, 0..1.
+        seed: of noise, ghosts and dropout.
+    """
+
+    marker_radius_m: float = 0.0125
+    marker_brightness: float = 240.0
+    marker_colours: tuple[tuple[float, float, float], ...] = ()
+    exposure_s: float = 0.0
+    noise_sigma: float = 2.0
+    time_offsets_s: tuple[float, ...] = ()
+    rolling_shutter_s: float = 0.0
+    clutter: bool = True
+    ghosts: int = 0
+    moved_object: bool = False
+    light_drift: float = 0.0
+    draw_body: bool = True
+    occlusion: bool = True
+    dropout: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        limits = {
+            "marker_radius_m": (0.001, 0.1),
+            "marker_brightness": (0.0, 255.0),
+            "exposure_s": (0.0, 0.1),
+            "noise_sigma": (0.0, 50.0),
+            "rolling_shutter_s": (0.0, 0.1),
+            "ghosts": (0, 50),
+            "light_drift": (0.0, 0.5),
+            "dropout": (0.0, 1.0),
+        }
+        for name, (low, high) in limits.items():
+            if not low <= getattr(self, name) <= high:
+                raise SettingsError(f"{getattr(self, name)} is not between {low} and {high}", where=name)
+
+    def time_offset_s(self, camera: int) -> float:
+        """Return the time offset of a camera, seconds."""
+        return self.time_offsets_s[camera] if camera < len(self.time_offsets_s) else 0.0
