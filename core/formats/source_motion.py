@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from .. import rotations as rot
 from ..errors import FormatError
+from ..motion import Motion
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -89,3 +90,20 @@ def zero_pose_positions(source: SourceMotion) -> Array:
         if parent >= 0:
             positions[joint] = positions[parent] + source.offsets_m[joint]
     return positions
+
+
+def source_of_motion(motion: Motion, where: str) -> SourceMotion:
+    """Return a motion on any skeleton in the form of a file, for mapping."""
+    return SourceMotion(
+        name=motion.name,
+        where=where,
+        fps=motion.fps,
+        names=motion.skeleton.names,
+        parents=motion.skeleton.parents,
+        offsets_m=motion.skeleton.offsets_m,
+        tips_m=motion.skeleton.tips_m,
+        rotations=motion.rotations,
+        translations_m={0: motion.root_positions_m},
+        euler_orders=motion.skeleton.angle_orders,
+        metres_per_unit=1.0,
+    )

@@ -1,0 +1,51 @@
+"""`perfanim database build` and `perfanim database info`."""
+
+import argparse
+from collections.abc import Callable
+from typing import Any
+
+from ..database.build import build_database
+from ..database.store import open_database
+from ..errors import SettingsError
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command group."""
+    group = subparsers.add_parser("database", help="build or look into a motion database")
+    commands = group.add_subparsers(metavar="COMMAND", required=True)
+    build = commands.add_parser("build", help="motion files to a database")
+    build.add_argument("sources", nargs="+", metavar="SRC", help="BVH or AMC file, folder, .zip or .tar archive")
+    build.add_argument("--out", required=True, metavar="DB", help="database file to write")
+    build.add_argument("--fps", type=float, default=60.0, help="frames per second stored (default 60)")
+    build.add_argument(
+        "--exclude", action="append", default=[], metavar="GLOB", help="leave out files of this name; repeatable"
+    )
+    build.add_argument("--workers", type=int, default=1, metavar="N", help="processes that read (default 1)")
+    build.set_defaults(run=_build)
+    info = commands.add_parser("info", help="what is in a database")
+    info.add_argument("database", metavar="DB")
+    info.set_defaults(run=_info)
+
+
+def _build(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+    if not 1.0 <= args.fps <= 1000.0:
+        raise SettingsError(f"--fps {args.fps:g} is out of range", advice="give 1 to 1000 frames per second")
+    if args.workers < 1:
+        raise SettingsError(f"--workers {args.workers} is out of range", advice="give 1 or more")
+    return build_database(
+        args.sources, args.out, args.fps, exclude=args.exclude, workers=args.workers, progress=progress
+    )
+
+
+def _info(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+    database = open_database(args.database)
+    return {
+        "frames": database.frames,
+        "clips": len(database.clips),
+        "fps": database.fps,
+        "minutes": round(database.frames / database.fps / 60.0, 2),
+        "joints": list(database.joint_names),
+        "behaviours": database.behaviours,
+        "subjects": sorted({clip.subject for clip in database.clips}),
+        "skeletons": len(database.skeletons),
+    }

@@ -1,0 +1,144 @@
+"""Building a motion database from motion files of any skeleton."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import rotations as rot
+from ..errors import DatabaseError, PerfanimError
+from ..formats.archive import MotionFile, motion_files
+from ..motion import Motion, resampled
+from ..motion_files import read_motion_parts
+from ..skeleton import Skeleton
+from .labels import behaviour_of, subject_of
+from .store import Clip, write_database
+
+FloatArray = NDArray[np.float32]
+ProgressFunction = Callable[[float, str], None]
+
+_SHORTEST_CLIP = 4  # frames; the query metric looks at accelerations
+
+
+@dataclass
+class _Collected:
+    """What has been read so far."""
+
+    clips: list[Clip] = field(default_factory=list)
+    rotations: list[FloatArray] = field(default_factory=list)
+    positions: list[FloatArray] = field(default_factory=list)
+    skeletons: list[Skeleton] = field(default_factory=list)
+    skeleton_keys: dict[bytes, int] = field(default_factory=dict)
+    skipped: list[dict[str, str]] = field(default_factory=list)
+    frames: int = 0
+
+    def add(self, motion: Motion, file: MotionFile, source_fps: float) -> None:
+        key = np.round(motion.skeleton.offsets_m, 6).tobytes()
+        skeleton = self.skeleton_keys.setdefault(key, len(self.skeletons))
+        if skeleton == len(self.skeletons):
+            self.skeletons.append(motion.skeleton)
+        stop = self.frames + motion.frames
+        self.clips.append(
+            Clip(
+                name=motion.name,
+                behaviour=behaviour_of(file.name, file.description),
+                subject=subject_of(file.name),
+                source_fps=source_fps,
+                start=self.frames,
+                stop=stop,
+                skeleton=skeleton,
+            )
+        )
+        self.rotations.append(rot.continuous(motion.rotations).astype(np.float32))
+        self.positions.append(motion.root_positions_m.astype(np.float32))
+        self.frames = stop
+
+
+def build_database(
+    sources: Sequence[Path | str],
+    out: Path | str,
+    fps: float = 60.0,
+    exclude: Sequence[str] = (),
+    workers: int = 1,
+    progress: ProgressFunction | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> dict[str, Any]:
+    """Read all motion of files, folders and archives into one database file.
+
+    Every clip is mapped onto the product's joints, brought to `fps` on the shortest arcs, and keeps its subject's
+    bone lengths. A file that cannot be read is skipped with the reason; frames with missing numbers are left out, and
+    the clip goes on as another after them.
+
+    Args:
+        sources: BVH and AMC files, folders and archives with such files and their ASF skeletons.
+        out: database file; written only when all is read.
+        exclude: globs on file names or stems to leave out.
+        workers: processes that read.
+        progress: called with the fraction done and a text.
+        cancelled: asked after every file; when true, nothing is written.
+
+    Returns:
+        frames, clips, seconds, bytes, fps, behaviours (name -> frames), skipped (list of file, reason).
+
+    Raises:
+        FormatError: a source is missing or a damaged archive.
+        DatabaseError: nothing readable was found, or it was cancelled.
+    """
+    started = time.monotonic()
+    collected = _Collected()
+    with motion_files(sources, exclude) as files:
+        for done, file in enumerate(files):
+            if cancelled is not None and cancelled():
+                raise DatabaseError("was cancelled", where=str(out))
+            if progress is not None:
+                progress(done / len(files), f"reading {file.name}")
+            _add_file(collected, file, fps)
+    if not collected.clips:
+        reasons = "; ".join(f"{row['file']}: {row['reason']}" for row in collected.skipped[:3])
+        raise DatabaseError(
+            f"found no usable motion ({reasons or 'no .bvh or .amc files'})",
+            where=", ".join(str(source) for source in sources),
+            advice="give folders with BVH or ASF/AMC files",
+        )
+    if progress is not None:
+        progress(1.0, "writing")
+    rotations, positions = np.concatenate(collected.rotations), np.concatenate(collected.positions)
+    collected.rotations.clear()
+    write_database(out, fps, rotations, positions, collected.clips, collected.skeletons)
+    return _report(collected, Path(out), fps, started)
+
+
+def _add_file(collected: _Collected, file: MotionFile, fps: float) -> None:
+    try:
+        parts, notes = read_motion_parts(file.path, file.skeleton, name=file.stem)
+    except PerfanimError as error:
+        reason = str(error).replace(str(file.path), file.name)
+        collected.skipped.append({"file": file.name, "reason": reason.removeprefix(f"{file.name}: ")})
+        return
+    collected.skipped += [{"file": file.name, "reason": note} for note in notes]
+    for part in parts:
+        at_rate = resampled(part, fps)
+        if at_rate.frames < _SHORTEST_CLIP:
+            reason = f"{part.name} has only {at_rate.frames} frames at {fps:g} frames per second"
+            collected.skipped.append({"file": file.name, "reason": reason})
+        else:
+            collected.add(at_rate, file, part.fps)
+
+
+def _report(collected: _Collected, out: Path, fps: float, started: float) -> dict[str, Any]:
+    behaviours: dict[str, int] = {}
+    for clip in collected.clips:
+        behaviours[clip.behaviour] = behaviours.get(clip.behaviour, 0) + clip.stop - clip.start
+    return {
+        "frames": collected.frames,
+        "clips": len(collected.clips),
+        "fps": fps,
+        "skipped": collected.skipped,
+        "seconds": round(time.monotonic() - started, 2),
+        "bytes": out.stat().st_size,
+        "behaviours": behaviours,
+    }
