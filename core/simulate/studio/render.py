@@ -175,7 +175,7 @@ class Renderer:
                 colour = np.full(3, self.settings.marker_brightness)
                 if marker < len(self.settings.marker_colours):
                     colour = np.array(self.settings.marker_colours[marker])
-                draw_disc(image, sight.paths[marker], float(sight.radii[marker]), colour)
+                draw_disc(image, sight.paths[marker], float(sight.radii[marker]), colour, self.settings.lens_blur_px)
 
     def _draw_ghosts(self, image: Image, time_s: float, camera: int) -> Array:
         """Draw blobs that wander on slow curves and go out now and then; return the centres (G, 2) drawn."""
@@ -188,7 +188,7 @@ class Renderer:
             radius, brightness = rng.uniform(1.3, 2.8), rng.uniform(200.0, 250.0)
             centre = size * (middle + sway * np.sin(rate * time_s + phase))
             if np.sin(0.7 * rate[0] * time_s + phase[1]) > -0.4:
-                draw_disc(image, centre[None], float(radius), np.full(3, brightness))
+                draw_disc(image, centre[None], float(radius), np.full(3, brightness), self.settings.lens_blur_px)
                 drawn.append(centre)
         return np.array(drawn).reshape(-1, 2)
 

@@ -15,6 +15,7 @@ class StudioSettings:
         marker_radius_m: radius of the markers' balls, metres.
         marker_brightness: grey level of a marker's face, 0-255, before noise.
         marker_colours: (B, G, R) per marker, 0-255, or empty: all white of `marker_brightness`.
+        lens_blur_px: standard deviation of the lens's blur of the markers, pixels.
         exposure_s: time the shutter is open around the frame's time, seconds; it smears moving markers.
         noise_sigma: standard deviation of the sensor's Gaussian noise, grey levels, per pixel and channel.
         time_offsets_s: per camera, how much later it takes its images than the clock says; missing: 0.
@@ -32,6 +33,7 @@ class StudioSettings:
     marker_radius_m: float = 0.0125
     marker_brightness: float = 240.0
     marker_colours: tuple[tuple[float, float, float], ...] = ()
+    lens_blur_px: float = 0.5
     exposure_s: float = 0.0
     noise_sigma: float = 2.0
     time_offsets_s: tuple[float, ...] = ()
@@ -49,6 +51,7 @@ class StudioSettings:
         limits = {
             "marker_radius_m": (0.001, 0.1),
             "marker_brightness": (0.0, 255.0),
+            "lens_blur_px": (0.0, 5.0),
             "exposure_s": (0.0, 0.1),
             "noise_sigma": (0.0, 50.0),
             "rolling_shutter_s": (0.0, 0.1),
