@@ -14,7 +14,7 @@ from scipy.special import ndtr
 
 Array = NDArray[np.float64]
 
-_LINES = 8  # lines to a pixel in y
+_LINES = 16  # lines to a pixel in y
 _CELLS = 4  # cells to a pixel in x, covered exactly
 
 

@@ -1,0 +1,198 @@
+"""Calibration boards before the simulated cameras."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import rotations as rot
+from ...camera import Camera, CameraRig
+from ...errors import SettingsError
+from ...vision.board import Board
+from .lens import undistorted_grid
+from .render import Renderer
+from .rig import looking_at
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+DEFAULT_BOARD = Board("chessboard", 9, 6, 0.08)
+
+_SAMPLES = 4  # samples to a pixel each way
+_MARGIN = 0.7  # white rim about the squares, in squares
+_DARK, _WHITE = 26.0, 205.0
+_LENS_BLUR_PX = 0.5
+_CANDIDATES = 600
+_CELL_PX = 64
+_FIRST_NUMBER = 10_000_000  # frame numbers of board pictures, apart from those of performances
+
+
+@dataclass(frozen=True)
+class BoardPose:
+    """Where the board is: p_world = world_from_board @ p_board + position_m."""
+
+    world_from_board: Array
+    position_m: Array
+
+    def points(self, board_points_m: Array) -> Array:
+        """Return points of the board (..., 3) in the world."""
+        return np.asarray(board_points_m @ self.world_from_board.T + self.position_m)
+
+
+@dataclass(frozen=True)
+class BoardPicture:
+    """One position of the board: an image per camera and the true corners (C, K, 2) in pixels."""
+
+    number: int
+    pose: BoardPose
+    images: tuple[Image, ...]
+    corners: Array
+
+
+def board_poses(rig: CameraRig, board: Board, count: int = 24, seed: int = 0) -> tuple[BoardPose, ...]:
+    """Return positions of the board that all cameras see whole and that fill their images, well tilted.
+
+    They are picked one by one from random candidates: always the one that covers most of the images' parts that
+    are covered least so far.
+
+    Raises:
+        SettingsError: no position is seen by all cameras.
+    """
+    rng = np.random.default_rng([seed, 4])
+    focus = _focus(rig)
+    candidates = []
+    for _ in range(_CANDIDATES):
+        pose = _candidate(rig, board, focus, rng)
+        cells = _covered(rig, board, pose)
+        if cells is not None:
+            candidates.append((pose, cells))
+    if not candidates:
+        raise SettingsError("no place in the room lets all cameras see the board", advice="use a smaller board")
+    visits = np.zeros(len(candidates[0][1]))
+    chosen = []
+    for _ in range(min(count, len(candidates))):
+        gains = [float((cells / (1.0 + visits) ** 2).sum() / cells.sum() ** 0.5) for _, cells in candidates]
+        pose, cells = candidates.pop(int(np.argmax(gains)))
+        visits += cells
+        chosen.append(pose)
+    return tuple(chosen)
+
+
+def board_pictures(
+    renderer: Renderer, board: Board = DEFAULT_BOARD, count: int = 24, seed: int = 0
+) -> Iterator[BoardPicture]:
+    """Yield pictures of the board held before the renderer's cameras, `count` positions, with the true corners."""
+    for number, pose in enumerate(board_poses(renderer.rig, board, count, seed)):
+        images = []
+        for i, camera in enumerate(renderer.rig.cameras):
+            image = renderer.empty_room(i)
+            draw_board(image, camera, board, pose)
+            renderer.add_noise(image, i, _FIRST_NUMBER + number)
+            images.append(image)
+        corners = np.array([camera.project(pose.points(board.points_m)) for camera in renderer.rig.cameras])
+        yield BoardPicture(number, pose, tuple(images), corners)
+
+
+def draw_board(image: Image, camera: Camera, board: Board, pose: BoardPose) -> None:
+    """Draw a chessboard into a camera's image, in place: bent by the lens, anti-aliased, a little blurred.
+
+    Raises:
+        SettingsError: the board is not a chessboard.
+    """
+    if board.kind != "chessboard":
+        raise SettingsError(f"the studio draws chessboards, not {board.kind}")
+    outline = camera.project(pose.points(_outline(board)))
+    pad = 3
+    low, high = np.floor(outline.min(axis=0)) - pad, np.ceil(outline.max(axis=0)) + pad
+    left, top = max(int(low[0]), 0), max(int(low[1]), 0)
+    right, bottom = min(int(high[0]) + 1, image.shape[1]), min(int(high[1]) + 1, image.shape[0])
+    if left >= right or top >= bottom:
+        return
+    normalised = undistorted_grid(camera, _fine(left, right), _fine(top, bottom))
+    camera_from_board = camera.rotation @ pose.world_from_board
+    homography = np.column_stack((camera_from_board[:, :2], camera.to_camera(pose.position_m)))
+    x, y, w = np.einsum(
+        "ij,hwj->ihw", np.linalg.inv(homography), np.dstack((normalised, np.ones(normalised.shape[:2])))
+    )
+    paper, ink = (_shrunk(layer, bottom - top, right - left) for layer in _pattern(board, x / w, y / w))
+    light = 0.72 + 0.28 * abs(float(camera_from_board[2, 2]))
+    value = light * (_WHITE * (paper - ink) + _DARK * ink)
+    patch = image[top:bottom, left:right]
+    patch[:] = np.clip(np.rint(patch * (1.0 - paper[..., None]) + value[..., None]), 0, 255).astype(np.uint8)
+
+
+def _fine(start: int, stop: int) -> Array:
+    return np.asarray(start - 0.5 + (np.arange((stop - start) * _SAMPLES) + 0.5) / _SAMPLES)
+
+
+def _pattern(board: Board, x: Array, y: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Whether there is paper, and whether it is dark, at board positions (metres), 0 or 1."""
+    column, row = x / board.square_m, y / board.square_m
+    rim = 1.0 + _MARGIN
+    paper = (column > -rim) & (column < board.columns - 1 + rim) & (row > -rim) & (row < board.rows - 1 + rim)
+    squares = (column > -1.0) & (column < board.columns) & (row > -1.0) & (row < board.rows)
+    dark = squares & ((np.floor(column) + np.floor(row)) % 2 == 0)
+    return paper.astype(np.float32), dark.astype(np.float32)
+
+
+def _shrunk(layer: NDArray[np.float32], height: int, width: int) -> Array:
+    blurred = cv2.GaussianBlur(layer, (0, 0), _LENS_BLUR_PX * _SAMPLES, borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(blurred.reshape(height, _SAMPLES, width, _SAMPLES).mean(axis=(1, 3)), dtype=np.float64)
+
+
+def _outline(board: Board) -> Array:
+    """Points (N, 3) along the rim of the paper, metres."""
+    rim = 1.0 + _MARGIN
+    low, high = np.array([-rim, -rim]), np.array([board.columns - 1 + rim, board.rows - 1 + rim])
+    f = np.linspace(0.0, 1.0, 12)[:, None]
+    corners = [low, np.array([high[0], low[1]]), high, np.array([low[0], high[1]])]
+    sides = [a + f * (b - a) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
+    flat = np.concatenate(sides) * board.square_m
+    return np.column_stack((flat, np.zeros(len(flat))))
+
+
+def _focus(rig: CameraRig) -> Array:
+    """The point nearest to all optical axes: what the cameras look at."""
+    normal, right = np.zeros((3, 3)), np.zeros(3)
+    for camera in rig.cameras:
+        across = np.eye(3) - np.outer(camera.rotation[2], camera.rotation[2])
+        normal += across
+        right += across @ camera.centre_m
+    # a little weight on 3 m before the cameras decides when the axes are parallel or there is one camera
+    ahead = np.mean([camera.centre_m + 3.0 * camera.rotation[2] for camera in rig.cameras], axis=0)
+    return np.linalg.solve(normal + 1e-3 * np.eye(3), right + 1e-3 * ahead)
+
+
+def _candidate(rig: CameraRig, board: Board, focus: Array, rng: np.random.Generator) -> BoardPose:
+    """A random place between the cameras and what they look at, with the board turned roughly to the cameras."""
+    middle = np.mean([camera.centre_m for camera in rig.cameras], axis=0)
+    place = focus + rng.uniform(-0.05, 0.62) * (middle - focus) + rng.uniform(-1.0, 1.0, 3) * (1.3, 1.0, 0.2)
+    # board axes: x right, y down as the cameras see it, so its normal points away from them
+    facing = looking_at(middle, place).T
+    tilt = rot.to_matrix(rot.from_rotation_vector(rng.uniform(-1.0, 1.0, 3) * np.radians((38.0, 38.0, 25.0))))
+    turn = facing @ tilt
+    centre = np.array([board.columns - 1, board.rows - 1, 0.0]) * 0.5 * board.square_m
+    return BoardPose(turn, place - turn @ centre)
+
+
+def _covered(rig: CameraRig, board: Board, pose: BoardPose) -> Array | None:
+    """Which parts of all images the corners lie in (0 or 1), or None when a camera does not see the whole board."""
+    cells = []
+    rim, corners = pose.points(_outline(board)), pose.points(board.points_m)
+    for camera in rig.cameras:
+        width, height = camera.image_size
+        pixels = camera.project(rim)
+        if not np.all((pixels > 2.0) & (pixels < np.array([width - 3.0, height - 3.0]))):
+            return None
+        towards = camera.centre_m - rim.mean(axis=0)
+        if abs(float(towards @ pose.world_from_board[:, 2])) < 0.7 * float(np.linalg.norm(towards)):
+            return None
+        grid = np.zeros((height // _CELL_PX + 1, width // _CELL_PX + 1))
+        index = (camera.project(corners) // _CELL_PX).astype(int)
+        grid[index[:, 1], index[:, 0]] = 1.0
+        cells.append(grid.ravel())
+    return np.concatenate(cells)
