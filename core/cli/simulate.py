@@ -1,0 +1,70 @@
+"""`perfanim simulate markers` and, where the parts for images are, `perfanim simulate cameras`."""
+
+import argparse
+import importlib.util
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..formats.bvh import write_bvh
+from ..formats.takes import write_take
+from ..marker_set import load_marker_set
+from ..motion import resampled
+from ..motion_files import read_motion
+from ..simulate.markers import simulate_markers
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command group."""
+    group = subparsers.add_parser("simulate", help="marker takes and camera videos made from motion")
+    commands = group.add_subparsers(metavar="COMMAND", required=True)
+    _add_markers(commands)
+    if importlib.util.find_spec(".simulate_cameras", __package__) is not None:
+        from . import simulate_cameras
+
+        simulate_cameras.add_parser(commands)
+
+
+def _add_markers(commands: Any) -> None:
+    parser = commands.add_parser("markers", help="marker take from motion, with its truth")
+    parser.add_argument("motion", metavar="MOTION", help=".bvh or .amc")
+    parser.add_argument("--skeleton", metavar="FILE.asf", help="skeleton of an AMC file")
+    parser.add_argument("--marker-set", required=True, metavar="NAME", help="shipped marker set or TOML file")
+    parser.add_argument("--out", required=True, metavar="TAKE", help="take to write: .take.npz, .csv or .trc")
+    parser.add_argument("--fps", type=float, metavar="HZ", help="rate of the take (default: the motion's)")
+    parser.add_argument(
+        "--noise-mm", type=float, default=0.0, metavar="S", help="standard deviation per coordinate, mm (default 0)"
+    )
+    parser.add_argument(
+        "--dropout", type=float, default=0.0, metavar="P", help="share of positions that are missing (default 0)"
+    )
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of noise and gaps (default 0)")
+    parser.set_defaults(run=_markers)
+
+
+def _markers(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+    progress(0.0, "reading")
+    motion = read_motion(args.motion, args.skeleton)
+    if args.fps is not None:
+        motion = resampled(motion, args.fps)
+    marker_set = load_marker_set(args.marker_set)
+    take, truth = simulate_markers(motion, marker_set, args.noise_mm, args.dropout, args.seed)
+    progress(0.5, "writing")
+    out = Path(args.out)
+    truth_path = truth_path_of(out)
+    write_take(take, out)
+    write_bvh(truth, truth_path)
+    return {
+        "frames": take.frames,
+        "fps": take.fps,
+        "markers": list(take.names),
+        "visible_fraction": float(take.visible.mean()),
+        "take": str(out),
+        "truth": str(truth_path),
+    }
+
+
+def truth_path_of(take: Path) -> Path:
+    """Return where the truth of a simulated take stands: "walk.take.npz" -> "walk.truth.bvh"."""
+    stem = take.name.removesuffix(".take.npz") if take.name.endswith(".take.npz") else take.stem
+    return take.with_name(f"{stem}.truth.bvh")

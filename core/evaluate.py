@@ -1,0 +1,262 @@
+"""How far a motion is from the truth: joint rotations, joint angles, positions, bone directions, jitter, foot skate."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import rotations as rot
+from .angle_frames import with_angle_frames
+from .errors import FormatError
+from .motion import Motion, resampled, sliced
+from .product_skeleton import JOINT_NAMES
+from .skeleton import Skeleton, forward_kinematics, joint_angles
+
+Array = NDArray[np.float64]
+
+_FOOT_JOINTS = ("ltoes", "rtoes")
+_CONTACT_SPEED_M_S = 0.15  # a foot on the floor moves less, apart from measurement noise
+_CONTACT_HEIGHT_M = 0.05  # above the lowest point of the foot within a second
+_WORST_FRAMES = 5
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """The compared frames of both motions, joints in one order, root first."""
+
+    motion: Motion
+    truth: Motion
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Errors:
+    """Errors of every frame: joints (F, J) including the root, angles (F, A) of the other joints."""
+
+    rotation_deg: Array
+    angle_deg: Array
+    angle_joints: NDArray[np.int64]
+    position_mm: Array
+    absolute_mm: Array
+    direction_deg: Array
+    twist_deg: Array
+
+
+def evaluate(motion: Motion, truth: Motion, skeleton: Skeleton | None = None) -> dict[str, Any]:
+    """Compare a motion with its truth, frame by frame from the first of both on.
+
+    At different rates the truth is resampled to the motion's times; the frames that both have are compared, over the
+    joints that both have by name.
+
+    Args:
+        motion: what was solved.
+        truth: what it should be.
+        skeleton: gives the frames and axes of the joint angles; default the truth's, or the CMU database's when the
+            truth has none of its own.
+
+    Returns:
+        deg_per_joint: mean over frames and joints but the root of the angle between the local rotations, degrees.
+        deg_per_angle: mean absolute difference of the joint angles, wrapped, degrees; of the two triples that mean
+            one rotation the nearer counts.
+        mpjpe_mm: mean joint distance with the roots' positions made equal; mpjpe_absolute_mm: as they are.
+        bone_direction_deg: mean angle between the bones' directions in the world; twist_deg: mean turn about the
+            own bone in the error of the local rotation.
+        root_position_mm, root_rotation_deg: mean errors of the root.
+        jitter_ratio: mean third difference of the joint positions, relative to the truth's (NaN when that is still).
+        foot_skate_cm_s: mean horizontal speed of the toes while the true ones stand on the floor;
+            foot_skate_truth_cm_s: that of the truth; NaN when they never do.
+        frames, fps, joints, per_joint, worst_frames, notes.
+
+    Raises:
+        FormatError: the motions share no joint or too few frames.
+    """
+    pair = _aligned(motion, truth)
+    angle_skeleton = _angle_skeleton(skeleton or pair.truth.skeleton, pair.truth.skeleton)
+    estimated = forward_kinematics(pair.motion.skeleton, pair.motion.rotations, pair.motion.root_positions_m)
+    true = forward_kinematics(pair.truth.skeleton, pair.truth.rotations, pair.truth.root_positions_m)
+    errors = _errors(pair, angle_skeleton, estimated, true)
+    skate, true_skate = _foot_skate(pair.truth, estimated[0], true[0])
+    return {
+        "deg_per_joint": float(np.mean(errors.rotation_deg[:, 1:])),
+        "deg_per_angle": float(np.mean(errors.angle_deg)),
+        "mpjpe_mm": float(np.mean(errors.position_mm[:, 1:])),
+        "mpjpe_absolute_mm": float(np.mean(errors.absolute_mm)),
+        "bone_direction_deg": float(np.mean(errors.direction_deg[:, 1:])),
+        "twist_deg": float(np.mean(errors.twist_deg[:, 1:])),
+        "root_position_mm": float(np.mean(errors.absolute_mm[:, 0])),
+        "root_rotation_deg": float(np.mean(errors.rotation_deg[:, 0])),
+        "jitter_ratio": _jitter_ratio(estimated[0], true[0]),
+        "foot_skate_cm_s": skate,
+        "foot_skate_truth_cm_s": true_skate,
+        "frames": pair.motion.frames,
+        "fps": pair.motion.fps,
+        "joints": len(pair.motion.skeleton),
+        "per_joint": _per_joint(pair.motion.skeleton.names, errors),
+        "worst_frames": _worst_frames(errors),
+        "notes": list(pair.notes),
+    }
+
+
+def _aligned(motion: Motion, truth: Motion) -> _Pair:
+    notes = []
+    if abs(motion.fps - truth.fps) > 1e-3 * motion.fps:
+        notes.append(f"truth resampled from {truth.fps:g} to {motion.fps:g} frames per second")
+        truth = resampled(truth, motion.fps)
+    frames = min(motion.frames, truth.frames)
+    if motion.frames != truth.frames:
+        notes.append(f"motion has {motion.frames} frames, truth {truth.frames}; the first {frames} are compared")
+    shared = [name for name in truth.skeleton.names if name in motion.skeleton.names]
+    if len(shared) < 2 or shared[0] != truth.skeleton.names[0] or shared[0] != motion.skeleton.names[0]:
+        raise FormatError("motion and truth share no joints but one", where=f"{motion.name}, {truth.name}")
+    if len(shared) < max(len(motion.skeleton), len(truth.skeleton)):
+        notes.append(f"compared are the {len(shared)} joints that both have")
+    return _Pair(
+        _with_joints(sliced(motion, 0, frames), shared), _with_joints(sliced(truth, 0, frames), shared), tuple(notes)
+    )
+
+
+def _with_joints(motion: Motion, names: list[str]) -> Motion:
+    """Return the motion with only these joints, those left out held at rest relative to their parent."""
+    old = motion.skeleton
+    if list(old.names) == names:
+        return motion
+    kept = [old.index(name) for name in names]
+    world = forward_kinematics(old, motion.rotations, motion.root_positions_m)[1]
+    parents, offsets = [-1], [np.zeros(3)]
+    for joint in kept[1:]:
+        above, offset = int(old.parents[joint]), old.offsets_m[joint]
+        while above not in kept:
+            offset, above = offset + old.offsets_m[above], int(old.parents[above])
+        parents.append(kept.index(above))
+        offsets.append(offset)
+    skeleton = Skeleton(
+        tuple(names), np.array(parents), np.array(offsets), old.tips_m[kept],
+        old.angle_axes[kept], tuple(old.angle_orders[joint] for joint in kept),
+    )  # fmt: skip
+    local = world[:, kept].copy()
+    local[:, 1:] = rot.multiply(rot.conjugate(world[:, kept][:, parents[1:]]), local[:, 1:])
+    return Motion(motion.name, motion.fps, skeleton, local, motion.root_positions_m)
+
+
+def _angle_skeleton(chosen: Skeleton, compared: Skeleton) -> Skeleton:
+    """Return the compared skeleton with the angle frames of the chosen one."""
+    without_own = np.allclose(chosen.angle_axes[:, 0], 1.0)  # every frame is the identity
+    if without_own and set(chosen.names) <= set(JOINT_NAMES):
+        chosen = with_angle_frames(chosen)
+    missing = [name for name in compared.names if name not in chosen.names]
+    if missing:
+        raise FormatError("the skeleton that gives the joint angles lacks " + ", ".join(missing[:5]))
+    order = [chosen.index(name) for name in compared.names]
+    return Skeleton(
+        compared.names, compared.parents, compared.offsets_m, compared.tips_m,
+        chosen.angle_axes[order], tuple(chosen.angle_orders[joint] for joint in order),
+    )  # fmt: skip
+
+
+def _errors(pair: _Pair, angles: Skeleton, estimated: tuple[Array, Array], true: tuple[Array, Array]) -> _Errors:
+    difference = 1000.0 * (estimated[0] - true[0])
+    angle_deg, angle_joints = _angle_errors(angles, pair.motion.rotations, pair.truth.rotations)
+    mine, theirs = _bone_directions(pair.motion.skeleton), _bone_directions(pair.truth.skeleton)
+    local_error = rot.multiply(rot.conjugate(pair.truth.rotations), pair.motion.rotations)
+    along = np.sum(local_error[..., 1:] * theirs, axis=-1)
+    return _Errors(
+        rotation_deg=np.degrees(rot.angle_between(pair.motion.rotations, pair.truth.rotations)),
+        angle_deg=angle_deg,
+        angle_joints=angle_joints,
+        position_mm=np.linalg.norm(difference - difference[:, :1], axis=-1),
+        absolute_mm=np.linalg.norm(difference, axis=-1),
+        direction_deg=_angles_between(rot.rotate(estimated[1], mine), rot.rotate(true[1], theirs)),
+        twist_deg=np.degrees(2.0 * np.abs(np.arctan2(along, np.abs(local_error[..., 0])))),
+    )
+
+
+def _bone_directions(skeleton: Skeleton) -> Array:
+    """Return (J, 3) unit rest directions from each joint to the end of its bone (up where a bone has no length)."""
+    length = np.linalg.norm(skeleton.tips_m, axis=-1, keepdims=True)
+    return np.where(length > 1e-6, skeleton.tips_m / np.maximum(length, 1e-6), np.array([0.0, 1.0, 0.0]))
+
+
+def _angles_between(a: Array, b: Array) -> Array:
+    return np.degrees(2.0 * np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1)))
+
+
+def _angle_errors(skeleton: Skeleton, mine: Array, theirs: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Return (F, A) absolute differences of all angles of the joints but the root, and (A,) their joints."""
+    columns, joints = [], []
+    pairs = zip(joint_angles(skeleton, mine), joint_angles(skeleton, theirs), strict=True)
+    for joint, (a, b) in enumerate(pairs):
+        if joint == 0 or a.shape[-1] == 0:
+            continue
+        difference = np.abs(_wrapped(a - b))
+        if a.shape[-1] == 3:
+            # (first, middle, last) and (first + pi, pi - middle, last + pi) are one rotation
+            other = np.stack((a[..., 0] + np.pi, np.pi - a[..., 1], a[..., 2] + np.pi), axis=-1)
+            other = np.abs(_wrapped(other - b))
+            nearer = np.sum(other, axis=-1, keepdims=True) < np.sum(difference, axis=-1, keepdims=True)
+            difference = np.where(nearer, other, difference)
+        columns.append(difference)
+        joints += [joint] * a.shape[-1]
+    if not columns:
+        raise FormatError("the skeleton that gives the joint angles has no degrees of freedom")
+    return np.degrees(np.concatenate(columns, axis=-1)), np.array(joints)
+
+
+def _wrapped(angles: Array) -> Array:
+    return (angles + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def _jitter_ratio(estimated: Array, true: Array) -> float:
+    if len(true) < 4:
+        return float("nan")
+    mine, theirs = (float(np.mean(np.linalg.norm(np.diff(p, 3, axis=0), axis=-1))) for p in (estimated, true))
+    return mine / theirs if theirs > 1e-9 else float("nan")
+
+
+def _foot_skate(truth: Motion, estimated: Array, true: Array) -> tuple[float, float]:
+    """Return the mean horizontal toe speeds, cm/s, of both motions while the true toes stand on the floor."""
+    feet = [truth.skeleton.names.index(name) for name in _FOOT_JOINTS if name in truth.skeleton.names]
+    if not feet or len(true) < 2:
+        return float("nan"), float("nan")
+    velocity = np.diff(true[:, feet], axis=0) * truth.fps
+    height = 0.5 * (true[1:, feet, 1] + true[:-1, feet, 1])
+    low = height < _lowest_within(height, round(truth.fps)) + _CONTACT_HEIGHT_M
+    contact = low & (np.linalg.norm(velocity, axis=-1) < _CONTACT_SPEED_M_S)
+    if not np.any(contact):
+        return float("nan"), float("nan")
+    mine = np.diff(estimated[:, feet], axis=0) * truth.fps
+    speeds = (np.linalg.norm(v[..., [0, 2]], axis=-1)[contact] for v in (mine, velocity))
+    skate, true_skate = (100.0 * float(np.mean(speed)) for speed in speeds)
+    return skate, true_skate
+
+
+def _lowest_within(height: Array, radius: int) -> Array:
+    padded = np.pad(height, ((radius, radius), (0, 0)), mode="edge")
+    return np.min(np.lib.stride_tricks.sliding_window_view(padded, 2 * radius + 1, axis=0), axis=-1)
+
+
+def _per_joint(names: tuple[str, ...], errors: _Errors) -> dict[str, dict[str, float]]:
+    table = {}
+    for joint, name in enumerate(names):
+        angles = errors.angle_deg[:, errors.angle_joints == joint]
+        table[name] = {
+            "deg": float(np.mean(errors.rotation_deg[:, joint])),
+            "deg_per_angle": float(np.mean(angles)) if angles.size else float("nan"),
+            "position_mm": float(np.mean(errors.position_mm[:, joint])),
+            "bone_direction_deg": float(np.mean(errors.direction_deg[:, joint])),
+            "twist_deg": float(np.mean(errors.twist_deg[:, joint])),
+        }
+    return table
+
+
+def _worst_frames(errors: _Errors) -> list[dict[str, float]]:
+    of_frame = np.mean(errors.rotation_deg[:, 1:], axis=1)
+    worst = np.argsort(-of_frame)[:_WORST_FRAMES]
+    return [
+        {
+            "frame": int(frame),
+            "deg_per_joint": float(of_frame[frame]),
+            "mpjpe_mm": float(np.mean(errors.position_mm[frame, 1:])),
+        }
+        for frame in worst
+    ]

@@ -1,0 +1,45 @@
+"""Marker takes in the formats of other programs and in our own, all in metres."""
+
+from pathlib import Path
+
+from ..errors import FormatError
+from ..marker_take import MarkerTake, load_take, save_take
+from .c3d import read_c3d
+from .take_csv import read_csv, write_csv
+from .trc import read_trc, write_trc
+
+READABLE = (".c3d", ".trc", ".csv", ".take.npz")
+WRITABLE = (".take.npz", ".csv", ".trc")
+
+
+def read_take(path: Path | str) -> MarkerTake:
+    """Return the marker take of a .c3d, .trc, .csv (Motive's export or our own) or .take.npz file.
+
+    Positions are metres in the file's own axes; what is missing is NaN.
+
+    Raises:
+        FormatError: another kind of file, damaged, or without markers.
+        TakeError: an own take of another version.
+    """
+    path = Path(path)
+    name = path.name.lower()
+    if name.endswith(".npz"):
+        return load_take(path)
+    readers = {".c3d": read_c3d, ".trc": read_trc, ".csv": read_csv}
+    if path.suffix.lower() not in readers:
+        raise FormatError("is no marker take", where=str(path), advice="give one of " + ", ".join(READABLE))
+    return readers[path.suffix.lower()](path)
+
+
+def write_take(take: MarkerTake, path: Path | str) -> None:
+    """Write a take; the file name's ending chooses the format.
+
+    Raises:
+        FormatError: an ending that cannot be written, or the folder cannot be.
+    """
+    name = Path(path).name.lower()
+    for ending, write in ((".take.npz", save_take), (".csv", write_csv), (".trc", write_trc)):
+        if name.endswith(ending):
+            write(take, path)
+            return
+    raise FormatError("has an ending that cannot be written", where=str(path), advice=f"use {', '.join(WRITABLE)}")

@@ -1,0 +1,58 @@
+"""Marker takes made from motion, with everything known about them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SettingsError
+from ..marker_set import MarkerSet, Subject
+from ..marker_take import MarkerTake
+from ..motion import Motion
+from ..skeleton import marker_positions
+
+_MEAN_GAP_S = 0.15  # how long a lost marker stays lost on average
+
+
+def simulate_markers(
+    motion: Motion, markers: MarkerSet | Subject, noise_mm: float = 0.0, dropout: float = 0.0, seed: int = 0
+) -> tuple[MarkerTake, Motion]:
+    """Return what an ideal marker system would have recorded of a motion, disturbed as asked, and the truth.
+
+    Args:
+        motion: on a skeleton with the joints that carry the markers.
+        markers: marker set with offsets, or a subject (whose offsets are taken; bones are the motion's).
+        noise_mm: standard deviation of Gaussian noise on each coordinate.
+        dropout: share of marker positions that are missing, in gaps of 0.15 s on average.
+        seed: of the noise and the gaps.
+
+    Raises:
+        SettingsError: noise or dropout out of range.
+        MarkerSetError: the set has no offsets.
+        SkeletonError: the motion lacks a joint that carries a marker.
+    """
+    if not (np.isfinite(noise_mm) and noise_mm >= 0.0):
+        raise SettingsError(f"marker noise of {noise_mm} mm is out of range", advice="give 0 or more")
+    if not 0.0 <= dropout < 1.0:
+        raise SettingsError(f"dropout of {dropout} is out of range", advice="give 0 up to, without, 1")
+    chosen = markers.marker_set if isinstance(markers, Subject) else markers
+    generator = np.random.default_rng(seed)
+    positions = marker_positions(
+        motion.skeleton, chosen.joint_indices(motion.skeleton), chosen.offsets_m, motion.rotations,
+        motion.root_positions_m,
+    )  # fmt: skip
+    positions = positions + generator.normal(0.0, 1e-3 * noise_mm, positions.shape)
+    missing = _gaps(generator, motion.frames, len(chosen), dropout, motion.fps)
+    positions[missing] = np.nan
+    return MarkerTake(motion.name, motion.fps, chosen.names, positions), motion
+
+
+def _gaps(generator: np.random.Generator, frames: int, markers: int, dropout: float, fps: float) -> NDArray[np.bool_]:
+    """Return (F, M) where a marker is missing: a two-state chain whose long-run share is `dropout`."""
+    mean_gap = max(_MEAN_GAP_S * fps, 1.0)
+    come_back = 1.0 / mean_gap
+    get_lost = min(come_back * dropout / (1.0 - dropout), 1.0)
+    missing = np.zeros((frames, markers), dtype=bool)
+    state = generator.random(markers) < dropout
+    for frame, draw in enumerate(generator.random((frames, markers))):
+        missing[frame] = state
+        state = np.where(state, draw >= come_back, draw < get_lost)
+    return missing
