@@ -1,0 +1,89 @@
+"""Calibration of the performer."""
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy_extras.io_utils import ImportHelper
+
+from ...core.errors import PerfanimError, SubjectError
+from .. import running, states
+from ..place import absolute, user_folder
+from ..properties import settings
+from . import common
+from .jobs import JobOperator
+
+PANEL = "subject"
+
+
+class PERFANIM_OT_calibrate_subject(JobOperator, bpy.types.Operator):
+    """Find bone lengths and marker places from a marker take that begins with the performer standing in a T pose"""
+
+    bl_idname = "perfanim.calibrate_subject"
+    bl_label = "Calibrate from T Pose"
+    title = "Calibrating the performer"
+    panel = PANEL
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Needs a take."""
+        if not super().poll(context):
+            return False
+        if not settings(context).subject_take:
+            cls.poll_message_set("Choose a marker take that begins with a T pose")
+            return False
+        return True
+
+    def arguments(self, context: bpy.types.Context) -> list[str]:
+        """Return the command."""
+        chosen = settings(context)
+        take = absolute(chosen.subject_take)
+        if not Path(take).is_file():
+            raise SubjectError("not found", where=take, advice="choose a marker take")
+        name = "".join(c if c.isalnum() or c in "-_" else "-" for c in chosen.subject_name) or "performer"
+        self._target = str(user_folder("subjects") / f"{name}.toml")
+        marker_set = absolute(chosen.marker_set_file) or chosen.marker_set
+        return ["calibrate", "subject", take, "--marker-set", marker_set, "--out", self._target]
+
+    def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+        """Use the new subject."""
+        settings(context).subject = self._target
+        return f"residual {float(summary.get('residual_mm', 0.0)):.0f} mm"
+
+
+class PERFANIM_OT_open_subject(bpy.types.Operator, ImportHelper):
+    """Open a performer who was calibrated before"""
+
+    bl_idname = "perfanim.open_subject"
+    bl_label = "Open Subject"
+    filename_ext = ".toml"
+    filter_glob: bpy.props.StringProperty(default="*.toml", options={"HIDDEN"})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only while nothing runs."""
+        return common.in_scene(cls, context) and common.idle(cls)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Check the file and use it."""
+        found = states.subject(self.filepath)
+        if isinstance(found, PerfanimError):
+            return common.failed(self, PANEL, found)
+        settings(context).subject = self.filepath
+        running.set_message(PANEL, "")
+        return {"FINISHED"}
+
+
+_CLASSES = (PERFANIM_OT_calibrate_subject, PERFANIM_OT_open_subject)
+
+
+def register() -> None:
+    """Register the operators."""
+    for cls in _CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    for cls in reversed(_CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,32 @@
+"""What stands in the sidebar when a bundled library cannot be loaded."""
+
+import bpy
+
+from . import diagnostics, preferences
+
+
+class PERFANIM_PT_broken(bpy.types.Panel):
+    """Says what is wrong and what to do."""
+
+    bl_idname = "PERFANIM_PT_broken"
+    bl_label = "Perfanim cannot run"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = preferences.DEFAULT_TAB
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw."""
+        column = self.layout.column()
+        column.label(text=diagnostics.problem, icon="ERROR")
+        column.label(text="Install the archive made for this Blender's Python and platform.")
+        column.operator("perfanim.copy_diagnostics", icon="COPYDOWN")
+
+
+def register() -> None:
+    """Register the panel."""
+    bpy.utils.register_class(PERFANIM_PT_broken)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    bpy.utils.unregister_class(PERFANIM_PT_broken)

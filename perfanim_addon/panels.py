@@ -1,0 +1,287 @@
+"""The sidebar's tab: one sub-panel a step, in the order of the work, each with its state in its header line."""
+
+from collections.abc import Callable
+from typing import Any
+
+import bpy
+
+from . import preferences, running, states
+from .operators.capture import Capture
+from .operators.jobs import Job
+from .properties import settings
+
+MESSAGE_WIDTH = 44  # characters of a line in a sidebar of ordinary width
+
+
+class _Step:
+    """What the sub-panels share."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = preferences.DEFAULT_TAB
+    bl_options = {"DEFAULT_CLOSED"}
+    state: Callable[[Any], states.State]
+    key = ""
+
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        """Draw the state at the right of the header line."""
+        state = type(self).state(settings(context))
+        row = self.layout.row()
+        row.alert = not state.ready
+        row.label(text=state.text, icon="CHECKMARK" if state.ready else "ERROR")
+        row.separator()
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw."""
+        chosen = settings(context)
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        column = layout.column()
+        column.enabled = not isinstance(running.current(), Capture)
+        self.draw_step(column, chosen)
+        state = type(self).state(chosen)
+        if state.problem:
+            draw_text(layout, state.problem, "ERROR")
+        draw_job(layout, self.key)
+        if running.message(self.key):
+            draw_text(layout, running.message(self.key), "INFO")
+
+    def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
+        """Draw the step's own settings and buttons."""
+
+
+class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
+    """Source of the images and calibration."""
+
+    bl_idname = "PERFANIM_PT_cameras"
+    bl_label = "Cameras"
+    bl_order = 0
+    state = staticmethod(states.cameras)
+    key = "cameras"
+
+    def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
+        """Draw."""
+        layout.prop(chosen, "source")
+        if chosen.source == "SIMULATED":
+            layout.prop(chosen, "behaviour")
+            return
+        if chosen.source == "CAMERAS":
+            _props(layout, chosen, "left_device", "right_device", "width", "height", "camera_fps")
+        elif chosen.source == "VIDEOS":
+            _props(layout, chosen, "left_video", "right_video")
+        else:
+            _props(layout, chosen, "left_folder", "right_folder", "files_fps")
+        row = layout.row(align=True)
+        row.prop(chosen, "calibration")
+        row.operator("perfanim.open_calibration", text="", icon="FILEBROWSER")
+        box = layout.box().column()
+        box.label(text="Chessboard, inner corners")
+        _props(box, chosen, "board_columns", "board_rows", "board_square_mm", "board_left", "board_right")
+        box.operator("perfanim.calibrate_cameras", icon="CAMERA_STEREO")
+
+
+class PERFANIM_PT_markers(_Step, bpy.types.Panel):
+    """Which markers are worn and how they are found."""
+
+    bl_idname = "PERFANIM_PT_markers"
+    bl_label = "Markers"
+    bl_order = 1
+    state = staticmethod(states.markers)
+    key = "markers"
+
+    def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
+        """Draw."""
+        row = layout.row()
+        row.enabled = not chosen.marker_set_file
+        row.prop(chosen, "marker_set")
+        layout.prop(chosen, "marker_set_file")
+        layout.prop(chosen, "background_s")
+        layout.prop(chosen, "threshold_auto", text="Threshold Auto")
+        row = layout.row()
+        row.enabled = not chosen.threshold_auto
+        row.prop(chosen, "threshold")
+
+
+class PERFANIM_PT_subject(_Step, bpy.types.Panel):
+    """Who performs."""
+
+    bl_idname = "PERFANIM_PT_subject"
+    bl_label = "Subject"
+    bl_order = 2
+    state = staticmethod(states.performer)
+    key = "subject"
+
+    def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
+        """Draw."""
+        row = layout.row(align=True)
+        row.prop(chosen, "subject")
+        row.operator("perfanim.open_subject", text="", icon="FILEBROWSER")
+        box = layout.box().column()
+        _props(box, chosen, "subject_name", "subject_take")
+        box.operator("perfanim.calibrate_subject", icon="OUTLINER_OB_ARMATURE")
+
+
+class PERFANIM_PT_database(_Step, bpy.types.Panel):
+    """Recorded motion that fills in what the markers do not show."""
+
+    bl_idname = "PERFANIM_PT_database"
+    bl_label = "Motion Database"
+    bl_order = 3
+    state = staticmethod(states.motion)
+    key = "database"
+
+    def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
+        """Draw."""
+        row = layout.row(align=True)
+        row.prop(chosen, "database")
+        row.operator("perfanim.open_database", text="", icon="FILEBROWSER")
+        row.operator("perfanim.use_starter_database", text="", icon="LOOP_BACK")
+        layout.prop(chosen, "database_fps")
+        layout.operator("perfanim.build_database", icon="IMPORT")
+
+
+class PERFANIM_PT_character(_Step, bpy.types.Panel):
+    """Who moves along."""
+
+    bl_idname = "PERFANIM_PT_character"
+    bl_label = "Character"
+    bl_order = 4
+    state = staticmethod(states.character)
+    key = "character"
+
+    def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
+        """Draw."""
+        layout.prop(chosen, "armature")
+        row = layout.row(align=True)
+        row.operator("perfanim.add_character", icon="ADD")
+        row.operator("perfanim.use_active_armature", text="Use Active", icon="EYEDROPPER")
+
+
+class PERFANIM_PT_capture(bpy.types.Panel):
+    """Start, stop, and how it goes."""
+
+    bl_idname = "PERFANIM_PT_capture"
+    bl_label = "Capture"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = preferences.DEFAULT_TAB
+    bl_order = 5
+
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        """Draw the state at the right of the header line."""
+        activity = running.current()
+        row = self.layout.row()
+        if isinstance(activity, Capture):
+            row.label(text=activity.line, icon="REC")
+        else:
+            problem = states.first_problem(settings(context))
+            row.alert = bool(problem)
+            row.label(text="not ready" if problem else "ready", icon="ERROR" if problem else "CHECKMARK")
+        row.separator()
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw."""
+        layout = self.layout
+        activity = running.current()
+        row = layout.row()
+        row.scale_y = 1.8
+        if isinstance(activity, Capture):
+            row.operator("perfanim.stop_capture", icon="SNAP_FACE")
+            self._draw_figures(layout, activity)
+        else:
+            row.operator("perfanim.start_capture", icon="REC")
+            problem = states.first_problem(settings(context))
+            if problem:
+                draw_text(layout, problem, "ERROR")
+            elif running.message("capture"):
+                draw_text(layout, running.message("capture"), "INFO")
+        layout.prop(settings(context), "extend_scene")
+
+    def _draw_figures(self, layout: bpy.types.UILayout, capture: Capture) -> None:
+        run = capture.run
+        if run is None:
+            draw_progress(layout, capture.job.fraction if capture.job else 0.0, capture.line)
+            return
+        figures = run.statistics
+        if figures.solved == 0 and run.fraction is not None:
+            draw_progress(layout, run.fraction, run.activity)
+        grid = layout.grid_flow(columns=2, even_columns=True, row_major=True)
+        grid.label(text=f"{figures.frames_per_s:.0f} frames/s")
+        grid.label(text=f"{figures.latency_s * 1000:.0f} ms latency")
+        grid.label(text=f"{figures.solved} frames")
+        grid.label(text=f"{figures.lost} dropped")
+        draw_progress(layout, figures.confidence, f"Confidence {figures.confidence:.0%}")
+        if run.behind:
+            layout.label(text=f"{run.behind} frames behind", icon="SORTTIME")
+        if run.notice:
+            draw_text(layout, run.notice, "ERROR")
+
+
+def _props(layout: bpy.types.UILayout, chosen: Any, *names: str) -> None:
+    for name in names:
+        layout.prop(chosen, name)
+
+
+def draw_progress(layout: bpy.types.UILayout, fraction: float, text: str) -> None:
+    """Draw a bar with text."""
+    layout.progress(factor=min(max(fraction, 0.0), 1.0), text=text)
+
+
+def draw_job(layout: bpy.types.UILayout, panel: str) -> None:
+    """Draw the progress of a job of this panel, and its Cancel."""
+    job = running.current()
+    if isinstance(job, Job) and job.panel == panel:
+        row = layout.row(align=True)
+        draw_progress(row, job.fraction, job.text)
+        row.operator("perfanim.cancel_job", text="", icon="X")
+
+
+def draw_text(layout: bpy.types.UILayout, text: str, icon: str) -> None:
+    """Draw a sentence over as many lines as it takes."""
+    column = layout.column(align=True)
+    for index, line in enumerate(wrapped(text)):
+        column.label(text=line, icon=icon if index == 0 else "BLANK1")
+
+
+def wrapped(text: str, width: int = MESSAGE_WIDTH) -> list[str]:
+    """Return the text cut into lines of at most `width` characters; long paths are cut wherever it must be."""
+    lines = [""]
+    for word in text.split():
+        if lines[-1] and len(lines[-1]) + 1 + len(word) > width:
+            lines.append("")
+        lines[-1] = f"{lines[-1]} {word}".strip()
+        while len(lines[-1]) > width:
+            lines[-1:] = [lines[-1][:width], lines[-1][width:]]
+    return lines
+
+
+_CLASSES = (
+    PERFANIM_PT_cameras,
+    PERFANIM_PT_markers,
+    PERFANIM_PT_subject,
+    PERFANIM_PT_database,
+    PERFANIM_PT_character,
+    PERFANIM_PT_capture,
+)
+
+
+def move_to_tab(name: str) -> None:
+    """Show the panels in another tab of the sidebar."""
+    unregister()
+    for cls in _CLASSES:
+        cls.bl_category = name
+        bpy.utils.register_class(cls)
+
+
+def register() -> None:
+    """Register the panels in the tab that the preferences name."""
+    for cls in _CLASSES:
+        cls.bl_category = preferences.tab(bpy.context)
+        bpy.utils.register_class(cls)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    for cls in reversed(_CLASSES):
+        bpy.utils.unregister_class(cls)

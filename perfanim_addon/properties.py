@@ -1,0 +1,168 @@
+"""Settings of a capture, kept in the scene; the defaults need nothing but a click on Start Capture."""
+
+import bpy
+
+from ..core.marker_set import marker_set_names
+
+SOURCES = (
+    ("SIMULATED", "Simulated Performer", "A performer, room and two cameras drawn by the computer: needs no hardware"),
+    ("CAMERAS", "Cameras", "Two cameras connected to this computer, by device number"),
+    ("VIDEOS", "Videos", "A recorded video of each camera"),
+    ("IMAGES", "Image Folders", "A folder of numbered images of each camera"),
+)
+
+BEHAVIOURS = (
+    ("walk", "Walking", "Walking"),
+    ("run", "Running", "Running"),
+    ("hop", "Hopping", "Hopping on one leg and on the other"),
+    ("jump", "Jumping", "Jumping on the spot and forward"),
+    ("box", "Boxing", "Boxing"),
+    ("kendo", "Kendo", "Sword strokes"),
+)
+
+_marker_sets: list[tuple[str, str, str]] = []  # Blender keeps no reference to a dynamic enumeration's strings
+
+
+def _marker_set_items(_self: object, _context: object) -> list[tuple[str, str, str]]:
+    if not _marker_sets:
+        names = sorted(marker_set_names(), key=lambda name: (name != "boxing", name))
+        _marker_sets.extend((name, name.replace("-", " ").title(), f"The marker set {name!r}") for name in names)
+    return _marker_sets
+
+
+def _is_armature(_self: object, candidate: bpy.types.Object) -> bool:
+    return candidate.type == "ARMATURE"
+
+
+class PERFANIM_PG_settings(bpy.types.PropertyGroup):
+    """Settings in the order of the panels."""
+
+    source: bpy.props.EnumProperty(
+        name="Source", description="Where images of the performer come from", items=SOURCES, default="SIMULATED"
+    )
+    behaviour: bpy.props.EnumProperty(
+        name="Performs", description="What the simulated performer does", items=BEHAVIOURS, default="walk"
+    )
+    left_device: bpy.props.IntProperty(
+        name="Left", description="Device number of the camera on the left as seen by the cameras", default=0, min=0
+    )
+    right_device: bpy.props.IntProperty(
+        name="Right", description="Device number of the camera on the right as seen by the cameras", default=1, min=0
+    )
+    width: bpy.props.IntProperty(
+        name="Width", description="Image width", default=640, min=160, max=4096, subtype="PIXEL"
+    )
+    height: bpy.props.IntProperty(
+        name="Height", description="Image height", default=480, min=120, max=4096, subtype="PIXEL"
+    )
+    camera_fps: bpy.props.FloatProperty(
+        name="Frame Rate", description="Images per second that the cameras are asked for", default=60, min=1, max=500
+    )
+    left_video: bpy.props.StringProperty(
+        name="Left", description="Video of the left camera", subtype="FILE_PATH"
+    )
+    right_video: bpy.props.StringProperty(
+        name="Right", description="Video of the right camera", subtype="FILE_PATH"
+    )
+    left_folder: bpy.props.StringProperty(
+        name="Left", description="Folder with the left camera's numbered images", subtype="DIR_PATH"
+    )
+    right_folder: bpy.props.StringProperty(
+        name="Right", description="Folder with the right camera's numbered images", subtype="DIR_PATH"
+    )
+    files_fps: bpy.props.FloatProperty(
+        name="Frame Rate", description="Images per second at which the images were taken", default=60, min=1, max=500
+    )
+    calibration: bpy.props.StringProperty(
+        name="Calibration",
+        description="Calibration file of the two cameras (TOML)",
+        subtype="FILE_PATH",
+    )
+    board_columns: bpy.props.IntProperty(
+        name="Columns", description="Inner corners of the chessboard in a row", default=9, min=2, max=50
+    )
+    board_rows: bpy.props.IntProperty(
+        name="Rows", description="Inner corners of the chessboard in a column", default=6, min=2, max=50
+    )
+    board_square_mm: bpy.props.FloatProperty(
+        name="Square", description="Side of a square in millimetres, measured on the print", default=24, min=1, max=1000
+    )
+    board_left: bpy.props.StringProperty(
+        name="Left", description="Folder with the left camera's images of the board", subtype="DIR_PATH"
+    )
+    board_right: bpy.props.StringProperty(
+        name="Right", description="Folder with the right camera's images of the board", subtype="DIR_PATH"
+    )
+
+    marker_set: bpy.props.EnumProperty(
+        name="Set", description="Which markers are worn", items=_marker_set_items
+    )
+    marker_set_file: bpy.props.StringProperty(
+        name="File", description="A marker set of your own (TOML); empty: the set chosen above", subtype="FILE_PATH"
+    )
+    threshold_auto: bpy.props.BoolProperty(
+        name="Auto", description="Find the brightness threshold from the learned background", default=True
+    )
+    threshold: bpy.props.FloatProperty(
+        name="Threshold",
+        description="How much a pixel must differ from the learned background, in grey levels, to belong to a marker",
+        default=38,
+        min=1,
+        max=255,
+    )
+    background_s: bpy.props.FloatProperty(
+        name="Background",
+        description="Seconds at the start of a capture in which the empty room is learned: stay out of sight",
+        default=2,
+        min=0.1,
+        max=60,
+        subtype="TIME_ABSOLUTE",
+    )
+
+    subject: bpy.props.StringProperty(
+        name="Subject",
+        description="Calibrated performer (TOML); empty: the simulated performer, who is known",
+        subtype="FILE_PATH",
+    )
+    subject_name: bpy.props.StringProperty(
+        name="Name", description="Name for the performer to be calibrated", default="Performer"
+    )
+    subject_take: bpy.props.StringProperty(
+        name="Take", description="Marker take that begins with a T pose", subtype="FILE_PATH"
+    )
+
+    database: bpy.props.StringProperty(
+        name="Database", description="Motion database; empty: the starter motion of the add-on", subtype="FILE_PATH"
+    )
+    database_fps: bpy.props.FloatProperty(
+        name="Rate", description="Poses per second that an imported database keeps", default=60, min=5, max=240
+    )
+
+    armature: bpy.props.PointerProperty(
+        name="Armature",
+        description="Armature that moves along; empty: a new character is added at the start",
+        type=bpy.types.Object,
+        poll=_is_armature,
+    )
+    extend_scene: bpy.props.BoolProperty(
+        name="Extend Scene",
+        description="Move the scene's end frame back if the recording is longer",
+        default=True,
+    )
+
+
+def settings(context: bpy.types.Context) -> PERFANIM_PG_settings:
+    """Return the scene's settings."""
+    return context.scene.perfanim
+
+
+def register() -> None:
+    """Register the settings and hang them on the scene."""
+    bpy.utils.register_class(PERFANIM_PG_settings)
+    bpy.types.Scene.perfanim = bpy.props.PointerProperty(type=PERFANIM_PG_settings)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    del bpy.types.Scene.perfanim
+    bpy.utils.unregister_class(PERFANIM_PG_settings)

@@ -1,0 +1,92 @@
+"""What runs at the moment: at most one capture or one job, and the last message of each panel.
+
+Nothing of Blender's data is kept here, only names and the timers, which are removed on every way out: the operator's
+own end, loading a file, and switching the extension off.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import bpy
+
+
+class Activity(Protocol):
+    """A capture or a job: owns a worker process."""
+
+    def close(self) -> None:
+        """End the worker process."""
+
+
+@dataclass
+class _State:
+    activity: Activity | None = None
+    timer: Any = None
+    messages: dict[str, str] = field(default_factory=dict)
+
+
+_state = _State()
+
+
+def current() -> Activity | None:
+    """Return what runs, None when nothing does."""
+    return _state.activity
+
+
+def begin(context: bpy.types.Context, activity: Activity, interval_s: float) -> None:
+    """Make `activity` the running one and add its timer to the context's window."""
+    end()
+    _state.activity = activity
+    _state.timer = context.window_manager.event_timer_add(interval_s, window=context.window)
+
+
+def end() -> None:
+    """End whatever runs: remove the timer and close the worker. Safe to call at any time."""
+    activity, timer = _state.activity, _state.timer
+    _state.activity = _state.timer = None
+    if timer is not None:
+        bpy.context.window_manager.event_timer_remove(timer)
+    if activity is not None:
+        activity.close()
+        redraw_sidebars()
+
+
+def is_my_timer(event: bpy.types.Event, activity: Activity) -> bool:
+    """Whether an event is a tick of the running `activity`'s timer (any timer's tick will do: ticks only poll)."""
+    return event.type == "TIMER" and _state.activity is activity
+
+
+def set_message(panel: str, text: str) -> None:
+    """Keep what a panel's last operation said; "" clears it."""
+    _state.messages[panel] = text
+
+
+def message(panel: str) -> str:
+    """Return what a panel's last operation said."""
+    return _state.messages.get(panel, "")
+
+
+def redraw_sidebars() -> None:
+    """Redraw the sidebars of all 3D viewports, not the viewports themselves."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                for region in area.regions:
+                    if region.type == "UI":
+                        region.tag_redraw()
+
+
+@bpy.app.handlers.persistent
+def _before_load(*_: object) -> None:
+    end()
+
+
+def register() -> None:
+    """Add the handler that ends everything before another file is loaded."""
+    _state.messages.clear()
+    bpy.app.handlers.load_pre.append(_before_load)
+
+
+def unregister() -> None:
+    """End everything and remove the handler."""
+    end()
+    bpy.app.handlers.load_pre.remove(_before_load)

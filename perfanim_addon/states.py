@@ -1,0 +1,176 @@
+"""What each step of the work still needs: one line a panel, and the reason why Start Capture is greyed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..core.camera import CameraRig, load_rig
+from ..core.database.store import Database, open_database
+from ..core.errors import PerfanimError
+from ..core.marker_set import MarkerSet, Subject, load_marker_set, load_subject
+from .character import check_armature
+from .place import absolute, user_folder
+
+MISSING_NAMES_SHOWN = 4
+
+
+@dataclass(frozen=True)
+class State:
+    """Whether a step is done.
+
+    Args:
+        ready: a capture can start as far as this step goes.
+        text: for the panel's header line, a few words.
+        problem: the whole story when not ready.
+    """
+
+    ready: bool
+    text: str
+    problem: str = ""
+
+
+_cache: dict[tuple[str, str], tuple[tuple[int, int], Any]] = {}
+
+
+def _loaded(kind: str, path: str, load: Callable[[str], Any]) -> Any:
+    """Return load(path), or the error that it raises, again only when the file has changed (panels draw often)."""
+    try:
+        facts = Path(path).stat()
+        stamp = (facts.st_mtime_ns, facts.st_size)
+    except OSError:
+        stamp = (0, 0)
+    known = _cache.get((kind, path))
+    if known is None or known[0] != stamp:
+        try:
+            value = load(path)
+        except PerfanimError as error:
+            value = error
+        known = _cache[(kind, path)] = (stamp, value)
+    return known[1]
+
+
+def rig(path: str) -> CameraRig | PerfanimError:
+    """Return the calibration of a file, or what is wrong with it."""
+    return _loaded("rig", path, load_rig)
+
+
+def subject(path: str) -> Subject | PerfanimError:
+    """Return the subject of a file, or what is wrong with it."""
+    return _loaded("subject", path, load_subject)
+
+
+def database(path: str) -> Database | PerfanimError:
+    """Return the database of a file, or what is wrong with it."""
+    return _loaded("database", path, open_database)
+
+
+def marker_set(settings: Any) -> MarkerSet | PerfanimError:
+    """Return the chosen marker set, or what is wrong with it."""
+    file = absolute(settings.marker_set_file)
+    return _loaded("marker set", file or settings.marker_set, load_marker_set)
+
+
+def starter_database_path() -> Path:
+    """Where the database made of the shipped motion is kept: with the user's data, never in the add-on's folder."""
+    return user_folder("databases") / "starter.perfdb"
+
+
+def database_path(settings: Any) -> Path:
+    """Return the file of the database in use."""
+    return Path(absolute(settings.database)) if settings.database else starter_database_path()
+
+
+def _problem(error: PerfanimError, text: str) -> State:
+    return State(False, text, str(error))
+
+
+def cameras(settings: Any) -> State:
+    """State of the Cameras panel."""
+    if settings.source == "SIMULATED":
+        return State(True, "simulated")
+    for name in _source_paths(settings):
+        path = absolute(getattr(settings, name))
+        side = name.partition("_")[0]
+        if not path:
+            return State(False, f"{side} missing", f"choose what the {side} camera took, under Cameras")
+        if not Path(path).exists():
+            return State(False, f"{side} not found", f"{path}: not found; choose another under Cameras")
+    if not settings.calibration:
+        return State(False, "not calibrated", "calibrate the cameras, or open their calibration, under Cameras")
+    found = rig(absolute(settings.calibration))
+    if isinstance(found, PerfanimError):
+        return _problem(found, "bad calibration")
+    return State(True, _rig_text(found))
+
+
+def _source_paths(settings: Any) -> tuple[str, ...]:
+    if settings.source == "VIDEOS":
+        return ("left_video", "right_video")
+    return ("left_folder", "right_folder") if settings.source == "IMAGES" else ()
+
+
+def _rig_text(found: CameraRig) -> str:
+    centres = [camera.centre_m for camera in found.cameras]
+    apart = float(((centres[0] - centres[-1]) ** 2).sum() ** 0.5)
+    rms = found.metadata.get("stereo_rms_px")
+    return f"ok: {rms:.2f} px, {apart:.2f} m" if isinstance(rms, float) else f"ok: {apart:.2f} m apart"
+
+
+def markers(settings: Any) -> State:
+    """State of the Markers panel."""
+    found = marker_set(settings)
+    if isinstance(found, PerfanimError):
+        return _problem(found, "bad marker set")
+    return State(True, f"{len(found)} markers")
+
+
+def performer(settings: Any) -> State:
+    """State of the Subject panel."""
+    if not settings.subject:
+        if settings.source == "SIMULATED":
+            return State(True, "simulated performer")
+        return State(False, "not calibrated", "calibrate the performer, or open a subject file, under Subject")
+    found = subject(absolute(settings.subject))
+    if isinstance(found, PerfanimError):
+        return _problem(found, "bad file")
+    return State(True, f"{found.name}, {found.residual_m * 1000:.0f} mm")
+
+
+def motion(settings: Any) -> State:
+    """State of the Motion database panel."""
+    path = database_path(settings)
+    if not settings.database and not path.exists():
+        return State(True, "starter, made at first start")
+    found = database(str(path))
+    if isinstance(found, PerfanimError):
+        return _problem(found, "bad database")
+    return State(True, f"ok: {found.frames:,} frames")
+
+
+def character(settings: Any) -> State:
+    """State of the Character panel."""
+    armature = settings.armature
+    if armature is None:
+        return State(True, "new at start")
+    missing = check_armature(armature)
+    if missing:
+        return State(False, f"{len(missing)} bones missing", missing_bones(armature, missing))
+    return State(True, armature.name)
+
+
+def missing_bones(armature: bpy.types.Object, missing: list[str]) -> str:
+    """Return the sentence that names missing bones."""
+    shown = ", ".join(missing[:MISSING_NAMES_SHOWN])
+    more = f" and {len(missing) - MISSING_NAMES_SHOWN} more" if len(missing) > MISSING_NAMES_SHOWN else ""
+    return f"{armature.name} lacks the bones {shown}{more}: rename its bones, or add a character"
+
+
+STEPS = (cameras, markers, performer, motion, character)
+
+
+def first_problem(settings: Any) -> str:
+    """Return why a capture cannot start, "" when it can."""
+    return next((state.problem for step in STEPS if not (state := step(settings)).ready), "")

@@ -1,0 +1,44 @@
+"""The add-on as Blender loads it: from an extension repository, under the name bl_ext.user_default.perfanim."""
+
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+MODULE = "bl_ext.user_default.perfanim"
+
+bpy = pytest.importorskip("bpy", reason="needs the bpy wheel")
+
+
+@pytest.fixture(scope="session")
+def extension(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Name of the extension, found by Blender in a user folder made for the tests, switched off."""
+    import addon_utils
+
+    user = tmp_path_factory.mktemp("blender")
+    folder = user / "extensions" / "user_default"
+    folder.mkdir(parents=True)
+    (folder / "perfanim").symlink_to(ROOT, target_is_directory=True)
+    for variable in ("BLENDER_USER_RESOURCES", "BLENDER_USER_EXTENSIONS"):
+        os.environ[variable] = str(user if variable.endswith("RESOURCES") else user / "extensions")
+    repos = bpy.context.preferences.extensions.repos
+    for repo in list(repos):
+        repos.remove(repo)
+    repos.new(name="User Default", module="user_default", custom_directory=str(folder))
+    addon_utils.extensions_refresh(ensure_wheels=False)
+    return MODULE
+
+
+@pytest.fixture
+def addon(extension: str) -> Iterator[object]:
+    """The switched-on add-on in an empty scene."""
+    import addon_utils
+
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    module = addon_utils.enable(extension, default_set=True)
+    assert module is not None
+    yield sys.modules[extension]
+    addon_utils.disable(extension, default_set=True)

@@ -1,0 +1,76 @@
+import sys
+from types import ModuleType
+from typing import Any
+
+import bpy
+import pytest
+
+
+def snapshot() -> dict[str, Any]:
+    handlers = {
+        name: [f"{f.__module__}.{f.__qualname__}" for f in getattr(bpy.app.handlers, name)]
+        for name in dir(bpy.app.handlers)
+        if isinstance(getattr(bpy.app.handlers, name), list)
+    }
+    return {
+        "handlers": handlers,
+        "types": {name for name in dir(bpy.types) if "PERFANIM" in name.upper()},
+        "operators": set(dir(bpy.ops.perfanim)),
+        "scene": {name for name in dir(bpy.types.Scene) if "perfanim" in name},
+        "classes": {c.__name__ for c in bpy.types.Panel.__subclasses__() if getattr(c, "is_registered", False)},
+    }
+
+
+def test_on_and_off_three_times_leaves_nothing(extension: str) -> None:
+    import addon_utils
+
+    before = snapshot()
+    assert before["operators"] == set()
+    for _ in range(3):
+        assert addon_utils.enable(extension, default_set=True) is not None
+        assert "start_capture" in dir(bpy.ops.perfanim)
+        assert bpy.context.scene.perfanim.source == "SIMULATED"
+        addon_utils.disable(extension, default_set=True)
+        assert snapshot() == before
+
+
+def test_preferences_and_tab(addon: ModuleType, extension: str) -> None:
+    preferences = bpy.context.preferences.addons[extension].preferences
+    assert preferences.tab == "Perfanim"
+    preferences.tab = "Mocap"
+    panels = sys.modules[f"{extension}.perfanim_addon.panels"]
+    assert {cls.bl_category for cls in panels._CLASSES} == {"Mocap"}
+    assert all(cls.is_registered for cls in panels._CLASSES)
+    preferences.tab = ""
+    assert {cls.bl_category for cls in panels._CLASSES} == {"Perfanim"}
+
+
+def test_a_broken_library_leaves_preferences_and_an_explanation(
+    extension: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import addon_utils
+
+    for name in [name for name in sys.modules if name.startswith(extension)]:
+        del sys.modules[name]
+    monkeypatch.setitem(sys.modules, "scipy", None)
+    assert addon_utils.enable(extension, default_set=True) is not None
+    try:
+        diagnostics = sys.modules[f"{extension}.perfanim_addon.diagnostics"]
+        assert "scipy" in diagnostics.problem
+        assert any("Problem" in line for line in diagnostics.lines("4.5"))
+        assert bpy.context.preferences.addons[extension].preferences.tab == "Perfanim"
+        assert set(dir(bpy.ops.perfanim)) == {"copy_diagnostics"}
+        assert hasattr(bpy.types, "PERFANIM_PT_broken")
+    finally:
+        addon_utils.disable(extension, default_set=True)
+    assert not hasattr(bpy.types, "PERFANIM_PT_broken")
+
+
+def test_every_button_and_setting_explains_itself(addon: ModuleType) -> None:
+    for name in dir(bpy.ops.perfanim):
+        operator = getattr(bpy.ops.perfanim, name).get_rna_type()
+        assert len(operator.description) > 20, name
+        assert operator.name, name
+    for prop in bpy.context.scene.perfanim.bl_rna.properties:
+        if prop.identifier not in ("rna_type", "name"):
+            assert len(prop.description) > 10, prop.identifier
