@@ -1,0 +1,108 @@
+"""Names of skeleton parts and small geometry that the performer's modules share."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import rotations as rot
+from ...skeleton import Skeleton
+
+Array = NDArray[np.float64]
+
+SIDES = ("l", "r")
+GRAVITY_M_S2 = 9.81
+
+
+def about(axis: str, angles: Array) -> Array:
+    """Return rotations (..., 4) by `angles` (...) about one axis, "X", "Y" or "Z"."""
+    return rot.from_euler(np.asarray(angles, dtype=np.float64)[..., None], axis)
+
+
+def outward(side: str) -> float:
+    """Return the sign of x that points away from the body on a side."""
+    return 1.0 if side == "l" else -1.0
+
+
+def turned(heading_rad: Array, forward: Array, left: Array) -> tuple[Array, Array]:
+    """Return world (x, z) of a ground vector given in a body's frame that faces `heading_rad` (0 is +z)."""
+    sine, cosine = np.sin(heading_rad), np.cos(heading_rad)
+    return forward * sine + left * cosine, forward * cosine - left * sine
+
+
+@dataclass(frozen=True)
+class Sole:
+    """Where the ground is under a foot bone, in the foot's frame when it stands flat and faces +z.
+
+    Args:
+        ball_height_m: height of the ball (toe joint) above the ground.
+        ankle_m: (3,) ankle relative to the ball.
+        heel_m: (3,) lowest point of the heel relative to the ball.
+        toe_m: length of the toes.
+        flat: (4,) world-from-foot orientation of the flat foot.
+    """
+
+    ball_height_m: float
+    ankle_m: Array
+    heel_m: Array
+    toe_m: float
+    flat: Array
+
+
+@dataclass(frozen=True)
+class Body:
+    """A skeleton with the lengths that motion is planned in."""
+
+    skeleton: Skeleton
+
+    @cached_property
+    def leg_m(self) -> float:
+        """Hip to ankle, straight."""
+        return self._length("ltibia") + self._length("lfoot")
+
+    @cached_property
+    def arm_m(self) -> float:
+        """Shoulder to wrist, straight."""
+        return self._length("lradius") + self._length("lwrist") + self._length("lhand")
+
+    @cached_property
+    def hip_m(self) -> Array:
+        """(3,) left hip joint relative to the root."""
+        return self.offset("lfemur")
+
+    @cached_property
+    def standing_m(self) -> float:
+        """Height of the root with straight vertical legs and flat feet."""
+        sole = self.sole("l")
+        return float(sole.ball_height_m + sole.ankle_m[1] + self.leg_m - self.hip_m[1])
+
+    @cached_property
+    def stance_m(self) -> float:
+        """Half the distance between the feet of somebody who stands at ease."""
+        return float(1.05 * self.hip_m[0])
+
+    def offset(self, joint: str) -> Array:
+        """Return the joint's offset from its parent, (3,) metres."""
+        return np.asarray(self.skeleton.offsets_m[self.skeleton.index(joint)])
+
+    def _length(self, joint: str) -> float:
+        return float(np.linalg.norm(self.offset(joint)))
+
+    def lengths(self, *joints: str) -> list[float]:
+        """Return the distances of joints from their parents."""
+        return [self._length(joint) for joint in joints]
+
+    def sole(self, side: str) -> Sole:
+        """Return the ground contact geometry of a foot.
+
+        In the rest pose the foot leans with the splayed leg; flat is where the shank is vertical.
+        """
+        shank = self.offset(f"{side}foot")
+        flat = rot.between(shank / np.linalg.norm(shank), np.array([0.0, -1.0, 0.0]))
+        ball = rot.rotate(flat, self.offset(f"{side}toes"))
+        toe = float(np.linalg.norm(self.skeleton.tips_m[self.skeleton.index(f"{side}toes")]))
+        # the centre of the first toe joint lies about a fifth of the foot bone's length above the ground
+        height = 0.2 * float(np.linalg.norm(ball))
+        heel = np.array([-ball[0], -height, -ball[2] - 0.33 * float(np.linalg.norm(ball))])
+        return Sole(height, -ball, heel, toe, flat)

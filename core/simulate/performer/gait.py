@@ -1,0 +1,256 @@
+"""Walking and running: steps along a path, and what trunk and arms do with them.
+
+Times and angles are textbook values of human gait (stance 60 % of the cycle in walking, a flight in running, the
+pelvis and the chest turning against each other, the arms with the opposite legs).
+"""
+
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .curves import Track
+from .feet import Placement
+from .frame import GRAVITY_M_S2, SIDES, outward
+from .score import STANDING_HEIGHT, Score
+
+
+@dataclass(frozen=True)
+class Gait:
+    """One manner of stepping; lengths are shares of the leg's length, angles radians.
+
+    Args:
+        step_s: time from one foot's landing to the other's.
+        duty: share of the cycle of two steps in which a foot is on the ground; below 0.5 there are flights.
+        stride: step length at which swings of arms and trunk have the given size.
+        lift: height of the ball of the swinging foot.
+        heel_up, mid_up, toe_up: the foot's pitch when it lifts, its greatest in the air, upwards when it lands.
+        pelvis_yaw, pelvis_roll, pelvis_pitch: the pelvis' turn, drop to the free side, forward tilt.
+        twist: the chest's turn against the pelvis.
+        lean: bend of the trunk.
+        arm_forward, arm_back, arm_out, arm_in: the arm's swing, angle away from the body and inward twist.
+        elbow, elbow_swing: bend and how much more of it in front.
+        height, dip: root height as share of standing, and how much it sinks when a foot lands.
+        width: distance of the feet, factor on the stance.
+    """
+
+    step_s: float
+    duty: float
+    stride: float
+    lift: float
+    heel_up: float
+    mid_up: float
+    toe_up: float
+    pelvis_yaw: float
+    pelvis_roll: float
+    pelvis_pitch: float
+    twist: float
+    lean: float
+    arm_forward: float
+    arm_back: float
+    arm_out: float
+    arm_in: float
+    elbow: float
+    elbow_swing: float
+    grip: float
+    height: float
+    dip: float
+    width: float
+
+
+WALK = Gait(
+    step_s=0.54, duty=0.62, stride=0.75, lift=0.050, heel_up=0.95, mid_up=0.0, toe_up=0.32, pelvis_yaw=0.085,
+    pelvis_roll=0.055, pelvis_pitch=0.05, twist=0.17, lean=0.02, arm_forward=0.36, arm_back=0.34, arm_out=0.10,
+    arm_in=-0.10, elbow=0.24, elbow_swing=0.26, grip=0.28, height=0.993, dip=0.018, width=0.75,
+)  # fmt: skip
+RUN = Gait(
+    step_s=0.365, duty=0.36, stride=0.85, lift=0.24, heel_up=0.80, mid_up=1.15, toe_up=0.05, pelvis_yaw=0.09,
+    pelvis_roll=0.05, pelvis_pitch=0.12, twist=0.24, lean=0.08, arm_forward=0.62, arm_back=0.62, arm_out=0.22,
+    arm_in=0.30, elbow=1.50, elbow_swing=0.30, grip=0.65, height=0.955, dip=0.0, width=0.45,
+)  # fmt: skip
+
+
+@dataclass
+class _Step:
+    side: str
+    lift_s: float
+    land_s: float
+    amount: float
+
+
+def styled(gait: Gait, score: Score) -> Gait:
+    """Return the gait as this style and repetition have it."""
+    style = score.style
+    swing = style.arm_swing * np.sqrt(style.amplitude)
+    return replace(
+        gait,
+        step_s=score.vary(gait.step_s, 0.03) / style.tempo,
+        lift=gait.lift * style.amplitude * style.bounce,
+        heel_up=gait.heel_up * style.amplitude**0.5,
+        toe_up=gait.toe_up * style.amplitude,
+        pelvis_yaw=gait.pelvis_yaw * style.amplitude,
+        twist=gait.twist * float(swing),
+        arm_forward=gait.arm_forward * float(swing),
+        arm_back=gait.arm_back * float(swing),
+        elbow=max(0.1, gait.elbow + style.elbows_rad),
+        dip=gait.dip * style.bounce,
+        lean=gait.lean + style.slouch_rad,
+    )
+
+
+def stepped(score: Score, gait: Gait, path: Track, until_s: float) -> None:
+    """Step along `path` (x, z, heading over time) from the score's time until both feet stand at its end.
+
+    Args:
+        path: keys of (x, z, heading); the ground point between the ankles.
+        until_s: no step is begun in place after this time; the score's time ends after the last landing.
+    """
+    steps = _planned(score, gait, path, until_s)
+    swing_s = [s.land_s - s.lift_s for s in steps]
+    for step, air_s in zip(steps, swing_s, strict=True):
+        _place(score, gait, step, path, air_s)
+    _key_trunk_and_arms(score, gait, steps)
+    if gait.duty < 0.5:
+        _key_flights(score, gait, steps)
+    else:
+        _key_heights(score, gait, steps)
+    _key_heading(score, path, score.time_s, steps[-1].land_s)
+    score.time_s = steps[-1].land_s + 0.12
+
+
+def _planned(score: Score, gait: Gait, path: Track, until_s: float) -> list[_Step]:
+    start = score.time_s
+    side = _first_side(score, path, gait)
+    air = 2.0 * gait.step_s * (1.0 - gait.duty)
+    land = start + 0.12 + air
+    steps: list[_Step] = []
+    settled = 0
+    while settled < 2 or land - gait.step_s < until_s:
+        steps.append(_Step(side, land - air, land, 1.0))
+        settled = settled + 1 if _middle_of_stance(gait, land) >= path.last().time_s else 0
+        side = "r" if side == "l" else "l"
+        limp = 1.0 + score.style.asymmetry * outward(side)
+        land += max(score.vary(gait.step_s, 0.025) * limp, 0.2)
+    return steps
+
+
+def _first_side(score: Score, path: Track, gait: Gait) -> str:
+    """Return the foot to start with: the one on the side that the path turns or goes to, else by chance."""
+    soon = path.value_at(score.time_s + 1.5 * gait.step_s) - path.value_at(score.time_s)
+    heading = path.value_at(score.time_s)[2]
+    aside = soon[0] * np.cos(heading) - soon[1] * np.sin(heading)
+    lean = aside + 0.2 * soon[2]
+    if abs(lean) > 0.05:
+        return "l" if lean > 0.0 else "r"
+    return SIDES[int(score.rng.integers(2))]
+
+
+def _middle_of_stance(gait: Gait, land_s: float) -> float:
+    return land_s + gait.duty * gait.step_s
+
+
+def _target(score: Score, gait: Gait, side: str, path: Track, land_s: float) -> Placement:
+    x, z, heading = path.value_at(_middle_of_stance(gait, land_s))
+    going = path.value_at(land_s + 0.1) - path.value_at(land_s - 0.1)
+    speed = min(1.0, float(np.hypot(going[0], going[1])) / 0.16)
+    width = 1.0 + (gait.width - 1.0) * speed  # who walks sets the feet closer together than who stands
+    spot = score.placement(side, x, z, heading, width)
+    scatter = 0.012 * speed
+    return Placement(spot.x_m + score.jitter(scatter), spot.z_m + score.jitter(scatter), spot.yaw_rad)
+
+
+def _place(score: Score, gait: Gait, step: _Step, path: Track, air_s: float) -> None:
+    old = score.feet[step.side].current
+    new = _target(score, gait, step.side, path, step.land_s)
+    heading = float(path.value_at(step.land_s)[2])
+    dx, dz = new.x_m - old.x_m, new.z_m - old.z_m
+    forward = dx * np.sin(heading) + dz * np.cos(heading)
+    # a swing covers two steps; in place some life stays
+    step.amount = float(np.clip(forward / (2.0 * gait.stride * score.body.leg_m), -0.6, 1.25))
+    size = float(np.clip(np.hypot(dx, dz) / (2.0 * gait.stride * score.body.leg_m), 0.0, 1.2))
+    running = gait.duty < 0.5
+    lively = 0.75 + 0.25 * size if running else 0.45 + 0.55 * size
+    backwards = forward < -0.05
+    heel_up = gait.heel_up * (0.5 + 0.5 * size) * (0.75 if backwards else 1.0)
+    toe_up = -0.25 * size if backwards else gait.toe_up * min(1.0, size * 1.3)
+    score.step(
+        step.side, step.lift_s, step.land_s, new,
+        height_m=score.vary(gait.lift, 0.08) * lively * score.body.leg_m,
+        heel_up_rad=heel_up, toe_up_rad=toe_up,
+        rise_s=0.45 * gait.duty * 2.0 * gait.step_s, roll_s=0.22 * gait.duty * gait.step_s,
+        peak=0.48 if running else 0.42,
+    )  # fmt: skip
+    if gait.mid_up > 0.0:
+        peak = gait.mid_up * (0.75 + 0.35 * size) * score.vary(1.0, 0.05)
+        score.set(step.lift_s + 0.36 * air_s, **{f"{step.side}.pitch": max(peak, heel_up)})
+
+
+def _key_trunk_and_arms(score: Score, gait: Gait, steps: list[_Step]) -> None:
+    score.anchor(score.time_s)
+    running = gait.duty < 0.5
+    for i, step in enumerate(steps):
+        last = i >= len(steps) - 1
+        amount = step.amount if not running else 0.55 + 0.45 * min(1.0, abs(step.amount))
+        if last:
+            amount *= 0.35
+        s = outward(step.side)
+        turn = -s * gait.pelvis_yaw * amount * score.vary(1.0, 0.12)
+        land, middle = step.land_s, step.land_s + 0.5 * gait.step_s
+        free = abs(amount) ** 0.5 * gait.pelvis_roll * s * score.vary(1.0, 0.15)
+        score.set(land, pelvis=(turn, gait.pelvis_pitch, 0.0))
+        twist = (s * gait.twist * amount - turn) * 0.9
+        score.set(land, spine=(gait.lean + score.jitter(0.01), 0.0, twist))
+        score.set(land, head=(score.jitter(0.05), 0.06 + score.style.head_drop_rad + score.jitter(0.02), 0.0))
+        if not last:
+            score.set(middle, pelvis=(0.2 * turn, gait.pelvis_pitch, free))
+            score.set(middle, spine=(gait.lean, -0.7 * free, 0.15 * twist))
+        for side in SIDES:
+            _key_arm(score, gait, side, land + 0.05 * gait.step_s, amount if side != step.side else -amount)
+
+
+def _key_arm(score: Score, gait: Gait, side: str, time_s: float, amount: float) -> None:
+    """Set an arm at the end of its swing: forward for a positive amount."""
+    share = 1.0 + score.style.asymmetry * outward(side)
+    reach = gait.arm_forward if amount > 0.0 else gait.arm_back
+    swing = amount * reach * share * score.vary(1.0, 0.10)
+    bend = gait.elbow + gait.elbow_swing * (amount if amount > 0.0 else 0.6 * amount) * score.vary(1.0, 0.1)
+    inward = gait.arm_in + (0.25 if gait.duty < 0.5 else 0.08) * max(amount, 0.0)
+    values: dict[str, ArrayLike] = {
+        f"{side}.arm": (0.04 + swing, gait.arm_out + 0.02 * abs(amount) + score.jitter(0.015), inward),
+        f"{side}.elbow": max(0.1, bend),
+        f"{side}.hand": (0.05 + score.jitter(0.05), 0.12 + 0.10 * amount, score.jitter(0.04)),
+        f"{side}.grip": gait.grip,
+        f"{side}.shrug": (0.0, 0.05 * amount),
+    }
+    score.set(time_s, **values)
+
+
+def _key_heights(score: Score, gait: Gait, steps: list[_Step]) -> None:
+    high = gait.height * score.body.standing_m
+    for i, step in enumerate(steps):
+        size = abs(step.amount)
+        score.set(step.land_s, height=high - gait.dip * (0.3 + size) * score.body.standing_m)
+        rise = 0.004 * size * score.style.bounce * score.body.standing_m
+        if i + 1 < len(steps):
+            score.set(step.land_s + 0.48 * gait.step_s, height=high + rise + score.jitter(0.002))
+    score.set(steps[-1].land_s + 0.45, height=STANDING_HEIGHT * score.body.standing_m)
+
+
+def _key_flights(score: Score, gait: Gait, steps: list[_Step]) -> None:
+    """Let the body fly freely from each lift-off to the next landing; the stance's curve follows from its ends."""
+    height = gait.height * score.body.standing_m
+    for before, after in itertools.pairwise(steps):
+        lift, land = after.lift_s, before.land_s
+        if lift >= land or lift <= before.lift_s:
+            continue
+        speed = 0.5 * GRAVITY_M_S2 * (land - lift)
+        score.move("height", lift, height, speed, -GRAVITY_M_S2)
+        score.move("height", land, height, -speed, -GRAVITY_M_S2)
+    score.set(steps[-1].land_s + 0.30, height=STANDING_HEIGHT * score.body.standing_m)
+
+
+def _key_heading(score: Score, path: Track, start_s: float, end_s: float) -> None:
+    score.anchor(start_s, "heading")
+    for time_s in np.arange(start_s + 0.15, max(end_s, path.last().time_s) + 0.1, 0.15):
+        score.set(float(time_s), heading=path.value_at(float(time_s))[2])

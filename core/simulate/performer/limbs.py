@@ -1,0 +1,127 @@
+"""Two-bone limbs: analytic inverse kinematics and the arms' and hands' orientations.
+
+World and chest frames below are those of the rest pose: x to the left, y up, z forward. "Hinge" is the axis about
+which the limb's middle joint flexes by positive angles.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ... import rotations as rot
+from .curves import Array
+from .frame import about, outward
+
+_STRAIGHTEST = 0.9995  # of the limb's length: fully straight has no defined plane and infinite joint speed
+_ELBOW_TILT_RAD = np.deg2rad(30.0)  # CMU's T pose: the crook of the elbow looks forward and up
+# free up to the first angle, never beyond the second
+_WRIST_RANGE_RAD = (np.deg2rad(50.0), np.deg2rad(75.0))
+_TWIST_RANGE_RAD = (np.deg2rad(90.0), np.deg2rad(125.0))
+
+
+@dataclass(frozen=True)
+class TwoBones:
+    """World orientation of the first bone (T, 4) and the middle joint's flexion (T,), radians."""
+
+    first: Array
+    flexion_rad: Array
+
+
+def unit(vectors: Array) -> Array:
+    """Return vectors of length one."""
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
+
+
+def frame_from(rest_bone: Array, rest_hinge: Array, bone: Array, hinge: Array) -> Array:
+    """Return the rotations (T, 4) that take a rest bone and hinge to world ones (both pairs orthogonal)."""
+    rest = np.stack((rest_hinge, rest_bone, np.cross(rest_hinge, rest_bone)), axis=-1)
+    world = np.stack((hinge, bone, np.cross(hinge, bone)), axis=-1)
+    return rot.from_matrix(world @ rest.T)
+
+
+def two_bones(
+    start: Array, target: Array, hinge_hint: Array, lengths: tuple[float, float], rest: tuple[Array, Array]
+) -> TwoBones:
+    """Return the pose in which two bones reach from `start` to `target` (T, 3) each.
+
+    Args:
+        hinge_hint: (T, 3) wanted hinge axis; its part across the line start-target is used.
+        lengths: of the first and second bone.
+        rest: direction of the (straight) limb and hinge axis in the rest pose.
+    """
+    first, second = lengths
+    line = target - start
+    distance = np.linalg.norm(line, axis=1)
+    reach = np.clip(distance, 1.02 * abs(first - second) + 1e-6, _STRAIGHTEST * (first + second))
+    along = line / distance[:, None]
+    hinge = unit(hinge_hint - np.sum(hinge_hint * along, axis=1, keepdims=True) * along)
+    at_start = np.arccos(np.clip((first**2 + reach**2 - second**2) / (2.0 * first * reach), -1.0, 1.0))
+    inside = np.arccos(np.clip((first**2 + second**2 - reach**2) / (2.0 * first * second), -1.0, 1.0))
+    # the first bone turns against the flexion, the second follows with it
+    bone = np.cos(at_start)[:, None] * along - np.sin(at_start)[:, None] * np.cross(hinge, along)
+    return TwoBones(frame_from(rest[0], rest[1], bone, hinge), np.pi - inside)
+
+
+def arm_rest(side: str) -> tuple[Array, Array]:
+    """Return the arm's direction and the elbow's hinge in the rest pose."""
+    s = outward(side)
+    return np.array([s, 0.0, 0.0]), s * np.array([0.0, -np.cos(_ELBOW_TILT_RAD), np.sin(_ELBOW_TILT_RAD)])
+
+
+def leg_rest(flat: Array) -> tuple[Array, Array]:
+    """Return the leg's direction and the knee's hinge in the rest pose, from the turn that makes the shank vertical."""
+    back = rot.conjugate(flat)
+    return rot.rotate(back, np.array([0.0, -1.0, 0.0])), rot.rotate(back, np.array([1.0, 0.0, 0.0]))
+
+
+def hanging_arm(side: str, flex_rad: Array, abduct_rad: Array, twist_rad: Array) -> Array:
+    """Return chest-from-humerus of an arm swung forward (`flex`) and sideways (`abduct`) from hanging.
+
+    With `twist` 0 a hanging arm's elbow folds straight forward; positive twist turns the forearm inwards.
+    abduct 90 and twist -30 degrees is the rest pose.
+    """
+    s = outward(side)
+    swing = rot.multiply(about("X", -flex_rad), about("Z", s * abduct_rad))
+    turned = rot.multiply(swing, about("Y", -s * twist_rad))
+    rest_bone, rest_hinge = arm_rest(side)
+    count = len(np.atleast_1d(flex_rad))
+    bone = np.tile([0.0, -1.0, 0.0], (count, 1))
+    hinge = np.tile([-1.0, 0.0, 0.0], (count, 1))
+    return rot.multiply(turned, frame_from(rest_bone, rest_hinge, bone, hinge))
+
+
+def elbow(side: str, flexion_rad: Array) -> Array:
+    """Return the elbow's local rotation."""
+    _, hinge = arm_rest(side)
+    return rot.from_rotation_vector(hinge * np.asarray(flexion_rad)[..., None])
+
+
+def swing_twist(rotations: Array, axis: Array) -> tuple[Array, Array]:
+    """Return (twist angle about `axis`, swing): rotations = twist then swing in the twisted frame, R = T S."""
+    along = rotations[..., 1:] @ axis
+    angle = 2.0 * np.arctan2(along, rotations[..., 0])
+    angle = (angle + np.pi) % (2.0 * np.pi) - np.pi
+    twist = rot.from_rotation_vector(axis * angle[..., None])
+    return angle, rot.multiply(rot.conjugate(twist), rotations)
+
+
+def soft_limit(angles: Array, free_rad: float, limit_rad: float) -> Array:
+    """Return angles unchanged up to `free_rad` either way and held ever more firmly below `limit_rad` beyond."""
+    room = limit_rad - free_rad
+    beyond = np.maximum(np.abs(angles) - free_rad, 0.0)
+    return np.asarray(np.sign(angles) * (np.minimum(np.abs(angles), free_rad) + room * np.tanh(beyond / room)))
+
+
+def limited(rotations: Array, free_rad: float, limit_rad: float) -> Array:
+    """Return rotations whose angle is softly held below `limit_rad`."""
+    vector = rot.to_rotation_vector(rotations)
+    angle = np.linalg.norm(vector, axis=-1, keepdims=True)
+    return rot.from_rotation_vector(vector * (soft_limit(angle, free_rad, limit_rad) / np.maximum(angle, 1e-9)))
+
+
+def forearm_and_hand(side: str, world_from_radius: Array, world_from_hand: Array) -> tuple[Array, Array]:
+    """Return local rotations of wrist (pure twist of the forearm) and hand that turn the hand as wanted."""
+    axis, _ = arm_rest(side)
+    angle, bend = swing_twist(rot.multiply(rot.conjugate(world_from_radius), world_from_hand), axis)
+    held = soft_limit(angle, *_TWIST_RANGE_RAD)
+    return rot.from_rotation_vector(axis * held[..., None]), limited(bend, *_WRIST_RANGE_RAD)

@@ -1,0 +1,135 @@
+"""The simulated performer's public face: one behaviour, or several strung together."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...errors import SettingsError
+from ...motion import Motion, sliced
+from ...product_skeleton import default_skeleton
+from ...skeleton import Skeleton
+from .frame import SIDES, Body
+from .score import STANDING_HEIGHT, Score
+from .staging import staged
+from .style import Style
+from .walking import run, walk
+
+BEHAVIOURS: dict[str, Callable[[Score, float], None]] = {
+    "walking": walk,
+    "running": run,
+}
+
+T_POSE_S = 2.0
+_ARMS_DOWN_S = 0.9
+_DEMO_STREAM = 1_000_000  # seeds from here on are the demo's, those below the database's
+
+
+def perform(
+    behaviour: str,
+    seconds: float,
+    fps: float = 60.0,
+    skeleton: Skeleton | None = None,
+    style: Style | None = None,
+    seed: int = 0,
+) -> Motion:
+    """Return one behaviour, from standing at ease to standing at ease again.
+
+    Args:
+        behaviour: one of `BEHAVIOURS`.
+        seconds: length of the motion; the same seed gives the same motion.
+        skeleton: the performer's body (product skeleton's joints); the default one without.
+        style: manner of moving; ordinary without.
+
+    Raises:
+        SettingsError: unknown behaviour, too short a time.
+    """
+    score = _new_score(skeleton, style, seed)
+    _act(score, behaviour, seconds - 0.8)
+    rest(score, max(seconds - score.time_s, 0.8))
+    return _cut(staged(score, fps, f"{behaviour}-{score.style.name}-{seed}"), seconds)
+
+
+def performance(
+    script: Sequence[tuple[str, float]],
+    fps: float = 60.0,
+    skeleton: Skeleton | None = None,
+    style: Style | None = None,
+    seed: int = 0,
+    name: str = "performance",
+) -> Motion:
+    """Return behaviours strung together: T pose for two seconds, arms down, the script, standing.
+
+    Args:
+        script: (behaviour, seconds) in order; "rest" stands at ease.
+        fps, skeleton, style, seed: as in `perform`.
+    """
+    score = _new_score(skeleton, style, seed)
+    _t_pose(score)
+    for behaviour, seconds in script:
+        if behaviour == "rest":
+            rest(score, seconds)
+        else:
+            _act(score, behaviour, seconds)
+    rest(score, 1.2)
+    return staged(score, fps, name)
+
+
+def demo_performance(
+    seed: int = 0, seconds: float = 24.0, fps: float = 60.0, skeleton: Skeleton | None = None
+) -> Motion:
+    """Return the performance of the demo: T pose, then every behaviour for a like time.
+
+    Its random numbers are of a stream that the embedded motion database does not draw from, so the database holds
+    like motion but not this one.
+    """
+    share = max((seconds - T_POSE_S - _ARMS_DOWN_S - 1.2) / len(BEHAVIOURS), 3.0)
+    script = [(behaviour, share) for behaviour in BEHAVIOURS]
+    body = skeleton if skeleton is not None else default_skeleton(1.78)
+    style = Style("demo", tempo=1.03, amplitude=1.04, arm_swing=1.1, asymmetry=0.05)
+    return performance(script, fps, body, style, _DEMO_STREAM + seed, "demo")
+
+
+def _new_score(skeleton: Skeleton | None, style: Style | None, seed: int) -> Score:
+    body = Body(skeleton if skeleton is not None else default_skeleton())
+    return Score(body, style or Style(), np.random.default_rng(seed))
+
+
+def _act(score: Score, behaviour: str, seconds: float) -> None:
+    if behaviour not in BEHAVIOURS:
+        raise SettingsError(f"there is no behaviour {behaviour!r}", advice="behaviours: " + ", ".join(BEHAVIOURS))
+    if seconds < 2.0:
+        raise SettingsError(f"{behaviour} for {seconds:.1f} s is too short", advice="give it 3 s or more")
+    BEHAVIOURS[behaviour](score, seconds)
+
+
+def _cut(motion: Motion, seconds: float) -> Motion:
+    return sliced(motion, 0, round(seconds * motion.fps) + 1)
+
+
+def rest(score: Score, seconds: float) -> None:
+    """Come to stand at ease and stay so."""
+    start = score.time_s
+    score.anchor(start)
+    settle = min(0.7, 0.8 * seconds)
+    score.set(start + settle, height=score.body.standing_m * STANDING_HEIGHT, **score.at_ease())
+    score.time_s = start + seconds
+    score.anchor(score.time_s)
+
+
+def _t_pose(score: Score) -> None:
+    """Stand in the T pose for `T_POSE_S`, then let the arms sink."""
+    straight: dict[str, ArrayLike] = {}
+    for side in SIDES:
+        straight |= {
+            f"{side}.arm": (0.0, np.pi / 2.0, -np.pi / 6.0),
+            f"{side}.elbow": 0.0,
+            f"{side}.hand": (0.0, 0.0, 0.0),
+            f"{side}.grip": 0.0,
+        }
+    upright: dict[str, ArrayLike] = {"spine": (0.0, 0.0, 0.0), "head": (0.0, 0.0, 0.0), "pelvis": (0.0, 0.0, 0.0)}
+    for time_s in (0.0, T_POSE_S):
+        score.set(time_s, **straight, **upright)
+    score.time_s = T_POSE_S + _ARMS_DOWN_S
+    score.set(score.time_s, **score.at_ease())
+    score.anchor(score.time_s)

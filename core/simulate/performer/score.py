@@ -1,0 +1,212 @@
+"""The score of a performance: keys of all controls and the feet's steps on one time line.
+
+Behaviours append to it; `staging.staged` turns it into joint rotations. As every behaviour starts from where the score
+stands, transitions need no blending of poses.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .curves import Array, Track
+from .feet import FootPath, Placement, Swing
+from .frame import SIDES, Body, outward, turned
+from .style import Style
+
+# Controls of the whole body: their sizes and values at ease; angles in radians, lengths in metres.
+#   heading        direction that the body faces (0 is +z, towards the cameras)
+#   height         of the root above the ground
+#   offset         of the root from its balanced place over the feet: left, forward
+#   weight         -1 all on the right foot .. 1 all on the left, where both stand
+#   pelvis         yaw left, pitch forward, roll to the left against the heading
+#   spine          bend forward, bend to the left, twist to the left, of the chest against the pelvis
+#   head           yaw left, pitch down, roll against the heading
+_BODY_CONTROLS: dict[str, tuple[float, ...]] = {
+    "heading": (0.0,),
+    "height": (0.0,),
+    "offset": (0.0, 0.0),
+    "weight": (0.0,),
+    "pelvis": (0.0, 0.0, 0.0),
+    "spine": (0.0, 0.0, 0.0),
+    "head": (0.0, 0.0, 0.0),
+}
+
+# Controls of one side.
+#   arm            shoulder: swing forward, sideways, twist inwards (see limbs.hanging_arm)
+#   elbow          flexion
+#   hand           forearm pronation, wrist flexion, bend to the little finger
+#   grip           0 open, 1 fist
+#   shrug          collar bone up, forward, beyond what the arm's direction brings along
+#   guide          0 arm by angles, 1 hand led to `target` and `palm`
+#   target         wrist from the middle between the shoulders, in the heading's frame
+#   palm           heading-from-hand quaternion
+#   swivel         elbow out from pointing down
+#   pitch, roll, pivot  foot: heel up, inward tilt, turn about the ball
+#   toes           toes up
+#   knee           knee outwards
+_SIDE_CONTROLS: dict[str, tuple[float, ...]] = {
+    "arm": (0.05, 0.11, -0.15),
+    "elbow": (0.28,),
+    "hand": (0.05, 0.12, 0.0),
+    "grip": (0.25,),
+    "shrug": (0.0, 0.0),
+    "guide": (0.0,),
+    "target": (0.0, -0.3, 0.2),
+    "palm": (1.0, 0.0, 0.0, 0.0),
+    "swivel": (0.3,),
+    "pitch": (0.0,),
+    "roll": (0.0,),
+    "pivot": (0.0,),
+    "toes": (0.0,),
+    "knee": (0.0,),
+}
+
+STANDING_HEIGHT = 0.997  # root height of somebody at ease, share of that on straight legs
+
+
+@dataclass
+class Score:
+    """Keys and steps of one performance of one body in one style."""
+
+    body: Body
+    style: Style
+    rng: np.random.Generator
+    tracks: dict[str, Track] = field(default_factory=dict)
+    feet: dict[str, FootPath] = field(default_factory=dict)
+    time_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value in _BODY_CONTROLS.items():
+            self.tracks[name] = Track()
+            self.tracks[name].key(0.0, value)
+        for side in SIDES:
+            for name, value in _SIDE_CONTROLS.items():
+                self.tracks[f"{side}.{name}"] = Track()
+                self.tracks[f"{side}.{name}"].key(0.0, value)
+            self.feet[side] = FootPath(self.placement(side, 0.0, 0.0, 0.0))
+        self.set(0.0, height=self.body.standing_m * STANDING_HEIGHT, **self.at_ease())
+
+    # ---- keys
+
+    def set(self, time_s: float, **values: ArrayLike) -> None:
+        """Set keys at a time; names of one side are written `l_arm` for "l.arm"."""
+        for name, value in values.items():
+            self.tracks[_track_name(name)].key(time_s, value)
+
+    def move(self, name: str, time_s: float, value: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike) -> None:
+        """Set a key with given velocity and acceleration."""
+        self.tracks[_track_name(name)].key(time_s, value, velocity, acceleration)
+
+    def anchor(self, time_s: float, *names: str) -> None:
+        """Hold the last values of controls (all without names) up to `time_s`, so that later keys start from there."""
+        for name in [_track_name(n) for n in names] or list(self.tracks):
+            last = self.tracks[name].last()
+            if last.time_s < time_s - 1e-3:
+                self.tracks[name].key(time_s, last.value)
+
+    def value(self, name: str) -> Array:
+        """Return the last value of a control."""
+        return self.tracks[_track_name(name)].last().value
+
+    def at_ease(self) -> dict[str, ArrayLike]:
+        """Return the controls' values for standing with hanging arms, in this style."""
+        style = self.style
+        values: dict[str, ArrayLike] = {
+            "offset": (0.0, 0.0),
+            "weight": 0.0,
+            "pelvis": (0.0, 0.03 + 0.1 * style.slouch_rad, 0.0),
+            "spine": (0.02 + style.slouch_rad, 0.0, 0.0),
+            "head": (0.0, 0.05 + style.head_drop_rad, 0.0),
+        }
+        for side in SIDES:
+            lean = 0.5 * style.asymmetry * outward(side)
+            values |= {
+                f"{side}.arm": (0.04 + lean, 0.11, -0.15),
+                f"{side}.elbow": max(0.12, 0.26 + style.elbows_rad + lean),
+                f"{side}.hand": (0.05, 0.12, 0.0),
+                f"{side}.grip": 0.25,
+                f"{side}.shrug": (0.0, 0.0),
+                f"{side}.guide": 0.0,
+                f"{side}.pitch": 0.0,
+                f"{side}.roll": 0.0,
+                f"{side}.pivot": 0.0,
+                f"{side}.toes": 0.0,
+                f"{side}.knee": 0.3 * style.toe_out_rad,
+            }
+        return values
+
+    # ---- feet
+
+    def placement(self, side: str, x_m: float, z_m: float, heading_rad: float, width: float = 1.0) -> Placement:
+        """Return where a foot stands under a body at (x, z) that faces `heading_rad`.
+
+        (x, z) is the ground point under the middle between the ankles.
+        """
+        sole = self.body.sole(side)
+        aside = outward(side) * self.body.stance_m * width * self.style.width
+        forward = -float(sole.ankle_m[2])
+        yaw = heading_rad + outward(side) * self.style.toe_out_rad
+        dx, dz = turned(np.array(heading_rad), np.array(0.0), np.array(aside))
+        ex, ez = turned(np.array(yaw), np.array(forward), np.array(0.0))
+        return Placement(float(x_m + dx + ex), float(z_m + dz + ez), float(yaw))
+
+    def step(
+        self,
+        side: str,
+        lift_s: float,
+        land_s: float,
+        to: Placement,
+        *,
+        height_m: float = 0.05,
+        heel_up_rad: float = 0.5,
+        toe_up_rad: float = 0.0,
+        rise_s: float = 0.15,
+        roll_s: float = 0.08,
+        peak: float = 0.5,
+    ) -> None:
+        """Let a foot leave the ground over its ball and land on its heel (or flat).
+
+        Args:
+            heel_up_rad: the foot's pitch when it lifts; it rises during `rise_s` before.
+            toe_up_rad: its upward pitch when it lands; it rolls flat during `roll_s` after.
+        """
+        pitch, path = self.tracks[f"{side}.pitch"], self.feet[side]
+        base = float(self.value(f"{side}.pitch")[0])
+        start = max(lift_s - rise_s, path.free_s + 0.02, pitch.last().time_s + 0.01)
+        if lift_s - start > 0.02:
+            pitch.key(start, base)
+        pitch.key(lift_s, heel_up_rad)
+        pitch.key(land_s, -toe_up_rad)
+        pitch.key(land_s + roll_s, 0.0)
+        path.swings.append(Swing(lift_s, land_s, to, height_m, peak))
+
+    @property
+    def spot(self) -> tuple[float, float]:
+        """(x, z) between the ankles where the feet stand last."""
+        points = []
+        for side in SIDES:
+            at, back = self.feet[side].current, float(self.body.sole(side).ankle_m[2])
+            dx, dz = turned(np.array(at.yaw_rad), np.array(back), np.array(0.0))
+            points.append((at.x_m + dx, at.z_m + dz))
+        return float(np.mean([p[0] for p in points])), float(np.mean([p[1] for p in points]))
+
+    @property
+    def heading_rad(self) -> float:
+        """The last heading."""
+        return float(self.value("heading")[0])
+
+    # ---- chance
+
+    def vary(self, value: float, share: float) -> float:
+        """Return the value scattered by `share` (one standard deviation, held within two), times the variation."""
+        draw = float(np.clip(self.rng.standard_normal(), -2.0, 2.0))
+        return value * (1.0 + share * self.style.variation * draw)
+
+    def jitter(self, deviation: float) -> float:
+        """Return a small random number of this standard deviation, held within two, times the variation."""
+        return deviation * self.style.variation * float(np.clip(self.rng.standard_normal(), -2.0, 2.0))
+
+
+def _track_name(name: str) -> str:
+    return name[0] + "." + name[2:] if name[:2] in ("l_", "r_") else name

@@ -1,0 +1,251 @@
+"""From a score to a motion: balance over the feet, legs by inverse kinematics, trunk, arms, head."""
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+
+from ... import rotations as rot
+from ...motion import Motion
+from ...product_skeleton import SPINE_JOINTS
+from .curves import Array, pendulum_filtered, smoothed, wander
+from .feet import FootSamples, foot_pose, toe_bend
+from .frame import GRAVITY_M_S2, SIDES, about, outward, turned
+from .limbs import (
+    arm_rest,
+    elbow,
+    forearm_and_hand,
+    hanging_arm,
+    leg_rest,
+    limited,
+    two_bones,
+    unit,
+)
+from .score import Score
+
+_GRID_HZ = 240.0
+_REACH = 0.997  # of the leg's length: knees keep a little bend
+_TRUNK_SHARES = (0.40, 0.33, 0.27)  # of the trunk's bend in lowerback, upperback, thorax
+_NECK_SHARES = (0.35, 0.35, 0.30)
+_NECK_RANGE_RAD = (0.9, 1.3)
+# slow human sway and unrest: standard deviations, radians or metres
+_UNREST = {"offset": 0.005, "pelvis": 0.010, "spine": 0.014, "head": 0.022, "arm": 0.022, "elbow": 0.03}
+_UNREST_HAND_RAD, _UNREST_TARGET_M = 0.035, 0.006
+
+
+class Stage:
+    """Controls of a score, sampled, and what follows from them step by step."""
+
+    def __init__(self, score: Score, fps: float) -> None:
+        self.score, self.body = score, score.body
+        self.per_frame = max(1, round(_GRID_HZ / fps))
+        self.step_s = 1.0 / (fps * self.per_frame)
+        count = round(score.time_s * fps) * self.per_frame + 1
+        self.times = np.arange(count) * self.step_s
+        self.tracks = {name: track.sample(self.times) for name, track in score.tracks.items()}
+        self._add_unrest()
+        self.feet = {side: score.feet[side].sample(self.times) for side in SIDES}
+        self.local = rot.identity((count, len(self.body.skeleton)))
+
+    def _add_unrest(self) -> None:
+        score = self.score
+        rng = np.random.default_rng(score.rng.integers(2**63))
+        amount = 0.6 + 0.4 * score.style.variation
+        for name, track in self.tracks.items():
+            kind = name.split(".")[-1]
+            deviation = {"hand": _UNREST_HAND_RAD, "target": _UNREST_TARGET_M}.get(kind, _UNREST.get(kind, 0.0))
+            if deviation > 0.0:
+                track += deviation * amount * wander(rng, self.times, track.shape[1], 4.0, 0.6)
+
+    # ---- root
+
+    def root(self) -> tuple[Array, Array]:
+        """Return the root's positions (T, 3) and orientations (T, 4)."""
+        heading = self.tracks["heading"][:, 0]
+        yaw, pitch, roll = self.tracks["pelvis"].T
+        orientation = rot.multiply(rot.multiply(about("Y", heading + yaw), about("X", pitch)), about("Z", roll))
+        ground = self._balanced()
+        left, forward = self.tracks["offset"].T
+        dx, dz = turned(heading, forward, left)
+        height = self._within_reach(self.tracks["height"][:, 0], ground + np.stack((dx, dz), 1), orientation)
+        return np.stack((ground[:, 0] + dx, height, ground[:, 1] + dz), axis=1), orientation
+
+    def _balanced(self) -> Array:
+        """Return the root's path on the ground (T, 2): an inverted pendulum over the feet that carry."""
+        bias = self.tracks["weight"][:, 0]
+        weights, points = [], []
+        for side in SIDES:
+            carries = self.score.feet[side].contact_weight(self.times, 0.12)
+            weights.append(carries * (1.0 + outward(side) * bias))
+            points.append(self._ankle_ground(side))
+        total = weights[0] + weights[1]
+        known = total > 0.02
+        share = np.where(known, weights[0] / np.where(known, total, 1.0), 0.5)[:, None]
+        support = share * points[0] + (1.0 - share) * points[1]
+        for axis in range(2):  # in flight the support passes straight from the last to the next
+            support[~known, axis] = np.interp(self.times[~known], self.times[known], support[known, axis])
+        rate = np.sqrt(GRAVITY_M_S2 / self.body.standing_m)
+        return pendulum_filtered(support, float(rate), self.step_s)
+
+    def _ankle_ground(self, side: str) -> Array:
+        ground = self.feet[side].ground
+        back = np.full(len(ground), self.body.sole(side).ankle_m[2])
+        dx, dz = turned(ground[:, 2], back, np.zeros(len(ground)))
+        return np.stack((ground[:, 0] + dx, ground[:, 1] + dz), axis=1)
+
+    def _foot(self, side: str) -> tuple[Array, Array]:
+        samples, sole = self.feet[side], self.body.sole(side)
+        ground = samples.ground.copy()
+        ground[:, 2] += self.tracks[f"{side}.pivot"][:, 0]
+        turned_foot = FootSamples(ground, samples.lift_m, samples.swing_phase)
+        roll = -outward(side) * self.tracks[f"{side}.roll"][:, 0]
+        return foot_pose(turned_foot, sole, self.tracks[f"{side}.pitch"][:, 0], roll)
+
+    def _within_reach(self, height: Array, ground: Array, orientation: Array) -> Array:
+        """Return the height lowered smoothly where a leg would be too short."""
+        excess = np.zeros_like(height)
+        for side in SIDES:
+            ankle, _ = self._foot(side)
+            hip = rot.rotate(orientation, self.body.offset(f"{side}femur"))
+            away = ankle[:, [0, 2]] - ground - hip[:, [0, 2]]
+            room = (_REACH * self.body.leg_m) ** 2 - np.sum(away**2, axis=1)
+            most = ankle[:, 1] + np.sqrt(np.maximum(room, 1e-4)) - hip[:, 1]
+            excess = np.maximum(excess, _softplus(height - most, 0.003))
+        sigma = 0.025 / self.step_s
+        widest = maximum_filter1d(excess, 2 * round(1.2 * sigma) + 1)
+        return np.asarray(height - smoothed(widest, sigma))
+
+    # ---- legs
+
+    def legs(self, root: Array, orientation: Array) -> None:
+        """Pose the legs so that the feet are where the score has them."""
+        for side in SIDES:
+            sole = self.body.sole(side)
+            ankle, foot = self._foot(side)
+            hip = root + rot.rotate(orientation, self.body.offset(f"{side}femur"))
+            facing = _mean_lateral(orientation, foot, sole.flat)
+            out = about("Y", outward(side) * self.tracks[f"{side}.knee"][:, 0])
+            thigh, shank = self.body.lengths(f"{side}tibia", f"{side}foot")
+            rest = leg_rest(sole.flat)
+            pose = two_bones(hip, ankle, rot.rotate(out, facing), (thigh, shank), rest)
+            knee = rot.from_rotation_vector(rest[1] * pose.flexion_rad[:, None])
+            self.put(f"{side}femur", rot.multiply(rot.conjugate(orientation), pose.first))
+            self.put(f"{side}tibia", knee)
+            self.put(f"{side}foot", rot.multiply(rot.conjugate(rot.multiply(pose.first, knee)), foot))
+            pitch, toes = self.tracks[f"{side}.pitch"][:, 0], self.tracks[f"{side}.toes"][:, 0]
+            bend = about("X", toe_bend(self.feet[side], sole, pitch, -toes))
+            self.put(f"{side}toes", rot.multiply(rot.multiply(rot.conjugate(sole.flat), bend), sole.flat))
+
+    # ---- trunk and head
+
+    def trunk(self, orientation: Array) -> Array:
+        """Bend the trunk; return the chest's orientation (T, 4)."""
+        bend, side, twist = self.tracks["spine"].T
+        whole = rot.multiply(rot.multiply(about("Y", twist), about("X", bend)), about("Z", -side))
+        self._share_out(SPINE_JOINTS[:3], whole, _TRUNK_SHARES)
+        return rot.multiply(orientation, whole)
+
+    def head(self, chest: Array) -> None:
+        """Let the head look where the score says, steady against the trunk's motion."""
+        yaw, pitch, roll = self.tracks["head"].T
+        gaze = rot.multiply(about("Y", self.tracks["heading"][:, 0] + yaw), about("X", pitch))
+        wanted = rot.multiply(gaze, about("Z", roll))
+        whole = limited(rot.multiply(rot.conjugate(chest), wanted), *_NECK_RANGE_RAD)
+        self._share_out(SPINE_JOINTS[3:], whole, _NECK_SHARES)
+
+    def _share_out(self, joints: tuple[str, ...], whole: Array, shares: tuple[float, ...]) -> None:
+        vector = rot.to_rotation_vector(whole)
+        for joint, share in zip(joints, shares, strict=True):
+            self.put(joint, rot.from_rotation_vector(share * vector))
+
+    # ---- arms
+
+    def arms(self, root: Array, orientation: Array, chest: Array) -> None:
+        """Pose collar bones, arms and hands."""
+        trunk = root.copy()
+        turn = orientation
+        for joint in (*SPINE_JOINTS[:3], "lclavicle"):
+            trunk = trunk + rot.rotate(turn, self.body.offset(joint))
+            if joint in SPINE_JOINTS:
+                turn = rot.multiply(turn, self.local[:, self.body.skeleton.index(joint)])
+        reach = 0.5 * (self.body.offset("lhumerus") + self.body.offset("rhumerus"))
+        middle = trunk + rot.rotate(chest, reach)
+        for side in SIDES:
+            self._arm(side, trunk, middle, chest)
+
+    def _arm(self, side: str, neck: Array, middle: Array, chest: Array) -> None:
+        heading = about("Y", self.tracks["heading"][:, 0])
+        target = middle + rot.rotate(heading, self.tracks[f"{side}.target"])
+        guide = self.tracks[f"{side}.guide"][:, 0]
+        free = hanging_arm(side, *self.tracks[f"{side}.arm"].T)
+        collar = self._collar_bone(side, free, rot.rotate(rot.conjugate(chest), target - neck), guide)
+        shoulder = neck + rot.rotate(rot.multiply(chest, collar), self.body.offset(f"{side}humerus"))
+        from_collar = rot.conjugate(collar)
+        angles = self._arm_by_angles(side, rot.multiply(from_collar, free))
+        if np.any(guide > 0.0):
+            palm = rot.multiply(heading, rot.normalize(self.tracks[f"{side}.palm"]))
+            led = self._arm_to_target(side, shoulder, target, chest, palm)
+            led[0] = rot.multiply(from_collar, rot.multiply(rot.conjugate(chest), led[0]))
+            angles = [rot.slerp(a, b, guide) for a, b in zip(angles, led, strict=True)]
+        self.put(f"{side}clavicle", collar)
+        for joint, rotation in zip(("humerus", "radius", "wrist", "hand"), angles, strict=True):
+            self.put(side + joint, rotation)
+        grip = self.tracks[f"{side}.grip"][:, 0]
+        self.put(f"{side}fingers", about("Z", -outward(side) * 1.6 * grip))
+        self.put(f"{side}thumb", about("Y", outward(side) * 0.6 * grip))
+
+    def _collar_bone(self, side: str, free: Array, from_neck: Array, guide: Array) -> Array:
+        """Return chest-from-collar-bone: it follows the arm up and forward, and stays at rest in the T pose."""
+        by_angle = rot.rotate(free, np.array([outward(side), 0.0, 0.0]))
+        by_target = (from_neck - self.body.offset(f"{side}humerus")) / self.body.arm_m
+        by_target = by_target / np.maximum(1.0, np.linalg.norm(by_target, axis=1, keepdims=True))
+        _, up, forward = (by_angle + guide[:, None] * (by_target - by_angle)).T
+        more_up, more_forward = self.tracks[f"{side}.shrug"].T
+        raise_rad = np.where(up > 0.0, 0.35, -0.06) * up**2 + more_up
+        reach_rad = np.where(forward > 0.0, 0.22, -0.10) * forward**2 + more_forward
+        return rot.multiply(about("Y", -outward(side) * reach_rad), about("Z", outward(side) * raise_rad))
+
+    def _arm_by_angles(self, side: str, humerus: Array) -> list[Array]:
+        pronation, flexion, aside = self.tracks[f"{side}.hand"].T
+        hand = rot.multiply(about("Z", -outward(side) * flexion), about("Y", outward(side) * aside))
+        bend = np.maximum(self.tracks[f"{side}.elbow"][:, 0], 0.0)
+        return [humerus, elbow(side, bend), about("X", pronation), hand]
+
+    def _arm_to_target(self, side: str, shoulder: Array, target: Array, chest: Array, palm: Array) -> list[Array]:
+        """Return world-from-humerus and local rotations of elbow, forearm twist and hand that reach the target."""
+        swivel = self.tracks[f"{side}.swivel"][:, 0]
+        down_out = np.stack((outward(side) * np.sin(swivel), -np.cos(swivel), np.full(len(swivel), -0.3)), axis=1)
+        along = unit(target - shoulder)
+        hinge = np.cross(rot.rotate(chest, down_out), along)
+        upper = self.body.lengths(f"{side}radius")[0]
+        pose = two_bones(shoulder, target, hinge, (upper, self.body.arm_m - upper), arm_rest(side))
+        bend = elbow(side, pose.flexion_rad)
+        twist, hand = forearm_and_hand(side, rot.multiply(pose.first, bend), palm)
+        return [pose.first, bend, twist, hand]
+
+    def put(self, joint: str, rotations: Array) -> None:
+        """Set the local rotations (T, 4) of a joint."""
+        self.local[:, self.body.skeleton.index(joint)] = rotations
+
+
+def _softplus(values: Array, scale: float) -> Array:
+    return np.asarray(scale * np.logaddexp(0.0, values / scale))
+
+
+def _mean_lateral(pelvis: Array, foot: Array, flat: Array) -> Array:
+    """Return the knee's wanted hinge axis: between the pelvis' and the foot's left."""
+    left = np.array([1.0, 0.0, 0.0])
+    of_foot = rot.rotate(foot, rot.rotate(rot.conjugate(flat), left))
+    return unit(0.4 * rot.rotate(pelvis, left) + 0.6 * of_foot)
+
+
+def staged(score: Score, fps: float, name: str) -> Motion:
+    """Return the motion of a score, from its start to `score.time_s`, at `fps` frames per second."""
+    stage = Stage(score, fps)
+    root, orientation = stage.root()
+    stage.put("root", orientation)
+    stage.legs(root, orientation)
+    chest = stage.trunk(orientation)
+    stage.head(chest)
+    stage.arms(root, orientation, chest)
+    pick = slice(None, None, stage.per_frame)
+    rotations = rot.continuous(rot.normalize(stage.local[pick]))
+    return Motion(name=name, fps=fps, skeleton=score.body.skeleton, rotations=rotations, root_positions_m=root[pick])
