@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -67,6 +67,15 @@ class _Sight:
     seen: NDArray[np.bool_]
 
 
+@dataclass(frozen=True)
+class _Ghost:
+    """A false blob: centre (2,) and radius in pixels, BGR colour."""
+
+    centre: Array
+    radius: float
+    colour: Array
+
+
 class Renderer:
     """The cameras of a rig in the simulated room."""
 
@@ -96,28 +105,43 @@ class Renderer:
 
         The same number and seed give the same noise.
         """
-        times = [time_s + self.settings.time_offset_s(i) for i in range(len(self.rig))]
-        images, sights, ghosts = [], [], []
-        for i, (camera, time) in enumerate(zip(self.rig.cameras, times, strict=True)):
+        times = self._times(time_s)
+        sights = self._sights(performance, times, number)
+        images = []
+        for i, (camera, time, sight) in enumerate(zip(self.rig.cameras, times, sights, strict=True)):
             image = self._room(i, time)
-            sight = self._sight(camera, performance, time, number, i)
             if self.settings.draw_body:
                 draw_body(image, camera, performance.body, performance.cones_at(time))
-            ghosts.append(self._draw_ghosts(image, time, i))
+            for ghost in self._ghosts(i, time):
+                draw_disc(image, ghost.centre[None], ghost.radius, ghost.colour, self.settings.lens_blur_px)
             self._draw_markers(image, sight)
             self.add_noise(image, i, number)
             images.append(image)
-            sights.append(sight)
-        truth = FrameTruth(
+        truth = self._truth(performance, time_s, number, sights)
+        return StudioFrame(number, tuple(times), tuple(images), truth)
+
+    def truth(self, performance: Performance, time_s: float, number: int) -> FrameTruth:
+        """Return the truth of `render` without drawing anything."""
+        return self._truth(performance, time_s, number, self._sights(performance, self._times(time_s), number))
+
+    def _times(self, time_s: float) -> list[float]:
+        return [time_s + self.settings.time_offset_s(i) for i in range(len(self.rig))]
+
+    def _sights(self, performance: Performance, times: list[float], number: int) -> list[_Sight]:
+        rows = enumerate(zip(self.rig.cameras, times, strict=True))
+        return [self._sight(camera, performance, time, number, i) for i, (camera, time) in rows]
+
+    def _truth(self, performance: Performance, time_s: float, number: int, sights: list[_Sight]) -> FrameTruth:
+        ghosts = [[g.centre for g in self._ghosts(i, time)] for i, time in enumerate(self._times(time_s))]
+        return FrameTruth(
             number=number,
             time_s=time_s,
             markers_m=performance.markers_at([time_s])[0],
             pixels=np.array([sight.centres for sight in sights]),
             radii_px=np.array([sight.radii for sight in sights]),
             visible=np.array([sight.seen for sight in sights]),
-            ghosts=tuple(ghosts),
+            ghosts=tuple(np.array(centres).reshape(-1, 2) for centres in ghosts),
         )
-        return StudioFrame(number, tuple(times), tuple(images), truth)
 
     def add_noise(self, image: Image, camera: int, number: int) -> None:
         """Add this camera's sensor noise of frame `number` to an image, in place."""
@@ -177,25 +201,19 @@ class Renderer:
                     colour = np.array(self.settings.marker_colours[marker])
                 draw_disc(image, sight.paths[marker], float(sight.radii[marker]), colour, self.settings.lens_blur_px)
 
-    def _draw_ghosts(self, image: Image, time_s: float, camera: int) -> Array:
-        """Draw blobs that wander on slow curves and go out now and then; return the centres (G, 2) drawn."""
-        drawn = []
-        size = np.array([image.shape[1], image.shape[0]], dtype=np.float64)
+    def _ghosts(self, camera: int, time_s: float) -> list[_Ghost]:
+        """Blobs that wander on slow curves and go out now and then."""
+        shown = []
+        size = np.array(self.rig.cameras[camera].image_size, dtype=np.float64)
         for ghost in range(self.settings.ghosts):
             rng = np.random.default_rng([self.settings.seed, camera, ghost, 2])
             middle, sway = rng.uniform(0.2, 0.8, 2), rng.uniform(0.03, 0.15, 2)
             rate, phase = rng.uniform(0.4, 1.5, 2), rng.uniform(0.0, 6.28, 2)
-            radius, brightness = rng.uniform(1.3, 2.8), rng.uniform(200.0, 250.0)
-            centre = size * (middle + sway * np.sin(rate * time_s + phase))
+            radius, brightness = float(rng.uniform(1.3, 2.8)), rng.uniform(200.0, 250.0)
             if np.sin(0.7 * rate[0] * time_s + phase[1]) > -0.4:
-                draw_disc(image, centre[None], float(radius), np.full(3, brightness), self.settings.lens_blur_px)
-                drawn.append(centre)
-        return np.array(drawn).reshape(-1, 2)
-
-
-def without_performer(settings: StudioSettings) -> StudioSettings:
-    """Return the settings with a steady, quiet room, as for pictures of the calibration board."""
-    return replace(settings, ghosts=0, moved_object=False, light_drift=0.0, dropout=0.0)
+                centre = size * (middle + sway * np.sin(rate * time_s + phase))
+                shown.append(_Ghost(centre, radius, np.full(3, brightness)))
+        return shown
 
 
 def _own_times(performance: Performance, times: Array) -> Array:

@@ -1,0 +1,205 @@
+"""The simulated performer as a source of images, live or as fast as it can be drawn."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import rotations as rot
+from ...camera import CameraRig
+from ...errors import SettingsError
+from ...marker_set import Subject, load_marker_set
+from ...motion import Motion
+from ...product_skeleton import default_skeleton
+from ..performer import BEHAVIOURS, STYLES, demo_performance, performance
+from .performance import Performance, make_performance
+from .render import FrameTruth, Renderer, StudioFrame
+from .rig import FPS, default_rig
+from .settings import StudioSettings
+
+Image = NDArray[np.uint8]
+
+_RETURN_S = 1.5  # time in which a performer who starts again goes back to the first pose
+
+
+class SimulatedSource:
+    """Image sets of a performance: iterate to take them; each has number, times_s, images, and its truth.
+
+    Args:
+        performance: what is performed.
+        subject: the performer's true skeleton and marker offsets.
+        renderer: the cameras.
+        fps: images per second.
+        live: hand every frame over at its time on the clock, and leave out those that are late, as a camera does.
+        loop: start again when the performance is over.
+    """
+
+    def __init__(
+        self,
+        performance: Performance,
+        subject: Subject,
+        renderer: Renderer,
+        *,
+        fps: float = FPS,
+        live: bool = False,
+        loop: bool = False,
+    ) -> None:
+        self.performance = performance
+        self.subject = subject
+        self.renderer = renderer
+        self.fps = fps
+        self.live = live
+        self.loop = loop
+        self.dropped = 0
+        self._closed = False
+
+    @property
+    def rig(self) -> CameraRig:
+        """The true cameras."""
+        return self.renderer.rig
+
+    @property
+    def motion(self) -> Motion:
+        """The true motion."""
+        return self.performance.motion
+
+    @property
+    def frames(self) -> int:
+        """Image sets in one run of the performance."""
+        return int(np.floor(self.motion.duration_s * self.fps + 1e-6)) + 1
+
+    def background_frames(self, count: int) -> Iterator[tuple[Image, ...]]:
+        """Yield images of the empty room, one per camera each time, for learning the background."""
+        for number in range(count):
+            yield self.renderer.background(number)
+
+    def frame(self, number: int) -> StudioFrame:
+        """Return one image set by its number."""
+        frame = self.renderer.render(self.performance, self._time(number), number)
+        offset = number / self.fps - self._time(number)
+        return replace(frame, times_s=tuple(t + offset for t in frame.times_s)) if offset else frame
+
+    def truth(self, number: int) -> FrameTruth:
+        """Return what the image set of that number shows."""
+        return self.renderer.truth(self.performance, self._time(number), number)
+
+    def __iter__(self) -> Iterator[StudioFrame]:
+        """Yield image sets until the performance is over, or `close`."""
+        start = time.perf_counter()
+        number = 0
+        while not self._closed and (self.loop or number < self.frames):
+            if self.live:
+                late = int((time.perf_counter() - start) * self.fps)
+                self.dropped += max(late - number, 0)
+                number = max(number, late)
+                if not self.loop and number >= self.frames:
+                    return
+                frame = self.frame(number)
+                time.sleep(max(0.0, start + number / self.fps - time.perf_counter()))
+            else:
+                frame = self.frame(number)
+            yield frame
+            number += 1
+
+    def close(self) -> None:
+        """Let the iteration end."""
+        self._closed = True
+
+    def _time(self, number: int) -> float:
+        moment = number / self.fps
+        return moment % (self.motion.duration_s + 1.0 / self.motion.fps) if self.loop else moment
+
+
+def open_simulated(spec: Mapping[str, Any]) -> SimulatedSource:
+    """Return the simulated performer as described; every key has a default.
+
+    Keys: behaviour ("demo": the demo's performance, or one of the performer's), seconds (60), style ("neutral"),
+    seed (0), height_m (1.75), marker_set ("boxing"), cameras (2), fps (60), live (False), loop (as live), and
+    studio: a table of `StudioSettings`.
+
+    Raises:
+        SettingsError: an unknown key, behaviour, style or setting.
+        MarkerSetError: the marker set is unknown or has no offsets.
+    """
+    known = {"kind", "behaviour", "seconds", "style", "seed", "height_m", "marker_set", "cameras", "fps", "live"}
+    unknown = sorted(set(spec) - known - {"loop", "studio"})
+    if unknown:
+        raise SettingsError("unknown setting " + ", ".join(unknown), where="simulated performer")
+    live = bool(spec.get("live", False))
+    loop = bool(spec.get("loop", live))
+    fps = float(spec.get("fps", FPS))
+    motion = _motion(spec, fps)
+    renderer = Renderer(default_rig(int(spec.get("cameras", 2))), studio_settings(spec.get("studio", {})))
+    return simulated_source(motion, str(spec.get("marker_set", "boxing")), renderer, fps=fps, live=live, loop=loop)
+
+
+def simulated_source(
+    motion: Motion,
+    marker_set: str,
+    renderer: Renderer,
+    *,
+    fps: float = FPS,
+    live: bool = False,
+    loop: bool = False,
+) -> SimulatedSource:
+    """Return a source of images of a motion performed with a marker set (name or file; with offsets)."""
+    markers = load_marker_set(marker_set)
+    subject = Subject("simulated performer", motion.skeleton, markers)
+    shown = with_return(motion) if loop else motion
+    performance = make_performance(shown, markers.names, markers.joint_indices(motion.skeleton), markers.offsets_m)
+    return SimulatedSource(performance, subject, renderer, fps=fps, live=live, loop=loop)
+
+
+def studio_settings(table: Mapping[str, Any]) -> StudioSettings:
+    """Return settings from a table of names and values; SettingsError for an unknown name or a wrong value."""
+    try:
+        values: dict[str, Any] = {
+            key: tuple(value) if isinstance(value, list) else value for key, value in table.items()
+        }
+        return StudioSettings(**values)
+    except TypeError as error:
+        raise SettingsError(f"simulated studio: {error}") from error
+
+
+def with_return(motion: Motion) -> Motion:
+    """Return the motion with a smooth way back from its last pose to its first, so that it can start again."""
+    steps = max(round(_RETURN_S * motion.fps), 1)
+    f = np.arange(1, steps) / steps
+    ease = f * f * (3.0 - 2.0 * f)
+    first, last = motion.rotations[0], motion.rotations[-1]
+    shape = (len(ease), *first.shape)
+    back = rot.slerp(
+        np.broadcast_to(last, shape), np.broadcast_to(first, shape), np.broadcast_to(ease[:, None], shape[:2])
+    )
+    start, end = motion.root_positions_m[-1], motion.root_positions_m[0]
+    return replace(
+        motion,
+        rotations=np.concatenate((motion.rotations, back)),
+        root_positions_m=np.concatenate((motion.root_positions_m, start + ease[:, None] * (end - start))),
+    )
+
+
+def _motion(spec: Mapping[str, Any], fps: float) -> Motion:
+    """The performance that a spec asks for: T pose, then the behaviour."""
+    seed, behaviour = int(spec.get("seed", 0)), str(spec.get("behaviour", "demo"))
+    if behaviour == "demo":
+        return demo_performance(seed)
+    style = str(spec.get("style", "neutral"))
+    if style not in STYLES:
+        raise SettingsError(f"unknown style {style!r}", advice="styles: " + ", ".join(STYLES))
+    skeleton = default_skeleton(float(spec.get("height_m", 1.75)))
+    script = [(_behaviour(behaviour), float(spec.get("seconds", 60.0)))]
+    return performance(script, fps, skeleton, STYLES[style], seed, behaviour)
+
+
+def _behaviour(name: str) -> str:
+    """The performer's behaviour of that name or beginning ("walk" is "walking")."""
+    fitting = [known for known in BEHAVIOURS if known.startswith(name)]
+    if len(fitting) != 1:
+        raise SettingsError(f"unknown behaviour {name!r}", advice="behaviours: " + ", ".join(BEHAVIOURS))
+    return fitting[0]
