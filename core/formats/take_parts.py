@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 # metres of the units that marker files name
 LENGTHS: dict[str, float] = {
-    "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0,
+    "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "mete": 1.0,
     "cm": 0.01, "centimeter": 0.01, "centimeters": 0.01, "centimetres": 0.01,
     "mm": 0.001, "millimeter": 0.001, "millimeters": 0.001, "millimetres": 0.001, "millimetre": 0.001,
     "in": 0.0254, "inch": 0.0254, "inches": 0.0254, "ft": 0.3048, "feet": 0.3048, "dm": 0.1, "um": 1e-6,
@@ -53,8 +53,12 @@ def make_take(
     where: str, name: str, fps: float, names: Sequence[str], positions_m: Array,
     frame_numbers: Array | None = None, times_s: Array | None = None,
 ) -> MarkerTake:  # fmt: skip
-    """Return a take; infinite positions are missing ones; FormatError names the file when the parts do not fit."""
-    positions_m = np.where(np.all(np.isfinite(positions_m), axis=-1, keepdims=True), positions_m, np.nan)
+    """Return a take; infinite positions are missing ones; FormatError names the file when the parts do not fit.
+
+    Points at the very origin are missing ones too: many systems write zeros for them.
+    """
+    seen = np.all(np.isfinite(positions_m), axis=-1) & np.any(positions_m != 0.0, axis=-1)
+    positions_m = np.where(seen[..., None], positions_m, np.nan)
     more = {}
     if frame_numbers is not None and np.all(np.isfinite(frame_numbers)):
         more["frame_numbers"] = frame_numbers.astype(np.int64)

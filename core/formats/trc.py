@@ -16,8 +16,8 @@ Array = NDArray[np.float64]
 def read_trc(path: Path | str) -> MarkerTake:
     """Return the take of a TRC file in metres.
 
-    Blank fields and every spelling of NaN are missing positions; rows may end early. A data rate of zero is taken
-    from the times.
+    Blank fields, every spelling of NaN and points at the very origin are missing positions; rows may end early. Points
+    without a name are passed over. A data rate of zero is taken from the times.
 
     Raises:
         FormatError: not a TRC file, damaged, or without markers; names file and line.
@@ -61,7 +61,7 @@ def _names(line: str, header: dict[str, str], where: str) -> list[str]:
     declared = _number(header.get("nummarkers", ""))
     if not names:
         raise FormatError("has no markers", where=f"{where}, line 4")
-    if np.isfinite(declared) and declared != len(names):
+    if declared < len(names):
         raise FormatError(f"declares {declared:g} markers, names {len(names)}", where=f"{where}, line 4")
     return names
 
@@ -74,8 +74,9 @@ def _rows(lines: list[str], width: int, where: str) -> Array:
         fields = line.split("\t")
         if not fields[0].strip():
             continue
-        if any(field.strip() for field in fields[width:]):
-            raise FormatError(f"has more than {width} fields", where=f"{where}, line {number}")
+        # Vicon and BTK put points without a name behind the named ones: they are passed over
+        if len(line.rstrip().split("\t")) > width and (len(line.rstrip().split("\t")) - width) % 3:
+            raise FormatError(f"has fields beyond its {width}", where=f"{where}, line {number}")
         values = numbers_of(fields[:width], f"{where}, line {number}")
         rows.append(values + [np.nan] * (width - len(values)))
     if not rows:
