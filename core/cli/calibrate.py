@@ -1,0 +1,112 @@
+"""`perfanim calibrate`: cameras, the board to print, the subject."""
+
+import argparse
+import importlib.util
+from collections.abc import Callable
+from typing import Any
+
+from ..errors import SettingsError
+
+Progress = Callable[[float, str], None]
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the `calibrate` command group."""
+    parser = subparsers.add_parser("calibrate", help="calibrate cameras or a subject, print a board")
+    group = parser.add_subparsers(metavar="WHAT", required=True)
+    _add_cameras(group)
+    _add_board(group)
+    if importlib.util.find_spec(".calibrate_subject", __package__) is not None:
+        from . import calibrate_subject
+
+        calibrate_subject.add_parser(group)
+
+
+def _add_cameras(group: Any) -> None:
+    parser = group.add_parser("cameras", help="intrinsics, distortion and relative pose from pictures of a board")
+    parser.add_argument("--left", metavar="GLOB", help="pictures of the left camera: a folder or a pattern in quotes")
+    parser.add_argument("--right", metavar="GLOB", help="pictures of the right camera, paired by their numbers")
+    parser.add_argument(
+        "--camera", metavar="NAME=GLOB", action="append", default=[], help="any further camera (repeatable)"
+    )
+    parser.add_argument(
+        "--board",
+        metavar="SPEC",
+        help="chessboard:9x6:24.23mm (inner corners and a square's edge; mm when no unit is given) or "
+        "charuco:7x5:40mm:30mm:DICT_4X4_50 (squares, a square's and a marker's edge, dictionary; "
+        "append :inverted for a white-on-black board)",
+    )
+    parser.add_argument(
+        "--points", metavar="FILE", help="instead of pictures: JSON of board points already found (mm and pixels)"
+    )
+    parser.add_argument("--out", metavar="cameras.toml", required=True, help="the calibration to write")
+    parser.set_defaults(run=run_cameras)
+
+
+def _add_board(group: Any) -> None:
+    parser = group.add_parser("board", help="write the board as a PDF to print")
+    parser.add_argument("--spec", "--board", metavar="SPEC", required=True, help="as for `calibrate cameras`")
+    parser.add_argument("--out", metavar="board.pdf", required=True, help="the PDF to write")
+    parser.set_defaults(run=run_board)
+
+
+def run_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Calibrate, write the rig, return the summary."""
+    from ..camera import save_rig
+    from ..vision.calibrate import calibrate_from_points
+
+    if args.points:
+        from ..vision.board_points import load_board_points
+
+        points_m, cameras = load_board_points(args.points)
+        square_m = 0.0
+        result = calibrate_from_points(points_m, cameras)
+    else:
+        from ..vision.board import parse_board
+        from ..vision.calibrate_images import calibrate_images
+
+        patterns = _patterns(args)
+        if not args.board:
+            raise SettingsError("--board is missing", advice="name the board, e.g. --board chessboard:9x6:24.23mm")
+        board = parse_board(args.board)
+        square_m = board.square_m
+        result = calibrate_images(patterns, board, progress, left_right=bool(args.left))
+    save_rig(result.rig, args.out)
+    summary: dict[str, Any] = {
+        "verdict": result.verdict,
+        "stereo_rms_px": result.stereo_rms_px,
+        "rms_px": dict(result.rms_px),
+        "baseline_mm": result.baseline_m * 1000.0,
+        "used": len(result.used),
+        "rejected": [{"picture": row.picture, "reason": row.reason} for row in result.rejected],
+        "advice": list(result.advice),
+        "out": str(args.out),
+    }
+    if square_m:
+        summary["baseline_squares"] = result.baseline_m / square_m
+    return summary
+
+
+def _patterns(args: argparse.Namespace) -> dict[str, str]:
+    patterns: dict[str, str] = {}
+    if bool(args.left) != bool(args.right):
+        raise SettingsError("--left and --right go together", advice="give the pictures of both cameras")
+    if args.left:
+        patterns |= {"left": args.left, "right": args.right}
+    for entry in args.camera:
+        name, separator, pattern = entry.partition("=")
+        if not (name and separator and pattern) or name in patterns:
+            raise SettingsError(f"--camera {entry!r} is not NAME=GLOB with a new name")
+        patterns[name] = pattern
+    if len(patterns) < 2:
+        raise SettingsError("pictures of two cameras are needed", advice="give --left and --right, or --camera twice")
+    return patterns
+
+
+def run_board(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Write the board's PDF."""
+    from ..vision.board import parse_board
+    from ..vision.board_pdf import write_board_pdf
+
+    paper = write_board_pdf(parse_board(args.spec), args.spec, args.out)
+    return {"out": str(args.out), "paper": paper}

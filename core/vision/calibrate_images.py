@@ -1,0 +1,139 @@
+"""Calibrating cameras from image files: reading, finding the board, and saying what is wrong with it."""
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import CalibrationError, CaptureError
+from ..sources.files import list_images, pair_by_number, read_image
+from .board import Board, BoardView, find_board, seen_grid
+from .calibrate import MINIMUM_VIEWS, CalibrationResult, CameraViews, Rejected, calibrate_from_points, grid_of
+
+Progress = Callable[[float, str], None]
+
+_PROBES = 5
+
+
+def calibrate_images(
+    patterns: Mapping[str, str], board: Board, progress: Progress, *, left_right: bool = True
+) -> CalibrationResult:
+    """Calibrate cameras from pictures of a board.
+
+    Args:
+        patterns: camera name -> folder or glob of its pictures; pictures of one moment share a number.
+        board: the board they show.
+        progress: told how far it is.
+        left_right: the first two are the left and the right camera; checked.
+
+    Raises:
+        CalibrationError: no pictures, unreadable pictures, wrong board, too few views, sides exchanged.
+    """
+    files, rejected = _paired_files(patterns)
+    total = sum(len(rows) for rows in files.values())
+    done = 0
+    cameras = []
+    for name, rows in files.items():
+        sizes: dict[str, tuple[int, int]] = {}
+        views: dict[str, BoardView] = {}
+        for key, path in rows.items():
+            progress(0.9 * done / total, f"looking for the board: {path.name}")
+            done += 1
+            _look(name, key, path, board, sizes, views, rejected)
+        cameras.append(_camera_views(name, sizes, views, rejected))
+    _check_board(board, files, cameras)
+    progress(0.9, "calibrating")
+    return calibrate_from_points(
+        board.points_m, cameras, rejected, left_right=left_right, grid=grid_of(board)
+    )
+
+
+def _paired_files(patterns: Mapping[str, str]) -> tuple[dict[str, dict[str, Path]], list[Rejected]]:
+    try:
+        lists = [list_images(pattern) for pattern in patterns.values()]
+        pairs, leftover = pair_by_number(lists)
+    except CaptureError as error:
+        raise CalibrationError(error.what, where=error.where, advice=error.advice) from error
+    files: dict[str, dict[str, Path]] = {name: {} for name in patterns}
+    for number, paths in pairs:
+        for name, path in zip(patterns, paths, strict=True):
+            files[name][f"{number:06d}"] = path
+    return files, [Rejected(str(path.name), "no picture of the other camera has its number") for path in leftover]
+
+
+def _look(
+    camera: str,
+    key: str,
+    path: Path,
+    board: Board,
+    sizes: dict[str, tuple[int, int]],
+    views: dict[str, BoardView],
+    rejected: list[Rejected],
+) -> None:
+    try:
+        image = read_image(path)
+    except CaptureError as error:
+        rejected.append(Rejected(path.name, error.what))
+        return
+    sizes[key] = (image.shape[1], image.shape[0])
+    view = find_board(image, board)
+    if view is None:
+        rejected.append(Rejected(path.name, "the board was not found in it"))
+    else:
+        views[key] = view
+
+
+def _camera_views(
+    name: str, sizes: Mapping[str, tuple[int, int]], views: dict[str, BoardView], rejected: list[Rejected]
+) -> CameraViews:
+    if not sizes:
+        raise CalibrationError("none of the pictures can be read", where=f"camera {name}", advice="check the files")
+    size = Counter(sizes.values()).most_common(1)[0][0]
+    for key in [key for key in views if sizes[key] != size]:
+        rejected.append(Rejected(f"{name} {key}", f"is {sizes[key][0]}x{sizes[key][1]}, the others {size[0]}x{size[1]}"))
+        del views[key]
+    return CameraViews(name, size, views)
+
+
+def _check_board(board: Board, files: Mapping[str, Mapping[str, Path]], cameras: Sequence[CameraViews]) -> None:
+    """Refuse a board of another size: a part of a larger board would be found here and there, and calibrate badly."""
+    missing = [camera for camera in cameras if len(camera.views) < MINIMUM_VIEWS]
+    if board.kind == "chessboard":
+        seen = _most_seen_grid(files, board)
+        asked = (max(board.corner_grid), min(board.corner_grid))
+        if seen is not None and seen != asked and (missing or (seen[0] >= asked[0] and seen[1] >= asked[1])):
+            raise CalibrationError(
+                f"the pictures show a board of {seen[0]}x{seen[1]} inner corners, not {asked[0]}x{asked[1]}",
+                advice=f"use --board chessboard:{seen[0]}x{seen[1]}:SQUARE",
+            )
+    if missing:
+        camera = missing[0]
+        raise CalibrationError(
+            f"the board was found in {len(camera.views)} of {len(files[camera.name])} pictures",
+            where=f"camera {camera.name}",
+            advice="check the board's size in --board, and that the whole board is in the pictures, sharp and lit",
+        )
+
+
+def _most_seen_grid(files: Mapping[str, Mapping[str, Path]], board: Board) -> tuple[int, int] | None:
+    paths = [path for rows in files.values() for path in rows.values()]
+    chosen = [paths[i] for i in np.unique(np.linspace(0, len(paths) - 1, _PROBES).astype(int))]
+    seen: Counter[tuple[int, int]] = Counter()
+    for path in chosen:
+        grid = _seen_in(path, board)
+        if grid is not None:
+            seen[grid] += 1
+    if not seen:
+        return None
+    grid, votes = seen.most_common(1)[0]
+    return grid if votes >= min(3, len(chosen)) else None
+
+
+def _seen_in(path: Path, board: Board) -> tuple[int, int] | None:
+    try:
+        image: NDArray[np.uint8] = read_image(path)
+    except CaptureError:
+        return None
+    return seen_grid(image, board.corner_grid)

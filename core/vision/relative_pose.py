@@ -1,0 +1,76 @@
+"""Agreeing on the pose of one camera relative to another from board poses, half turns of the board included."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Transform = tuple[Array, Array]
+"""(rotation (3, 3), translation (3,)): x_a = rotation @ x_b + translation."""
+
+_SAME_ANGLE = np.radians(4.0)
+_SAME_DISTANCE = 0.15  # of the typical distance to the board: distance is what a small board tells worst
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Per moment: whether the second view is numbered from the other end, and whether the moment fits the rest."""
+
+    turned: NDArray[np.bool_]
+    agrees: NDArray[np.bool_]
+
+
+def inverse(transform: Transform) -> Transform:
+    """Return b-from-a of a-from-b."""
+    rotation, translation = transform
+    return rotation.T, -rotation.T @ translation
+
+
+def compose(a_from_b: Transform, b_from_c: Transform) -> Transform:
+    """Return a-from-c."""
+    return a_from_b[0] @ b_from_c[0], a_from_b[0] @ b_from_c[1] + a_from_b[1]
+
+
+def relative_poses(first: Sequence[Transform], second: Sequence[Transform], centre: Array | None) -> Agreement:
+    """Find the second-from-first pose that most moments agree on.
+
+    Args:
+        first, second: camera-from-board of the same moments.
+        centre: (3,) centre of a board whose half turn about its normal looks the same; None when it does not.
+
+    Ties (a board always held the same way up fits both) go to the pose that turns the cameras least.
+    """
+    options = [_options(a, b, centre) for a, b in zip(first, second, strict=True)]
+    scale = float(np.median([np.linalg.norm(t) for _, t in first])) if first else 1.0
+    best_key: tuple[int, float] = (-1, 0.0)
+    best = Agreement(np.zeros(len(first), dtype=bool), np.zeros(len(first), dtype=bool))
+    for hypothesis in (option for row in options for option in row):
+        distances = np.array([[_distance(option, hypothesis, scale) for option in row] for row in options])
+        agrees = distances.min(axis=1) < 1.0
+        key = (int(agrees.sum()), -_angle(hypothesis[0]))
+        if key > best_key:
+            best_key = key
+            best = Agreement(distances.argmin(axis=1) == 1, agrees)
+    return best
+
+
+def _options(first: Transform, second: Transform, centre: Array | None) -> list[Transform]:
+    straight = compose(second, inverse(first))
+    if centre is None:
+        return [straight]
+    half_turn = np.diag([-1.0, -1.0, 1.0])
+    turn: Transform = (half_turn, centre - half_turn @ centre)
+    return [straight, compose(compose(second, turn), inverse(first))]
+
+
+def _distance(a: Transform, b: Transform, scale: float) -> float:
+    return max(
+        _angle(a[0] @ b[0].T) / _SAME_ANGLE,
+        float(np.linalg.norm(inverse(a)[1] - inverse(b)[1])) / (_SAME_DISTANCE * scale),
+    )
+
+
+def _angle(rotation: Array) -> float:
+    return float(np.arccos(np.clip((np.trace(rotation) - 1.0) / 2.0, -1.0, 1.0)))
