@@ -98,6 +98,7 @@ class CaptureRun:
         self._stamp = 0.0
         self._last_number: int | None = None
         self._last_arrival = self._stop_asked = clock()
+        self._nothing_follows = False
 
     @property
     def behind(self) -> int:
@@ -128,7 +129,7 @@ class CaptureRun:
         while self._pending and (newest is None or self._clock() - started < budget_s):
             newest = self._solve(self._pending.popleft()) or newest
         self._count_rate()
-        if self.phase is Phase.FINISHING and not self._pending and (self._client.ended or self._stop_overdue()):
+        if self.phase is Phase.FINISHING and not self._pending and self._is_over():
             self.phase = Phase.DONE
         return newest
 
@@ -149,8 +150,9 @@ class CaptureRun:
         self.phase = Phase.DONE
         self._client.close()
 
-    def _stop_overdue(self) -> bool:
-        return self._clock() - self._stop_asked > STOP_LIMIT_S
+    def _is_over(self) -> bool:
+        overdue = self._clock() - self._stop_asked > STOP_LIMIT_S
+        return self._client.ended or self._nothing_follows or overdue
 
     def _collect(self) -> None:
         try:
@@ -163,6 +165,7 @@ class CaptureRun:
         if self._client.ended and self.phase is not Phase.FINISHING:  # the source's end
             self.phase = Phase.FINISHING
             self.activity = self.phase.value
+            self._nothing_follows = True
 
     def _take(self, message: Message) -> None:
         if message.kind is MessageKind.FRAME:
@@ -195,7 +198,7 @@ class CaptureRun:
         """Keep the error; what has arrived is still solved and kept."""
         self.error = self.error or error
         self.phase = Phase.FINISHING
-        self._stop_asked = self._clock() - STOP_LIMIT_S
+        self._nothing_follows = True
 
     def _solve(self, message: Message) -> PoseFrame | None:
         started = self._clock()

@@ -143,7 +143,7 @@ def motion(settings: Any) -> State:
     """State of the Motion database panel."""
     path = database_path(settings)
     if not settings.database and not path.exists():
-        return State(True, "starter, made at first start")
+        return State(True, "starter")
     found = database(str(path))
     if isinstance(found, PerfanimError):
         return _problem(found, "bad database")

@@ -8,6 +8,8 @@ Requests (JSON):
 """
 
 import importlib
+import signal
+import sys
 import traceback
 from collections.abc import Mapping
 from typing import Any
@@ -18,9 +20,9 @@ from .channel import Channel
 _JOBS = {"capture": ".capture_job", "command": ".command_job"}
 
 
-
 def main(port: int, token: str) -> int:
     """Connect to Blender on `port`, do the job that it asks for, and end; returns the exit status."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that half-written files are removed
     channel = Channel(port, token)
     try:
         request = channel.wait_request()

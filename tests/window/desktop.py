@@ -1,0 +1,244 @@
+"""A screen without a monitor, a real Blender on it, and a hand on its mouse and keyboard.
+
+BLENDER names a program that runs its arguments where Blender, Xvfb, xdotool and ImageMagick's import are installed
+(`../shared/tools/blender-root trixie` makes one), with the caller's environment, /tmp and working tree visible there.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from PIL import Image
+
+ROOT = Path(__file__).resolve().parents[2]
+OBSERVER = Path(__file__).with_name("observer.py")
+PATIENCE_S = 180.0
+
+
+class Desktop:
+    """One X display; end it with `close`."""
+
+    def __init__(self, wrapper: str, pictures: Path, size: tuple[int, int] = (1280, 800)) -> None:
+        self.wrapper = wrapper
+        self.size = size
+        self._pictures = pictures
+        pictures.mkdir(parents=True, exist_ok=True)
+        screen = f"{size[0]}x{size[1]}x24"
+        self._server = subprocess.Popen(
+            [wrapper, "Xvfb", "-displayfd", "1", "-screen", "0", screen, "+extension", "GLX", "-nolisten", "tcp"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+        assert self._server.stdout is not None
+        number = self._server.stdout.readline().strip()
+        assert number, "Xvfb did not start"
+        self.environment = {**os.environ, "DISPLAY": f":{number}"}
+
+    def run(self, *command: str) -> str:
+        """Run a program on the display."""
+        done = subprocess.run(
+            [self.wrapper, *command], env=self.environment, check=True, capture_output=True, text=True, timeout=60
+        )
+        return done.stdout
+
+    def screenshot(self, name: str) -> Path:
+        """Save a picture of the screen."""
+        path = self._pictures / f"{name}.png"
+        self.run("import", "-window", "root", str(path))
+        return path
+
+    def move(self, x: float, y: float) -> None:
+        """Move the pointer; (0, 0) is the top left."""
+        self.run("xdotool", "mousemove", str(round(x)), str(round(y)))
+
+    def click(self, x: float, y: float, button: int = 1) -> None:
+        """Click at a place, as slowly as a person, for Blender must see the pointer arrive first."""
+        self.move(x, y)
+        time.sleep(0.3)
+        self.run("xdotool", "mousedown", str(button))
+        time.sleep(0.08)
+        self.run("xdotool", "mouseup", str(button))
+
+    def key(self, name: str) -> None:
+        """Press a key."""
+        self.run("xdotool", "key", name)
+
+    def close(self) -> None:
+        """End the display."""
+        self._server.terminate()
+        self._server.wait()
+
+
+class BlenderWindow:
+    """A Blender that fills the display, with the observer's reports."""
+
+    def __init__(self, desktop: Desktop, user: Path, folder: Path, *arguments: str) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self._desktop = desktop
+        self._state = folder / "state.json"
+        self._orders = folder / "order.json"
+        self._log = (folder / "blender.log").open("wb")
+        environment = {
+            **desktop.environment,
+            "BLENDER_USER_RESOURCES": str(user),
+            "OBSERVER_FOLDER": str(folder),
+        }
+        width, height = desktop.size
+        geometry = ["--window-geometry", "0", "0", str(width), str(height)]
+        self._process = subprocess.Popen(
+            [desktop.wrapper, "blender", *geometry, *arguments, "--python", str(OBSERVER)],
+            env=environment,
+            stdout=self._log,
+            stderr=subprocess.STDOUT,
+        )
+        self.wait(lambda state: state["ticks"] > 10, "a window")
+
+    def state(self) -> dict[str, Any]:
+        """Return the observer's last report."""
+        try:
+            return json.loads(self._state.read_text())
+        except FileNotFoundError:
+            return {"ticks": 0}
+
+    def wait(self, until: Callable[[dict[str, Any]], Any], what: str, patience_s: float = PATIENCE_S) -> dict[str, Any]:
+        """Return the first report for which `until` holds."""
+        limit = time.monotonic() + patience_s
+        while not until(state := self.state()):
+            assert self._process.poll() is None, f"Blender ended while waiting for {what}: {self.log()[-3000:]}"
+            assert time.monotonic() < limit, f"no {what}: {json.dumps(state)[:3000]}\n{self.log()[-3000:]}"
+            time.sleep(0.1)
+        return state
+
+    def order(self, what: str, **details: Any) -> dict[str, Any]:
+        """Let the observer do something that no user does (measure a bare timer, choose a file); return its answer."""
+        number = self.state().get("orders", 0) + 1
+        temporary = self._orders.with_suffix(".new")
+        temporary.write_text(json.dumps({"number": number, "what": what, **details}))
+        temporary.replace(self._orders)
+        return self.wait(lambda state: state.get("orders", 0) >= number, f"answer to {what}")["answer"]
+
+    def log(self) -> str:
+        """Return what Blender printed."""
+        self._log.flush()
+        return Path(self._log.name).read_text(errors="replace")
+
+    def from_top(self, region: list[int], x: float, y: float) -> tuple[float, float]:
+        """Return screen coordinates of a point (x from the left, y from the top) of a region."""
+        left, bottom, _, height = region
+        return left + x, self._desktop.size[1] - (bottom + height) + y
+
+    def open_tab(self, name: str) -> None:
+        """Open the 3D viewport's sidebar with N and click on its tabs until the wanted one is open."""
+        desktop = self._desktop
+        state = self.state()
+        view = state["regions"]["WINDOW"]
+        desktop.move(*self.from_top(view, view[2] * 0.4, view[3] * 0.5))
+        time.sleep(0.5)
+        desktop.key("Escape")  # the splash screen
+        time.sleep(0.5)
+        desktop.move(*self.from_top(view, view[2] * 0.4 + 5, view[3] * 0.5 + 5))
+        desktop.key("n")
+        state = self.wait(lambda s: s["regions"]["UI"][2] > 50, "sidebar")
+        for y in range(25, state["regions"]["UI"][3], 30):
+            region = self.state()["regions"]["UI"]
+            desktop.click(*self.from_top(region, region[2] - 12, y))
+            time.sleep(0.4)
+            if self.state()["tab"] == name:
+                return
+        desktop.screenshot("no-tab")
+        raise AssertionError(f"no tab {name}: {self.state()['tab']}")
+
+    def widen_sidebar(self, by: int) -> None:
+        """Drag the sidebar's edge, as a user does to read more."""
+        region = self.state()["regions"]["UI"]
+        x, y = self.from_top(region, 0, region[3] * 0.7)
+        self._desktop.move(x, y)
+        time.sleep(0.3)
+        self._desktop.run("xdotool", "mousedown", "1")
+        for step in range(1, 11):
+            self._desktop.move(x - by * step / 10, y)
+            time.sleep(0.05)
+        self._desktop.run("xdotool", "mouseup", "1")
+        time.sleep(0.5)
+
+    def tall_button(self, picture: Path) -> tuple[float, float]:
+        """Return the centre of the tallest button in the sidebar: Start or Stop Capture."""
+        state = self.state()
+        region = state["regions"]["UI"]
+        left, top = self.from_top(region, 0, 0)
+        box = (int(left), int(top), int(left) + region[2] - 25, int(top) + region[3])
+        pixels = Image.open(picture).convert("RGB").crop(box)
+        return tuple(a + b for a, b in zip(tallest_area(pixels, state["button_colour"]), (left, top), strict=True))
+
+    def close(self) -> None:
+        """End Blender."""
+        self._process.terminate()
+        try:
+            self._process.wait(timeout=20)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._log.close()
+
+
+def tallest_area(picture: Image.Image, colour: list[int], tolerance: int = 6) -> tuple[float, float]:
+    """Return the centre of the tallest area of a button's colour that spans at least 40 % of the picture's width."""
+    width, height = picture.size
+    data = picture.load()
+    assert data is not None
+    columns = range(0, width, 4)
+
+    def is_button_row(y: int) -> bool:
+        same = sum(max(abs(a - b) for a, b in zip(data[x, y], colour, strict=True)) <= tolerance for x in columns)
+        return same >= 0.4 * len(columns)
+
+    best, start = (0, 0), None
+    for y in range(height + 1):
+        inside = y < height and is_button_row(y)
+        if inside and start is None:
+            start = y
+        elif not inside and start is not None:
+            best = max(best, (y - start, start))
+            start = None
+    assert best[0] >= 24, f"no tall button, the tallest area has {best[0]} rows"
+    row = best[1] + best[0] // 2
+    same = [x for x in range(width) if max(abs(a - b) for a, b in zip(data[x, row], colour, strict=True)) <= tolerance]
+    return (min(same) + max(same)) / 2, best[1] + best[0] / 2
+
+
+def blender_python(wrapper: str) -> str:
+    """Return the version of that Blender's Python, like "3.13"."""
+    expression = "import sys; print('PYTHON', '%d.%d' % sys.version_info[:2])"
+    command = [wrapper, "blender", "--background", "--factory-startup", "--python-expr", expression]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return next(line.split()[1] for line in done.stdout.splitlines() if line.startswith("PYTHON"))
+
+
+def build_archive(python: str) -> Path:
+    """Build the extension's archive for a Python."""
+    command = [sys.executable, str(ROOT / "tools" / "build_extension.py"), "--python", python]
+    done = subprocess.run(
+        [*command, "--platform", "linux-x64", "--out", str(ROOT / "out" / "dist")],
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    return Path(done.stdout.strip().splitlines()[-1])
+
+
+def install(wrapper: str, archive: Path, user: Path) -> None:
+    """Install an archive as a user does and switch it on."""
+    environment = {**os.environ, "BLENDER_USER_RESOURCES": str(user)}
+    tool = [wrapper, "blender", "--factory-startup", "--command", "extension"]
+    subprocess.run([*tool, "validate", str(archive)], check=True, env=environment)
+    subprocess.run(
+        [wrapper, "blender", "--command", "extension", "install-file", "-r", "user_default", "-e", str(archive)],
+        check=True,
+        env=environment,
+    )

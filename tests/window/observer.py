@@ -1,0 +1,291 @@
+"""Runs inside Blender: writes what it sees to a file, ten times a second, and follows a few orders.
+
+It never clicks and never calls the add-on's operators unless a test orders it to.
+"""
+
+import hashlib
+import json
+import os
+import sys
+import time
+import traceback
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+FOLDER = Path(os.environ["OBSERVER_FOLDER"])
+ADDON = "bl_ext.user_default.perfanim"
+
+ticks = 0
+orders = 0
+answer = {}
+changes: list[float] = []  # moments at which the evaluated armature had another pose than before
+drawn: list[float] = []  # moments at which the viewport was drawn
+_last_pose = b""
+_bare = {}
+
+
+def part(name):
+    return sys.modules.get(f"{ADDON}.perfanim_addon.{name}")
+
+
+def armature():
+    return bpy.context.scene.perfanim.armature if hasattr(bpy.context.scene, "perfanim") else None
+
+
+def pose_bytes(obj):
+    bones = obj.pose.bones
+    values = np.empty(4 * len(bones), dtype=np.float32)
+    bones.foreach_get("rotation_quaternion", values)
+    return values.tobytes() + np.array(bones[0].location, dtype=np.float32).tobytes()
+
+
+def after_update(scene, depsgraph):
+    global _last_pose
+    obj = scene.perfanim.armature if hasattr(scene, "perfanim") else None
+    if obj is None or obj.name not in scene.objects:
+        return
+    now = pose_bytes(obj)
+    if now != _last_pose:
+        _last_pose = now
+        changes.append(time.perf_counter())
+
+
+def after_draw():
+    drawn.append(time.perf_counter())
+
+
+def regions():
+    found = {}
+    for area in bpy.context.window_manager.windows[0].screen.areas:
+        if area.type == "VIEW_3D":
+            for region in area.regions:
+                found[region.type] = [region.x, region.y, region.width, region.height]
+                if region.type == "UI":
+                    found["tab"] = getattr(region, "active_panel_category", "")
+    return found
+
+
+def capture_facts():
+    running, capture = part("running"), part("operators.capture")
+    if running is None or capture is None:
+        return {"registered": False}
+    facts = {"registered": True, "messages": dict(running._state.messages), "activity": None}
+    activity = running.current()
+    facts["timer"] = running._state.timer is not None
+    if activity is not None:
+        facts["activity"] = type(activity).__name__
+        run = getattr(activity, "run", None)
+        if run is not None:
+            facts["phase"] = run.phase.name
+            facts["line"] = run.activity
+            facts["behind"] = run.behind
+            facts["statistics"] = vars(run.statistics)
+            remember(run)
+    return facts
+
+
+last_run = None
+
+
+def remember(run):
+    global last_run
+    last_run = run
+
+
+def actions():
+    found = {}
+    for action in bpy.data.actions:
+        curves = list(action.fcurves)
+        keys = [len(curve.keyframe_points) for curve in curves]
+        found[action.name] = {
+            "curves": len(curves),
+            "paths": sorted({curve.data_path.rpartition(".")[2] for curve in curves}),
+            "keys_min": min(keys, default=0),
+            "keys_max": max(keys, default=0),
+            "groups": len(action.groups),
+        }
+    return found
+
+
+def report():
+    global ticks
+    ticks += 1
+    found = regions()
+    colour = bpy.context.preferences.themes[0].user_interface.wcol_tool.inner
+    obj = armature()
+    state = {
+        "ticks": ticks,
+        "orders": orders,
+        "answer": answer,
+        "tab": found.pop("tab", ""),
+        "regions": found,
+        "button_colour": [round(255 * c) for c in colour[:3]],
+        "capture": capture_facts(),
+        "changes": len(changes),
+        "pose": hashlib.sha256(_last_pose).hexdigest(),
+        "armature": obj.name if obj else "",
+        "actions": actions(),
+        "frame_end": bpy.context.scene.frame_end,
+    }
+    temporary = FOLDER / "state.new"
+    temporary.write_text(json.dumps(state))
+    temporary.replace(FOLDER / "state.json")
+
+
+class OBSERVER_OT_bare_timer(bpy.types.Operator):
+    """Write recorded poses to the same bones at each tick of a 60 Hz timer, and do nothing else"""
+
+    bl_idname = "observer.bare_timer"
+    bl_label = "Bare Timer"
+
+    def execute(self, context):
+        obj = armature()
+        _bare.update(done=False, tick=0, until=time.perf_counter() + _bare["seconds"])
+        self._action = obj.animation_data.action
+        self._poses = recorded_poses(obj, self._action)
+        obj.animation_data.action = None  # as during a capture
+        self._timer = context.window_manager.event_timer_add(1 / 60, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        obj = armature()
+        rotations, locations = self._poses
+        index = _bare["tick"] % len(rotations)
+        obj.pose.bones.foreach_set("rotation_quaternion", rotations[index])
+        obj.pose.bones[0].location = locations[index]
+        _bare["tick"] += 1
+        if time.perf_counter() < _bare["until"]:
+            return {"PASS_THROUGH"}
+        context.window_manager.event_timer_remove(self._timer)
+        obj.animation_data.action = self._action
+        _bare["done"] = True
+        return {"FINISHED"}
+
+
+def recorded_poses(obj, action):
+    places = {bone.name: index for index, bone in enumerate(obj.pose.bones)}
+    keys = len(action.fcurves[0].keyframe_points)
+    rotations = np.zeros((keys, len(places), 4), dtype=np.float32)
+    rotations[..., 0] = 1.0
+    locations = np.zeros((keys, 3), dtype=np.float32)
+    for curve in action.fcurves:
+        co = np.empty(2 * len(curve.keyframe_points), dtype=np.float32)
+        curve.keyframe_points.foreach_get("co", co)
+        bone = curve.data_path.split('"')[1]
+        if curve.data_path.endswith("rotation_quaternion"):
+            rotations[:, places[bone], curve.array_index] = co[1::2]
+        else:
+            locations[:, curve.array_index] = co[1::2]
+    return rotations.reshape(keys, -1), locations
+
+
+def follow_orders():
+    global orders, answer
+    try:
+        order = json.loads((FOLDER / "order.json").read_text())
+    except FileNotFoundError:
+        return
+    if order["number"] <= orders:
+        return
+    try:
+        result = ORDERS[order["what"]](order)
+    except Exception as error:  # the test reads it
+        traceback.print_exc()
+        result = {"error": f"{type(error).__name__}: {error}"}
+    if result is not None:
+        answer, orders = result, order["number"]
+
+
+def order_bare_timer(order):
+    if not _bare:
+        _bare["seconds"] = order["seconds"]
+        window = bpy.context.window_manager.windows[0]
+        with bpy.context.temp_override(window=window):
+            bpy.ops.observer.bare_timer()
+        _bare["start"] = time.perf_counter()
+        return None
+    if not _bare["done"]:
+        return None
+    since, until = _bare["start"] + 1.0, _bare["until"] - 0.5
+    result = {"ticks": _bare["tick"], "changes_per_s": rate(changes, since, until)}
+    _bare.clear()
+    return result
+
+
+def rate(moments, since, until):
+    return sum(since <= moment < until for moment in moments) / (until - since)
+
+
+def order_rates(order):
+    """Rates of pose changes and of redraws over the last seconds, less the very last."""
+    until = time.perf_counter()
+    since = until - order["seconds"]
+    return {"changes_per_s": rate(changes, since, until), "drawn_per_s": rate(drawn, since, until)}
+
+
+def order_last_run(order):
+    figures = dict(vars(last_run.statistics))
+    poses = last_run.poses
+    return {
+        "statistics": figures,
+        "poses": len(poses),
+        "numbers": [pose.number for pose in poses],
+        "distinct": len({pose.rotations.tobytes() for pose in poses}),
+        "confidence": [round(pose.confidence, 3) for pose in poses],
+    }
+
+
+def order_set(order):
+    chosen = bpy.context.scene.perfanim
+    for name, value in order["values"].items():
+        setattr(chosen, name, bpy.data.objects[value] if name == "armature" else value)
+    return {}
+
+
+def order_call(order):
+    """Call an operator as a button does, and tell how it ended."""
+    window = bpy.context.window_manager.windows[0]
+    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
+    with bpy.context.temp_override(window=window, area=area):
+        operator = getattr(bpy.ops.perfanim, order["operator"])
+        try:
+            return {"result": list(operator("EXEC_DEFAULT", **order.get("arguments", {})))}
+        except RuntimeError as error:
+            return {"error": str(error)}
+
+
+def order_bare_armature(order):
+    armature_data = bpy.data.armatures.new("Other")
+    obj = bpy.data.objects.new("Other", armature_data)
+    bpy.context.scene.collection.objects.link(obj)
+    return {"name": obj.name}
+
+
+ORDERS = {
+    "bare_timer": order_bare_timer,
+    "rates": order_rates,
+    "last_run": order_last_run,
+    "set": order_set,
+    "call": order_call,
+    "bare_armature": order_bare_armature,
+}
+
+
+def every_tenth():
+    try:
+        follow_orders()
+        report()
+    except Exception:
+        traceback.print_exc()
+    return 0.1
+
+
+bpy.utils.register_class(OBSERVER_OT_bare_timer)
+bpy.app.handlers.depsgraph_update_post.append(after_update)
+bpy.types.SpaceView3D.draw_handler_add(after_draw, (), "WINDOW", "POST_PIXEL")
+bpy.app.timers.register(every_tenth, persistent=True)
