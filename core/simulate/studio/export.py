@@ -1,0 +1,182 @@
+"""A whole simulated recording as files: videos, background, board pictures, and all truth."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ...camera import save_rig
+from ...errors import CaptureError
+from ...files import atomic_path
+from ...formats.bvh import write_bvh
+from ...marker_set import save_subject
+from ...marker_take import MarkerTake, save_take
+from .boards import DEFAULT_BOARD, board_pictures
+from .render import FrameTruth
+from .source import SimulatedSource
+from .video import LOSSLESS, open_video
+
+Progress = Callable[[float, str], None]
+
+_BOARD_SHARE, _BACKGROUND_SHARE = 0.15, 0.05  # of the work, for the progress shown
+
+
+@dataclass(frozen=True)
+class RecordingFiles:
+    """What a recording holds besides the performance: background frames, board positions, and the videos' codec."""
+
+    background_frames: int = 60
+    board_views: int = 24
+    extension: str = LOSSLESS[0]
+    codec: str = LOSSLESS[1]
+
+
+def export_recording(
+    source: SimulatedSource, out: str | Path, files: RecordingFiles | None = None, progress: Progress | None = None
+) -> dict[str, Any]:
+    """Write a simulated recording into a new folder and return a summary.
+
+    The folder holds, per camera NAME: `NAME.mkv`, `background/NAME.mkv`, `board/NAME/000.png`, ...; and in `truth`
+    cameras.toml, subject.toml, motion.bvh, markers.take.npz, image_truth.npz and board_truth.npz.
+    It appears only when it is complete.
+
+    Raises:
+        CaptureError: the folder exists and is not empty, or cannot be written.
+    """
+    files, progress = files or RecordingFiles(), progress or _silent
+    with _new_folder(Path(out)) as folder:
+        _write_board(source, folder, files, progress)
+        _write_background(source, folder, files, progress)
+        truths = _write_videos(source, folder, files, progress)
+        _write_truth(source, folder / "truth", truths)
+    visible = np.array([truth.visible for truth in truths])
+    return {
+        "frames": len(truths),
+        "fps": source.fps,
+        "cameras": [camera.name for camera in source.rig.cameras],
+        "markers": list(source.performance.marker_names),
+        "visible_in_two_fraction": float((visible.sum(axis=1) >= 2).mean()),
+        "hidden_fraction": float((~visible).mean()),
+        "board": f"chessboard:{DEFAULT_BOARD.columns}x{DEFAULT_BOARD.rows}:{DEFAULT_BOARD.square_m * 1e3:g}mm",
+        "board_views": files.board_views,
+        "out": str(out),
+    }
+
+
+@contextmanager
+def _new_folder(target: Path) -> Iterator[Path]:
+    """Yield a temporary folder beside `target` that takes its place at the end, or is removed on error."""
+    if target.exists() and (not target.is_dir() or any(target.iterdir())):
+        raise CaptureError("exists and is not an empty folder", where=str(target), advice="give a new folder")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
+    except OSError as error:
+        raise CaptureError(
+            f"cannot be written ({error.strerror})", where=str(target), advice="choose another folder"
+        ) from error
+    try:
+        yield temporary
+        if target.exists():
+            target.rmdir()
+        temporary.chmod(0o755)
+        temporary.rename(target)
+    except OSError as error:
+        raise CaptureError(f"cannot be written ({error})", where=str(target), advice="check the disk") from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _write_board(source: SimulatedSource, folder: Path, files: RecordingFiles, progress: Progress) -> None:
+    names = [camera.name for camera in source.rig.cameras]
+    for name in names:
+        (folder / "board" / name).mkdir(parents=True)
+    (folder / "truth").mkdir()
+    rows = []
+    if files.board_views:
+        for picture in board_pictures(source.renderer, DEFAULT_BOARD, files.board_views):
+            progress(_BOARD_SHARE * picture.number / files.board_views, "taking pictures of the board")
+            for name, image in zip(names, picture.images, strict=True):
+                cv2.imwrite(str(folder / "board" / name / f"{picture.number:03d}.png"), image)
+            rows.append(picture)
+    _save_arrays(
+        folder / "truth" / "board_truth.npz",
+        corners_px=np.array([row.corners for row in rows]),
+        world_from_board=np.array([row.pose.world_from_board for row in rows]),
+        positions_m=np.array([row.pose.position_m for row in rows]),
+        points_m=DEFAULT_BOARD.points_m,
+    )
+
+
+def _write_background(source: SimulatedSource, folder: Path, files: RecordingFiles, progress: Progress) -> None:
+    (folder / "background").mkdir()
+    with _videos(source, folder / "background", files) as videos:
+        for number, images in enumerate(source.background_frames(files.background_frames)):
+            done = number / max(files.background_frames, 1)
+            progress(_BOARD_SHARE + _BACKGROUND_SHARE * done, "taking the empty room")
+            for video, image in zip(videos, images, strict=True):
+                video.write(image)
+
+
+def _write_videos(source: SimulatedSource, folder: Path, files: RecordingFiles, progress: Progress) -> list[FrameTruth]:
+    before = _BOARD_SHARE + _BACKGROUND_SHARE
+    truths = []
+    with _videos(source, folder, files) as videos:
+        for frame in source:
+            progress(before + (1.0 - before) * frame.number / source.frames, "taking images of the performer")
+            for video, image in zip(videos, frame.images, strict=True):
+                video.write(image)
+            truths.append(frame.truth)
+    return truths
+
+
+@contextmanager
+def _videos(source: SimulatedSource, folder: Path, files: RecordingFiles) -> Iterator[list[Any]]:
+    with ExitStack() as stack:
+        yield [
+            stack.enter_context(
+                open_video(folder / f"{camera.name}{files.extension}", source.fps, camera.image_size, files.codec)
+            )
+            for camera in source.rig.cameras
+        ]
+
+
+def _write_truth(source: SimulatedSource, folder: Path, truths: list[FrameTruth]) -> None:
+    save_rig(source.rig, folder / "cameras.toml")
+    save_subject(source.subject, folder / "subject.toml")
+    write_bvh(source.motion, folder / "motion.bvh")
+    take = MarkerTake(
+        name=source.motion.name,
+        fps=source.fps,
+        names=source.performance.marker_names,
+        positions_m=np.array([truth.markers_m for truth in truths]),
+        frame_numbers=np.array([truth.number for truth in truths]),
+        times_s=np.array([truth.time_s for truth in truths]),
+    )
+    save_take(take, folder / "markers.take.npz")
+    _save_arrays(
+        folder / "image_truth.npz",
+        cameras=np.array([camera.name for camera in source.rig.cameras]),
+        markers=np.array(source.performance.marker_names),
+        pixels=np.array([truth.pixels for truth in truths]),
+        radii_px=np.array([truth.radii_px for truth in truths]),
+        visible=np.array([truth.visible for truth in truths]),
+        times_s=np.array([truth.time_s for truth in truths]),
+    )
+
+
+def _save_arrays(path: Path, **arrays: Any) -> None:
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        np.savez_compressed(stream, **arrays)
+
+
+def _silent(_fraction: float, _text: str) -> None:
+    """Take progress and show nothing."""
