@@ -1,0 +1,59 @@
+"""`perfanim calibrate subject`: skeleton and marker offsets from a calibration pose."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import SettingsError
+from ..formats.takes import read_take
+from ..marker_set import load_marker_set, save_subject
+from ..prototypes import load_prototypes
+from ..subject_calibration import POSES, calibrate_subject, calibration_points
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add `subject` to the `calibrate` group."""
+    parser = subparsers.add_parser("subject", help="skeleton and marker offsets from a T pose")
+    parser.add_argument("take", metavar="TAKE", help="take that shows the calibration pose, held still for a second")
+    parser.add_argument("--marker-set", required=True, metavar="NAME", help="shipped marker set or TOML file")
+    parser.add_argument("--out", required=True, metavar="subject.toml", help="subject to write")
+    parser.add_argument("--name", metavar="NAME", help="of the person (default: the file's)")
+    parser.add_argument("--pose", choices=tuple(POSES), default="t", help="the pose that is held (default t)")
+    parser.add_argument("--seconds", type=float, default=1.0, metavar="S", help="how long it is held still (default 1)")
+    parser.add_argument("--frames", metavar="A:B", help="look only at these frames of the take")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+    """Calibrate a subject and write it."""
+    progress(0.0, "reading")
+    take = read_take(args.take)
+    marker_set = load_marker_set(args.marker_set)
+    points = calibration_points(take, marker_set, args.seconds, _window(args.frames))
+    name = args.name or Path(args.out).stem
+    calibration = calibrate_subject(points, marker_set, load_prototypes(), name, args.pose)
+    subject = calibration.subject
+    save_subject(subject, args.out)
+    return {
+        "bones_mm": {joint: 1e3 * length for joint, length in calibration.bones_m.items()},
+        "offsets_mm": {
+            marker: (1e3 * np.asarray(offset)).round(1).tolist()
+            for marker, offset in zip(subject.marker_set.names, subject.marker_set.offsets_m, strict=True)
+        },
+        "residual_mm": 1e3 * subject.residual_m,
+        "out": str(args.out),
+    }
+
+
+def _window(text: str | None) -> slice:
+    """Return the slice of "A:B"."""
+    if text is None:
+        return slice(None)
+    start, _, stop = text.partition(":")
+    try:
+        return slice(int(start) if start else None, int(stop) if stop else None)
+    except ValueError:
+        raise SettingsError(f"--frames {text!r} is not A:B", advice="for example 0:90") from None

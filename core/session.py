@@ -1,0 +1,183 @@
+"""One capture of one subject: marker frames in, pose frames out. Live capture, takes, demo and benchmarks all use it."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .calibration_pose import standing, t_pose
+from .camera import CameraRig
+from .database.store import Database
+from .labelling import Labeller
+from .marker_frame import MarkerFrame
+from .marker_set import Subject
+from .pose_frame import PoseFrame
+from .skeleton import marker_positions
+from .solver.observation import Observation
+from .solver.pose_solver import PoseSolver, Solution
+from .solver.settings import SolveSettings
+from .solver.subject_model import SubjectModel
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_EXPLAINED_M = 0.03  # marker distance at which confidence has fallen to 1/e
+_FAMILIAR_M = 0.15  # distance to the closest example at which confidence has fallen to 1/e
+_WRONG_M = 0.10  # solved markers further off than this mean that labels or pose are wrong
+_WRONG_FOR_S = 0.5  # for so long, and labelling starts afresh
+_LOST_FOR_S = 1.0  # without the torso for so long, and labelling starts afresh
+
+
+class Session:
+    """Labels and solves the frames of one capture in order.
+
+    Args:
+        subject: who wears which markers.
+        database: motion that the pose is completed from.
+        rig: the cameras; needed for markers that one camera sees alone.
+        settings: of the solver.
+    """
+
+    def __init__(
+        self, subject: Subject, database: Database, rig: CameraRig | None = None, settings: SolveSettings | None = None
+    ) -> None:
+        self.subject = subject
+        self.settings = settings or SolveSettings()
+        self._cameras = rig.cameras if rig else ()
+        self._model = SubjectModel(subject, database.mean_rotations)
+        self._solver = PoseSolver(self._model, database, self.settings)
+        self._templates = [self._markers_of(pose(subject.skeleton)) for pose in (t_pose, standing)]
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the motion so far; the next frame is labelled afresh."""
+        self._solver.reset()
+        self._labeller = Labeller(self.subject.marker_set.names)
+        self._last: PoseFrame | None = None
+        self._trusted_s: float | None = None
+        self._located_s: float | None = None
+
+    def step(self, frame: MarkerFrame) -> PoseFrame:
+        """Return the pose of the next marker frame."""
+        labels, rays = self._label(frame)
+        observation = self._observation(frame, labels, rays)
+        solution = self._solver.step(observation)
+        if solution is None:
+            result = self._unsolved(frame, labels, rays)
+        else:
+            result = self._solved(frame, labels, rays, observation, solution)
+        self._watch(result)
+        self._last = result
+        return result
+
+    def _markers_of(self, rotations: Array) -> Array:
+        model = self._model
+        return marker_positions(model.skeleton, model.joints, model.offsets_m, rotations, np.zeros(3))
+
+    def _label(self, frame: MarkerFrame) -> tuple[IntArray, IntArray]:
+        """Return, per marker, the index of its point and of its single-camera ray, -1 where none."""
+        count = len(self.subject.marker_set)
+        if np.any(frame.labels >= 0) or np.any(frame.single_labels >= 0):
+            return _inverse(frame.labels, count), _inverse(frame.single_labels, count)
+        predicted = self._solver.predicted_markers_m()
+        if predicted is None:
+            return self._label_first(frame), np.full(count, -1, dtype=np.int64)
+        elapsed = frame.time_s - self._last.time_s if self._last else 0.0
+        points = self._labeller.label(frame.points_m, frame.covariances_m2, predicted, elapsed)
+        rays = self._labeller.label_rays(frame, self._cameras, predicted, points)
+        return _inverse(points, count), _inverse(rays, count)
+
+    def _label_first(self, frame: MarkerFrame) -> IntArray:
+        """Label by the calibration poses, whichever explains more points."""
+        count = len(self.subject.marker_set)
+        best = np.full(count, -1, dtype=np.int64)
+        for template in self._templates:
+            labels = _inverse(self._labeller.label_first(frame.points_m, template), count)
+            if np.sum(labels >= 0) > np.sum(best >= 0):
+                best = labels
+        return best
+
+    def _observation(self, frame: MarkerFrame, labels: IntArray, rays: IntArray) -> Observation:
+        count = len(labels)
+        points = np.full((count, 3), np.nan)
+        points[labels >= 0] = frame.points_m[labels[labels >= 0]]
+        cameras = np.full(count, -1, dtype=np.int64)
+        image_points = np.full((count, 2), np.nan)
+        used = (rays >= 0) & (labels < 0) & (len(self._cameras) > 0)
+        cameras[used] = frame.single_cameras[rays[used]]
+        image_points[used] = frame.single_points[rays[used]]
+        return Observation(points, cameras, image_points, self._cameras)
+
+    def _solved(
+        self, frame: MarkerFrame, labels: IntArray, rays: IntArray, observation: Observation, solution: Solution
+    ) -> PoseFrame:
+        located = observation.located
+        distances = np.linalg.norm(solution.markers_m[located] - observation.points_m[located], axis=1)
+        rms = float(np.sqrt(np.mean(distances**2))) if np.any(located) else float("nan")
+        seen = np.sum(located) + 0.5 * np.sum(observation.single)
+        nearest = solution.nearest_m
+        confidence = seen / len(labels)
+        if np.any(located):
+            confidence *= np.exp(-((rms / _EXPLAINED_M) ** 2)) * np.exp(-((nearest / _FAMILIAR_M) ** 2))
+        hidden = [name for name, there in zip(self.subject.marker_set.names, located, strict=True) if not there]
+        notes = list(frame.notes)
+        notes += [", ".join(hidden) + " hidden"] if hidden else []
+        notes += ["this motion is unlike the database"] if nearest > _FAMILIAR_M else []
+        return PoseFrame(
+            number=frame.number,
+            time_s=frame.time_s,
+            rotations=self._model.rotations(solution.pose, solution.root),
+            root_position_m=solution.root.position_m,
+            confidence=float(confidence),
+            markers_m=solution.markers_m,
+            labels=labels,
+            rays=rays,
+            marker_rms_m=rms,
+            neighbours=solution.neighbours,
+            dimensions=solution.dimensions,
+            notes=tuple(notes),
+        )
+
+    def _unsolved(self, frame: MarkerFrame, labels: IntArray, rays: IntArray) -> PoseFrame:
+        """Return the last pose, or the T pose at the origin, for a frame that does not show where the body is."""
+        notes = (*frame.notes, "waiting for the markers of the torso")
+        if self._last is not None:
+            return replace(
+                self._last,
+                number=frame.number,
+                time_s=frame.time_s,
+                confidence=0.0,
+                labels=labels,
+                rays=rays,
+                marker_rms_m=float("nan"),
+                notes=notes,
+            )
+        rotations = t_pose(self.subject.skeleton)
+        height = -float(self._markers_of(rotations)[:, 1].min())
+        position = np.array([0.0, height, 0.0])
+        markers = self._markers_of(rotations) + position
+        return PoseFrame(
+            frame.number, frame.time_s, rotations, position, 0.0, markers, labels, rays, float("nan"), notes=notes
+        )
+
+    def _watch(self, result: PoseFrame) -> None:
+        """Start labelling afresh when the torso has been lost, or the solved markers have been wrong, for a while."""
+        now = result.time_s
+        if np.sum((result.labels >= 0) & self._model.torso) >= 2 or self._located_s is None:
+            self._located_s = now
+        if not result.marker_rms_m > _WRONG_M or self._trusted_s is None:
+            self._trusted_s = now
+        if now - self._located_s > _LOST_FOR_S or now - self._trusted_s > _WRONG_FOR_S:
+            self._solver.reset()
+            self._labeller = Labeller(self.subject.marker_set.names)
+            self._trusted_s = self._located_s = None
+
+
+def _inverse(labels: IntArray, count: int) -> IntArray:
+    """Return, per marker, the index of the item labelled as it, -1 where none."""
+    result = np.full(count, -1, dtype=np.int64)
+    known = labels >= 0
+    result[labels[known]] = np.flatnonzero(known)
+    return result
+
+

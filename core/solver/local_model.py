@@ -1,0 +1,151 @@
+"""The paper's local model: PCA of the nearest poses (Eq. 3), its size chosen for every frame by cross-validation."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_VARIANCE_FLOOR = 1e-8  # rad^2: keeps directions in which the neighbours do not differ from being infinitely stiff
+_VALIDATION_DIRECTIONS = 32  # cross-validation looks at the neighbours in so many directions, which hold nearly all
+_FEWEST_KEPT = 8  # neighbours from which a model can still be learned
+
+
+@dataclass(frozen=True)
+class LocalModel:
+    """q = mean + basis w, with the variances of w among the neighbours.
+
+    Args:
+        mean: (D,) p_t of Eq. 3.
+        basis: (D, B) U_t, orthonormal columns.
+        variances: (B,) eigenvalues, descending.
+        neighbours: K.
+    """
+
+    mean: Array
+    basis: Array
+    variances: Array
+    neighbours: int
+
+    @property
+    def dimensions(self) -> int:
+        """B."""
+        return self.basis.shape[1]
+
+    def pose(self, weights: Array) -> Array:
+        """Return the pose (D,) of weights (B,)."""
+        return self.mean + self.basis @ weights
+
+    def weights(self, pose: Array) -> Array:
+        """Return the weights (B,) of the model's pose closest to `pose` (D,)."""
+        return self.basis.T @ (pose - self.mean)
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Cross-validation scores, and the model that won.
+
+    Args:
+        model: the local model of the best K and B.
+        scores: (K candidates, B candidates) mean squared error of left-out poses, rad^2; inf where not tried.
+    """
+
+    model: LocalModel
+    scores: Array
+
+
+def fit(poses: Array, dimensions: int) -> LocalModel:
+    """Return the local model of poses (K, D) with at most `dimensions` directions."""
+    mean = poses.mean(axis=0)
+    centred = poses - mean
+    count = len(poses)
+    dimensions = min(dimensions, count - 1, poses.shape[1])
+    if count <= poses.shape[1]:  # the smaller of the two Gram matrices has the same eigenvalues
+        values, vectors = np.linalg.eigh(centred @ centred.T)
+        values, vectors = values[::-1][:dimensions], vectors[:, ::-1][:, :dimensions]
+        basis = centred.T @ (vectors / np.sqrt(np.maximum(values, 1e-300)))
+    else:
+        values, vectors = np.linalg.eigh(centred.T @ centred)
+        values, basis = values[::-1][:dimensions], vectors[:, ::-1][:, :dimensions]
+    return LocalModel(mean, basis, np.maximum(values / max(count - 1, 1), _VARIANCE_FLOOR), count)
+
+
+def cross_validate(
+    poses: Array,
+    markers: Array,
+    groups: IntArray,
+    neighbours: tuple[int, ...],
+    dimensions: tuple[int, ...],
+    marker_variance_m2: float,
+    examples: int,
+) -> Validation:
+    """Choose K and B by leaving out, in turn, the examples closest to the query, each with the rest of its clip.
+
+    A frame's neighbours in its own clip are near copies of it: leaving out single frames would only show how well a
+    model copies, and always favour the smallest neighbourhood. For each K the model is learned without the clip; each
+    left-out example is then reconstructed for every B from its own markers, with the prior of Eq. 6 and the control
+    term of Eq. 7 in their linear form (markers as a linear function of the weights, by least squares).
+
+    Args:
+        poses: (K_max, D) neighbours, closest first.
+        markers: (K_max, m) their marker coordinates, metres.
+        groups: (K_max,) frames of equal number are left out together.
+        neighbours, dimensions: candidates, ascending.
+        marker_variance_m2: variance that the control term allows each marker coordinate.
+        examples: how many of the closest are left out.
+    """
+    sizes = [k for k in neighbours if k <= len(poses)] or [len(poses)]
+    space = fit(poses, max(_VALIDATION_DIRECTIONS, dimensions[-1]))
+    coordinates = (poses - space.mean) @ space.basis
+    outside = np.sum((poses - space.mean) ** 2, axis=1) - np.sum(coordinates**2, axis=1)
+    scores = np.full((len(sizes), len(dimensions)), np.inf)
+    for row, size in enumerate(sizes):
+        left_out = [
+            _left_out_errors(coordinates[:size], markers[:size], groups[:size] == group, dimensions,
+                             marker_variance_m2, examples)
+            for group in np.unique(groups[: min(examples, size)])
+        ]  # fmt: skip
+        errors = [error for error in left_out if error is not None]
+        if errors:
+            scores[row] = np.mean(np.concatenate(errors, axis=1), axis=1)
+    scores += np.maximum(outside[:examples], 0.0).mean()
+    if np.all(np.isinf(scores)):  # one clip is all there is: nothing can be left out, the largest model is taken
+        return Validation(fit(poses[: sizes[-1]], dimensions[-1]), scores)
+    row, column = np.unravel_index(np.argmin(scores), scores.shape)
+    return Validation(fit(poses[: sizes[int(row)]], dimensions[int(column)]), scores)
+
+
+def _left_out_errors(
+    coordinates: Array, markers: Array, left_out: NDArray[np.bool_], dimensions: tuple[int, ...], variance: float,
+    examples: int,
+) -> Array | None:  # fmt: skip
+    """Return squared errors (B candidates, tested) of the left-out examples among the closest ones.
+
+    None when too few neighbours remain.
+    """
+    kept = ~left_out
+    count = int(kept.sum())
+    if count < _FEWEST_KEPT:
+        return None
+    mean, marker_mean = coordinates[kept].mean(axis=0), markers[kept].mean(axis=0)
+    centred, centred_markers = coordinates[kept] - mean, markers[kept] - marker_mean
+    values, vectors = np.linalg.eigh(centred.T @ centred)
+    values, vectors = np.maximum(values[::-1], 1e-12), vectors[:, ::-1]
+    # d markers / d weights by least squares; the weights are uncorrelated, so it is a division
+    slopes = (centred_markers.T @ (centred @ vectors)) / values
+    variances = np.maximum(values / (count - 1), _VARIANCE_FLOOR)
+    tested = np.flatnonzero(left_out[:examples])
+    weights = (coordinates[tested] - mean) @ vectors
+    offsets = (markers[tested] - marker_mean).T
+    result = np.full((len(dimensions), len(tested)), np.inf)
+    for row, dimension in enumerate(dimensions):
+        if dimension >= count:
+            break
+        slope = slopes[:, :dimension]
+        normal = slope.T @ slope / variance + np.diag(1.0 / variances[:dimension])
+        predicted = np.linalg.solve(normal, slope.T @ offsets / variance).T
+        inside = np.sum((weights[:, :dimension] - predicted) ** 2, axis=1)
+        result[row] = inside + np.sum(weights[:, dimension:] ** 2, axis=1)
+    return result

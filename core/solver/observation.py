@@ -1,0 +1,71 @@
+"""The labelled markers of one moment, as the solver takes them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera import Camera
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Observation:
+    """Markers of a marker set in one frame.
+
+    Args:
+        points_m: (M, 3) world positions, NaN where a marker was not located in space.
+        cameras: (M,) index of the one camera that saw the marker, -1 where none or where it was located in space.
+        image_points: (M, 2) undistorted normalised coordinates in that camera, NaN elsewhere.
+        rig: the cameras that `cameras` refers to.
+    """
+
+    points_m: Array
+    cameras: NDArray[np.int64]
+    image_points: Array
+    rig: tuple[Camera, ...] = ()
+
+    @classmethod
+    def of_points(cls, points_m: Array) -> "Observation":
+        """Return the observation of located markers only."""
+        count = len(points_m)
+        return cls(points_m, np.full(count, -1, dtype=np.int64), np.full((count, 2), np.nan))
+
+    @property
+    def located(self) -> NDArray[np.bool_]:
+        """(M,) markers located in space."""
+        return np.all(np.isfinite(self.points_m), axis=-1)
+
+    @property
+    def single(self) -> NDArray[np.bool_]:
+        """(M,) markers seen by one camera only."""
+        return (self.cameras >= 0) & ~self.located
+
+
+def control_residual(observation: Observation, markers_m: Array) -> Array:
+    """Return marker minus observation (Eq. 7), metres: 3 rows a located marker, then 2 a single-camera marker.
+
+    A single-camera marker is compared in its camera's image; the difference is multiplied by the marker's depth, so
+    that it is a distance across the ray and has the unit and weight of the others.
+    """
+    located, single = observation.located, observation.single
+    parts = [(markers_m[located] - observation.points_m[located]).ravel()]
+    for marker in np.flatnonzero(single):
+        camera = observation.rig[observation.cameras[marker]]
+        x, y, z = camera.to_camera(markers_m[marker])
+        u, v = observation.image_points[marker]
+        parts.append(np.array([x - u * z, y - v * z]))
+    return np.concatenate(parts)
+
+
+def control_jacobian(observation: Observation, jacobian: Array) -> Array:
+    """Return d `control_residual` from d markers (M, 3, n): its twin."""
+    located, single = observation.located, observation.single
+    parts = [jacobian[located].reshape(-1, jacobian.shape[-1])]
+    for marker in np.flatnonzero(single):
+        camera = observation.rig[observation.cameras[marker]]
+        u, v = observation.image_points[marker]
+        across = np.array([[1.0, 0.0, -u], [0.0, 1.0, -v]]) @ camera.rotation
+        parts.append(across @ jacobian[marker])
+    return np.concatenate(parts)

@@ -1,0 +1,222 @@
+"""From labelled markers to poses, frame by frame: search, local model, synthesis, and the alternatives to them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..database.store import Database
+from ..errors import DatabaseError
+from . import local_model, synthesis
+from .observation import Observation
+from .root import root_from_torso
+from .search import ExhaustiveSearch, Query
+from .settings import SolveSettings
+from .subject_model import RootPose, SubjectModel
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_ROOT_PASSES = 2  # the root needs the pose's torso markers and the pose needs the root
+
+
+@dataclass(frozen=True)
+class Examples:
+    """The database frames closest to a query, closest first.
+
+    Args:
+        frames: (K,) frame indices.
+        distances: (K,) Eq. 2 distances, up to what all frames share.
+        poses: (K, D) their poses.
+        markers_m: (K, M, 3) their markers with the root at rest.
+    """
+
+    frames: IntArray
+    distances: Array
+    poses: Array
+    markers_m: Array
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A solved pose.
+
+    Args:
+        pose: (J - 1, 3) relative to the mean rotations.
+        root: world pose of the root.
+        markers_m: (M, 3) the subject's markers in the world.
+        neighbours, dimensions: K and B of the local model; 1 and 0 for the nearest example.
+        nearest_m: RMS distance of the observed markers to those of the closest example, metres; NaN when none.
+        iterations: of Levenberg-Marquardt.
+    """
+
+    pose: Array
+    root: RootPose
+    markers_m: Array
+    neighbours: int
+    dimensions: int
+    nearest_m: float
+    iterations: int
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """What a method works on."""
+
+    observation: Observation
+    root: RootPose
+    examples: Examples
+    continued_pose: Array | None
+
+
+class PoseSolver:
+    """Solves one frame after another for one subject with one database."""
+
+    def __init__(self, subject: SubjectModel, database: Database, settings: SolveSettings) -> None:
+        if database.frames < 2:
+            raise DatabaseError("has fewer than two frames", where=str(database.path), advice="import more motion")
+        self.subject = subject
+        self.settings = settings
+        self._poses = database.poses.reshape(database.frames, -1)
+        self._markers = subject.database_markers(database)
+        self._clips = database.clip_of_frame.astype(np.int64)
+        self._search = ExhaustiveSearch(self._markers, self._poses)
+        methods: dict[str, Callable[[_Frame], tuple[Array, int, int, int]]] = {
+            "local-pca": self._local_pca,
+            "lwr": self._locally_weighted,
+            "nearest": self._nearest,
+        }
+        self._method = methods[settings.method]
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the motion so far."""
+        self._last: Array | None = None
+        self._before_last: Array | None = None
+        self._root: RootPose | None = None
+
+    def predicted_markers_m(self) -> Array | None:
+        """Return the markers (M, 3) of the last synthesized pose in the world, None at the start."""
+        if self._last is None or self._root is None:
+            return None
+        return self.subject.markers(self._last.reshape(-1, 3), self._root)
+
+    def step(self, observation: Observation) -> Solution | None:
+        """Return the pose of the next frame; None when nothing tells yet where the body is."""
+        located = self._locate(observation)
+        if located is None:
+            return None
+        root, examples = located
+        frame = _Frame(observation, root, examples, self._continued_pose)
+        pose, neighbours, dimensions, iterations = self._method(frame)
+        local = self.subject.markers(pose.reshape(-1, 3))
+        final = root_from_torso(observation, local, self.subject.torso, self.subject.joints, root) or root
+        import os
+        for _ in range(int(os.environ.get('RS','0'))):
+            frame = _Frame(observation, final, examples, self._continued_pose)
+            pose, neighbours, dimensions, iterations = self._method(frame)
+            local = self.subject.markers(pose.reshape(-1, 3))
+            final = root_from_torso(observation, local, self.subject.torso, self.subject.joints, root) or root
+        self._before_last, self._last, self._root = self._last, pose, final
+        return Solution(
+            pose.reshape(-1, 3),
+            final,
+            final.to_world(local),
+            neighbours,
+            dimensions,
+            self._nearest_distance(observation, root, examples),
+            iterations,
+        )
+
+    @property
+    def _continued_pose(self) -> Array | None:
+        """2 q_{t-1} - q_{t-2} of Eq. 2 and 8."""
+        if self._last is None:
+            return None
+        before = self._last if self._before_last is None else self._before_last
+        return 2.0 * self._last - before
+
+    def _locate(self, observation: Observation) -> tuple[RootPose, Examples] | None:
+        """Find the root and the closest examples, each from the other in turn."""
+        continued = self._continued_pose
+        local = (
+            np.mean(self._markers[:: max(1, len(self._markers) // 2048)], axis=0, dtype=np.float64)
+            if continued is None
+            else self.subject.markers(continued.reshape(-1, 3))
+        )
+        passes = _ROOT_PASSES + (2 if continued is None else 0)
+        examples = None
+        root = self._root
+        for _ in range(passes):
+            root = root_from_torso(observation, local, self.subject.torso, self.subject.joints, root)
+            if root is None:
+                return None
+            examples = self._examples(observation, root, continued)
+            local = np.mean(examples.markers_m[:8], axis=0)
+        assert root is not None and examples is not None  # noqa: S101  (there is at least one pass)
+        return root, examples
+
+    def _examples(self, observation: Observation, root: RootPose, continued: Array | None) -> Examples:
+        """Return the closest frames by Eq. 2, with the observed markers moved to the root's rest (T of Eq. 2)."""
+        settings = self.settings
+        query = Query(
+            root.to_root_frame(observation.points_m),
+            continued,
+            settings.query_alpha,
+            (1.0 - settings.query_alpha) * settings.query_pose_m_per_rad**2,
+        )
+        frames, distances = self._search.nearest(query, settings.neighbours[-1])
+        return Examples(
+            frames,
+            distances,
+            self._poses[frames].astype(np.float64),
+            self._markers[frames].astype(np.float64),
+        )
+
+    def _nearest_distance(self, observation: Observation, root: RootPose, examples: Examples) -> float:
+        seen = observation.located
+        if not np.any(seen):
+            return float("nan")
+        differences = root.to_root_frame(observation.points_m[seen]) - examples.markers_m[0][seen]
+        return float(np.sqrt(np.mean(np.sum(differences**2, axis=-1))))
+
+    def _nearest(self, frame: _Frame) -> tuple[Array, int, int, int]:
+        """Return the closest example."""
+        return frame.examples.poses[0], 1, 0, 0
+
+    def _locally_weighted(self, frame: _Frame) -> tuple[Array, int, int, int]:
+        """Return the mean of the nearby examples by their distance (Atkeson et al. 1997, tricube kernel)."""
+        examples = frame.examples
+        count = min(self.settings.lwr_neighbours, len(examples.poses) - 1)
+        distances = np.sqrt(np.maximum(examples.distances[: count + 1], 0.0))
+        weights = (1.0 - (distances[:count] / max(distances[count], 1e-12)) ** 3) ** 3
+        weights += 1e-9
+        return weights @ examples.poses[:count] / weights.sum(), count, 0, 0
+
+    def _local_pca(self, frame: _Frame) -> tuple[Array, int, int, int]:
+        """Return the pose of least energy in the local model (Eq. 9)."""
+        settings, examples, observation = self.settings, frame.examples, frame.observation
+        seen = observation.located
+        validation = local_model.cross_validate(
+            examples.poses,
+            examples.markers_m[:, seen].reshape(len(examples.poses), -1),
+            self._clips[examples.frames],
+            settings.neighbours,
+            settings.dimensions,
+            settings.marker_sigma_m**2 / max(settings.control_alpha, 1e-9),
+            settings.validation_examples,
+        )
+        problem = synthesis.SynthesisProblem(
+            validation.model,
+            self.subject,
+            frame.root,
+            observation,
+            frame.continued_pose,
+            settings.control_alpha / settings.marker_sigma_m**2,
+            settings.smoothness_beta / settings.pose_sigma_rad**2,
+        )
+        weights, iterations = synthesis.solve(problem, validation.model.weights(examples.poses[0]))
+        model = validation.model
+        return model.pose(weights), model.neighbours, model.dimensions, iterations
+

@@ -1,0 +1,50 @@
+"""Root position and orientation from the torso markers (z_t in section 6 of the paper)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import rotations as rot
+from ..rigid import kabsch
+from .observation import Observation
+from .subject_model import RootPose
+
+Array = NDArray[np.float64]
+
+_CARRIED_BY_ROOT = 4.0  # weight of markers on the root itself against torso markers on the spine and shoulders
+
+
+def root_from_torso(
+    observation: Observation,
+    local_markers_m: Array,
+    torso: NDArray[np.bool_],
+    joints: NDArray[np.int64],
+    previous: RootPose | None,
+) -> RootPose | None:
+    """Return the root that lays the pose's torso markers onto the observed ones.
+
+    Args:
+        local_markers_m: (M, 3) markers of the assumed pose in the root's frame.
+        torso: (M,) which markers lie on the torso.
+        joints: (M,) carrying joints; markers on the root itself count more.
+        previous: root of the last frame, which decides what too few markers leave open; None at the start.
+
+    Returns:
+        None when nothing tells where the root is: fewer than three torso markers and no previous root.
+    """
+    seen = torso & observation.located
+    if seen.sum() >= 3:
+        weights = np.where(joints[seen] == 0, _CARRIED_BY_ROOT, 1.0)
+        matrix, translation = kabsch(local_markers_m[seen], observation.points_m[seen], weights)
+        return RootPose(rot.from_matrix(matrix), translation)
+    if previous is None:
+        return None
+    return _moved(previous, observation, local_markers_m)
+
+
+def _moved(previous: RootPose, observation: Observation, local_markers_m: Array) -> RootPose:
+    """Return the previous root shifted by what the located markers of the whole body show; its rotation is kept."""
+    seen = observation.located
+    if not np.any(seen):
+        return previous
+    shift = np.mean(observation.points_m[seen] - previous.to_world(local_markers_m[seen]), axis=0)
+    return RootPose(previous.rotation, previous.position_m + shift)

@@ -1,0 +1,53 @@
+"""What can be set about solving."""
+
+from dataclasses import dataclass
+
+from ..errors import SettingsError
+
+METHODS = ("local-pca", "lwr", "nearest")
+
+
+@dataclass(frozen=True)
+class SolveSettings:
+    """Settings of the solver; the defaults are the paper's where it names them.
+
+    Args:
+        method: "local-pca" (the paper's), "lwr" or "nearest".
+        query_alpha: weight of the markers against continuity in the search (Eq. 2).
+        control_alpha: weight of the markers in the synthesis (Eq. 9).
+        smoothness_beta: weight of the smoothness term (Eq. 9).
+        marker_sigma_m: marker distance that costs as much as one standard deviation of the prior; the paper gives
+            no units for its terms, this and the next two set ours.
+        pose_sigma_rad: change of velocity, over all joints, that costs as much as one standard deviation.
+        query_pose_m_per_rad: how many metres of marker distance a radian of pose counts in the search.
+        neighbours: candidates for K, ascending.
+        dimensions: candidates for B, ascending.
+        validation_examples: nearest examples that the cross-validation is scored on.
+        lwr_neighbours: examples that locally weighted regression interpolates.
+    """
+
+    method: str = "local-pca"
+    query_alpha: float = 0.8
+    control_alpha: float = 0.8
+    smoothness_beta: float = 0.2
+    marker_sigma_m: float = 0.0075
+    pose_sigma_rad: float = 0.3
+    query_pose_m_per_rad: float = 0.1
+    neighbours: tuple[int, ...] = (30, 60, 150, 300)
+    dimensions: tuple[int, ...] = (7, 12, 25, 35)
+    validation_examples: int = 24
+    lwr_neighbours: int = 16
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise SettingsError(f"there is no method {self.method!r}", advice="methods: " + ", ".join(METHODS))
+        for name in ("query_alpha", "control_alpha", "smoothness_beta"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise SettingsError(f"{name} must lie between 0 and 1")
+        for name in ("marker_sigma_m", "pose_sigma_rad", "query_pose_m_per_rad"):
+            if not getattr(self, name) > 0.0:
+                raise SettingsError(f"{name} must be positive")
+        for name in ("neighbours", "dimensions"):
+            values = getattr(self, name)
+            if not values or list(values) != sorted(set(values)) or values[0] < 1:
+                raise SettingsError(f"{name} must be ascending whole numbers from 1")

@@ -1,0 +1,110 @@
+"""A subject's markers as a function of the pose, with its Jacobian, and for every frame of a database (Eq. 1)."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import rotations as rot
+from ..database.store import Database, rotations_from_pose
+from ..marker_set import Subject
+from ..product_skeleton import JOINT_NAMES
+from ..errors import SubjectError
+from ..skeleton import Skeleton, forward_kinematics_matrices, marker_jacobian, marker_positions
+
+Array = NDArray[np.float64]
+
+_CHUNK = 8192  # frames of forward kinematics at once: the working set stays in the processor's cache
+
+
+@dataclass(frozen=True)
+class RootPose:
+    """World position (3,) and world-from-root quaternion (4,) of the root, z_t in the paper."""
+
+    rotation: Array
+    position_m: Array
+
+    def to_root_frame(self, points_m: Array) -> Array:
+        """Return world points (..., 3) in the root's frame: T(z_t, z_0) of Eq. 2."""
+        return rot.rotate(rot.conjugate(self.rotation), points_m - self.position_m)
+
+    def to_world(self, points_m: Array) -> Array:
+        """Return points (..., 3) of the root's frame in the world."""
+        return rot.rotate(self.rotation, points_m) + self.position_m
+
+
+ROOT_AT_REST = RootPose(rot.identity(), np.zeros(3))
+
+
+class SubjectModel:
+    """Markers of one subject from poses (J - 1, 3) relative to the mean rotations of a database."""
+
+    def __init__(self, subject: Subject, mean_rotations: Array) -> None:
+        if subject.skeleton.names != JOINT_NAMES:
+            raise SubjectError(
+                "the skeleton does not have the product's joints", where=subject.name, advice="calibrate the subject"
+            )
+        self.subject = subject
+        self.skeleton: Skeleton = subject.skeleton
+        self.mean_rotations = mean_rotations
+        self.joints = subject.marker_set.joint_indices(self.skeleton)
+        self.offsets_m = subject.marker_set.offsets_m
+        self.torso = subject.marker_set.torso
+
+    @cached_property
+    def _mean_matrices(self) -> Array:
+        return rot.to_matrix(self.mean_rotations)
+
+    def rotations(self, pose: Array, root: RootPose) -> Array:
+        """Return local rotations (J, 4), the root's included."""
+        return rotations_from_pose(pose, self.mean_rotations, root.rotation)
+
+    def markers(self, pose: Array, root: RootPose = ROOT_AT_REST) -> Array:
+        """Return marker positions (..., M, 3) of poses (..., J - 1, 3)."""
+        local = rotations_from_pose(pose, self.mean_rotations, root.rotation)
+        return marker_positions(self.skeleton, self.joints, self.offsets_m, local, root.position_m)
+
+    def markers_and_jacobian(self, pose: Array, root: RootPose) -> tuple[Array, Array]:
+        """Return markers (M, 3) and d markers / d (root translation, root rotation, pose), (M, 3, 6 + 3 (J - 1)).
+
+        The root's rotation is varied on its right, R exp(d); the pose is varied as the rotation vectors it is.
+        """
+        turn, right_jacobian = _exponential_and_right_jacobian(pose)
+        local = np.empty((len(self.skeleton), 3, 3))
+        local[0] = rot.to_matrix(root.rotation)
+        local[1:] = self._mean_matrices[1:] @ turn
+        positions, world = forward_kinematics_matrices(self.skeleton, local, root.position_m)
+        markers = positions[self.joints] + np.einsum("mij,mj->mi", world[self.joints], self.offsets_m)
+        jacobian = marker_jacobian(self.skeleton, self.joints, markers, positions, world)
+        by_joint = jacobian[:, :, 6:].reshape(len(self.joints), 3, -1, 3)
+        jacobian[:, :, 6:] = np.einsum("mcji,jik->mcjk", by_joint, right_jacobian).reshape(len(self.joints), 3, -1)
+        return markers, jacobian
+
+    def database_markers(self, database: Database, frames: Any = slice(None)) -> NDArray[np.float32]:
+        """Return c_n (F, M, 3) float32 of Eq. 1: the markers of database frames with the root at rest."""
+        poses = database.poses[frames]
+        result = np.empty((len(poses), len(self.joints), 3), dtype=np.float32)
+        for start in range(0, len(poses), _CHUNK):
+            part = slice(start, start + _CHUNK)
+            result[part] = self.markers(np.asarray(poses[part], dtype=np.float64))
+        return result
+
+
+def _exponential_and_right_jacobian(vectors: Array) -> tuple[Array, Array]:
+    """Return exp(v) (N, 3, 3) and J_r(v) with exp(v + d) = exp(v) exp(J_r d) + O(d^2) (Sola 2018, Eq. 143)."""
+    angle2 = np.sum(vectors**2, axis=-1)
+    angle = np.sqrt(angle2)
+    small = angle < 1e-4
+    safe = np.where(small, 1.0, angle)
+    sine = np.where(small, 1.0 - angle2 / 6.0, np.sin(safe) / safe)
+    versine = np.where(small, 0.5 - angle2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
+    rest = np.where(small, 1.0 / 6.0 - angle2 / 120.0, (safe - np.sin(safe)) / safe**3)
+    cross = np.zeros((len(vectors), 3, 3))
+    cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -vectors[:, 2], vectors[:, 1], -vectors[:, 0]
+    cross[:, 1, 0], cross[:, 2, 0], cross[:, 2, 1] = vectors[:, 2], -vectors[:, 1], vectors[:, 0]
+    square = cross @ cross
+    unit = np.eye(3)
+    turn = unit + sine[:, None, None] * cross + versine[:, None, None] * square
+    return turn, unit - versine[:, None, None] * cross + rest[:, None, None] * square
