@@ -9,6 +9,7 @@ from ... import rotations as rot
 from .curves import Array, ease
 from .frame import Sole, about
 
+HELD_S = 0.35
 _CORNER_RAD = 0.12  # rounding of the change of pivot from ball to heel in the air
 
 
@@ -30,6 +31,8 @@ class Swing:
         to: where it lands.
         height_m: greatest height of the foot's ball above its height on the ground, at `peak` of the swing.
         peak: share of the swing at which the height is greatest.
+        power: of the height's rise from the ground: 3 lifts gently, 1.5 as in a jump.
+        held: the height is kept up between a rise and a fall of `HELD_S`.
     """
 
     lift_s: float
@@ -37,6 +40,16 @@ class Swing:
     to: Placement
     height_m: float
     peak: float = 0.5
+    power: float = 3.0
+    held: bool = False
+
+    def lift_m(self, times_s: Array) -> Array:
+        """Return the ball's height above its height on the ground at times within the swing."""
+        if self.held:
+            up = ease((times_s - self.lift_s) / HELD_S) * ease((self.land_s - times_s) / HELD_S)
+            return np.asarray(self.height_m * up)
+        u = (times_s - self.lift_s) / (self.land_s - self.lift_s)
+        return np.asarray(self.height_m * _hump(u, self.peak, self.power))
 
 
 @dataclass
@@ -67,7 +80,7 @@ class FootPath:
             u = (times_s - swing.lift_s) / (swing.land_s - swing.lift_s)
             ground[u > 0.0] = start + (end - start) * ease(u)[u > 0.0, None]
             air = (u > 0.0) & (u < 1.0)
-            lift[air] = swing.height_m * _hump(u[air], swing.peak)
+            lift[air] = swing.lift_m(times_s[air])
             phase[air] = u[air]
             start = end
         return FootSamples(ground, lift, phase)
@@ -96,12 +109,12 @@ class FootSamples:
         return self.swing_phase < 0.0
 
 
-def _hump(u: Array, peak: float) -> Array:
-    """Return a smooth bump over u in 0..1, 1 at `peak`, flat to second order at both ends."""
-    power = 3.0 * peak / (1.0 - peak) if peak > 0.5 else 3.0
-    other = 3.0 if peak > 0.5 else 3.0 * (1.0 - peak) / peak
-    top = peak**power * (1.0 - peak) ** other
-    return np.asarray(u**power * (1.0 - u) ** other / top)
+def _hump(u: Array, peak: float, power: float) -> Array:
+    """Return a smooth bump over u in 0..1, 1 at `peak`; at its ends it rises with `power` or more gently."""
+    before = power * max(1.0, peak / (1.0 - peak))
+    after = before * (1.0 - peak) / peak
+    top = peak**before * (1.0 - peak) ** after
+    return np.asarray(u**before * (1.0 - u) ** after / top)
 
 
 def foot_pose(samples: FootSamples, sole: Sole, pitch_rad: Array, roll_rad: Array) -> tuple[Array, Array]:
@@ -129,11 +142,11 @@ def _toes_up(samples: FootSamples, pitch_rad: Array) -> Array:
 def toe_bend(samples: FootSamples, sole: Sole, pitch_rad: Array, extra_rad: Array) -> Array:
     """Return the toes' rotation about x (negative is up), so that they stay flat under a raised heel.
 
-    In the air they relax, but never point below the ground.
+    In the air they relax until shortly before the landing, but never point below the ground.
     """
     raised = np.maximum(pitch_rad, 0.0)
-    relax = 1.0 - ease(samples.swing_phase / 0.45)
-    held = np.where(samples.in_contact, 1.0, relax)
+    ready = 1.0 - ease(samples.swing_phase / 0.45) + ease((samples.swing_phase - 0.7) / 0.3)
+    held = np.where(samples.in_contact, 1.0, ready)
     room = sole.ball_height_m * 0.8 + samples.lift_m
     clear = raised - np.arcsin(np.clip(room / sole.toe_m, 0.0, 1.0))
     bend = np.maximum(raised * held, np.maximum(clear, 0.0))

@@ -66,9 +66,12 @@ WALK = Gait(
 )  # fmt: skip
 RUN = Gait(
     step_s=0.365, duty=0.36, stride=0.85, lift=0.24, heel_up=0.80, mid_up=1.15, toe_up=0.05, pelvis_yaw=0.09,
-    pelvis_roll=0.05, pelvis_pitch=0.12, twist=0.24, lean=0.08, arm_forward=0.62, arm_back=0.62, arm_out=0.22,
-    arm_in=0.30, elbow=1.50, elbow_swing=0.30, grip=0.65, height=0.955, dip=0.0, width=0.45,
+    pelvis_roll=0.05, pelvis_pitch=0.12, twist=0.24, lean=0.08, arm_forward=0.62, arm_back=0.62, arm_out=0.14,
+    arm_in=0.30, elbow=1.50, elbow_swing=0.30, grip=0.65, height=0.988, dip=0.0, width=0.45,
 )  # fmt: skip
+
+
+_LAND_BENT = 0.016  # how much lower a runner lands than he leaves the ground, share of his height
 
 
 @dataclass
@@ -244,10 +247,20 @@ def _key_flights(score: Score, gait: Gait, steps: list[_Step]) -> None:
         lift, land = after.lift_s, before.land_s
         if lift >= land or lift <= before.lift_s:
             continue
-        speed = 0.5 * GRAVITY_M_S2 * (land - lift)
-        score.move("height", lift, height, speed, -GRAVITY_M_S2)
-        score.move("height", land, height, -speed, -GRAVITY_M_S2)
+        # off the toes of a straightened leg, down on a bent one
+        if score.tracks["height"].last().time_s < lift - 0.45:  # the first time: sink a little before
+            score.set(lift - 0.24, height=0.965 * height)
+        high, low = height * (1.0 + 0.5 * _LAND_BENT), height * (1.0 - 0.5 * _LAND_BENT)
+        fly_high(score, lift, high, land, low)
     score.set(steps[-1].land_s + 0.30, height=STANDING_HEIGHT * score.body.standing_m)
+
+
+def fly_high(score: Score, lift_s: float, lift_m: float, land_s: float, land_m: float) -> None:
+    """Key the root's height for a free flight between two heights at two times."""
+    air = land_s - lift_s
+    up = (land_m - lift_m) / air + 0.5 * GRAVITY_M_S2 * air
+    score.move("height", lift_s, lift_m, up, -GRAVITY_M_S2)
+    score.move("height", land_s, land_m, up - GRAVITY_M_S2 * air, -GRAVITY_M_S2)
 
 
 def _key_heading(score: Score, path: Track, start_s: float, end_s: float) -> None:

@@ -10,6 +10,7 @@ from ...motion import Motion, sliced
 from ...product_skeleton import default_skeleton
 from ...skeleton import Skeleton
 from .frame import SIDES, Body
+from .leaping import hop, jump
 from .score import STANDING_HEIGHT, Score
 from .staging import staged
 from .style import Style
@@ -18,6 +19,8 @@ from .walking import run, walk
 BEHAVIOURS: dict[str, Callable[[Score, float], None]] = {
     "walking": walk,
     "running": run,
+    "hopping": hop,
+    "jumping": jump,
 }
 
 T_POSE_S = 2.0

@@ -44,6 +44,7 @@ _BODY_CONTROLS: dict[str, tuple[float, ...]] = {
 #   swivel         elbow out from pointing down
 #   pitch, roll, pivot  foot: heel up, inward tilt, turn about the ball
 #   toes           toes up
+#   lift           of a foot in the air, added to its swing's height
 #   knee           knee outwards
 _SIDE_CONTROLS: dict[str, tuple[float, ...]] = {
     "arm": (0.05, 0.11, -0.15),
@@ -59,6 +60,7 @@ _SIDE_CONTROLS: dict[str, tuple[float, ...]] = {
     "roll": (0.0,),
     "pivot": (0.0,),
     "toes": (0.0,),
+    "lift": (0.0,),
     "knee": (0.0,),
 }
 
@@ -132,6 +134,7 @@ class Score:
                 f"{side}.roll": 0.0,
                 f"{side}.pivot": 0.0,
                 f"{side}.toes": 0.0,
+                f"{side}.lift": 0.0,
                 f"{side}.knee": 0.3 * style.toe_out_rad,
             }
         return values
@@ -164,12 +167,15 @@ class Score:
         rise_s: float = 0.15,
         roll_s: float = 0.08,
         peak: float = 0.5,
+        power: float = 3.0,
+        held: bool = False,
     ) -> None:
         """Let a foot leave the ground over its ball and land on its heel (or flat).
 
         Args:
             heel_up_rad: the foot's pitch when it lifts; it rises during `rise_s` before.
-            toe_up_rad: its upward pitch when it lands; it rolls flat during `roll_s` after.
+            toe_up_rad: its upward pitch when it lands (negative: on the ball); it rolls flat during `roll_s` after.
+            height_m, peak, power, held: see `Swing`.
         """
         pitch, path = self.tracks[f"{side}.pitch"], self.feet[side]
         base = float(self.value(f"{side}.pitch")[0])
@@ -179,7 +185,7 @@ class Score:
         pitch.key(lift_s, heel_up_rad)
         pitch.key(land_s, -toe_up_rad)
         pitch.key(land_s + roll_s, 0.0)
-        path.swings.append(Swing(lift_s, land_s, to, height_m, peak))
+        path.swings.append(Swing(lift_s, land_s, to, height_m, peak, power, held))
 
     @property
     def spot(self) -> tuple[float, float]:
@@ -195,6 +201,11 @@ class Score:
     def heading_rad(self) -> float:
         """The last heading."""
         return float(self.value("heading")[0])
+
+    @property
+    def front_rad(self) -> float:
+        """The heading nearest to the last one that faces the cameras (whole turns add up)."""
+        return float(2.0 * np.pi * np.round(self.heading_rad / (2.0 * np.pi)))
 
     # ---- chance
 

@@ -95,7 +95,8 @@ class Stage:
         samples, sole = self.feet[side], self.body.sole(side)
         ground = samples.ground.copy()
         ground[:, 2] += self.tracks[f"{side}.pivot"][:, 0]
-        turned_foot = FootSamples(ground, samples.lift_m, samples.swing_phase)
+        raised = np.where(samples.in_contact, 0.0, self.tracks[f"{side}.lift"][:, 0])
+        turned_foot = FootSamples(ground, samples.lift_m + raised, samples.swing_phase)
         roll = -outward(side) * self.tracks[f"{side}.roll"][:, 0]
         return foot_pose(turned_foot, sole, self.tracks[f"{side}.pitch"][:, 0], roll)
 
