@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 from ..core.skeleton import Skeleton
 from . import axes
 from .character_shapes import Figure, Part, parts_of
-from .character_surface import Array, mesh_of, union
+from .character_surface import Array, Field, mesh_of, union
 from .character_weights import skin_weights
 
 _LEAST_WEIGHT = 0.002  # smaller shares are dropped: they cost time in every frame and move nothing visibly
+_COVERED = {("head", "hair"), ("hair", "head")}  # (part, what covers it in every pose: both move as one)
+_HIDDEN_M = 0.006
 _THUMB = 5  # place of the thumb among a hand's shapes
 
 # name: (linear RGB, roughness)
@@ -50,15 +52,19 @@ MATERIAL_NAMES = tuple(_MATERIALS)
 def make_body(skeleton: Skeleton, heads_m: Array) -> Body:
     """Return the body for a skeleton whose joints stand at `heads_m` (J, 3) in the rest pose."""
     figure = Figure(skeleton, heads_m)
+    parts = parts_of(figure)
+    fields = [union(part.shapes) for part in parts]
     vertices, faces, materials, thumbs = [], [], [], []
     count = 0
-    for part in parts_of(figure):
+    for part in parts:
         own_vertices, own_faces = _surface(part)
-        if part.name == "clothes":
-            _straighten(own_vertices, _belt_m(figure), 0.6 * part.spacing_m)
+        own_materials = _material_of(part, figure, own_vertices[own_faces].mean(axis=1))
+        _straighten(own_vertices, own_faces, own_materials, figure)
+        others = [field for other, field in zip(parts, fields, strict=True) if (part.name, other.name) in _COVERED]
+        own_vertices, own_faces, kept = _without_hidden(own_vertices, own_faces, others, figure.scale)
         vertices.append(own_vertices)
         faces.append(own_faces + count)
-        materials.append(_material_of(part, figure, own_vertices[own_faces].mean(axis=1)))
+        materials.append(own_materials[kept])
         thumbs.append(_thumb_share(part, own_vertices))
         count += len(own_vertices)
     points = np.concatenate(vertices)
@@ -67,20 +73,32 @@ def make_body(skeleton: Skeleton, heads_m: Array) -> Body:
 
 
 def _surface(part: Part) -> tuple[Array, NDArray[np.int64]]:
-    field = union(part.shapes)
     ends = np.concatenate([np.stack((shape.start, shape.end)) for shape in part.shapes])
     margin = max(max(shape.widths) for shape in part.shapes) + 2.5 * part.spacing_m + 0.02
-    return mesh_of(field, ends.min(axis=0) - margin, ends.max(axis=0) + margin, part.spacing_m)
+    return mesh_of(union(part.shapes), ends.min(axis=0) - margin, ends.max(axis=0) + margin, part.spacing_m)
+
+
+def _without_hidden(
+    vertices: Array, faces: NDArray[np.int64], others: list[Field], scale: float
+) -> tuple[Array, NDArray[np.int64], NDArray[np.bool_]]:
+    """Leave out what lies well inside another part (the skull under the hair): it would only cost time to draw."""
+    inside = np.zeros(len(vertices), dtype=bool)
+    for field in others:
+        inside |= field(vertices) < -_HIDDEN_M * scale
+    kept = ~np.all(inside[faces], axis=1)
+    used, renumbered = np.unique(faces[kept], return_inverse=True)
+    return vertices[used], renumbered.reshape(-1, 4), kept
 
 
 def _belt_m(figure: Figure) -> float:
-    return float(figure.off(figure.joint("lowerback"), 0.0, 0.015, 0.0)[1])
+    return float(figure.off(figure.joint("lowerback"), 0.0, 0.050, 0.0)[1])
 
 
-def _straighten(vertices: Array, height: float, reach: float) -> None:
-    """Move the vertices nearest to a height onto it, so that two materials meet in a clean line."""
-    near = np.abs(vertices[:, 1] - height) < reach
-    vertices[near, 1] = height
+def _straighten(vertices: Array, faces: NDArray[np.int64], materials: NDArray[np.int64], figure: Figure) -> None:
+    """Move the vertices between shirt and trousers onto the belt's height, so that they meet in a clean line."""
+    above, below = MATERIAL_NAMES.index("shirt"), MATERIAL_NAMES.index("trousers")
+    border = np.intersect1d(faces[materials == above], faces[materials == below])
+    vertices[border, 1] = _belt_m(figure)
 
 
 def _material_of(part: Part, figure: Figure, centres: Array) -> NDArray[np.int64]:

@@ -76,41 +76,56 @@ def parts_of(figure: Figure) -> list[Part]:
     sides = ("l", "r")
     clothes = _torso(figure) + [shape for side in sides for shape in (*_leg(figure, side), *_arm(figure, side))]
     parts = [
-        Part("clothes", "", tuple(clothes), 0.0245 * fine),
-        Part("head", "", tuple(_head(figure)), 0.0135 * fine),
-        Part("hair", "", tuple(_hair(figure)), 0.0160 * fine),
+        Part("clothes", "", tuple(clothes), 0.0325 * fine),
+        Part("head", "", tuple(_head(figure)), 0.0195 * fine),
+        Part("hair", "", tuple(_hair(figure)), 0.0250 * fine),
     ]
     for side in sides:
-        parts.append(Part("shoe", side, tuple(_shoe(figure, side)), 0.0190 * fine))
-        parts.append(Part("hand", side, tuple(_hand(figure, side)), 0.0088 * fine))
-        parts.append(Part("eye", side, (_eye(figure, side),), 0.0060 * fine))
+        parts.append(Part("shoe", side, tuple(_shoe(figure, side)), 0.0240 * fine))
+        parts.append(Part("hand", side, tuple(_hand(figure, side)), 0.0110 * fine))
+        parts.append(Part("eye", side, (_eye(figure, side),), 0.0075 * fine))
     return parts
 
 
 def _torso(figure: Figure) -> list[Loft]:
-    hips = 0.5 * (figure.joint("lfemur") + figure.joint("rfemur"))
-    hips[2] = 0.5 * (hips[2] + figure.joint("root")[2])
-    neck = figure.joint("lowerneck")
     f = figure
+    hips = 0.5 * (f.joint("lfemur") + f.joint("rfemur"))
+    hips[2] = 0.5 * (hips[2] + f.joint("root")[2])
+    neck = f.joint("lowerneck")
     trunk = Loft(
-        hips, neck, (-0.07, 0.03, 0.20, 0.36, 0.50, 0.66, 0.80, 0.91, 1.00, 1.07),
-        f.sized(0.118, 0.158, 0.157, 0.141, 0.143, 0.158, 0.163, 0.146, 0.100, 0.066),
-        f.sized(0.088, 0.108, 0.105, 0.098, 0.101, 0.113, 0.112, 0.098, 0.078, 0.063),
-        f.sized(-0.002, -0.006, -0.003, 0.004, 0.006, 0.004, -0.004, -0.012, -0.014, -0.010),
-        across=(-1.0, 0.0, 0.0), caps=(0.055 * f.scale, 0.02 * f.scale), power=2.35,
+        hips, neck, (-0.07, 0.03, 0.20, 0.36, 0.50, 0.66, 0.80, 0.92, 1.02),
+        f.sized(0.118, 0.158, 0.157, 0.144, 0.145, 0.156, 0.160, 0.148, 0.110),
+        f.sized(0.088, 0.108, 0.105, 0.100, 0.102, 0.112, 0.112, 0.100, 0.080),
+        f.sized(-0.002, -0.006, -0.003, 0.004, 0.006, 0.004, -0.004, -0.012, -0.014),
+        across=(-1.0, 0.0, 0.0), caps=f.sized(0.055, 0.030), power=2.35,
     )  # fmt: skip
-    shapes = [trunk]
+    collar = Loft(
+        f.off(neck, 0.0, -0.06, -0.016), f.off(neck, 0.0, 0.062, -0.008), (0.0, 0.5, 1.0),
+        f.sized(0.105, 0.084, 0.067), f.sized(0.080, 0.074, 0.066), across=(-1.0, 0.0, 0.0),
+        caps=f.sized(0.02, 0.008), blend=0.04 * f.scale,
+    )  # fmt: skip
+    shapes = [trunk, collar]
     for side, out in (("l", 1.0), ("r", -1.0)):
-        hip, shoulder = f.joint(side + "femur"), f.joint(side + "humerus")
-        shapes.append(ball(f.off(hip, -0.012 * out, 0.000, -0.058), f.sized(0.080, 0.085, 0.072), blend=0.05))
-        chest = np.array([0.40 * shoulder[0], neck[1], neck[2]])
-        shapes.append(ball(f.off(chest, 0.0, -0.085, 0.062), f.sized(0.080, 0.062, 0.048), blend=0.06))
-        inner = f.off(neck, 0.030 * out, 0.010, -0.022)
-        shapes.append(Loft(inner, f.off(shoulder, -0.02 * out, 0.012, -0.006), (0.0, 1.0),
-                           f.sized(0.046, 0.048), blend=0.06 * f.scale))  # fmt: skip
-        blade = np.array([0.55 * shoulder[0], neck[1], neck[2]])
-        shapes.append(ball(f.off(blade, 0.0, -0.075, -0.075), f.sized(0.075, 0.085, 0.040), blend=0.06))
+        shapes += _flank(f, side, out)
     return shapes
+
+
+def _flank(f: Figure, side: str, out: float) -> list[Loft]:
+    """Return what shapes one side of the trunk: buttock, chest, shoulder blade, trapezius, shoulder."""
+    hip, shoulder, neck = f.joint(side + "femur"), f.joint(side + "humerus"), f.joint("lowerneck")
+    chest = np.array([0.40 * shoulder[0], neck[1], neck[2]])
+    blade = np.array([0.55 * shoulder[0], neck[1], neck[2]])
+    acromion = f.off(shoulder, -0.026 * out, -0.009, -0.004)
+    wide = 0.06 * f.scale
+    return [
+        ball(f.off(hip, -0.012 * out, 0.0, -0.058), f.sized(0.080, 0.085, 0.072), blend=wide),
+        ball(f.off(chest, 0.0, -0.080, 0.056), f.sized(0.078, 0.060, 0.046), blend=wide),
+        ball(f.off(blade, 0.0, -0.070, -0.070), f.sized(0.075, 0.085, 0.040), blend=wide),
+        Loft(f.off(neck, 0.034 * out, 0.068, -0.026), f.off(acromion, 0.0, 0.000, -0.008), (0.0, 0.5, 1.0),
+             f.sized(0.036, 0.039, 0.038), caps=f.sized(0.03, 0.03), blend=wide),
+        Loft(f.off(neck, 0.04 * out, -0.015, -0.010), acromion, (0.0, 1.0), f.sized(0.050, 0.045),
+             caps=f.sized(0.03, 0.03), blend=wide),
+    ]  # fmt: skip
 
 
 def _leg(figure: Figure, side: str) -> list[Loft]:
@@ -120,13 +135,13 @@ def _leg(figure: Figure, side: str) -> list[Loft]:
         hip, knee, (-0.02, 0.12, 0.30, 0.55, 0.82, 1.00),
         f.sized(0.084, 0.090, 0.086, 0.073, 0.060, 0.056), f.sized(0.092, 0.096, 0.091, 0.078, 0.064, 0.060),
         f.sized(-0.014, -0.010, 0.000, 0.006, 0.004, 0.004), across=(1.0, 0.0, 0.0),
-        caps=f.sized(0.05, 0.03), blend=0.045 * f.scale,
+        caps=f.sized(0.05, 0.05), blend=0.045 * f.scale,
     )  # fmt: skip
     shank = Loft(
         knee, ankle, (0.00, 0.14, 0.32, 0.55, 0.80, 0.93),
-        f.sized(0.055, 0.056, 0.058, 0.051, 0.044, 0.0465), f.sized(0.059, 0.061, 0.064, 0.055, 0.047, 0.050),
+        f.sized(0.054, 0.055, 0.058, 0.051, 0.044, 0.0465), f.sized(0.058, 0.060, 0.064, 0.055, 0.047, 0.050),
         f.sized(0.004, -0.004, -0.013, -0.009, -0.004, -0.003), across=(1.0, 0.0, 0.0),
-        caps=f.sized(0.03, 0.012), blend=0.04 * f.scale, power=2.1,
+        caps=f.sized(0.05, 0.012), blend=0.006 * f.scale, power=2.1,
     )  # fmt: skip
     return [thigh, shank]
 
@@ -137,63 +152,73 @@ def _arm(figure: Figure, side: str) -> list[Loft]:
     shoulder, elbow, wrist = (f.joint(side + name) for name in ("humerus", "radius", "hand"))
     upper = Loft(
         shoulder, elbow, (0.00, 0.14, 0.35, 0.60, 0.85, 1.00),
-        f.sized(0.057, 0.056, 0.051, 0.048, 0.043, 0.042), f.sized(0.057, 0.057, 0.052, 0.047, 0.042, 0.041),
-        f.sized(-0.004, -0.004, -0.003, 0.0, 0.0, 0.0), across=(0.0, 0.0, -out),
-        caps=f.sized(0.035, 0.02), blend=0.05 * f.scale,
+        f.sized(0.056, 0.056, 0.052, 0.048, 0.043, 0.042), f.sized(0.054, 0.054, 0.051, 0.047, 0.042, 0.041),
+        f.sized(-0.013, -0.010, -0.004, 0.0, 0.0, 0.0), across=(0.0, 0.0, -out),
+        caps=f.sized(0.05, 0.04), blend=0.055 * f.scale,
     )  # fmt: skip
     fore = Loft(
         elbow, wrist, (0.00, 0.16, 0.35, 0.62, 0.85, 0.95),
         f.sized(0.042, 0.045, 0.0445, 0.038, 0.0345, 0.0355), f.sized(0.041, 0.043, 0.042, 0.035, 0.0305, 0.0315),
-        across=(0.0, 0.0, -out), caps=f.sized(0.02, 0.010), blend=0.03 * f.scale,
+        across=(0.0, 0.0, -out), caps=f.sized(0.04, 0.010), blend=0.006 * f.scale,
     )  # fmt: skip
     return [upper, fore]
 
 
+def _skull(f: Figure) -> tuple[Array, float]:
+    """Return the point that the head's shapes are measured from, and their scale: a little larger than life."""
+    return f.off(f.joint("head"), 0.0, -0.012, 0.0), 1.10 * f.scale
+
+
 def _head(figure: Figure) -> list[Loft]:
     f = figure
-    base = f.joint("head")
+    base, size = _skull(f)
+
+    def at(x: float, y: float, z: float) -> Array:
+        return base + size * np.array([x, y, z])
+
+    def sized(*lengths: float) -> tuple[float, ...]:
+        return tuple(size * length for length in lengths)
+
     skull = Loft(
-        base, f.off(base, 0.0, 0.20, 0.0),
-        (-0.08, 0.00, 0.14, 0.30, 0.46, 0.64, 0.82, 0.95),
-        f.sized(0.024, 0.043, 0.056, 0.065, 0.0715, 0.0765, 0.0720, 0.058),
-        f.sized(0.024, 0.046, 0.067, 0.082, 0.090, 0.0960, 0.0910, 0.074),
-        f.sized(0.070, 0.050, 0.030, 0.018, 0.010, 0.0040, -0.0020, -0.004),
-        across=(-1.0, 0.0, 0.0), caps=f.sized(0.012, 0.032), power=2.15,
+        base, at(0.0, 0.20, 0.0), (-0.06, 0.00, 0.14, 0.30, 0.46, 0.64, 0.82, 0.95),
+        sized(0.030, 0.045, 0.057, 0.065, 0.0715, 0.0765, 0.0720, 0.058),
+        sized(0.028, 0.048, 0.067, 0.082, 0.090, 0.0960, 0.0910, 0.074),
+        sized(0.062, 0.046, 0.030, 0.018, 0.010, 0.0040, -0.0020, -0.004),
+        across=(-1.0, 0.0, 0.0), caps=sized(0.014, 0.032), power=2.15,
     )  # fmt: skip
     neck = Loft(
-        f.off(f.joint("lowerneck"), 0.0, 0.0, -0.012), f.off(base, 0.0, 0.03, 0.0), (0.0, 0.35, 1.0),
-        f.sized(0.072, 0.058, 0.055), f.sized(0.066, 0.059, 0.058), across=(-1.0, 0.0, 0.0), blend=0.025 * f.scale,
+        f.off(f.joint("lowerneck"), 0.0, 0.0, -0.012), at(0.0, 0.03, -0.008), (0.0, 0.35, 1.0),
+        f.sized(0.066, 0.056, 0.054), f.sized(0.062, 0.057, 0.056), across=(-1.0, 0.0, 0.0), blend=0.020 * f.scale,
     )  # fmt: skip
     nose = Loft(
-        f.off(base, 0.0, 0.102, 0.092), f.off(base, 0.0, 0.062, 0.110), (0.0, 1.0), f.sized(0.009, 0.014),
-        f.sized(0.009, 0.012), across=(1.0, 0.0, 0.0), caps=f.sized(0.012, 0.008), blend=0.018 * f.scale,
+        at(0.0, 0.094, 0.090), at(0.0, 0.060, 0.103), (0.0, 1.0), sized(0.008, 0.0135), sized(0.008, 0.011),
+        across=(1.0, 0.0, 0.0), caps=sized(0.012, 0.007), blend=0.016 * size,
     )  # fmt: skip
     brow = Loft(
-        f.off(base, -0.045, 0.123, 0.074), f.off(base, 0.045, 0.123, 0.074), (0.0, 0.5, 1.0),
-        f.sized(0.011, 0.018, 0.011), blend=0.02 * f.scale,
+        at(-0.045, 0.116, 0.073), at(0.045, 0.116, 0.073), (0.0, 0.5, 1.0), sized(0.011, 0.018, 0.011),
+        blend=0.02 * size,
     )  # fmt: skip
-    ears = [
-        ball(f.off(base, out * 0.074, 0.083, -0.006), f.sized(0.011, 0.030, 0.019), blend=0.008 * f.scale)
-        for out in (1.0, -1.0)
-    ]
+    ears = [ball(at(out * 0.075, 0.078, 0.004), sized(0.012, 0.030, 0.020), blend=0.010 * size) for out in (1.0, -1.0)]
     return [skull, neck, brow, nose, *ears]
 
 
 def _hair(figure: Figure) -> list[Loft]:
-    f = figure
-    base = f.joint("head")
-    crown = ball(f.off(base, 0.0, 0.150, -0.012), f.sized(0.084, 0.082, 0.100))
-    nape = ball(f.off(base, 0.0, 0.085, -0.052), f.sized(0.068, 0.070, 0.052), blend=0.05 * f.scale)
+    base, size = _skull(figure)
+    crown = ball(base + size * np.array([0.0, 0.150, -0.012]), [size * r for r in (0.084, 0.082, 0.100)])
+    nape = ball(
+        base + size * np.array([0.0, 0.085, -0.056]), [size * r for r in (0.068, 0.070, 0.052)], blend=0.05 * size
+    )
     fringe = Loft(
-        f.off(base, -0.050, 0.178, 0.050), f.off(base, 0.050, 0.186, 0.054), (0.0, 0.5, 1.0),
-        f.sized(0.024, 0.036, 0.026), blend=0.03 * f.scale,
+        base + size * np.array([-0.050, 0.172, 0.050]), base + size * np.array([0.050, 0.180, 0.054]),
+        (0.0, 0.5, 1.0), [size * r for r in (0.024, 0.036, 0.026)], blend=0.03 * size,
     )  # fmt: skip
     return [crown, nape, fringe]
 
 
 def _eye(figure: Figure, side: str) -> Loft:
+    base, size = _skull(figure)
     out = 1.0 if side == "l" else -1.0
-    return ball(figure.off(figure.joint("head"), out * 0.031, 0.098, 0.0905), figure.sized(0.0095, 0.0115, 0.0075))
+    return ball(base + size * np.array([out * 0.031, 0.091, 0.0885]), [size * r for r in (0.0100, 0.0125, 0.0080)])
 
 
 def _hand(figure: Figure, side: str) -> list[Loft]:

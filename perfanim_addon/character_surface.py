@@ -108,9 +108,7 @@ def mesh_of(field: Field, low: ArrayLike, high: ArrayLike, spacing: float) -> tu
     """
     low, high = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
     counts = np.ceil((high - low) / spacing).astype(np.int64) + 1
-    axes = [
-        0.5 * (low[i] + high[i]) + spacing * (np.arange(counts[i]) - 0.5 * (counts[i] - 1)) for i in range(3)
-    ]
+    axes = [0.5 * (low[i] + high[i]) + spacing * (np.arange(counts[i]) - 0.5 * (counts[i] - 1)) for i in range(3)]
     values = field(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1))
     vertices, faces = _surface_net(values)
     vertices = vertices * spacing + np.array([axis[0] for axis in axes])

@@ -80,8 +80,13 @@ def _arm(w: _Weights, side: str, out: float) -> None:
     clavicle = w.beyond([0.52 * shoulder[0], 0.0, 0.0], (out, 0.0, 0.0), 0.065)
     upper = w.beyond(f.off(shoulder, 0.0, -0.055, 0.0), (0.25 * out, 1.0, 0.0), 0.060)
     w.hand_on(["thorax", "lowerneck"], side + "clavicle", clavicle * upper)
-    deltoid = w.beyond(f.off(shoulder, -0.012 * out, 0.0, 0.0), (out, -0.10, 0.0), 0.065)
-    w.hand_on(["thorax", "upperback", side + "clavicle"], side + "humerus", deltoid)
+    deltoid = w.beyond(f.off(shoulder, -0.012 * out, 0.0, 0.0), (out, -0.10, 0.0), 0.085)
+    # the ribs below the armpit stay with the chest, though they are as far out as the shoulder
+    above_armpit = w.beyond(f.off(shoulder, 0.0, -0.072, 0.0), (0.0, 1.0, 0.0), 0.040)
+    arm_only = w.beyond(f.off(shoulder, 0.050 * out, 0.0, 0.0), (out, 0.0, 0.0), 0.030)
+    w.hand_on(
+        ["thorax", "upperback", side + "clavicle"], side + "humerus", deltoid * np.maximum(above_armpit, arm_only)
+    )
     w.hand_on([side + "humerus"], side + "radius", w.beyond(elbow, wrist - elbow, 0.050))
     # the forearm's twist is spread over most of its length
     centre = twist + 0.10 * (elbow - twist)
@@ -104,7 +109,7 @@ def _leg(w: _Weights, side: str, out: float) -> None:
     hip, knee, ankle, toes = (f.joint(side + n) for n in ("femur", "tibia", "foot", "toes"))
     own_side = _eased(out * w.points[:, 0] / (0.022 * f.scale))
     # the crease of the groin runs from the crotch up to the side of the hip
-    groin = w.beyond(f.off(hip, 0.0, -0.012, 0.0), (0.55 * out, -0.83, 0.0), 0.075)
+    groin = w.beyond(f.off(hip, 0.0, -0.016, 0.0), (0.42 * out, -0.91, 0.0), 0.075)
     w.hand_on(["root", "lowerback"], side + "femur", groin * own_side)
     w.hand_on([side + "femur"], side + "tibia", w.beyond(knee, ankle - hip, 0.062))
     w.hand_on([side + "tibia"], side + "foot", w.beyond(f.off(ankle, 0.0, 0.035, 0.0), (0.0, -1.0, 0.25), 0.035))
