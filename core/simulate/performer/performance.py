@@ -9,6 +9,7 @@ from ...errors import SettingsError
 from ...motion import Motion, sliced
 from ...product_skeleton import default_skeleton
 from ...skeleton import Skeleton
+from .boxing import box
 from .frame import SIDES, Body
 from .leaping import hop, jump
 from .score import STANDING_HEIGHT, Score
@@ -21,6 +22,7 @@ BEHAVIOURS: dict[str, Callable[[Score, float], None]] = {
     "running": run,
     "hopping": hop,
     "jumping": jump,
+    "boxing": box,
 }
 
 T_POSE_S = 2.0

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from .curves import Array, Track
 from .feet import FootPath, Placement, Swing
 from .frame import SIDES, Body, outward, turned
+from .limbs import frame_from, unit
 from .style import Style
 
 # Controls of the whole body: their sizes and values at ease; angles in radians, lengths in metres.
@@ -111,6 +112,16 @@ class Score:
         """Return the last value of a control."""
         return self.tracks[_track_name(name)].last().value
 
+    def hand(self, side: str, time_s: float, target: ArrayLike, fingers: ArrayLike, palm: ArrayLike) -> None:
+        """Key where a led hand is (see `target`) and which way its fingers and its palm look."""
+        along = unit(np.asarray(fingers, dtype=np.float64))
+        facing = np.asarray(palm, dtype=np.float64)
+        facing = unit(facing - (facing @ along) * along)
+        rest = np.array([outward(side), 0.0, 0.0]), np.array([0.0, -1.0, 0.0])
+        turn = frame_from(*rest, along[None], facing[None])[0]
+        before = self.value(f"{side}.palm")
+        self.set(time_s, **{f"{side}.target": target, f"{side}.palm": turn if turn @ before >= 0.0 else -turn})
+
     def at_ease(self) -> dict[str, ArrayLike]:
         """Return the controls' values for standing with hanging arms, in this style."""
         style = self.style
@@ -146,13 +157,19 @@ class Score:
 
         (x, z) is the ground point under the middle between the ankles.
         """
-        sole = self.body.sole(side)
         aside = outward(side) * self.body.stance_m * width * self.style.width
-        forward = -float(sole.ankle_m[2])
-        yaw = heading_rad + outward(side) * self.style.toe_out_rad
-        dx, dz = turned(np.array(heading_rad), np.array(0.0), np.array(aside))
-        ex, ez = turned(np.array(yaw), np.array(forward), np.array(0.0))
-        return Placement(float(x_m + dx + ex), float(z_m + dz + ez), float(yaw))
+        toe_out = outward(side) * self.style.toe_out_rad
+        return self.placed(side, (x_m, z_m), heading_rad, aside, 0.0, toe_out)
+
+    def placed(
+        self, side: str, spot: tuple[float, float], heading_rad: float, left_m: float, forward_m: float, yaw_rad: float
+    ) -> Placement:
+        """Return the placement with the ankle `left_m` and `forward_m` of a spot, the foot turned by `yaw_rad`."""
+        yaw = heading_rad + yaw_rad
+        ahead = -float(self.body.sole(side).ankle_m[2])
+        dx, dz = turned(np.array(heading_rad), np.array(forward_m), np.array(left_m))
+        ex, ez = turned(np.array(yaw), np.array(ahead), np.array(0.0))
+        return Placement(float(spot[0] + dx + ex), float(spot[1] + dz + ez), float(yaw))
 
     def step(
         self,

@@ -96,7 +96,7 @@ class Stage:
         ground = samples.ground.copy()
         ground[:, 2] += self.tracks[f"{side}.pivot"][:, 0]
         raised = np.where(samples.in_contact, 0.0, self.tracks[f"{side}.lift"][:, 0])
-        turned_foot = FootSamples(ground, samples.lift_m + raised, samples.swing_phase)
+        turned_foot = FootSamples(ground, np.maximum(samples.lift_m + raised, 0.0), samples.swing_phase)
         roll = -outward(side) * self.tracks[f"{side}.roll"][:, 0]
         return foot_pose(turned_foot, sole, self.tracks[f"{side}.pitch"][:, 0], roll)
 
