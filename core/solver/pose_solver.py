@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _ROOT_PASSES = 2  # the root needs the pose's torso markers and the pose needs the root
+_SYNTHESIS_PASSES = 2  # the same between synthesis and root
 
 
 @dataclass(frozen=True)
@@ -61,13 +62,14 @@ class Solution:
 
 
 @dataclass(frozen=True)
-class _Frame:
-    """What a method works on."""
+class _Fitted:
+    """What a method returns: pose (D,), the root it was fitted under, and the size of its model."""
 
-    observation: Observation
+    pose: Array
     root: RootPose
-    examples: Examples
-    continued_pose: Array | None
+    neighbours: int
+    dimensions: int = 0
+    iterations: int = 0
 
 
 class PoseSolver:
@@ -82,7 +84,7 @@ class PoseSolver:
         self._markers = subject.database_markers(database)
         self._clips = database.clip_of_frame.astype(np.int64)
         self._search = ExhaustiveSearch(self._markers, self._poses)
-        methods: dict[str, Callable[[_Frame], tuple[Array, int, int, int]]] = {
+        methods: dict[str, Callable[[Observation, RootPose, Examples], _Fitted]] = {
             "local-pca": self._local_pca,
             "lwr": self._locally_weighted,
             "nearest": self._nearest,
@@ -108,25 +110,18 @@ class PoseSolver:
         if located is None:
             return None
         root, examples = located
-        frame = _Frame(observation, root, examples, self._continued_pose)
-        pose, neighbours, dimensions, iterations = self._method(frame)
-        local = self.subject.markers(pose.reshape(-1, 3))
-        final = root_from_torso(observation, local, self.subject.torso, self.subject.joints, root) or root
-        import os
-        for _ in range(int(os.environ.get('RS','0'))):
-            frame = _Frame(observation, final, examples, self._continued_pose)
-            pose, neighbours, dimensions, iterations = self._method(frame)
-            local = self.subject.markers(pose.reshape(-1, 3))
-            final = root_from_torso(observation, local, self.subject.torso, self.subject.joints, root) or root
-        self._before_last, self._last, self._root = self._last, pose, final
+        fitted = self._method(observation, root, examples)
+        local = self.subject.markers(fitted.pose.reshape(-1, 3))
+        final = self._root_under(observation, local, fitted.root) or fitted.root
+        self._before_last, self._last, self._root = self._last, fitted.pose, final
         return Solution(
-            pose.reshape(-1, 3),
+            fitted.pose.reshape(-1, 3),
             final,
             final.to_world(local),
-            neighbours,
-            dimensions,
+            fitted.neighbours,
+            fitted.dimensions,
             self._nearest_distance(observation, root, examples),
-            iterations,
+            fitted.iterations,
         )
 
     @property
@@ -149,13 +144,17 @@ class PoseSolver:
         examples = None
         root = self._root
         for _ in range(passes):
-            root = root_from_torso(observation, local, self.subject.torso, self.subject.joints, root)
+            root = self._root_under(observation, local, root)
             if root is None:
                 return None
             examples = self._examples(observation, root, continued)
             local = np.mean(examples.markers_m[:8], axis=0)
         assert root is not None and examples is not None  # noqa: S101  (there is at least one pass)
         return root, examples
+
+    def _root_under(self, observation: Observation, local: Array, previous: RootPose | None) -> RootPose | None:
+        """Return z_t from the torso markers, given the pose's markers (M, 3) in the root's frame."""
+        return root_from_torso(observation, local, self.subject.torso, self.subject.joints, previous)
 
     def _examples(self, observation: Observation, root: RootPose, continued: Array | None) -> Examples:
         """Return the closest frames by Eq. 2, with the observed markers moved to the root's rest (T of Eq. 2)."""
@@ -181,24 +180,23 @@ class PoseSolver:
         differences = root.to_root_frame(observation.points_m[seen]) - examples.markers_m[0][seen]
         return float(np.sqrt(np.mean(np.sum(differences**2, axis=-1))))
 
-    def _nearest(self, frame: _Frame) -> tuple[Array, int, int, int]:
+    def _nearest(self, observation: Observation, root: RootPose, examples: Examples) -> _Fitted:
         """Return the closest example."""
-        return frame.examples.poses[0], 1, 0, 0
+        return _Fitted(examples.poses[0], root, 1)
 
-    def _locally_weighted(self, frame: _Frame) -> tuple[Array, int, int, int]:
+    def _locally_weighted(self, observation: Observation, root: RootPose, examples: Examples) -> _Fitted:
         """Return the mean of the nearby examples by their distance (Atkeson et al. 1997, tricube kernel)."""
-        examples = frame.examples
         count = min(self.settings.lwr_neighbours, len(examples.poses) - 1)
         distances = np.sqrt(np.maximum(examples.distances[: count + 1], 0.0))
         weights = (1.0 - (distances[:count] / max(distances[count], 1e-12)) ** 3) ** 3
-        weights += 1e-9
-        return weights @ examples.poses[:count] / weights.sum(), count, 0, 0
+        weights += 1e-9  # all equally far: all count
+        return _Fitted(weights @ examples.poses[:count] / weights.sum(), root, count)
 
-    def _local_pca(self, frame: _Frame) -> tuple[Array, int, int, int]:
-        """Return the pose of least energy in the local model (Eq. 9)."""
-        settings, examples, observation = self.settings, frame.examples, frame.observation
+    def _local_pca(self, observation: Observation, root: RootPose, examples: Examples) -> _Fitted:
+        """Return the pose of least energy in the local model (Eq. 9), and the root under it, each in turn."""
+        settings = self.settings
         seen = observation.located
-        validation = local_model.cross_validate(
+        model = local_model.cross_validate(
             examples.poses,
             examples.markers_m[:, seen].reshape(len(examples.poses), -1),
             self._clips[examples.frames],
@@ -206,17 +204,22 @@ class PoseSolver:
             settings.dimensions,
             settings.marker_sigma_m**2 / max(settings.control_alpha, 1e-9),
             settings.validation_examples,
-        )
-        problem = synthesis.SynthesisProblem(
-            validation.model,
-            self.subject,
-            frame.root,
-            observation,
-            frame.continued_pose,
-            settings.control_alpha / settings.marker_sigma_m**2,
-            settings.smoothness_beta / settings.pose_sigma_rad**2,
-        )
-        weights, iterations = synthesis.solve(problem, validation.model.weights(examples.poses[0]))
-        model = validation.model
-        return model.pose(weights), model.neighbours, model.dimensions, iterations
-
+        ).model
+        weights = model.weights(examples.poses[0])
+        iterations = 0
+        for fitting_pass in range(_SYNTHESIS_PASSES):
+            if fitting_pass > 0:
+                local = self.subject.markers(model.pose(weights).reshape(-1, 3))
+                root = self._root_under(observation, local, root) or root
+            problem = synthesis.SynthesisProblem(
+                model,
+                self.subject,
+                root,
+                observation,
+                self._continued_pose,
+                settings.control_alpha / settings.marker_sigma_m**2,
+                settings.smoothness_beta / settings.pose_sigma_rad**2,
+            )
+            weights, taken = synthesis.solve(problem, weights)
+            iterations += taken
+        return _Fitted(model.pose(weights), root, model.neighbours, model.dimensions, iterations)

@@ -30,7 +30,7 @@ class SolveSettings:
     query_alpha: float = 0.8
     control_alpha: float = 0.8
     smoothness_beta: float = 0.2
-    marker_sigma_m: float = 0.0075
+    marker_sigma_m: float = 0.003
     pose_sigma_rad: float = 0.3
     query_pose_m_per_rad: float = 0.1
     neighbours: tuple[int, ...] = (30, 60, 150, 300)
