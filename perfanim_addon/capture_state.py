@@ -16,7 +16,8 @@ from ..core.marker_frame import MarkerFrame
 from ..core.pose_frame import PoseFrame
 from ..core.worker.protocol import Message, MessageKind
 
-TICK_BUDGET_S = 0.1
+LEAST_BUDGET_S = 0.1
+MOST_BUDGET_S = 0.5
 STOP_LIMIT_S = 5.0
 FREEZE_NOTICE_S = 1.0
 _RATE_WINDOW_S = 1.0
@@ -97,7 +98,7 @@ class CaptureRun:
         self._solved_at: deque[float] = deque()
         self._stamp = 0.0
         self._last_number: int | None = None
-        self._last_arrival = self._stop_asked = clock()
+        self._last_arrival = self._stop_asked = self._ticked = clock()
         self._nothing_follows = False
 
     @property
@@ -115,8 +116,11 @@ class CaptureRun:
             return "; ".join(self.poses[-1].notes)
         return self.warnings[-1] if self.warnings else ""
 
-    def tick(self, budget_s: float = TICK_BUDGET_S) -> PoseFrame | None:
-        """Take what the worker has sent and solve it, for about `budget_s`; never waits.
+    def tick(self) -> PoseFrame | None:
+        """Take what the worker has sent and solve it; never waits.
+
+        Solving may take as long as whatever else was done since the last tick (drawing, mostly), within limits: so it
+        keeps pace with a slow viewport, and the window stays alive behind a backlog.
 
         Returns:
             The newest pose if there is a new one. After it is shown, call `shown`.
@@ -124,11 +128,13 @@ class CaptureRun:
         if self.phase is Phase.DONE:
             return None
         started = self._clock()
+        budget_s = min(max(started - self._ticked, LEAST_BUDGET_S), MOST_BUDGET_S)
         self._collect()
         newest: PoseFrame | None = None
         while self._pending and (newest is None or self._clock() - started < budget_s):
             newest = self._solve(self._pending.popleft()) or newest
         self._count_rate()
+        self._ticked = self._clock()
         if self.phase is Phase.FINISHING and not self._pending and self._is_over():
             self.phase = Phase.DONE
         return newest

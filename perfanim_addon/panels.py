@@ -6,8 +6,8 @@ from typing import Any
 import bpy
 
 from . import preferences, running, states
-from .operators.capture import Capture
-from .operators.jobs import Job
+from .job import Job
+from .live import Capture
 from .properties import settings
 
 MESSAGE_WIDTH = 44  # characters of a line in a sidebar of ordinary width

@@ -147,7 +147,7 @@ def motion(settings: Any) -> State:
     found = database(str(path))
     if isinstance(found, PerfanimError):
         return _problem(found, "bad database")
-    return State(True, f"ok: {found.frames:,} frames")
+    return State(True, f"{found.frames / 1000:.0f}k frames" if found.frames >= 10_000 else f"{found.frames} frames")
 
 
 def character(settings: Any) -> State:

@@ -6,7 +6,8 @@ from ...core.errors import CharacterError, PerfanimError
 from ...core.product_skeleton import default_skeleton
 from ...core.skeleton import Skeleton
 from .. import running, states
-from ..character import check_armature, create_character
+from ..character import check_armature
+from ..live import add_character
 from ..place import absolute
 from ..properties import PERFANIM_PG_settings, settings
 from . import common
@@ -18,13 +19,6 @@ def performer_skeleton(chosen: PERFANIM_PG_settings) -> Skeleton:
     """Return the proportions for a new character: the subject's if there is one, else an average adult's."""
     found = states.subject(absolute(chosen.subject)) if chosen.subject else None
     return default_skeleton() if found is None or isinstance(found, PerfanimError) else found.skeleton
-
-
-def add_character(context: bpy.types.Context, skeleton: Skeleton) -> str:
-    """Add a character of these proportions, choose it for the capture, and return its name."""
-    name = create_character(context, skeleton)
-    settings(context).armature = bpy.data.objects[name]
-    return name
 
 
 class PERFANIM_OT_add_character(bpy.types.Operator):

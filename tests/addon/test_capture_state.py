@@ -96,12 +96,25 @@ def test_a_backlog_is_solved_in_slices_and_nothing_is_lost() -> None:
     worker.say(*frames(range(50)))
     ticks = 0
     while len(run.poses) < 50:
-        run.tick(budget_s=0.1)
+        run.tick()
         ticks += 1
         assert ticks <= 50
         if ticks == 1:
             assert run.behind == 46  # four of 30 ms until 100 ms are over
     assert session.numbers == list(range(50))
+
+
+def test_solving_keeps_pace_with_a_viewport_that_draws_slowly() -> None:
+    run, worker, session, clock = a_run(cost_s=0.01)
+    number = 0
+    for _ in range(20):
+        arrived = range(number, number + 24)
+        number += 24
+        worker.say(*frames(arrived))
+        clock.now += 0.3  # a redraw
+        run.tick()
+        assert run.behind == 0
+    assert session.numbers == list(range(number))
 
 
 def test_stop_solves_what_still_comes() -> None:

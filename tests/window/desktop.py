@@ -154,21 +154,12 @@ class BlenderWindow:
         desktop.screenshot("no-tab")
         raise AssertionError(f"no tab {name}: {self.state()['tab']}")
 
-    def widen_sidebar(self, by: int) -> None:
-        """Drag the sidebar's edge, as a user does to read more."""
-        region = self.state()["regions"]["UI"]
-        x, y = self.from_top(region, 0, region[3] * 0.7)
-        self._desktop.move(x, y)
-        time.sleep(0.3)
-        self._desktop.run("xdotool", "mousedown", "1")
-        for step in range(1, 11):
-            self._desktop.move(x - by * step / 10, y)
-            time.sleep(0.05)
-        self._desktop.run("xdotool", "mouseup", "1")
-        time.sleep(0.5)
-
-    def tall_button(self, picture: Path) -> tuple[float, float]:
-        """Return the centre of the tallest button in the sidebar: Start or Stop Capture."""
+    def tall_button(self, picture_name: str) -> tuple[float, float]:
+        """Return the centre of the tallest button in the sidebar, Start or Stop Capture, on a picture taken for it."""
+        view = self.state()["regions"]["WINDOW"]
+        self._desktop.move(*self.from_top(view, view[2] * 0.2, view[3] * 0.8))  # a button under the pointer is lighter
+        time.sleep(1.0)
+        picture = self._desktop.screenshot(picture_name)
         state = self.state()
         region = state["regions"]["UI"]
         left, top = self.from_top(region, 0, 0)

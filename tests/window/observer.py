@@ -134,7 +134,7 @@ def report():
     temporary.replace(FOLDER / "state.json")
 
 
-class OBSERVER_OT_bare_timer(bpy.types.Operator):
+class OBSERVER_OT_bare_timer(bpy.types.Operator):  # noqa: N801
     """Write recorded poses to the same bones at each tick of a 60 Hz timer, and do nothing else"""
 
     bl_idname = "observer.bare_timer"
@@ -243,7 +243,7 @@ def order_last_run(order):
 def order_set(order):
     chosen = bpy.context.scene.perfanim
     for name, value in order["values"].items():
-        setattr(chosen, name, bpy.data.objects[value] if name == "armature" else value)
+        setattr(chosen, name, bpy.data.objects.get(value) if name == "armature" else value)
     return {}
 
 

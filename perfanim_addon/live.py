@@ -1,0 +1,152 @@
+"""A capture in Blender: the worker's frames through the session onto an armature, and at the end into an Action."""
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.skeleton import Skeleton
+from . import capture_setup
+from .actions import scene_frames, write_action
+from .armature_driver import ArmatureDriver
+from .capture_state import CaptureRun, Phase
+from .character import create_character
+from .job import Job
+from .properties import settings
+
+LEAST_STEP_S = 1e-4
+
+
+def add_character(context: bpy.types.Context, skeleton: Skeleton) -> str:
+    """Add a character of these proportions, choose it for the capture, and return its name."""
+    name = create_character(context, skeleton)
+    settings(context).armature = bpy.data.objects[name]
+    return name
+
+
+class Capture:
+    """A capture from the first click on: the starter database if it is not there yet, then the run.
+
+    Only names are held, nothing of Blender's data: undo and file load replace that.
+
+    Args:
+        python: interpreter of the worker, None for Blender's own.
+        prepare: command that must be done before, [] for none.
+    """
+
+    def __init__(self, python: str | None, prepare: list[str]) -> None:
+        self.job = Job("Making the starter database", "capture", prepare, python) if prepare else None
+        self.run: CaptureRun | None = None
+        self._python = python
+        self._driver: ArmatureDriver | None = None
+        self._skeleton: Skeleton | None = None
+        self._start_frame = 1.0
+        self._held_action = ""
+        self._stop_asked = False
+
+    @property
+    def line(self) -> str:
+        """What is being done, in a few words."""
+        if self.run is None:
+            return f"{self.job.title}: {self.job.fraction:.0%}" if self.job else "starting"
+        return self.run.activity
+
+    @property
+    def done(self) -> bool:
+        """Whether all is solved and nothing follows."""
+        return self.run is not None and self.run.phase is Phase.DONE
+
+    def tick(self, context: bpy.types.Context) -> None:
+        """Take what the worker has sent and pose the armature; never waits.
+
+        Raises:
+            PerfanimError: the preparation failed, a file is bad, or the armature is gone.
+        """
+        if self.run is None:
+            self._prepare(context)
+            return
+        pose = self.run.tick()
+        if pose is not None and self._driver is not None:
+            self._driver.apply(pose.rotations, pose.root_position_m)
+            self.run.shown()
+
+    def _prepare(self, context: bpy.types.Context) -> None:
+        if self.job is not None:
+            self.job.tick()
+            if not self.job.ended:
+                return
+            self.job.close()
+        self._begin(context)
+
+    def _begin(self, context: bpy.types.Context) -> None:
+        """Open the database, add a character if none is chosen, and start the worker."""
+        chosen = settings(context)
+        setup = capture_setup.make(chosen)
+        self._skeleton = setup.subject.skeleton
+        self._start_frame = float(context.scene.frame_current)
+        self.run = setup.start(self._python)  # it starts up while the character is made
+        if chosen.armature is None:
+            add_character(context, self._skeleton)
+        self._driver = ArmatureDriver(chosen.armature.name, self._skeleton)
+        self._held_action = _release_action(chosen.armature)
+        if self._stop_asked:
+            self.run.stop()
+
+    def stop(self) -> None:
+        """Ask for a clean end; `tick` goes on until `done`."""
+        self._stop_asked = True
+        if self.run is not None:
+            self.run.stop()
+
+    def close(self) -> None:
+        """End the worker processes."""
+        if self.job is not None:
+            self.job.close()
+        if self.run is not None:
+            self.run.close()
+
+    def keep(self, context: bpy.types.Context) -> str:
+        """Write all poses as one Action; return the line that says so, "" when there is nothing to keep.
+
+        A frame captured t seconds after the first stands at the start frame + t * the scene's frames per second, so a
+        60 Hz capture in a 24 fps scene has keys between the scene's frames and plays at its true speed.
+        """
+        poses = self.run.poses if self.run else []
+        if not poses or self._skeleton is None or self._driver is None:
+            self._restore_action()
+            return ""
+        name = self._driver.object_name
+        if name not in bpy.data.objects:  # deleted while capturing: the recording is kept all the same
+            name = add_character(context, self._skeleton)
+        times = increasing(np.array([pose.time_s for pose in poses]))
+        frames = scene_frames(times, context.scene, self._start_frame)
+        rotations = np.stack([pose.rotations for pose in poses])
+        positions = np.stack([pose.root_position_m for pose in poses])
+        action = write_action(name, frames, rotations, positions, self._skeleton)
+        if settings(context).extend_scene:
+            context.scene.frame_end = max(context.scene.frame_end, int(np.ceil(frames[-1])))
+        return f"{len(poses)} frames recorded in {action}"
+
+    def _restore_action(self) -> None:
+        if self._driver is None or not self._held_action:
+            return
+        armature = bpy.data.objects.get(self._driver.object_name)
+        action = bpy.data.actions.get(self._held_action)
+        if armature is not None and action is not None and armature.animation_data is not None:
+            armature.animation_data.action = action
+
+
+def _release_action(armature: bpy.types.Object) -> str:
+    """Take the armature's action off, so that a change of frame does not overwrite the live pose; return its name."""
+    animation = armature.animation_data
+    if animation is None or animation.action is None:
+        return ""
+    name = str(animation.action.name)
+    animation.action.use_fake_user = True
+    animation.action = None
+    return name
+
+
+def increasing(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return times (F,) with those that do not come after their predecessor moved to 0.1 ms behind it."""
+    ramp = LEAST_STEP_S * np.arange(len(times_s))
+    return np.maximum.accumulate(times_s - ramp) + ramp

@@ -1,0 +1,67 @@
+"""Fixtures: a real Blender with the extension installed as a user does, on a screen of its own."""
+
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))  # the tests share desktop.py
+
+from desktop import ROOT, BlenderWindow, Desktop, blender_python, build_archive, install
+
+
+@pytest.fixture(scope="session")
+def wrapper() -> str:
+    """Program that runs its arguments where Blender is."""
+    wrapper = os.environ.get("BLENDER", "")
+    if not wrapper:
+        pytest.skip("the environment variable BLENDER names no Blender with a window")
+    return wrapper
+
+
+@pytest.fixture(scope="session")
+def user(wrapper: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Blender's user folder with the extension's archive, built for this Blender's Python, installed in it."""
+    user = tmp_path_factory.mktemp("blender-user")
+    install(wrapper, build_archive(blender_python(wrapper)), user)
+    return user
+
+
+@pytest.fixture
+def desktop(wrapper: str) -> Iterator[Desktop]:
+    """An empty screen; pictures of it are kept under out/window."""
+    desktop = Desktop(wrapper, ROOT / "out" / "window")
+    yield desktop
+    desktop.close()
+
+
+@pytest.fixture
+def window(desktop: Desktop, user: Path, tmp_path: Path) -> Iterator[BlenderWindow]:
+    """A freshly started Blender."""
+    window = BlenderWindow(desktop, user, tmp_path / "observer")
+    yield window
+    window.close()
+
+
+@pytest.fixture
+def calibration(tmp_path: Path) -> Path:
+    """A valid calibration."""
+    from perfanim.core.camera import save_rig
+    from perfanim.core.simulate.studio.rig import default_rig
+
+    path = tmp_path / "cameras.toml"
+    save_rig(default_rig(), path)
+    return path
+
+
+@pytest.fixture
+def subject(tmp_path: Path) -> Path:
+    """A valid subject."""
+    from perfanim.core.marker_set import Subject, load_marker_set, save_subject
+    from perfanim.core.product_skeleton import default_skeleton
+
+    path = tmp_path / "subject.toml"
+    save_subject(Subject("Anna", default_skeleton(), load_marker_set("boxing"), 0.006), path)
+    return path
