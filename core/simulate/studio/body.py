@@ -29,16 +29,21 @@ _MIDDLE: dict[str, tuple[_Part, ...]] = {
         ((0.0, 0.070, -0.045, 0.022), (0.0, -0.070, -0.045, 0.022), 0.104, 0.104, TROUSERS),
         ((0.0, 0.052, 0.020, 0.022), (0.0, -0.052, 0.020, 0.022), 0.098, 0.098, TROUSERS),
     ),
+    "lowerback": (((0.0, 0.0, 0.0, 0.026), (1.0, 0.0, 0.0, 0.024), 0.094, 0.091, SUIT),),
+    "upperback": (((0.0, 0.0, 0.0, 0.016), (1.0, 0.0, 0.0, 0.014), 0.091, 0.103, SUIT),),
+    "thorax": (((0.0, 0.0, 0.0, 0.014), (0.8, 0.0, 0.0, -0.008), 0.103, 0.070, SUIT),),
     "upperneck": (((-0.5, 0.0, 0.0, -0.006), (1.0, 0.0, 0.0, 0.0), 0.058, 0.054, SKIN),),
     "head": (
         ((0.0, 0.0, 0.005, 0.030), (1.0, 0.0, -0.010, 0.002), 0.071, 0.095, SKIN),
         ((0.5, 0.0, -0.012, 0.096), (0.5, 0.0, -0.022, 0.104), 0.013, 0.014, SKIN),
     ),
 }
-_SIDES: dict[str, tuple[_Part, ...]] = {
+_PAIRED: dict[str, tuple[_Part, ...]] = {  # left and right of the middle on one joint
     "lowerback": (((0.0, 0.045, 0.02, 0.022), (1.0, 0.042, 0.0, 0.022), 0.096, 0.092, SUIT),),
     "upperback": (((0.0, 0.042, 0.0, 0.014), (1.0, 0.064, 0.0, 0.014), 0.092, 0.104, SUIT),),
     "thorax": (((0.0, 0.064, 0.0, 0.014), (0.8, 0.092, 0.0, -0.010), 0.104, 0.074, SUIT),),
+}
+_LEFT: dict[str, tuple[_Part, ...]] = {  # the right side mirrors it
     "lclavicle": (((0.15, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), 0.058, 0.060, SUIT),),
     "lhumerus": (((0.02, 0.0, -0.004, 0.0), (1.0, 0.0, 0.0, 0.0), 0.055, 0.042, SUIT),),
     "lradius": (((0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), 0.043, 0.032, SUIT),),
@@ -54,8 +59,8 @@ _SIDES: dict[str, tuple[_Part, ...]] = {
     "lthumb": (((0.1, 0.0, 0.0, 0.0), (1.3, 0.0, 0.0, 0.0), 0.018, 0.013, SKIN),),
     "lfemur": (((0.0, 0.0, 0.0, -0.012), (1.0, 0.0, 0.0, 0.0), 0.092, 0.060, TROUSERS),),
     "ltibia": (
-        ((0.0, 0.0, 0.0, 0.0), (0.32, 0.0, 0.0, -0.012), 0.059, 0.060, TROUSERS),
-        ((0.32, 0.0, 0.0, -0.012), (1.0, 0.0, 0.0, 0.0), 0.060, 0.040, TROUSERS),
+        ((0.0, 0.0, 0.0, 0.0), (0.32, 0.0, 0.0, -0.010), 0.059, 0.057, TROUSERS),
+        ((0.32, 0.0, 0.0, -0.010), (1.0, 0.0, 0.0, 0.0), 0.057, 0.040, TROUSERS),
     ),
     "lfoot": (
         ((0.0, 0.0, 0.0, 0.0), (0.0, 0.0, -0.030, -0.040), 0.044, 0.038, SHOES),
@@ -134,13 +139,13 @@ def make_body(skeleton: Skeleton) -> Body:
 def _parts_of(name: str) -> list[tuple[_Part, Array]]:
     """The cones of a joint with the mirror factors that put them on its side."""
     left, right = np.array([1.0, 1.0, 1.0]), np.array([-1.0, 1.0, 1.0])
-    if name in _MIDDLE:
-        return [(part, left) for part in _MIDDLE[name]]
-    if name in _SIDES:
-        sides = (left,) if name.startswith("l") and name != "lowerback" else (left, right)
-        return [(part, side) for part in _SIDES[name] for side in sides]
-    if name.startswith("r") and "l" + name[1:] in _SIDES:
-        return [(part, right) for part in _SIDES["l" + name[1:]]]
+    if name in _MIDDLE or name in _PAIRED:
+        paired = [(part, side) for part in _PAIRED.get(name, ()) for side in (left, right)]
+        return [(part, left) for part in _MIDDLE.get(name, ())] + paired
+    if name in _LEFT:
+        return [(part, left) for part in _LEFT[name]]
+    if name.startswith("r") and "l" + name[1:] in _LEFT:
+        return [(part, right) for part in _LEFT["l" + name[1:]]]
     if name in JOINT_NAMES:  # lowerneck: drawn with the upper neck
         return []
     return [(((0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), 0.03, 0.03, SUIT), left)]

@@ -1,0 +1,250 @@
+"""Pictures and videos of the result without Blender: a shaded figure on a floor, detections on camera images.
+
+Images are uint8 BGR and are drawn into in place; poses are as in `forward_kinematics`, world metres, floor y = 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .camera import Camera
+from .errors import CaptureError
+from .files import atomic_path
+from .simulate.studio.body import Body, make_body
+from .simulate.studio.figure import FigurePainter
+from .simulate.studio.lens import undistorted_grid
+from .simulate.studio.limbs import outlines
+from .simulate.studio.rig import looking_at
+from .simulate.studio.video import write_video
+from .skeleton import Skeleton
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+_LIGHT_SLOPE = np.array([-0.42, -0.40])  # how far a shadow falls in x and z per metre of height
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+
+
+@dataclass(frozen=True)
+class CharacterStyle:
+    """How a character is drawn: BGR colours 0-255 of its trunk, left and right limbs and head; opacity 0..1."""
+
+    trunk: tuple[float, float, float] = (186.0, 190.0, 196.0)
+    left: tuple[float, float, float] = (206.0, 158.0, 96.0)
+    right: tuple[float, float, float] = (92.0, 142.0, 222.0)
+    head: tuple[float, float, float] = (180.0, 196.0, 214.0)
+    opacity: float = 1.0
+    shadow: bool = True
+
+
+SOLVED = CharacterStyle()
+TRUTH = CharacterStyle(
+    (120.0, 200.0, 120.0), (120.0, 200.0, 120.0), (120.0, 200.0, 120.0), (120.0, 200.0, 120.0), 0.35, False
+)
+
+
+class CharacterPainter:
+    """Draws one skeleton's body as one camera sees it; keep it for many frames."""
+
+    def __init__(self, camera: Camera, skeleton: Skeleton, style: CharacterStyle = SOLVED) -> None:
+        self.camera = camera
+        self.style = style
+        self.body = make_body(skeleton)
+        self._figure = FigurePainter(camera)
+        self._colours = _colours(self.body, style)
+
+    def draw(self, image: Image, rotations: ArrayLike, root_position_m: ArrayLike) -> None:
+        """Draw a pose, (J, 4) rotations and (3,) root position, with its shadow on the floor."""
+        cones = self.body.cones(np.asarray(rotations, dtype=np.float64), np.asarray(root_position_m, dtype=np.float64))
+        if self.style.shadow:
+            _draw_shadow(image, self.camera, self.body, cones.starts, cones.ends)
+        self._figure.draw(image, cones, self._colours, self.style.opacity)
+
+
+def draw_character(
+    image: Image,
+    camera: Camera,
+    skeleton: Skeleton,
+    rotations: ArrayLike,
+    root_position_m: ArrayLike,
+    style: CharacterStyle = SOLVED,
+) -> None:
+    """Draw one pose once; for many frames keep a `CharacterPainter`."""
+    CharacterPainter(camera, skeleton, style).draw(image, rotations, root_position_m)
+
+
+def preview_camera(root_positions_m: ArrayLike, size: tuple[int, int] = (640, 480)) -> Camera:
+    """Return a virtual camera that sees a whole motion from the front and a little from the side.
+
+    Args:
+        root_positions_m: (F, 3) path of the root; the camera frames it with room for a body about it.
+        size: (width, height) of the pictures.
+    """
+    path = np.asarray(root_positions_m, dtype=np.float64).reshape(-1, 3)
+    middle = 0.5 * (path.min(axis=0) + path.max(axis=0))
+    extent = path.max(axis=0) - path.min(axis=0)
+    focal = 1.8 * size[1]
+    wide = (0.5 * extent[0] + 0.9) / (0.5 * size[0] / focal)
+    high = (0.5 * extent[1] + 0.98) / (0.5 * size[1] / focal)
+    distance = max(wide, high) + 0.5 * extent[2] + 0.15
+    target = np.array([middle[0], 0.88 + 0.5 * extent[1], middle[2]])
+    place = target + distance * np.array([0.40, 0.14, 0.905])
+    rotation = looking_at(place, target)
+    matrix = np.array([[focal, 0.0, 0.5 * (size[0] - 1)], [0.0, focal, 0.5 * (size[1] - 1)], [0.0, 0.0, 1.0]])
+    return Camera("preview", size, matrix, np.zeros(5), rotation, -rotation @ place)
+
+
+def floor_image(camera: Camera) -> Image:
+    """Return an empty stage: a floor y = 0 with lines every half metre that fades into the backdrop."""
+    width, height = camera.image_size
+    grid = undistorted_grid(camera, np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
+    rays = camera.rays(grid)
+    down = np.minimum(rays[..., 1], -1e-6)
+    distance = -camera.centre_m[1] / down
+    x, z = (camera.centre_m[i] + distance * rays[..., i] for i in (0, 2))
+    fade = np.clip(1.0 - np.hypot(x, z - 0.3) / 6.0, 0.0, 1.0) ** 1.5 * (rays[..., 1] < -1e-6)
+    level = np.linspace(0.0, 1.0, height)[:, None, None]
+    backdrop = (1.0 - level) * np.array([74.0, 66.0, 60.0]) + level * np.array([112.0, 104.0, 98.0])
+    backdrop = np.broadcast_to(backdrop, (height, width, 3))
+    floor = np.array([128.0, 121.0, 115.0]) * np.ones_like(backdrop)
+    lines = np.maximum(0.55 * _lines(x, z, distance, camera, 0.5), _lines(x, z, distance, camera, 1.0))
+    floor = floor - 34.0 * lines[..., None]
+    picture = backdrop + fade[..., None] * (floor - backdrop)
+    return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+
+
+def draw_detections(
+    image: Image,
+    pixels: ArrayLike,
+    names: Sequence[str] = (),
+    colour: tuple[float, float, float] = (90.0, 230.0, 120.0),
+) -> None:
+    """Ring blobs in a camera's image: (N, 2) centres in pixels (NaN: none), and their names if given."""
+    for i, (x, y) in enumerate(np.asarray(pixels, dtype=np.float64).reshape(-1, 2)):
+        if not (np.isfinite(x) and np.isfinite(y)):
+            continue
+        centre = (round(float(x) * 16), round(float(y) * 16))
+        cv2.circle(image, centre, 7 * 16, colour, 1, cv2.LINE_AA, 4)
+        if i < len(names) and names[i]:
+            place = (round(float(x)) + 9, round(float(y)) - 5)
+            _write(image, names[i], place, 0.36, colour)
+
+
+def draw_caption(image: Image, text: str, detail: str = "") -> None:
+    """Write what the picture shows into its upper left corner, with a smaller line below."""
+    _write(image, text, (12, 24), 0.55, (244.0, 244.0, 244.0))
+    if detail:
+        _write(image, detail, (12, 44), 0.42, (214.0, 214.0, 214.0))
+
+
+def side_by_side(*images: Image) -> Image:
+    """Return images of any size next to each other at the height of the first, with thin gaps."""
+    height = images[0].shape[0]
+    row: list[Image] = []
+    for image in images:
+        width = round(image.shape[1] * height / image.shape[0])
+        same = image.shape[0] == height
+        row.append(image if same else np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)))
+        row.append(np.full((height, 4, 3), 24, dtype=np.uint8))
+    return np.hstack(row[:-1])
+
+
+def write_preview_video(path: str | Path, frames: Iterable[Image], fps: float) -> int:
+    """Write images as an MP4 video that common players open; returns how many images. CaptureError if it fails."""
+    return write_video(path, frames, fps)
+
+
+def write_contact_sheet(path: str | Path, frames: Sequence[Image], columns: int = 4, width: int = 1600) -> None:
+    """Write pictures in rows as one image file (PNG or JPEG by its name), `width` pixels wide.
+
+    Raises:
+        CaptureError: no pictures, or the file cannot be written.
+    """
+    if not frames:
+        raise CaptureError("there are no pictures for the contact sheet", where=str(path))
+    columns = min(columns, len(frames))
+    gap = 4
+    cell = (width - gap * (columns + 1)) // columns
+    height = round(frames[0].shape[0] * cell / frames[0].shape[1])
+    rows = -(-len(frames) // columns)
+    sheet = np.full((gap + rows * (height + gap), width, 3), 24, dtype=np.uint8)
+    for i, frame in enumerate(frames):
+        top, left = gap + (i // columns) * (height + gap), gap + (i % columns) * (cell + gap)
+        sheet[top : top + height, left : left + cell] = cv2.resize(frame, (cell, height), interpolation=cv2.INTER_AREA)
+    with atomic_path(path) as temporary:
+        if not cv2.imwrite(str(temporary), sheet):
+            raise CaptureError("the picture could not be written", where=str(path), advice="check the free disk space")
+
+
+def _colours(body: Body, style: CharacterStyle) -> Array:
+    colours = []
+    for joint in body.joints:
+        name = body.skeleton.names[joint]
+        if name in ("head", "upperneck", "lowerneck"):
+            colours.append(style.head)
+        elif name in ("root", "lowerback", "upperback", "thorax", "lclavicle", "rclavicle"):
+            colours.append(style.trunk)
+        else:
+            colours.append({"l": style.left, "r": style.right}.get(name[:1], style.trunk))
+    return np.array(colours)
+
+
+def _draw_shadow(image: Image, camera: Camera, body: Body, starts: Array, ends: Array) -> None:
+    """Darken the floor where the body keeps the light off, and more where it nearly touches the floor."""
+    mask = np.zeros(image.shape[:2], dtype=np.uint8)
+    contact = np.zeros_like(mask)
+    _fill_floor(mask, camera, body, starts, ends, _LIGHT_SLOPE, 150.0)
+    near = np.minimum(starts[:, 1] - body.start_radii_m, ends[:, 1] - body.end_radii_m) < 0.05
+    _fill_floor(contact, camera, body, starts, ends, np.zeros(2), 190.0, near)
+    left, top, width, height = cv2.boundingRect(cv2.max(mask, contact))
+    if width == 0:
+        return
+    pad = 14
+    part = slice(max(top - pad, 0), top + height + pad), slice(max(left - pad, 0), left + width + pad)
+    soft = cv2.max(cv2.GaussianBlur(mask[part], (0, 0), 4.0), cv2.GaussianBlur(contact[part], (0, 0), 2.5))
+    image[part] = np.rint(image[part] * (1.0 - (soft * np.float32(0.62 / 255.0))[..., None])).astype(np.uint8)
+
+
+def _fill_floor(
+    mask: Image,
+    camera: Camera,
+    body: Body,
+    starts: Array,
+    ends: Array,
+    slope: Array,
+    value: float,
+    chosen: NDArray[np.bool_] | None = None,
+) -> None:
+    """Fill the shadows on the floor of the chosen cones when light falls along `slope`."""
+    a, b = (ends_[:, [0, 2]] + np.maximum(ends_[:, 1:2], 0.0) * slope for ends_ in (starts, ends))
+    flat = outlines(a, b, body.start_radii_m, body.end_radii_m)
+    corners = camera.project(np.stack((flat[..., 0], np.zeros(flat.shape[:2]), flat[..., 1]), axis=-1))
+    for part, polygon in enumerate(corners):
+        if (chosen is None or chosen[part]) and np.all(np.isfinite(polygon)):
+            limited = np.clip(polygon, -4000.0, 4000.0)
+            cv2.fillConvexPoly(mask, np.rint(limited * 16).astype(np.int32), (value,), cv2.LINE_AA, 4)
+
+
+def _lines(x: Array, z: Array, distance: Array, camera: Camera, spacing: float) -> Array:
+    """Strength 0..1 of grid lines about a pixel and a half wide."""
+    strength = np.zeros_like(x)
+    for value in (x, z):
+        off = np.abs(value / spacing - np.round(value / spacing)) * spacing
+        along_rows, along_columns = np.gradient(value)
+        pixel = np.maximum(np.hypot(along_rows, along_columns), 1e-9)
+        strength = np.maximum(
+            strength, np.clip(1.3 - off / pixel, 0.0, 1.0) * np.clip(spacing / (4.0 * pixel), 0.0, 1.0)
+        )
+    return strength
+
+
+def _write(image: Image, text: str, place: tuple[int, int], size: float, colour: tuple[float, float, float]) -> None:
+    """Write text with a dark rim, so that it is read on any ground."""
+    cv2.putText(image, text, place, _FONT, size, (20.0, 20.0, 20.0), 3, cv2.LINE_AA)
+    cv2.putText(image, text, place, _FONT, size, colour, 1, cv2.LINE_AA)
