@@ -1,38 +1,192 @@
-"""Motion of any skeleton, expressed on the product's joints with the source's own bone lengths."""
+"""Motion of any skeleton, expressed on the product's joints with the source's own bone lengths.
+
+Each joint found keeps its place and its orientation in the world; only the axes in which the orientation is told
+change, to the product's rest pose. So the positions of the joints found stay as they are, exactly, as long as no joint
+of the file between them is left out. What the file lacks stands still, but for one thing: where a file has one joint
+for the wrist, the twist of the forearm and of the hand goes to `wrist`, as in the CMU database, where elbows only bend.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import rotations as rot
 from .angle_frames import with_angle_frames
-from .errors import SkeletonError
-from .formats.source_motion import SourceMotion
+from .formats.source_motion import SourceMotion, source_kinematics
+from .joint_names import match_joints
 from .motion import Motion
 from .product_skeleton import JOINT_NAMES, default_skeleton
-from .skeleton import Skeleton
+from .rest_alignment import align_rest
+from .skeleton import Skeleton, forward_kinematics
 
 Array = NDArray[np.float64]
 
+_SAMPLED_FRAMES = 200  # for bones between joints that are not neighbours in the file
+_Y_UP_FROM_Z_UP = rot.from_rotation_vector(np.array([-0.5 * np.pi, 0.0, 0.0]))
+_HIPS_ARE_TIPPED = 3.0  # how much more of the body must lie along z than along y to call a file Z up
+
 
 def map_motion(source: SourceMotion) -> Motion:
-    """Return the motion on the product's 29 joints."""
-    if set(source.names) != set(JOINT_NAMES):
-        raise SkeletonError("has other joints than the product's skeleton", where=source.where)
-    return _renamed(source)
+    """Return the motion on the product's 29 joints with the bone lengths of the file.
+
+    Files with the product's joint names and hierarchy are taken as they are.
+
+    Raises:
+        SkeletonError: joints that are needed cannot be told, or the rest pose cannot.
+    """
+    if set(source.names) == set(JOINT_NAMES) and _has_product_parents(source):
+        return _renamed(source)
+    found = match_joints(source)
+    alignment = align_rest(source, found).source_from_product
+    found = {name: joint for name, joint in found.items() if name in alignment}
+    positions, world = _y_up(*source_kinematics(source), found)
+    product_world = {name: rot.multiply(world[:, joint], alignment[name]) for name, joint in found.items()}
+    skeleton = _skeleton(source, found, positions, product_world)
+    rotations = _local_rotations(product_world, skeleton.parents, source.frames)
+    for side in "lr":
+        if side + "wrist" not in found and side + "hand" in found:
+            _move_twist_to_wrist(rotations, skeleton, side)
+    return Motion(source.name, source.fps, skeleton, rot.continuous(rotations), positions[:, found["root"]])
+
+
+def _has_product_parents(source: SourceMotion) -> bool:
+    default = default_skeleton()
+    for joint, parent in enumerate(source.parents):
+        expected = int(default.parents[default.index(source.names[joint])])
+        if (source.names[parent] if parent >= 0 else "") != (JOINT_NAMES[expected] if expected >= 0 else ""):
+            return False
+    return True
 
 
 def _renamed(source: SourceMotion) -> Motion:
     """Return the motion of a file that already has the product's joints: reordered, nothing computed."""
     order = [source.names.index(name) for name in JOINT_NAMES]
-    parents = [-1 if source.parents[i] < 0 else order.index(int(source.parents[i])) for i in order]
-    tips = source.tips_m[order].copy()
     offsets = source.offsets_m[order].copy()
     offsets[0] = 0.0
-    reference = default_skeleton()
-    for joint in range(len(order)):
-        children = [child for child, parent in enumerate(parents) if parent == joint]
-        if children and not np.any(tips[joint]):
-            tips[joint] = offsets[
-                min(children, key=lambda c: float(np.linalg.norm(offsets[c] - reference.tips_m[joint])))
-            ]
-    skeleton = with_angle_frames(Skeleton(JOINT_NAMES, np.array(parents), offsets, tips))
+    default = default_skeleton()
+    tips = _tips(offsets, {n: t for n, t in zip(JOINT_NAMES, source.tips_m[order], strict=True) if np.any(t)}, default)
+    skeleton = with_angle_frames(Skeleton(JOINT_NAMES, default.parents, offsets, tips))
     return Motion(source.name, source.fps, skeleton, source.rotations[:, order], source.translations_m[0])
+
+
+def _tips(offsets: Array, known: Mapping[str, Array], default: Skeleton) -> Array:
+    """Return the bones' ends: as known, else the child joint that ends the bone in the default skeleton."""
+    tips = np.zeros((len(JOINT_NAMES), 3))
+    for joint, name in enumerate(JOINT_NAMES):
+        children = np.flatnonzero(default.parents == joint)
+        ends = [c for c in children if joint and np.allclose(default.offsets_m[c], default.tips_m[joint])]
+        if name in known:
+            tips[joint] = known[name]
+        elif ends:
+            tips[joint] = offsets[ends[0]]
+        elif joint:
+            tips[joint] = default.tips_m[joint]
+    return tips
+
+
+def _y_up(positions: Array, world: Array, found: Mapping[str, int]) -> tuple[Array, Array]:
+    """Turn a file whose bodies stand along z."""
+    head = found.get("head", found["lhumerus"])
+    along = np.median(
+        positions[:, head] - 0.5 * (positions[:, found["ltibia"]] + positions[:, found["rtibia"]]), axis=0
+    )
+    if along[2] > _HIPS_ARE_TIPPED * abs(along[1]):
+        return rot.rotate(_Y_UP_FROM_Z_UP, positions), rot.multiply(_Y_UP_FROM_Z_UP, world)
+    return positions, world
+
+
+def _local_rotations(world: Mapping[str, Array], parents: NDArray[np.int64], frames: int) -> Array:
+    local = rot.identity((frames, len(JOINT_NAMES)))
+    complete: list[Array] = []
+    for joint, name in enumerate(JOINT_NAMES):
+        above = complete[parents[joint]] if joint else rot.identity((frames,))
+        complete.append(world.get(name, above))
+        if name in world:
+            local[:, joint] = rot.multiply(rot.conjugate(above), world[name])
+    return local
+
+
+def _move_twist_to_wrist(rotations: Array, skeleton: Skeleton, side: str) -> None:
+    """Give the turn about the forearm, of forearm and hand together, to the wrist; positions do not change."""
+    radius, wrist, hand = (skeleton.index(side + name) for name in ("radius", "wrist", "hand"))
+    axis = skeleton.offsets_m[wrist] / max(float(np.linalg.norm(skeleton.offsets_m[wrist])), 1e-9)
+    swing, twist = rot.swing_twist(rotations[:, radius], axis)
+    rotations[:, radius] = swing
+    below = rot.multiply(twist, rotations[:, hand])
+    # hand = twist * swing, so that the hand's own rotation comes after the wrist's
+    inverse_swing, inverse_twist = rot.swing_twist(rot.conjugate(below), axis)
+    rotations[:, wrist] = rot.conjugate(inverse_twist)
+    rotations[:, hand] = rot.conjugate(inverse_swing)
+
+
+def _skeleton(
+    source: SourceMotion, found: Mapping[str, int], positions: Array, product_world: Mapping[str, Array]
+) -> Skeleton:
+    default = default_skeleton()
+    scale = _size(positions, found) / _default_size(default)
+    offsets = scale * default.offsets_m
+    step = max(1, len(positions) // _SAMPLED_FRAMES)
+    for name in JOINT_NAMES[1:]:
+        if name not in found:
+            continue
+        between = _missing_between(name, found, default)
+        anchor = JOINT_NAMES[default.parents[default.index(between[0] if between else name)]]
+        apart = positions[::step, found[name]] - positions[::step, found[anchor]]
+        link = np.mean(rot.rotate(rot.conjugate(product_world[anchor][::step]), apart), axis=0)
+        path = [default.index(joint) for joint in (*between, name)]
+        usual = np.linalg.norm(np.sum(default.offsets_m[path], axis=0))
+        for joint in path[:-1]:
+            offsets[joint] = default.offsets_m[joint] * (np.linalg.norm(link) / usual if usual > 0.0 else 0.0)
+            if name.endswith("hand"):  # forearm and wrist are one straight bone
+                offsets[joint] = link * (np.linalg.norm(default.offsets_m[joint]) / usual)
+        offsets[path[-1]] = link - np.sum(offsets[path[:-1]], axis=0)
+    tips = _tips(offsets, _known_tips(source, found, product_world, positions, scale), default)
+    return with_angle_frames(Skeleton(JOINT_NAMES, default.parents, offsets, tips))
+
+
+def _missing_between(name: str, found: Mapping[str, int], default: Skeleton) -> list[str]:
+    """Return the product's joints between a joint and the next one above that the file has, from above."""
+    missing: list[str] = []
+    joint = int(default.parents[default.index(name)])
+    while JOINT_NAMES[joint] not in found:
+        missing.append(JOINT_NAMES[joint])
+        joint = int(default.parents[joint])
+    return missing[::-1]
+
+
+def _known_tips(
+    source: SourceMotion, found: Mapping[str, int], product_world: Mapping[str, Array], positions: Array, scale: float
+) -> dict[str, Array]:
+    """Return the ends of the outermost bones: the file's own, else the default's by size."""
+    default = default_skeleton()
+    tips = {}
+    for joint, name in enumerate(JOINT_NAMES):
+        if joint in default.parents:
+            continue
+        tips[name] = scale * default.tips_m[joint]
+        if name in found and np.linalg.norm(source.tips_m[found[name]]) > 0.01:
+            # the tip turns with the joint as the joint's own axes do
+            _, world = source_kinematics(replace_frames(source, 1))
+            local = rot.multiply(rot.conjugate(product_world[name][0]), world[0, found[name]])
+            tips[name] = rot.rotate(local, source.tips_m[found[name]])
+    return tips
+
+
+def replace_frames(source: SourceMotion, count: int) -> SourceMotion:
+    """Return the first frames of a motion."""
+    paths = {joint: path[:count] for joint, path in source.translations_m.items()}
+    return replace(source, rotations=source.rotations[:count], translations_m=paths)
+
+
+def _size(positions: Array, found: Mapping[str, int]) -> float:
+    chains = (("lfemur", "ltibia"), ("rfemur", "rtibia"), ("lhumerus", "lradius"), ("rhumerus", "rradius"))
+    return sum(
+        float(np.mean(np.linalg.norm(positions[:, found[b]] - positions[:, found[a]], axis=1))) for a, b in chains
+    )
+
+
+def _default_size(default: Skeleton) -> float:
+    rest = forward_kinematics(default, rot.identity((1, len(default))), np.zeros((1, 3)))[0]
+    return _size(rest, {name: joint for joint, name in enumerate(JOINT_NAMES)})

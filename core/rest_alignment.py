@@ -1,0 +1,231 @@
+"""How the axes of a file's joints lie when its body stands in the product's rest pose.
+
+The rest pose of most files is a T or A pose whose joint axes are the world's. Some put all bones along one axis, so
+that their zero pose is no pose of a body at all: for those the axes in the T pose are known from the convention
+(`AxisRig`). Trunk, collars, neck and head are upright in any such pose and feet stand flat, so they keep their
+attitude, whatever way their bones point; legs and arms are turned the shortest way until their bones point as in the
+product's rest pose (feet and toes with them); upper arms and forearms also about the bone, until the elbow's hinge
+lies as there.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import rotations as rot
+from .angle_frames import angle_frame
+from .errors import SkeletonError
+from .formats.source_motion import SourceMotion, source_kinematics, zero_pose_positions
+from .product_skeleton import JOINT_NAMES, default_skeleton
+
+Array = NDArray[np.float64]
+
+_LEFT, _RIGHT = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
+_UP, _DOWN = (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)
+_FRONT = (0.0, 0.0, 1.0)
+
+# limb joint -> the joint at the end of its bone, nearest first; the bone's direction is turned onto the product's
+_BONE_ENDS: dict[str, tuple[str, ...]] = {
+    "femur": ("tibia",),
+    "tibia": ("foot",),
+    "humerus": ("radius",),
+    "radius": ("wrist", "hand"),
+    "wrist": ("hand",),
+    "hand": ("fingers",),
+}
+_TURNED = (*_BONE_ENDS, "foot", "toes", "fingers", "thumb")  # what follows the turn of the limb above it
+_HINGED = ("humerus", "radius")
+_UPRIGHT = 0.35  # share of the body's length by which head, hips and feet must lie above one another in a usable pose
+
+
+@dataclass(frozen=True)
+class AxisRig:
+    """A convention of joint axes: joint -> directions of the local X and Y axes in a T pose with the palms down."""
+
+    axes: Mapping[str, tuple[tuple[float, float, float], tuple[float, float, float]]]
+
+    def orientation(self, joint: str) -> Array:
+        """Return the (4,) world-from-joint quaternion in the T pose."""
+        x, y = (np.array(axis) for axis in self.axes[joint])
+        return rot.from_matrix(np.stack((x, y, np.cross(x, y)), axis=-1))
+
+
+# Bones along X, away from the body on the left side and towards it on the right one; knees and elbows turn about Y
+# (Bandai-Namco's data set; seen in it: the hinge axes of all knees and elbows are Y without exception, and the bones
+# of a foot that stands still point 39.6 degrees down, those of its toes 23).
+_FOOT_DOWN, _TOES_DOWN = np.radians(39.6), np.radians(23.0)
+
+
+def _pitched(angle: float, sign: float) -> tuple[float, float, float]:
+    return (0.0, -sign * float(np.sin(angle)), sign * float(np.cos(angle)))
+
+
+BONES_ALONG_X = AxisRig(
+    {
+        "root": (_UP, _RIGHT),
+        **dict.fromkeys(("lowerback", "upperback", "thorax", "lowerneck", "upperneck", "head"), (_UP, _FRONT)),
+        **dict.fromkeys(("lfemur", "ltibia"), (_DOWN, _LEFT)),
+        **dict.fromkeys(("rfemur", "rtibia"), (_UP, _LEFT)),
+        "lfoot": (_pitched(_FOOT_DOWN, 1.0), _LEFT),
+        "ltoes": (_pitched(_TOES_DOWN, 1.0), _LEFT),
+        "rfoot": (_pitched(_FOOT_DOWN, -1.0), _LEFT),
+        "rtoes": (_pitched(_TOES_DOWN, -1.0), _LEFT),
+        **dict.fromkeys(("lclavicle", "lhumerus", "lradius", "lwrist", "lhand"), (_LEFT, _UP)),
+        **dict.fromkeys(("rclavicle", "rhumerus", "rradius", "rwrist", "rhand"), (_LEFT, _DOWN)),
+    }
+)
+
+
+@dataclass(frozen=True)
+class RestAlignment:
+    """For each joint found, by the product's name: source-joint-from-product-joint quaternion (4,)."""
+
+    source_from_product: dict[str, Array]
+
+
+def align_rest(source: SourceMotion, found: Mapping[str, int]) -> RestAlignment:
+    """Return how the product's joint axes lie in the file's.
+
+    Raises:
+        SkeletonError: neither the zero pose nor the first frame is a standing body, and the axes follow no known
+            convention.
+    """
+    zero = zero_pose_positions(source)
+    if _is_body(zero, found):
+        return _from_pose(zero, np.tile(rot.identity(), (len(source.names), 1)), found)
+    if _has_bones_along_x(source, found):
+        return _from_rig(source, found, BONES_ALONG_X)
+    positions, world = source_kinematics(source)
+    if _is_body(positions[0], found):
+        return _from_pose(positions[0], world[0], found)
+    raise SkeletonError(
+        "has no rest pose of a standing body and follows no known convention of axes",
+        where=source.where,
+        advice="export it with a T pose as rest pose or as its first frame",
+    )
+
+
+def _is_body(positions: Array, found: Mapping[str, int]) -> bool:
+    """Tell whether the pose stands upright, legs below, arms on their sides or hanging."""
+    up, left, front = _body_axes(positions, found)
+    if not np.all(np.isfinite(np.stack((up, left, front)))):
+        return False
+    reach = sum(
+        float(np.linalg.norm(positions[found[b]] - positions[found[a]]))
+        for a, b in (("lfemur", "ltibia"), ("root", "lhumerus"))
+    )
+    knees = positions[found["ltibia"]] + positions[found["rtibia"]] - 2.0 * positions[found["root"]]
+    shoulders = positions[found["lhumerus"]] + positions[found["rhumerus"]] - 2.0 * positions[found["root"]]
+    elbows = positions[found["lradius"]] - positions[found["rradius"]]
+    hips = positions[found["lfemur"]] - positions[found["rfemur"]]
+    upright = -float(knees @ up) > _UPRIGHT * reach and float(shoulders @ up) > _UPRIGHT * reach
+    return upright and float(elbows @ left) > 0.0 and float(hips @ left) > 0.5 * float(np.linalg.norm(hips))
+
+
+def _body_axes(positions: Array, found: Mapping[str, int]) -> tuple[Array, Array, Array]:
+    """Return the directions up, left and front of a pose."""
+    middle = 0.5 * (positions[found["lhumerus"]] + positions[found["rhumerus"]])
+    up = _unit(middle - 0.5 * (positions[found["lfemur"]] + positions[found["rfemur"]]))
+    across = positions[found["lhumerus"]] - positions[found["rhumerus"]]
+    across = _unit(across) + _unit(positions[found["lfemur"]] - positions[found["rfemur"]])
+    left = _unit(across - up * float(across @ up))
+    return up, left, np.cross(left, up)
+
+
+def _unit(vector: Array) -> Array:
+    length = float(np.linalg.norm(vector))
+    return vector / length if length > 1e-9 else np.full(3, np.nan)
+
+
+def _square(direction: Array) -> Array:
+    """Return the coordinate axis nearest to a direction."""
+    axis = np.zeros(3)
+    largest = int(np.argmax(np.abs(direction)))
+    axis[largest] = np.sign(direction[largest])
+    return axis
+
+
+def _from_pose(positions: Array, world: Array, found: Mapping[str, int]) -> RestAlignment:
+    up, left, _ = _body_axes(positions, found)
+    if abs(float(np.max(np.abs(up)))) > 0.9 and abs(float(np.max(np.abs(left)))) > 0.9:
+        up, left = _square(up), _square(left)  # a rest pose faces along an axis; its body is never quite even
+    # product world axes (left, up, front) from those of the pose
+    product_from_pose = rot.from_matrix(np.stack((left, up, np.cross(left, up))))
+    orientations = {name: rot.multiply(product_from_pose, world[joint]) for name, joint in found.items()}
+    bones: dict[str, Array] = {}
+    for name in found:
+        end = _bone_end(name, found)
+        if end is not None:
+            bone = rot.rotate(product_from_pose, positions[found[end]] - positions[found[name]])
+            if np.linalg.norm(bone) > 1e-4:
+                bones[name] = _unit(bone)
+    return _aligned(orientations, bones)
+
+
+def _from_rig(source: SourceMotion, found: Mapping[str, int], rig: AxisRig) -> RestAlignment:
+    orientations = {name: rig.orientation(name) for name in found if name in rig.axes}
+    bones: dict[str, Array] = {}
+    for name in orientations:
+        end = _bone_end(name, found)
+        if end is not None and int(source.parents[found[end]]) == found[name]:
+            bones[name] = _unit(rot.rotate(orientations[name], source.offsets_m[found[end]]))
+    return _aligned(orientations, bones)
+
+
+def _has_bones_along_x(source: SourceMotion, found: Mapping[str, int]) -> bool:
+    """Tell whether the limbs' bones lie along +X on the left side and along -X on the right one."""
+    for side, sign in (("l", 1.0), ("r", -1.0)):
+        for bone, end in (("femur", "tibia"), ("tibia", "foot"), ("humerus", "radius"), ("radius", "hand")):
+            if side + end not in found:
+                continue
+            offset = source.offsets_m[found[side + end]]
+            child_of_bone = int(source.parents[found[side + end]]) == found[side + bone]
+            if not child_of_bone or sign * offset[0] < 0.99 * float(np.linalg.norm(offset)):
+                return False
+    return True
+
+
+def _bone_end(name: str, found: Mapping[str, int]) -> str | None:
+    return next((name[0] + end for end in _BONE_ENDS.get(name[1:], ()) if name[0] + end in found), None)
+
+
+def _aligned(orientations: dict[str, Array], bones: dict[str, Array]) -> RestAlignment:
+    """Turn each joint from its orientation in the file's T or A pose to that in the product's rest pose."""
+    default = default_skeleton()
+    turns: dict[str, Array] = {}  # product rest from pose, by joint
+    rolls: dict[str, Array] = {}  # the same with the elbow's hinge in place
+    for name in JOINT_NAMES:
+        if name not in orientations:
+            continue
+        inherited = _inherited_turn(name, turns, default.parents)
+        turns[name] = inherited
+        if name in bones:
+            wanted = default.tips_m[default.index(name)]
+            turned = rot.rotate(inherited, bones[name])
+            turns[name] = rot.multiply(rot.between(turned, wanted), inherited)
+        rolls[name] = rot.multiply(_hinge_roll(name, turns[name]), turns[name])
+    return RestAlignment({name: rot.conjugate(rot.multiply(rolls[name], orientations[name])) for name in rolls})
+
+
+def _inherited_turn(name: str, turns: Mapping[str, Array], parents: NDArray[np.int64]) -> Array:
+    if name[1:] not in _TURNED:
+        return rot.identity()
+    joint = int(parents[JOINT_NAMES.index(name)])
+    while JOINT_NAMES[joint] not in turns and JOINT_NAMES[joint][1:] in _TURNED:
+        joint = int(parents[joint])
+    return turns.get(JOINT_NAMES[joint], rot.identity()) if JOINT_NAMES[joint][1:] in _TURNED else rot.identity()
+
+
+def _hinge_roll(name: str, turn: Array) -> Array:
+    """Return the turn about the arm that brings the elbow's hinge to the product's: it is vertical in a T pose."""
+    if name[1:] not in _HINGED:
+        return rot.identity()
+    side = 1.0 if name[0] == "l" else -1.0
+    frame, _ = angle_frame(name)
+    wanted = rot.rotate(frame, np.array([1.0, 0.0, 0.0]))
+    arm = np.array([side, 0.0, 0.0])
+    present = np.array([0.0, -side, 0.0])
+    angle = np.arctan2(float(np.cross(present, wanted) @ arm), float(present @ wanted))
+    return rot.from_rotation_vector(angle * arm)
