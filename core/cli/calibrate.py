@@ -75,6 +75,7 @@ def run_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     summary: dict[str, Any] = {
         "verdict": result.verdict,
         "stereo_rms_px": result.stereo_rms_px,
+        "held_out_rms_px": result.held_out_px,
         "rms_px": dict(result.rms_px),
         "baseline_mm": result.baseline_m * 1000.0,
         "used": len(result.used),

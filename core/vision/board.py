@@ -13,8 +13,10 @@ from ..errors import CalibrationError, SettingsError
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
-SPEC_HELP = "chessboard:COLUMNSxROWS:SQUARE (inner corners, e.g. chessboard:9x6:24.23mm) or " \
+SPEC_HELP = (
+    "chessboard:COLUMNSxROWS:SQUARE (inner corners, e.g. chessboard:9x6:24.23mm) or "
     "charuco:COLUMNSxROWS:SQUARE:MARKER:DICTIONARY (squares, e.g. charuco:7x5:40mm:30mm:DICT_4X4_50)"
+)
 
 _UNITS_M = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "": 1e-3}
 _LENGTH = re.compile(r"^\s*([0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*(mm|cm|m|in|)\s*$")
@@ -45,7 +47,7 @@ class Board:
     def __post_init__(self) -> None:
         if self.kind not in ("chessboard", "charuco"):
             raise SettingsError(f"unknown board kind {self.kind!r}", advice=f"use {SPEC_HELP}")
-        if not (3 <= min(self.columns, self.rows) and max(self.columns, self.rows) <= 100):
+        if not (min(self.columns, self.rows) >= 3 and max(self.columns, self.rows) <= 100):
             raise CalibrationError(
                 f"a board of {self.columns}x{self.rows} cannot be used", advice="at least 3x3, at most 100x100"
             )

@@ -12,7 +12,19 @@ from ..errors import CalibrationError
 from ..files import atomic_path
 from .board import Board, charuco_board
 
-_PAPERS_MM = {"A4": (210.0, 297.0), "A3": (297.0, 420.0), "A2": (420.0, 594.0), "A1": (594.0, 841.0), "A0": (841.0, 1189.0)}
+_PAPERS_MM = {
+    "A4": (210.0, 297.0),
+    "A3": (297.0, 420.0),
+    "A2": (420.0, 594.0),
+    "A1": (594.0, 841.0),
+    "A0": (841.0, 1189.0),
+}
+    "A4": (210.0, 297.0),
+    "A3": (297.0, 420.0),
+    "A2": (420.0, 594.0),
+    "A1": (594.0, 841.0),
+    "A0": (841.0, 1189.0),
+}
 _MARGIN_MM = 8.0
 _POINTS_PER_MM = 72.0 / 25.4
 
@@ -30,9 +42,7 @@ def write_board_pdf(board: Board, spec: str, path: str | Path) -> str:
     left, bottom = (page_width - width) / 2.0, (page_height - height) / 2.0
     lines = [f"{_POINTS_PER_MM:.10f} 0 0 {_POINTS_PER_MM:.10f} 0 0 cm", "0 g"]
     # the board's y axis points down as in pictures, the page's up
-    lines += [
-        f"{left + x:.4f} {bottom + height - y - h:.4f} {w:.4f} {h:.4f} re" for x, y, w, h in black
-    ]
+    lines += [f"{left + x:.4f} {bottom + height - y - h:.4f} {w:.4f} {h:.4f} re" for x, y, w, h in black]
     lines.append("f")
     label = f"{spec}  on {paper}: print at 100 %, then measure a square and give its true size to --board"
     lines.append(f"BT /F1 3 Tf {left:.3f} {max(2.0, bottom / 2.0):.3f} Td ({_escape(label)}) Tj ET")
@@ -47,9 +57,7 @@ def _rectangles(board: Board) -> tuple[list[Rectangle], float, float]:
     if board.kind == "charuco":
         return _charuco_rectangles(board, square)
     columns, rows = board.columns + 1, board.rows + 1
-    black = [
-        (c * square, r * square, square, square) for r in range(rows) for c in range(columns) if (r + c) % 2 == 0
-    ]
+    black = [(c * square, r * square, square, square) for r in range(rows) for c in range(columns) if (r + c) % 2 == 0]
     return black, columns * square, rows * square
 
 

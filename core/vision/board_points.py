@@ -10,11 +10,16 @@ from numpy.typing import NDArray
 from ..errors import CalibrationError
 from ..files import read_bytes
 from .board import BoardView
-from .calibrate import CameraViews
+from .rig_fit import CameraViews
 
 Array = NDArray[np.float64]
 
-_LAYOUT = "image_size [w, h], board_points_mm [[x, y], ...], image_points_cam1 and image_points_cam2 [[[u, v], ...], ...]"
+_LAYOUT = (
+    "image_size [w, h], board_points_mm [[x, y], ...], "
+    "image_points_cam1 and image_points_cam2 [[[u, v], ...], ...]"
+)
+    "image_size [w, h], board_points_mm [[x, y], ...], image_points_cam1 and image_points_cam2 [[[u, v], ...], ...]"
+)
 
 
 def load_board_points(path: str | Path) -> tuple[Array, tuple[CameraViews, CameraViews]]:
@@ -37,7 +42,9 @@ def load_board_points(path: str | Path) -> tuple[Array, tuple[CameraViews, Camer
         right = _views(content["image_points_cam2"], len(points))
     except (ValueError, KeyError, TypeError, IndexError) as error:
         raise CalibrationError(
-            f"does not hold board points ({type(error).__name__}: {error})", where=str(path), advice=f"expected {_LAYOUT}"
+            f"does not hold board points ({type(error).__name__}: {error})",
+            where=str(path),
+            advice=f"expected {_LAYOUT}",
         ) from error
     if np.ptp(points[:, :2], axis=0).min() <= 0.0:
         raise CalibrationError("the board's points lie on one line or in one place", where=str(path))

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from ..errors import CalibrationError, CaptureError
 from ..sources.files import list_images, pair_by_number, read_image
 from .board import Board, BoardView, find_board, seen_grid
-from .calibrate import MINIMUM_VIEWS, CalibrationResult, CameraViews, Rejected, calibrate_from_points, grid_of
+from .calibrate import CalibrationResult, calibrate_from_points, grid_of
+from .rig_fit import MINIMUM_VIEWS, CameraViews, Rejected
 
 Progress = Callable[[float, str], None]
 
@@ -45,9 +46,7 @@ def calibrate_images(
         cameras.append(_camera_views(name, sizes, views, rejected))
     _check_board(board, files, cameras)
     progress(0.9, "calibrating")
-    return calibrate_from_points(
-        board.points_m, cameras, rejected, left_right=left_right, grid=grid_of(board)
-    )
+    return calibrate_from_points(board.points_m, cameras, rejected, left_right=left_right, grid=grid_of(board))
 
 
 def _paired_files(patterns: Mapping[str, str]) -> tuple[dict[str, dict[str, Path]], list[Rejected]]:
@@ -92,7 +91,9 @@ def _camera_views(
         raise CalibrationError("none of the pictures can be read", where=f"camera {name}", advice="check the files")
     size = Counter(sizes.values()).most_common(1)[0][0]
     for key in [key for key in views if sizes[key] != size]:
-        rejected.append(Rejected(f"{name} {key}", f"is {sizes[key][0]}x{sizes[key][1]}, the others {size[0]}x{size[1]}"))
+        rejected.append(
+            Rejected(f"{name} {key}", f"is {sizes[key][0]}x{sizes[key][1]}, the others {size[0]}x{size[1]}")
+        )
         del views[key]
     return CameraViews(name, size, views)
 

@@ -10,14 +10,19 @@ Array = NDArray[np.float64]
 Transform = tuple[Array, Array]
 """(rotation (3, 3), translation (3,)): x_a = rotation @ x_b + translation."""
 
-_SAME_ANGLE = np.radians(4.0)
-_SAME_DISTANCE = 0.15  # of the typical distance to the board: distance is what a small board tells worst
+# loose: one camera's own board poses are rough, and a half turn or a wrong pair is far outside; what is left is
+# found by its reprojection error
+_SAME_ANGLE = np.radians(8.0)
+_SAME_DISTANCE = 0.3  # of the typical distance to the board
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """Per moment: whether the second view is numbered from the other end, and whether the moment fits the rest."""
+    """`transform` second-from-first, and per moment: whether the second view is numbered from the other end, and
+    whether the moment fits the rest.
+    """
 
+    transform: Transform
     turned: NDArray[np.bool_]
     agrees: NDArray[np.bool_]
 
@@ -45,14 +50,14 @@ def relative_poses(first: Sequence[Transform], second: Sequence[Transform], cent
     options = [_options(a, b, centre) for a, b in zip(first, second, strict=True)]
     scale = float(np.median([np.linalg.norm(t) for _, t in first])) if first else 1.0
     best_key: tuple[int, float] = (-1, 0.0)
-    best = Agreement(np.zeros(len(first), dtype=bool), np.zeros(len(first), dtype=bool))
+    best = Agreement((np.eye(3), np.zeros(3)), np.zeros(len(first), dtype=bool), np.zeros(len(first), dtype=bool))
     for hypothesis in (option for row in options for option in row):
         distances = np.array([[_distance(option, hypothesis, scale) for option in row] for row in options])
         agrees = distances.min(axis=1) < 1.0
         key = (int(agrees.sum()), -_angle(hypothesis[0]))
         if key > best_key:
             best_key = key
-            best = Agreement(distances.argmin(axis=1) == 1, agrees)
+            best = Agreement(hypothesis, distances.argmin(axis=1) == 1, agrees)
     return best
 
 
