@@ -9,11 +9,11 @@ from ..core.product_skeleton import JOINT_NAMES
 from ..core.skeleton import Skeleton
 from . import axes
 from .character_mesh import add_body
+from .character_shapes import SOLE_BELOW_TOES_M, girth_scale
 
 Array = NDArray[np.float64]
 
 _SHORTEST_BONE_M = 0.012  # Blender deletes bones without length when edit mode is left
-_SOLE_SHARE = 0.026  # height of the toe joint above the floor, as a share of the leg's length (hip to ankle)
 _FORWARD_BONES = ("foot", "toes")
 
 
@@ -44,10 +44,8 @@ def create_character(context: bpy.types.Context, skeleton: Skeleton, name: str =
 
 def standing_root_m(skeleton: Skeleton) -> Array:
     """Return the root's position (3,) in product space at which the rest pose stands on the floor (y = 0)."""
-    rest = skeleton.rest_positions_m
-    hip, ankle = rest[skeleton.index("lfemur")], rest[skeleton.index("lfoot")]
-    toes = min(rest[skeleton.index(side + "toes")][1] for side in "lr")
-    return np.array([0.0, _SOLE_SHARE * np.linalg.norm(hip - ankle) - toes, 0.0])
+    toes = min(skeleton.rest_positions_m[skeleton.index(side + "toes")][1] for side in "lr")
+    return np.array([0.0, SOLE_BELOW_TOES_M * girth_scale(skeleton) - toes, 0.0])
 
 
 def _add_armature(context: bpy.types.Context, skeleton: Skeleton, name: str) -> bpy.types.Object:

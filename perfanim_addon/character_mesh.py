@@ -160,10 +160,16 @@ def _material(name: str) -> bpy.types.Material:
         return found
     colour, roughness = _MATERIALS[name]
     material = bpy.data.materials.new(full_name)
-    material.use_nodes = True
+    ensure_nodes(material)
     surface = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
     surface.inputs["Base Color"].default_value = (*colour, 1.0)
     surface.inputs["Roughness"].default_value = roughness
     material.diffuse_color = (*colour, 1.0)  # solid viewport shading
     material.roughness = roughness
     return material
+
+
+def ensure_nodes(owner: bpy.types.Material | bpy.types.World) -> None:
+    """Give a material or world its shader nodes; from Blender 5.0 on it always has them, and asking is deprecated."""
+    if bpy.app.version < (5, 0, 0):
+        owner.use_nodes = True

@@ -12,6 +12,8 @@ from ..core.product_skeleton import default_skeleton
 from ..core.skeleton import Skeleton
 from .character_surface import Array, Loft, ball
 
+SOLE_BELOW_TOES_M = 0.024  # how far the sole lies below the toe joint of a body of 1.75 m
+
 
 @dataclass(frozen=True)
 class Part:
@@ -41,7 +43,7 @@ class Figure:
     def __init__(self, skeleton: Skeleton, heads_m: NDArray[np.float64]) -> None:
         self._skeleton = skeleton
         self._heads = heads_m
-        self.scale = _height(skeleton) / _height(default_skeleton())
+        self.scale = girth_scale(skeleton)
 
     def joint(self, name: str) -> Array:
         """Return a joint's position (3,)."""
@@ -60,6 +62,11 @@ class Figure:
     def off(self, point: ArrayLike, x: float, y: float, z: float) -> Array:
         """Return a point moved by a distance given for a body of 1.75 m."""
         return np.asarray(point, dtype=np.float64) + self.scale * np.array([x, y, z])
+
+
+def girth_scale(skeleton: Skeleton) -> float:
+    """Return the size of the body's girths relative to a body of 1.75 m."""
+    return _height(skeleton) / _height(default_skeleton())
 
 
 def _height(skeleton: Skeleton) -> float:
@@ -223,7 +230,7 @@ def _eye(figure: Figure, side: str) -> Loft:
 
 def _hand(figure: Figure, side: str) -> list[Loft]:
     f = figure
-    wrist, knuckles, tip = f.joint(side + "hand"), f.joint(side + "fingers"), f.tip(side + "fingers")
+    wrist, tip = f.joint(side + "hand"), f.tip(side + "fingers")
     length = float(np.linalg.norm(tip - wrist)) / 0.105
     along = (tip - wrist) / np.linalg.norm(tip - wrist)
     across = np.cross([0.0, 1.0, 0.0], along) * (-1.0 if side == "l" else 1.0)
@@ -254,7 +261,7 @@ def _hand(figure: Figure, side: str) -> list[Loft]:
 def _shoe(figure: Figure, side: str) -> list[Loft]:
     f = figure
     ankle, ball_of_foot, tip = f.joint(side + "foot"), f.joint(side + "toes"), f.tip(side + "toes")
-    floor = min(ball_of_foot[1], tip[1]) - 0.024 * f.scale
+    floor = min(ball_of_foot[1], tip[1]) - SOLE_BELOW_TOES_M * f.scale
     heading = tip - ankle
     heading[1] = 0.0
     length = float(np.linalg.norm(heading))

@@ -1,0 +1,188 @@
+"""A motion as a Blender file: character, action, floor, light and camera; run headless with the `bpy` wheel.
+
+    python -m perfanim.perfanim_addon.export_blend MOTION.bvh OUT.blend [--render OUT.png] [--frame N]
+
+Start it in a process of its own: it begins with an empty scene.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Vector
+from numpy.typing import NDArray
+
+from ..core.errors import CharacterError, PerfanimError
+from ..core.files import atomic_path
+from ..core.motion import Motion
+from ..core.motion_files import read_motion
+from ..core.skeleton import forward_kinematics
+from . import axes
+from .actions import write_action
+from .character import create_character
+from .character_mesh import ensure_nodes
+from .character_shapes import SOLE_BELOW_TOES_M, girth_scale
+
+Array = NDArray[np.float64]
+
+_FIRST_FRAME = 1
+_LENS_MM = 50.0
+_STILL_PIXELS = (480, 640)
+_STILL_SAMPLES = 16
+_FLOOR_PERCENTILE = 2.0  # of the toes' heights: single outliers and short dips do not sink the floor
+
+
+def export_motion(motion: Motion, target: Path, *, still: Path | None = None, frame: int | None = None) -> None:
+    """Replace the open scene by one that shows a motion, save it, and render a picture if wanted.
+
+    Args:
+        motion: motion of the product's joints.
+        target: the .blend file to write.
+        still: picture (.png) of one frame, rendered by Cycles on the processor.
+        frame: the frame of the picture, counted from 1; the middle one if None.
+
+    Raises:
+        CharacterError: joints are missing, or the frame lies outside the motion.
+        FormatError: a file cannot be written.
+    """
+    shown = (motion.frames + 1) // 2 if frame is None else frame
+    if not 1 <= shown <= motion.frames:
+        raise CharacterError(f"frame {shown} is outside 1 to {motion.frames}", where=motion.name)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    build_scene(motion)
+    scene.frame_set(_FIRST_FRAME + shown - 1)
+    _set_up_rendering(scene)
+    if still is not None:
+        _render(scene, still)
+    scene.frame_set(_FIRST_FRAME)
+    bpy.context.preferences.filepaths.save_version = 0  # no backup beside the temporary file
+    with atomic_path(target) as temporary:
+        bpy.ops.wm.save_as_mainfile(filepath=str(temporary), compress=True, check_existing=False)
+
+
+def build_scene(motion: Motion) -> str:
+    """Add character, action, floor, light and camera to the current scene; return the armature's name."""
+    scene = bpy.context.scene
+    scene.render.fps = max(1, round(motion.fps))
+    scene.render.fps_base = scene.render.fps / motion.fps
+    scene.frame_start, scene.frame_end = _FIRST_FRAME, _FIRST_FRAME + motion.frames - 1
+    name = create_character(bpy.context, motion.skeleton)
+    frames = _FIRST_FRAME + np.arange(motion.frames, dtype=np.float64)
+    write_action(name, frames, motion.rotations, motion.root_positions_m, motion.skeleton, name=motion.name)
+    positions, _ = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
+    joints = axes.points_to_blender(positions)
+    toes = joints[:, [motion.skeleton.index(side + "toes") for side in "lr"], 2]
+    floor = float(np.percentile(toes.min(axis=1), _FLOOR_PERCENTILE))
+    floor -= SOLE_BELOW_TOES_M * girth_scale(motion.skeleton)
+    low, high = joints.reshape(-1, 3).min(axis=0), joints.reshape(-1, 3).max(axis=0)
+    low[2] = floor
+    _add_floor(low, high, floor)
+    _add_lights(scene, 0.5 * (low + high), floor)
+    _add_camera(scene, joints.reshape(-1, 3), 0.5 * (low + high))
+    return name
+
+
+def _add_floor(low: Array, high: Array, height: float) -> None:
+    centre, half = 0.5 * (low + high), 0.5 * float(np.max((high - low)[:2])) + 6.0
+    corners = [(centre[0] + half * x, centre[1] + half * y, height) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    mesh = bpy.data.meshes.new("Floor")
+    mesh.from_pydata(corners, [], [(0, 1, 2, 3)])
+    material = bpy.data.materials.new("Floor")
+    ensure_nodes(material)
+    surface = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    surface.inputs["Base Color"].default_value = (0.32, 0.33, 0.35, 1.0)
+    surface.inputs["Roughness"].default_value = 0.8
+    material.diffuse_color = (0.32, 0.33, 0.35, 1.0)
+    mesh.materials.append(material)
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Floor", mesh))
+
+
+def _add_lights(scene: bpy.types.Scene, centre: Array, floor: float) -> None:
+    sun = bpy.data.lights.new("Sun", "SUN")
+    sun.energy = 4.0
+    sun.angle = np.radians(12.0)  # soft shadows
+    sun_object = bpy.data.objects.new("Sun", sun)
+    sun_object.location = (centre[0] - 3.0, centre[1] - 4.0, floor + 5.0)
+    _look_at(sun_object, centre)
+    scene.collection.objects.link(sun_object)
+    scene.world = bpy.data.worlds.new("World")
+    scene.world.color = (0.55, 0.60, 0.66)
+    ensure_nodes(scene.world)
+    for node in scene.world.node_tree.nodes:
+        if node.type == "BACKGROUND":
+            node.inputs["Color"].default_value = (0.55, 0.60, 0.66, 1.0)
+            node.inputs["Strength"].default_value = 1.0
+
+
+def _add_camera(scene: bpy.types.Scene, joints: Array, centre: Array) -> None:
+    """Add a camera half to the performer's left that sees every joint of the whole motion."""
+    camera = bpy.data.cameras.new("Camera")
+    camera.lens = _LENS_MM
+    camera_object = bpy.data.objects.new("Camera", camera)
+    towards = np.array([0.45, -1.0, 0.18])
+    towards /= np.linalg.norm(towards)
+    distance = _fitting_distance(camera, joints - centre, towards)
+    camera_object.location = centre + distance * towards
+    camera.clip_end = 10.0 * distance
+    _look_at(camera_object, centre)
+    scene.collection.objects.link(camera_object)
+    scene.camera = camera_object
+
+
+def _fitting_distance(camera: bpy.types.Camera, points: Array, towards: Array) -> float:
+    """Return how far off a camera in the direction `towards` sees all points (N, 3) in an upright picture."""
+    across = np.cross([0.0, 0.0, 1.0], towards)
+    across /= np.linalg.norm(across)
+    narrow = _LENS_MM / (0.5 * camera.sensor_width * min(_STILL_PIXELS) / max(_STILL_PIXELS))
+    wide = _LENS_MM / (0.5 * camera.sensor_width)
+    near = points @ towards
+    aside, above = np.abs(points @ across), np.abs(points @ np.cross(towards, across))
+    return float(np.max(near + np.maximum(narrow * (aside + 0.15), wide * (above + 0.25))))
+
+
+def _look_at(obj: bpy.types.Object, point: Array) -> None:
+    direction = Vector(point.tolist()) - obj.location
+    obj.rotation_euler = direction.to_track_quat("-Z", "Y").to_euler()
+
+
+def _set_up_rendering(scene: bpy.types.Scene) -> None:
+    scene.render.engine = "CYCLES"
+    scene.cycles.device = "CPU"
+    scene.cycles.samples = _STILL_SAMPLES
+    scene.cycles.use_denoising = False
+    scene.cycles.max_bounces = 4
+    scene.render.resolution_x, scene.render.resolution_y = _STILL_PIXELS
+    scene.render.resolution_percentage = 100
+    scene.view_settings.view_transform = "Standard"
+
+
+def _render(scene: bpy.types.Scene, target: Path) -> None:
+    scene.render.image_settings.file_format = "PNG"
+    with atomic_path(target.with_suffix(".png")) as temporary:
+        scene.render.filepath = str(temporary)
+        bpy.ops.render.render(write_still=True)
+    scene.render.filepath = "//render/"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; return 0, or 1 with one line on stderr when the input was bad."""
+    parser = argparse.ArgumentParser(prog="export_blend", description="Write a motion as a Blender file.")
+    parser.add_argument("motion", type=Path, help="motion file (.bvh)")
+    parser.add_argument("blend", type=Path, help="Blender file to write")
+    parser.add_argument("--render", type=Path, metavar="OUT.png", help="also render one frame to this picture")
+    parser.add_argument("--frame", type=int, help="frame of the picture, counted from 1 (default: the middle one)")
+    given = parser.parse_args(arguments)
+    try:
+        export_motion(read_motion(given.motion), given.blend, still=given.render, frame=given.frame)
+    except PerfanimError as error:
+        sys.stderr.write(f"export_blend: {error}\n")
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
