@@ -18,8 +18,6 @@ _LAYOUT = (
     "image_size [w, h], board_points_mm [[x, y], ...], "
     "image_points_cam1 and image_points_cam2 [[[u, v], ...], ...]"
 )
-    "image_size [w, h], board_points_mm [[x, y], ...], image_points_cam1 and image_points_cam2 [[[u, v], ...], ...]"
-)
 
 
 def load_board_points(path: str | Path) -> tuple[Array, tuple[CameraViews, CameraViews]]:
