@@ -18,23 +18,25 @@ _LINES = 16  # lines to a pixel in y
 _CELLS = 4  # cells to a pixel in x, covered exactly
 
 
-def coverage(centres: Array, radius: float, blur_px: float, left: int, top: int, width: int, height: int) -> Array:
-    """Light (height, width), 0..1, of a disc in the pixels from (left, top), averaged over S places of its centre.
+def disc_light(centres: Array, radius: float, blur_px: float) -> tuple[int, int, Array]:
+    """Light of a disc in the pixels that it reaches: (left, top, shares (height, width) from 0 to 1).
 
-    centres: (S, 2) pixels (x, y), pixel centres at whole numbers; radius and blur_px (sigma of the lens) in pixels.
+    centres: (S, 2) pixels (x, y) that the centre passes during the exposure, averaged; pixel centres lie at whole
+    numbers. radius and blur_px (sigma of the lens) in pixels.
     """
-    margin = _margin(blur_px)
-    columns, rows = width + 2 * margin, height + 2 * margin
-    lines = top - margin - 0.5 + (np.arange(rows * _LINES) + 0.5) / _LINES
+    low = np.floor(centres.min(axis=0) - radius + 0.5).astype(int)
+    columns, rows = (np.floor(centres.max(axis=0) + radius + 0.5).astype(int) - low + 1).tolist()
+    lines = low[1] - 0.5 + (np.arange(rows * _LINES) + 0.5) / _LINES
     half = np.sqrt(np.maximum(radius * radius - (lines - centres[:, 1:2]) ** 2, 0.0))
-    edges = left - margin - 0.5 + np.arange(columns * _CELLS + 1) / _CELLS
+    edges = low[0] - 0.5 + np.arange(columns * _CELLS + 1) / _CELLS
     x = centres[:, :1]
-    filled = np.clip(edges, (x - half)[..., None], (x + half)[..., None])
+    filled = np.minimum(np.maximum(edges, (x - half)[..., None]), (x + half)[..., None])
     # length of the chord left of each edge; the difference between edges is what lies in a cell
     length = filled[..., 1:] - filled[..., :-1]
     inside = (length[0] if len(length) == 1 else length.sum(axis=0) / len(length)) * _CELLS
-    light: Array = _gather(height, _LINES, blur_px) @ inside @ _gather(width, _CELLS, blur_px).T
-    return light
+    light: Array = _gather(rows, _LINES, blur_px) @ inside @ _gather(columns, _CELLS, blur_px).T
+    margin = _margin(blur_px)
+    return int(low[0]) - margin, int(low[1]) - margin, light
 
 
 def _margin(blur_px: float) -> int:
@@ -43,10 +45,10 @@ def _margin(blur_px: float) -> int:
 
 @lru_cache(maxsize=256)
 def _gather(pixels: int, cells: int, blur_px: float) -> Array:
-    """Weights (pixels, cells of all pixels and margins): share of a cell's light that the lens sends to each pixel."""
+    """Weights (pixels and margins, cells): share of a cell's light that the lens sends to each pixel."""
     margin = _margin(blur_px)
-    place = -margin - 0.5 + (np.arange((pixels + 2 * margin) * cells) + 0.5) / cells
-    offset = place - np.arange(pixels)[:, None]
+    place = -0.5 + (np.arange(pixels * cells) + 0.5) / cells
+    offset = place - np.arange(-margin, pixels + margin)[:, None]
     if blur_px == 0.0:
         return np.where(np.abs(offset) < 0.5, 1.0, 0.0) / cells
     weights: Array = (ndtr((offset + 0.5) / blur_px) - ndtr((offset - 0.5) / blur_px)) / cells
@@ -59,12 +61,10 @@ def draw_disc(image: NDArray[np.uint8], centres: Array, radius: float, colour: A
     centres: (S, 2) positions during the exposure (one, if it does not move). What lies outside the image is cut off.
     """
     rows, columns = image.shape[:2]
-    reach = radius + 3.0 * blur_px + 0.5
-    low, high = np.floor(centres.min(axis=0) - reach), np.ceil(centres.max(axis=0) + reach)
-    left, top = max(int(low[0]), 0), max(int(low[1]), 0)
-    right, bottom = min(int(high[0]) + 1, columns), min(int(high[1]) + 1, rows)
-    if left >= right or top >= bottom:
+    left, top, light = disc_light(centres, radius, blur_px)
+    right, bottom = left + light.shape[1], top + light.shape[0]
+    if right <= 0 or bottom <= 0 or left >= columns or top >= rows:
         return
-    share = coverage(centres, radius, blur_px, left, top, right - left, bottom - top)[..., None]
-    patch = image[top:bottom, left:right]
-    patch[:] = np.rint(patch + share * (colour - patch)).astype(np.uint8)
+    share = light[max(-top, 0) : rows - top, max(-left, 0) : columns - left, None]
+    patch = image[max(top, 0) : bottom, max(left, 0) : right]
+    patch[:] = (patch + share * (colour - patch) + 0.5).astype(np.uint8)

@@ -16,6 +16,7 @@ Image = NDArray[np.uint8]
 _ARC = np.linspace(0.0, 1.0, 9)
 _SHIFT = 4  # fractional bits of polygon corners
 _LAYERS = ((1.0, 0.62), (0.82, 0.86), (0.6, 1.04), (0.34, 1.18))  # size of the outline, brightness
+_SMALL_PX = 7.0  # cones thinner than this get half of the layers
 _LIGHT = np.array([-0.45, -0.75])  # direction to the light in the image (x right, y down)
 
 COLOURS: dict[str, tuple[float, float, float]] = {
@@ -49,6 +50,7 @@ def draw_body(image: Image, camera: Camera, body: Body, cones: RoundCones) -> No
     pixels = camera.project(ends)
     radii = camera.focal_px * np.concatenate((cones.start_radii, cones.end_radii)) / np.maximum(depth, 0.05)
     near = np.minimum(depth[:count], depth[count:]) > 0.2
+    large = np.maximum(radii[:count], radii[count:]) > _SMALL_PX
     size = np.repeat(np.array([layer[0] for layer in _LAYERS]), count)
     reach = np.tile(radii.reshape(2, count), len(_LAYERS))
     place = np.tile(pixels.reshape(2, count, 2), (1, len(_LAYERS), 1))
@@ -58,11 +60,10 @@ def draw_body(image: Image, camera: Camera, body: Body, cones: RoundCones) -> No
     corners = corners.reshape(len(_LAYERS), count, -1, 2)
     middle = 0.5 * (depth[:count] + depth[count:]) - 0.5 * (cones.start_radii + cones.end_radii)
     for group in sorted(groups, key=lambda members: -float(middle[members].mean())):
-        order = group[np.argsort(-middle[group])]
+        order = [int(part) for part in group[np.argsort(-middle[group])] if near[part]]
         # layer by layer, so that the parts of a limb melt into each other
         for layer, (_, tone) in enumerate(_LAYERS):
-            for part in order:
-                if near[part]:
-                    b, g, r = COLOURS[materials[part]]
-                    colour = (tone * b, tone * g, tone * r)
-                    cv2.fillConvexPoly(image, corners[layer, part], colour, cv2.LINE_AA, _SHIFT)
+            for part in order if layer % 2 == 0 else [part for part in order if large[part]]:
+                b, g, r = COLOURS[materials[part]]
+                colour = (tone * b, tone * g, tone * r)
+                cv2.fillConvexPoly(image, corners[layer, part], colour, cv2.LINE_AA, _SHIFT)
