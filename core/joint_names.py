@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .errors import SkeletonError
 from .formats.source_motion import SourceMotion, zero_pose_positions
-from .product_skeleton import JOINT_NAMES, default_skeleton
+from .product_skeleton import JOINT_NAMES
 
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _DROPPED = frozenset(
@@ -43,7 +43,7 @@ _ROOTS = ("hips", "pelvis", "hip", "root", "spinebase", "lowertorso", "abdomen")
 _HEADS = ("head", "skull")
 _NECKS = ("neck", "lowerneck", "upperneck", "cervical")
 _NEEDED = ("root", "lfemur", "ltibia", "rfemur", "rtibia", "lhumerus", "lradius", "rhumerus", "rradius")
-_TRUNK = ("lowerback", "upperback", "thorax")
+_TRUNK_SHARES = {"lowerback": 0.0, "upperback": 0.5, "thorax": 1.0}  # of the way from the hips to the thorax
 _NECK_CHAIN = ("lowerneck", "upperneck")
 
 
@@ -122,14 +122,11 @@ def _match_trunk(source: SourceMotion, found: dict[str, int], middle: dict[str, 
     if root not in shared:
         raise SkeletonError("its arms do not hang on its hips", where=source.where)
     trunk = shared[: shared.index(root)][::-1]  # from the hips up
-    default = default_skeleton()
-    positions = zero_pose_positions(source)
+    positions = zero_pose_positions(source.parents, source.offsets_m)
     if trunk:
         found["thorax"] = trunk[-1]
         shares = _shares(positions, [root, *trunk])
-        found |= _assign(
-            _TRUNK[:2], trunk[:-1], shares[:-1], _product_shares(default.rest_positions_m, "root", "thorax")
-        )
+        found |= _assign(("lowerback", "upperback"), trunk[:-1], shares[:-1], _TRUNK_SHARES)
     top = trunk[-1] if trunk else root
     if "head" not in found:
         return
@@ -146,12 +143,6 @@ def _shares(positions: NDArray[np.float64], chain: list[int]) -> list[float]:
     steps = np.linalg.norm(np.diff(positions[chain], axis=0), axis=1)
     length = max(float(steps.sum()), 1e-9)
     return [float(value) / length for value in np.cumsum(steps)]
-
-
-def _product_shares(rest: NDArray[np.float64], start: str, end: str) -> dict[str, float]:
-    heights = {name: rest[JOINT_NAMES.index(name), 1] for name in (start, *_TRUNK)}
-    length = heights[end] - heights[start]
-    return {name: float((heights[name] - heights[start]) / length) for name in _TRUNK}
 
 
 def _assign(names: Sequence[str], joints: list[int], shares: list[float], wanted: dict[str, float]) -> dict[str, int]:

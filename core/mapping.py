@@ -7,14 +7,14 @@ for the wrist, the twist of the forearm and of the hand goes to `wrist`, as in t
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import rotations as rot
 from .angle_frames import with_angle_frames
-from .formats.source_motion import SourceMotion, source_kinematics
+from .formats.source_motion import SourceMotion, frame_range, source_kinematics
 from .joint_names import match_joints
 from .motion import Motion
 from .product_skeleton import JOINT_NAMES, default_skeleton
@@ -26,6 +26,11 @@ Array = NDArray[np.float64]
 _SAMPLED_FRAMES = 200  # for bones between joints that are not neighbours in the file
 _Y_UP_FROM_Z_UP = rot.from_rotation_vector(np.array([-0.5 * np.pi, 0.0, 0.0]))
 _HIPS_ARE_TIPPED = 3.0  # how much more of the body must lie along z than along y to call a file Z up
+
+
+@lru_cache(maxsize=1)
+def _default() -> Skeleton:
+    return default_skeleton()
 
 
 def map_motion(source: SourceMotion) -> Motion:
@@ -52,7 +57,7 @@ def map_motion(source: SourceMotion) -> Motion:
 
 
 def _has_product_parents(source: SourceMotion) -> bool:
-    default = default_skeleton()
+    default = _default()
     for joint, parent in enumerate(source.parents):
         expected = int(default.parents[default.index(source.names[joint])])
         if (source.names[parent] if parent >= 0 else "") != (JOINT_NAMES[expected] if expected >= 0 else ""):
@@ -65,7 +70,7 @@ def _renamed(source: SourceMotion) -> Motion:
     order = [source.names.index(name) for name in JOINT_NAMES]
     offsets = source.offsets_m[order].copy()
     offsets[0] = 0.0
-    default = default_skeleton()
+    default = _default()
     tips = _tips(offsets, {n: t for n, t in zip(JOINT_NAMES, source.tips_m[order], strict=True) if np.any(t)}, default)
     skeleton = with_angle_frames(Skeleton(JOINT_NAMES, default.parents, offsets, tips))
     return Motion(source.name, source.fps, skeleton, source.rotations[:, order], source.translations_m[0])
@@ -124,7 +129,7 @@ def _move_twist_to_wrist(rotations: Array, skeleton: Skeleton, side: str) -> Non
 def _skeleton(
     source: SourceMotion, found: Mapping[str, int], positions: Array, product_world: Mapping[str, Array]
 ) -> Skeleton:
-    default = default_skeleton()
+    default = _default()
     scale = _size(positions, found) / _default_size(default)
     offsets = scale * default.offsets_m
     step = max(1, len(positions) // _SAMPLED_FRAMES)
@@ -160,7 +165,7 @@ def _known_tips(
     source: SourceMotion, found: Mapping[str, int], product_world: Mapping[str, Array], positions: Array, scale: float
 ) -> dict[str, Array]:
     """Return the ends of the outermost bones: the file's own, else the default's by size."""
-    default = default_skeleton()
+    default = _default()
     tips = {}
     for joint, name in enumerate(JOINT_NAMES):
         if joint in default.parents:
@@ -168,16 +173,10 @@ def _known_tips(
         tips[name] = scale * default.tips_m[joint]
         if name in found and np.linalg.norm(source.tips_m[found[name]]) > 0.01:
             # the tip turns with the joint as the joint's own axes do
-            _, world = source_kinematics(replace_frames(source, 1))
+            _, world = source_kinematics(frame_range(source, 0, 1))
             local = rot.multiply(rot.conjugate(product_world[name][0]), world[0, found[name]])
             tips[name] = rot.rotate(local, source.tips_m[found[name]])
     return tips
-
-
-def replace_frames(source: SourceMotion, count: int) -> SourceMotion:
-    """Return the first frames of a motion."""
-    paths = {joint: path[:count] for joint, path in source.translations_m.items()}
-    return replace(source, rotations=source.rotations[:count], translations_m=paths)
 
 
 def _size(positions: Array, found: Mapping[str, int]) -> float:

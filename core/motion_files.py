@@ -9,7 +9,7 @@ from .errors import FormatError
 from .formats.archive import skeleton_name
 from .formats.asf_amc import read_amc, read_asf
 from .formats.bvh import read_bvh
-from .formats.source_motion import SourceMotion, source_of_motion
+from .formats.source_motion import SourceMotion, frame_range, source_of_motion
 from .mapping import map_motion
 from .motion import Motion
 from .product_skeleton import JOINT_NAMES
@@ -63,14 +63,7 @@ def _finite_parts(source: SourceMotion) -> list[SourceMotion]:
     edges = np.flatnonzero(finite[1:] != finite[:-1])
     parts = []
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        parts.append(
-            replace(
-                source,
-                name=f"{source.name} from {start}",
-                rotations=source.rotations[start:stop],
-                translations_m={j: path[start:stop] for j, path in source.translations_m.items()},
-            )
-        )
+        parts.append(frame_range(source, start, stop, f"{source.name} from {start}"))
     return parts
 
 

@@ -10,6 +10,7 @@ lies as there.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +18,11 @@ from numpy.typing import NDArray
 from . import rotations as rot
 from .angle_frames import angle_frame
 from .errors import SkeletonError
-from .formats.source_motion import SourceMotion, source_kinematics, zero_pose_positions
+from .formats.source_motion import SourceMotion, frame_range, source_kinematics, zero_pose_positions
 from .product_skeleton import JOINT_NAMES, default_skeleton
 
 Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 _LEFT, _RIGHT = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
 _UP, _DOWN = (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)
@@ -92,12 +94,13 @@ def align_rest(source: SourceMotion, found: Mapping[str, int]) -> RestAlignment:
         SkeletonError: neither the zero pose nor the first frame is a standing body, and the axes follow no known
             convention.
     """
-    zero = zero_pose_positions(source)
-    if _is_body(zero, found):
-        return _from_pose(zero, np.tile(rot.identity(), (len(source.names), 1)), found)
-    if _has_bones_along_x(source, found):
-        return _from_rig(source, found, BONES_ALONG_X)
-    positions, world = source_kinematics(source)
+    # clips of one data set share their skeleton
+    joints = tuple(found.items())
+    shape = (source.parents.tobytes(), source.offsets_m.tobytes())
+    alignment = _align_zero_pose(source.names, joints, *shape)
+    if alignment is not None:
+        return alignment
+    positions, world = source_kinematics(frame_range(source, 0, 1))
     if _is_body(positions[0], found):
         return _from_pose(positions[0], world[0], found)
     raise SkeletonError(
@@ -105,6 +108,21 @@ def align_rest(source: SourceMotion, found: Mapping[str, int]) -> RestAlignment:
         where=source.where,
         advice="export it with a T pose as rest pose or as its first frame",
     )
+
+
+@lru_cache(maxsize=64)
+def _align_zero_pose(
+    names: tuple[str, ...], joints: tuple[tuple[str, int], ...], parents: bytes, offsets_m: bytes
+) -> RestAlignment | None:
+    found = dict(joints)
+    parent_of = np.frombuffer(parents, dtype=np.int64)
+    offsets = np.frombuffer(offsets_m, dtype=np.float64).reshape(-1, 3)
+    zero = zero_pose_positions(parent_of, offsets)
+    if _is_body(zero, found):
+        return _from_pose(zero, np.tile(rot.identity(), (len(names), 1)), found)
+    if _has_bones_along_x(parent_of, offsets, found):
+        return _from_rig(parent_of, offsets, found, BONES_ALONG_X)
+    return None
 
 
 def _is_body(positions: Array, found: Mapping[str, int]) -> bool:
@@ -164,24 +182,24 @@ def _from_pose(positions: Array, world: Array, found: Mapping[str, int]) -> Rest
     return _aligned(orientations, bones)
 
 
-def _from_rig(source: SourceMotion, found: Mapping[str, int], rig: AxisRig) -> RestAlignment:
+def _from_rig(parents: IntArray, offsets_m: Array, found: Mapping[str, int], rig: AxisRig) -> RestAlignment:
     orientations = {name: rig.orientation(name) for name in found if name in rig.axes}
     bones: dict[str, Array] = {}
     for name in orientations:
         end = _bone_end(name, found)
-        if end is not None and int(source.parents[found[end]]) == found[name]:
-            bones[name] = _unit(rot.rotate(orientations[name], source.offsets_m[found[end]]))
+        if end is not None and int(parents[found[end]]) == found[name]:
+            bones[name] = _unit(rot.rotate(orientations[name], offsets_m[found[end]]))
     return _aligned(orientations, bones)
 
 
-def _has_bones_along_x(source: SourceMotion, found: Mapping[str, int]) -> bool:
+def _has_bones_along_x(parents: IntArray, offsets_m: Array, found: Mapping[str, int]) -> bool:
     """Tell whether the limbs' bones lie along +X on the left side and along -X on the right one."""
     for side, sign in (("l", 1.0), ("r", -1.0)):
         for bone, end in (("femur", "tibia"), ("tibia", "foot"), ("humerus", "radius"), ("radius", "hand")):
             if side + end not in found:
                 continue
-            offset = source.offsets_m[found[side + end]]
-            child_of_bone = int(source.parents[found[side + end]]) == found[side + bone]
+            offset = offsets_m[found[side + end]]
+            child_of_bone = int(parents[found[side + end]]) == found[side + bone]
             if not child_of_bone or sign * offset[0] < 0.99 * float(np.linalg.norm(offset)):
                 return False
     return True

@@ -1,6 +1,6 @@
 """Motion as a file holds it: any joint names, any rest pose, before it is mapped onto the product's skeleton."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,13 +83,23 @@ def source_kinematics(source: SourceMotion) -> tuple[Array, Array]:
     return positions, world
 
 
-def zero_pose_positions(source: SourceMotion) -> Array:
+def zero_pose_positions(parents: IntArray, offsets_m: Array) -> Array:
     """Return joint positions (J, 3) with all rotations zero and the root at the origin."""
-    positions = np.zeros((len(source.names), 3))
-    for joint, parent in enumerate(source.parents):
+    positions = np.zeros((len(parents), 3))
+    for joint, parent in enumerate(parents):
         if parent >= 0:
-            positions[joint] = positions[parent] + source.offsets_m[joint]
+            positions[joint] = positions[parent] + offsets_m[joint]
     return positions
+
+
+def frame_range(source: SourceMotion, start: int, stop: int, name: str | None = None) -> SourceMotion:
+    """Return frames `start` up to, without, `stop`."""
+    return replace(
+        source,
+        name=source.name if name is None else name,
+        rotations=source.rotations[start:stop],
+        translations_m={joint: path[start:stop] for joint, path in source.translations_m.items()},
+    )
 
 
 def source_of_motion(motion: Motion, where: str) -> SourceMotion:
