@@ -262,9 +262,7 @@ def _duck(boxer: Boxer, start_s: float) -> float:
 
 def _slip(boxer: Boxer, start_s: float) -> float:
     away = 1.0 if boxer.score.rng.random() < 0.5 else -1.0
-    pose = _Trunk(
-        yaw=-0.55 + 0.25 * away, twist=0.15 * away, side=0.30 * away, flex=0.24, sink=0.09, weight=0.4 * away
-    )
+    pose = _Trunk(yaw=-0.55 + 0.25 * away, twist=0.15 * away, side=0.30 * away, flex=0.24, sink=0.09, weight=0.4 * away)
     return _evade(boxer, start_s, pose, (0.20, 0.04, 0.24))
 
 

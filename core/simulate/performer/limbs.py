@@ -15,8 +15,8 @@ from .frame import about, outward
 _STRAIGHTEST = 0.9995  # of the limb's length: fully straight has no defined plane and infinite joint speed
 _ELBOW_TILT_RAD = np.deg2rad(30.0)  # CMU's T pose: the crook of the elbow looks forward and up
 # free up to the first angle, never beyond the second
-_WRIST_RANGE_RAD = (np.deg2rad(50.0), np.deg2rad(75.0))
-_TWIST_RANGE_RAD = (np.deg2rad(90.0), np.deg2rad(125.0))
+_WRIST_RANGE_RAD = (np.deg2rad(55.0), np.deg2rad(80.0))
+_TWIST_RANGE_RAD = (np.deg2rad(100.0), np.deg2rad(130.0))
 
 
 @dataclass(frozen=True)

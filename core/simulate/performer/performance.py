@@ -11,6 +11,7 @@ from ...product_skeleton import default_skeleton
 from ...skeleton import Skeleton
 from .boxing import box
 from .frame import SIDES, Body
+from .kendo import fence
 from .leaping import hop, jump
 from .score import STANDING_HEIGHT, Score
 from .staging import staged
@@ -23,6 +24,7 @@ BEHAVIOURS: dict[str, Callable[[Score, float], None]] = {
     "hopping": hop,
     "jumping": jump,
     "boxing": box,
+    "kendo": fence,
 }
 
 T_POSE_S = 2.0

@@ -6,7 +6,7 @@ from scipy.ndimage import maximum_filter1d
 from ... import rotations as rot
 from ...motion import Motion
 from ...product_skeleton import SPINE_JOINTS
-from .curves import Array, pendulum_filtered, smoothed, wander
+from .curves import Array, ease, pendulum_filtered, smoothed, wander
 from .feet import FootSamples, foot_pose, toe_bend
 from .frame import GRAVITY_M_S2, SIDES, about, outward, turned
 from .limbs import (
@@ -20,6 +20,7 @@ from .limbs import (
     unit,
 )
 from .score import Score
+from .sword import gripping
 
 _GRID_HZ = 240.0
 _REACH = 0.997  # of the leg's length: knees keep a little bend
@@ -27,7 +28,16 @@ _TRUNK_SHARES = (0.40, 0.33, 0.27)  # of the trunk's bend in lowerback, upperbac
 _NECK_SHARES = (0.35, 0.35, 0.30)
 _NECK_RANGE_RAD = (0.9, 1.3)
 # slow human sway and unrest: standard deviations, radians or metres
-_UNREST = {"offset": 0.005, "pelvis": 0.010, "spine": 0.014, "head": 0.022, "arm": 0.022, "elbow": 0.03}
+_UNREST = {
+    "offset": 0.005,
+    "pelvis": 0.010,
+    "spine": 0.014,
+    "head": 0.022,
+    "arm": 0.022,
+    "elbow": 0.03,
+    "sword": 0.008,
+    "aim": 0.012,
+}
 _UNREST_HAND_RAD, _UNREST_TARGET_M = 0.035, 0.006
 
 
@@ -42,6 +52,7 @@ class Stage:
         self.times = np.arange(count) * self.step_s
         self.tracks = {name: track.sample(self.times) for name, track in score.tracks.items()}
         self._add_unrest()
+        self._grip_sword()
         self.feet = {side: score.feet[side].sample(self.times) for side in SIDES}
         self.local = rot.identity((count, len(self.body.skeleton)))
 
@@ -54,6 +65,16 @@ class Stage:
             deviation = {"hand": _UNREST_HAND_RAD, "target": _UNREST_TARGET_M}.get(kind, _UNREST.get(kind, 0.0))
             if deviation > 0.0:
                 track += deviation * amount * wander(rng, self.times, track.shape[1], 4.0, 0.6)
+
+    def _grip_sword(self) -> None:
+        """Lead both hands along the sword's grip where it is held."""
+        held = self.tracks["holds"] > 0.5
+        if not np.any(held):
+            return
+        for side in SIDES:
+            target, palm = gripping(side, self.tracks["sword"] * self.body.arm_m, self.tracks["aim"], self.body)
+            for name, value in (("target", target), ("palm", palm)):
+                self.tracks[f"{side}.{name}"] = np.where(held, value, self.tracks[f"{side}.{name}"])
 
     # ---- root
 
@@ -213,8 +234,11 @@ class Stage:
     def _arm_to_target(self, side: str, shoulder: Array, target: Array, chest: Array, palm: Array) -> list[Array]:
         """Return world-from-humerus and local rotations of elbow, forearm twist and hand that reach the target."""
         swivel = self.tracks[f"{side}.swivel"][:, 0]
-        down_out = np.stack((outward(side) * np.sin(swivel), -np.cos(swivel), np.full(len(swivel), -0.3)), axis=1)
         along = unit(target - shoulder)
+        # under a hand in front the elbow hangs, under one that is overhead it looks forward
+        raised = rot.rotate(rot.conjugate(chest), along)[:, 1]
+        ahead = -0.3 + 1.4 * ease((raised + 0.3) / 1.2)
+        down_out = np.stack((outward(side) * np.sin(swivel), -np.cos(swivel), ahead), axis=1)
         hinge = np.cross(rot.rotate(chest, down_out), along)
         upper = self.body.lengths(f"{side}radius")[0]
         pose = two_bones(shoulder, target, hinge, (upper, self.body.arm_m - upper), arm_rest(side))

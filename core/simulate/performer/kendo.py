@@ -1,0 +1,269 @@
+"""Kendo: the middle guard, cuts to head, wrist and trunk with a stamping step, practice swings, alternating cuts."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .frame import SIDES
+from .score import STANDING_HEIGHT, Score
+
+_LEG_M = 0.85
+_HEEL_UP = 0.24  # the left heel never comes down
+# left fist over the arm's length; blade up, left, edge turn
+_Held = tuple[tuple[float, float, float], tuple[float, float, float]]
+_CHUDAN: _Held = ((0.0, -0.62, 0.44), (0.42, 0.0, 0.0))
+_RAISED: _Held = ((0.0, 0.36, 0.30), (2.30, 0.0, 0.0))
+_HALF_RAISED: _Held = ((0.0, 0.10, 0.52), (1.55, 0.0, 0.0))
+_MEN: _Held = ((0.0, -0.34, 0.58), (0.12, 0.0, 0.0))
+_KOTE: _Held = ((0.0, -0.52, 0.55), (-0.05, -0.08, 0.0))
+_DO: _Held = ((0.06, -0.52, 0.52), (-0.05, 0.40, -0.95))
+_TSUKI: _Held = ((0.0, -0.30, 0.66), (0.10, 0.0, 0.0))
+
+
+class Kendoka:
+    """Writes a swordsman's keys into a score."""
+
+    def __init__(self, score: Score) -> None:
+        self.score = score
+        self.size = score.body.leg_m / _LEG_M
+        self.spot = score.spot
+        self.heading = score.front_rad
+
+    def sword(self, time_s: float, held: _Held, aside: float = 0.0, scatter: float = 1.0) -> None:
+        """Key the sword; `aside` turns a cut to the left, with the edge."""
+        j = self.score.jitter
+        fist = np.array(held[0]) + [j(0.012 * scatter), j(0.018 * scatter), j(0.015 * scatter)]
+        aim = np.array(held[1]) + [j(0.04 * scatter), aside + j(0.025 * scatter), -0.8 * aside + j(0.02 * scatter)]
+        self.score.set(time_s, sword=fist, aim=aim)
+
+    def trunk(self, time_s: float, lean: float = 0.03, twist: float = 0.0, sink: float = 0.035) -> None:
+        """Key an upright trunk."""
+        score, j = self.score, self.score.jitter
+        score.set(
+            time_s,
+            height=score.body.standing_m - (sink + abs(j(0.005))) * self.size,
+            pelvis=(-0.06 + j(0.015), 0.5 * lean + 0.03, 0.0),
+            spine=(0.5 * lean + 0.5 * score.style.slouch_rad + j(0.012), j(0.012), twist + j(0.015)),
+            head=(j(0.02), 0.05 + 0.2 * lean + j(0.015), 0.0),
+            heading=self.heading,
+        )
+        raised = self.score.value("sword")[1] > 0.2
+        for side in SIDES:
+            values: dict[str, ArrayLike] = {
+                f"{side}.swivel": (0.75 if raised else 0.30) + j(0.04),
+                f"{side}.grip": 0.85,
+            }
+            score.set(time_s, **values)
+
+    def advance(
+        self, lift_s: float, forward_m: float, left_m: float = 0.0, *, stamp: bool = False, quick: float = 1.0
+    ) -> tuple[float, float]:
+        """Slide forward right foot first, or backward left foot first; return when the first and second land."""
+        score = self.score
+        x = self.spot[0] + self.size * (left_m * np.cos(self.heading) + forward_m * np.sin(self.heading))
+        z = self.spot[1] + self.size * (forward_m * np.cos(self.heading) - left_m * np.sin(self.heading))
+        self.spot = (float(np.clip(x, -0.5, 0.5)), float(np.clip(z, -0.95, 1.0)))
+        first, second = ("r", "l") if forward_m >= 0.0 else ("l", "r")
+        lift = max(lift_s, score.feet[first].free_s + 0.04)
+        air = (0.24 if stamp else 0.22) / quick
+        self._step(first, lift, lift + air, stamp)
+        lift_2 = max(lift + 0.75 * air if stamp else lift + air - 0.02, score.feet[second].free_s + 0.04)
+        if stamp:
+            lift_2 = max(lift_2, lift + air + 0.02)
+        self._step(second, lift_2, lift_2 + 0.9 * air, False)
+        return lift + air, lift_2 + 0.9 * air
+
+    def _step(self, side: str, lift_s: float, land_s: float, stamp: bool) -> None:
+        score = self.score
+        right = side == "r"
+        left = (-0.085 if right else 0.085) * score.style.width
+        forward = 0.16 if right else -0.19
+        to = score.placed(
+            side, self.spot, self.heading, left * self.size, (forward + score.jitter(0.012)) * self.size,
+            0.04 * (-1.0 if right else 1.0) + score.jitter(0.03),
+        )  # fmt: skip
+        rest = 0.0 if right else _HEEL_UP
+        score.step(
+            side, lift_s, land_s, to, height_m=(0.075 if stamp else 0.018) * self.size,
+            heel_up_rad=0.12 if right else score.vary(0.55, 0.1), toe_up_rad=0.0 if right else -rest,
+            rise_s=0.10, roll_s=0.05, peak=0.55 if stamp else 0.5,
+        )  # fmt: skip
+        score.set(land_s + 0.05, **{f"{side}.pitch": rest})
+
+    def room(self) -> float:
+        """Return metres to the front end of the space."""
+        return 0.85 - self.spot[1]
+
+
+# ---- cuts: each returns the time at which it is over
+
+
+def _cut(k: Kendoka, start_s: float, raised: _Held, hit: _Held, reach_m: float, *, recover: bool = True) -> float:
+    """Raise, cut with a stamping step, hold for a moment, come back to the guard (where `recover`)."""
+    score = k.score
+    pace = score.vary(1.0, 0.07) / score.style.tempo
+    up_s = start_s + (0.40 if raised is _RAISED else 0.24) * pace
+    hit_s = up_s + 0.20 * pace
+    k.score.anchor(start_s, "sword", "aim")
+    k.sword(up_s, raised)
+    k.trunk(up_s, 0.0)
+    landed, closed = k.advance(hit_s - 0.25, score.vary(reach_m, 0.1), stamp=True)
+    hit_s = max(hit_s, landed - 0.01)
+    k.sword(hit_s, hit)
+    k.trunk(hit_s, 0.14, -0.10 if hit is _DO else 0.0, 0.06)
+    hold_s = max(hit_s + 0.14 * pace, closed)
+    k.sword(hold_s, hit, 0.0, 0.5)
+    k.trunk(hold_s, 0.08)
+    if not recover:
+        return hold_s
+    back_s = hold_s + 0.32 * pace
+    k.sword(back_s, _CHUDAN)
+    k.trunk(back_s)
+    return back_s
+
+
+def _men(k: Kendoka, start_s: float) -> float:
+    return _cut(k, start_s, _RAISED if k.score.rng.random() < 0.7 else _HALF_RAISED, _MEN, 0.42)
+
+
+def _kote(k: Kendoka, start_s: float) -> float:
+    return _cut(k, start_s, _HALF_RAISED, _KOTE, 0.30)
+
+
+def _do(k: Kendoka, start_s: float) -> float:
+    return _cut(k, start_s, _RAISED, _DO, 0.36)
+
+
+def _thrust(k: Kendoka, start_s: float) -> float:
+    return _cut(k, start_s, ((0.0, -0.58, 0.36), (0.30, 0.0, 0.0)), _TSUKI, 0.30)
+
+
+def _kote_men(k: Kendoka, start_s: float) -> float:
+    middle = _cut(k, start_s, _HALF_RAISED, _KOTE, 0.22, recover=False)
+    return _cut(k, middle, _HALF_RAISED, _MEN, 0.28)
+
+
+def _practice_swings(k: Kendoka, start_s: float) -> float:
+    """Full swings with a step forward and a step back in turn."""
+    score = k.score
+    time_s = start_s
+    k.score.anchor(start_s, "sword", "aim")
+    for i in range(int(score.rng.integers(3, 6))):
+        pace = score.vary(1.0, 0.06) / score.style.tempo
+        up_s, hit_s = time_s + 0.52 * pace, time_s + 0.80 * pace
+        k.sword(up_s, _RAISED)
+        k.trunk(up_s, -0.02, 0.0, 0.03)
+        k.advance(hit_s - 0.30 * pace, 0.28 if i % 2 == 0 else -0.28, quick=0.85)
+        k.sword(hit_s, _MEN)
+        k.trunk(hit_s, 0.08, 0.0, 0.055)
+        time_s = hit_s + 0.16 * pace
+        k.sword(time_s, _MEN, 0.0, 0.4)
+        k.trunk(time_s, 0.06)
+    back_s = time_s + 0.4
+    k.sword(back_s, _CHUDAN)
+    k.trunk(back_s)
+    return back_s
+
+
+def _alternating(k: Kendoka, start_s: float) -> float:
+    """Cuts to the left and right side of the head with sliding steps, forward, then backward."""
+    score = k.score
+    time_s = start_s
+    k.score.anchor(start_s, "sword", "aim")
+    count = 2 * int(score.rng.integers(2, 4))
+    for i in range(count):
+        pace = score.vary(0.9, 0.06) / score.style.tempo
+        aside = (0.32 if i % 2 == 0 else -0.32) * score.vary(1.0, 0.1)
+        up_s, hit_s = time_s + 0.36 * pace, time_s + 0.58 * pace
+        k.sword(up_s, _RAISED, -0.5 * aside)
+        k.trunk(up_s, 0.0)
+        k.advance(hit_s - 0.26 * pace, 0.22 if i < count // 2 else -0.22)
+        k.sword(hit_s, _MEN, aside)
+        k.trunk(hit_s, 0.07, 0.25 * aside, 0.05)
+        time_s = hit_s + 0.06
+    back_s = time_s + 0.42
+    k.sword(back_s, _CHUDAN)
+    k.trunk(back_s)
+    return back_s
+
+
+_ACTIONS: tuple[Callable[[Kendoka, float], float], ...] = (
+    _men, _men, _kote, _do, _thrust, _kote_men, _practice_swings, _alternating,
+)  # fmt: skip
+
+
+# ---- the bout
+
+
+def fence(score: Score, seconds: float) -> None:
+    """Draw up in the middle guard, step about, cut, put the sword away."""
+    end = score.time_s + seconds
+    k = Kendoka(score)
+    time_s = _take_guard(k)
+    while time_s < end - 2.4:
+        time_s = _wait(k, time_s)
+        if time_s > end - 2.4:
+            break
+        choices = _ACTIONS if end - time_s > 5.5 else _ACTIONS[:5]
+        time_s = choices[int(score.rng.integers(len(choices)))](k, time_s)
+    _put_away(k, time_s)
+    score.time_s = max(score.time_s, end)
+
+
+def _take_guard(k: Kendoka) -> float:
+    score = k.score
+    start = score.time_s
+    score.anchor(start)
+    for time_s in (start, start + 0.3):
+        score.set(time_s, sword=(0.0, -0.70, 0.36), aim=(-0.1, 0.0, 0.0))
+    score.set(start, holds=0.0)
+    score.set(start + 1e-3, holds=1.0)
+    _, landed = k.advance(start + 0.25, 0.0, quick=0.7)
+    for side in SIDES:
+        score.set(start + 0.75, **{f"{side}.guide": 1.0})
+    ready = max(landed, start + 1.1)
+    score.set(start + 0.6, height=score.body.standing_m - 0.02 * k.size)
+    k.sword(ready, _CHUDAN)
+    k.trunk(ready)
+    return ready
+
+
+def _wait(k: Kendoka, start_s: float) -> float:
+    """Keep the guard, the point alive, with sliding steps."""
+    score = k.score
+    time_s = start_s
+    for _ in range(int(score.rng.integers(1, 4))):
+        forward = score.jitter(0.16)
+        if k.room() < 0.55:
+            forward = -abs(score.vary(0.30, 0.2))
+        elif k.spot[1] < -0.55:
+            forward = abs(score.vary(0.25, 0.2))
+        _, landed = k.advance(time_s + 0.04, forward, score.jitter(0.06))
+        time_s = max(landed, time_s + 0.3) + 0.02
+        k.sword(time_s, _CHUDAN, 0.0, 1.6)
+        k.trunk(time_s, 0.03 + score.jitter(0.02))
+    return time_s
+
+
+def _put_away(k: Kendoka, start_s: float) -> None:
+    """Lower the sword and bring the feet together."""
+    score = k.score
+    score.anchor(start_s)
+    score.set(start_s + 0.55, sword=(0.0, -0.68, 0.36), aim=(-0.15, 0.0, 0.0))
+    lift = start_s + 0.25
+    x, z = score.spot
+    for side in ("l", "r"):
+        to = score.placement(side, x, z, k.heading)
+        base = _HEEL_UP if side == "l" else 0.0
+        score.step(side, lift, lift + 0.34, to, height_m=0.03 * k.size, heel_up_rad=base + 0.25)
+        lift += 0.42
+    score.time_s = lift + 0.25
+    ease = score.at_ease()
+    for side in SIDES:
+        score.set(start_s + 0.25, **{f"{side}.guide": 1.0})
+    early = {name: value for name, value in ease.items() if ".pitch" not in name}
+    score.set(start_s + 1.05, height=STANDING_HEIGHT * score.body.standing_m, **early)
+    score.set(score.time_s, height=STANDING_HEIGHT * score.body.standing_m, **ease)
+    score.set(score.time_s - 2e-3, holds=1.0)
+    score.set(score.time_s, holds=0.0)
