@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..database.store import Database
 from ..errors import DatabaseError
-from . import local_model, synthesis
+from . import conditional, local_model, synthesis
 from .observation import Observation
 from .root import root_from_torso
 from .search import ExhaustiveSearch, Query
@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _ROOT_PASSES = 2  # the root needs the pose's torso markers and the pose needs the root
+_FIT_STEPS = 2  # of Gauss-Newton: the start is already close
+BW = float(__import__('os').environ.get('BW','0'))
 _SYNTHESIS_PASSES = 2  # the same between synthesis and root
 
 
@@ -85,6 +87,7 @@ class PoseSolver:
         self._clips = database.clip_of_frame.astype(np.int64)
         self._search = ExhaustiveSearch(self._markers, self._poses)
         methods: dict[str, Callable[[Observation, RootPose, Examples], _Fitted]] = {
+            "best": self._conditional,
             "local-pca": self._local_pca,
             "lwr": self._locally_weighted,
             "nearest": self._nearest,
@@ -165,7 +168,8 @@ class PoseSolver:
             settings.query_alpha,
             (1.0 - settings.query_alpha) * settings.query_pose_m_per_rad**2,
         )
-        frames, distances = self._search.nearest(query, settings.neighbours[-1])
+        count = settings.best_neighbours if settings.method == "best" else settings.neighbours[-1]
+        frames, distances = self._search.nearest(query, count)
         return Examples(
             frames,
             distances,
@@ -223,3 +227,31 @@ class PoseSolver:
             weights, taken = synthesis.solve(problem, weights)
             iterations += taken
         return _Fitted(model.pose(weights), root, model.neighbours, model.dimensions, iterations)
+
+    def _conditional(self, observation: Observation, root: RootPose, examples: Examples) -> _Fitted:
+        """Return the pose expected for the markers, fitted to them together with the root."""
+        settings = self.settings
+        seen = observation.located
+        variance = settings.best_marker_sigma_m**2
+        distances = np.maximum(examples.distances, 0.0)
+        weights = np.exp(-distances / (distances[len(distances) // 2] + 1e-12) * BW)
+        weights /= weights.sum()
+        prior, pose = conditional.conditioned_prior(
+            examples.poses,
+            examples.markers_m[:, seen].reshape(len(weights), -1),
+            root.to_root_frame(observation.points_m[seen]).ravel(),
+            weights,
+            variance,
+            settings.best_pose_floor_rad**2,
+        )
+        pose, root = conditional.fit_to_markers(
+            prior,
+            self.subject,
+            observation,
+            pose,
+            root,
+            variance,
+            (settings.root_sigma_m, settings.root_sigma_rad),
+            _FIT_STEPS,
+        )
+        return _Fitted(pose, root, len(weights), iterations=_FIT_STEPS)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from ..errors import SettingsError
 
-METHODS = ("local-pca", "lwr", "nearest")
+METHODS = ("best", "local-pca", "lwr", "nearest")
 
 
 @dataclass(frozen=True)
@@ -12,7 +12,7 @@ class SolveSettings:
     """Settings of the solver; the defaults are the paper's where it names them.
 
     Args:
-        method: "local-pca" (the paper's), "lwr" or "nearest".
+        method: "best" (the most accurate), "local-pca" (the paper's), "lwr" or "nearest".
         query_alpha: weight of the markers against continuity in the search (Eq. 2).
         control_alpha: weight of the markers in the synthesis (Eq. 9).
         smoothness_beta: weight of the smoothness term (Eq. 9).
@@ -24,9 +24,12 @@ class SolveSettings:
         dimensions: candidates for B, ascending.
         validation_examples: nearest examples that the cross-validation is scored on.
         lwr_neighbours: examples that locally weighted regression interpolates.
+        best_neighbours, best_marker_sigma_m: K and the standard deviation of a marker coordinate in "best".
+        best_pose_floor_rad: standard deviation granted to every joint angle beside what the neighbours show.
+        root_sigma_m, root_sigma_rad: how far "best" may move the root from where the torso markers put it.
     """
 
-    method: str = "local-pca"
+    method: str = "best"
     query_alpha: float = 0.8
     control_alpha: float = 0.8
     smoothness_beta: float = 0.2
@@ -37,6 +40,11 @@ class SolveSettings:
     dimensions: tuple[int, ...] = (7, 12, 25, 35)
     validation_examples: int = 24
     lwr_neighbours: int = 16
+    best_neighbours: int = 400
+    best_marker_sigma_m: float = 0.003
+    best_pose_floor_rad: float = 0.01
+    root_sigma_m: float = 0.03
+    root_sigma_rad: float = 0.1
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
@@ -44,7 +52,7 @@ class SolveSettings:
         for name in ("query_alpha", "control_alpha", "smoothness_beta"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise SettingsError(f"{name} must lie between 0 and 1")
-        for name in ("marker_sigma_m", "pose_sigma_rad", "query_pose_m_per_rad"):
+        for name in ("marker_sigma_m", "pose_sigma_rad", "query_pose_m_per_rad", "best_marker_sigma_m"):
             if not getattr(self, name) > 0.0:
                 raise SettingsError(f"{name} must be positive")
         for name in ("neighbours", "dimensions"):
