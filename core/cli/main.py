@@ -15,7 +15,7 @@ from .. import __version__
 from ..errors import PerfanimError
 
 # Each module offers add_parser(subparsers), which sets `run`: (args, progress) -> summary.
-_COMMANDS = ("demo", "calibrate", "track", "database", "solve", "evaluate", "simulate")
+COMMANDS = ("demo", "calibrate", "track", "database", "solve", "evaluate", "simulate")
 
 
 class Progress:
@@ -40,14 +40,14 @@ class Progress:
             sys.stderr.flush()
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """Return the parser of all commands."""
+def build_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
+    """Return the parser of all commands, or of those named (the others' modules are not even imported)."""
     parser = argparse.ArgumentParser(
         prog="perfanim", description="Full-body performance animation from a few markers and two cameras."
     )
     parser.add_argument("--version", action="version", version=f"perfanim {__version__}")
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
-    for name in _COMMANDS:
+    for name in commands:
         importlib.import_module(f".{name}", __package__).add_parser(subparsers)
     _add_json_option(parser)
     return parser

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from ..cli.main import build_parser
+from ..cli.main import COMMANDS, build_parser
 from ..errors import CaptureError
 from .channel import Channel
 
@@ -11,10 +11,12 @@ from .channel import Channel
 def run(request: Mapping[str, Any], channel: Channel) -> None:
     """Run request["arguments"]; progress as STATUS messages, the summary as RESULT."""
     arguments = [str(argument) for argument in request.get("arguments", [])]
+    if not arguments or arguments[0] not in COMMANDS:
+        raise CaptureError(f"was asked for an unknown command: {' '.join(arguments)}", where="worker")
     try:
-        options = build_parser().parse_args(arguments)
+        options = build_parser(arguments[:1]).parse_args(arguments)
     except SystemExit as error:
-        raise CaptureError(f"was asked for an unknown command: {' '.join(arguments)}", where="worker") from error
+        raise CaptureError(f"was asked for a command with wrong options: {' '.join(arguments)}", where="worker") from error
 
     def progress(fraction: float, text: str) -> None:
         if channel.stop_requested.is_set():
