@@ -192,7 +192,7 @@ class _AsfParser:
 
     def _bones(self) -> dict[str, AsfBone]:
         bones: dict[str, AsfBone] = {}
-        fields: dict[str, list[str]] = {}
+        fields: dict[str, Line] = {}
         for words in self._lines("bonedata"):
             keyword = words[0].lower()
             if keyword == "begin":
@@ -203,27 +203,29 @@ class _AsfParser:
                     raise self._error(f"repeats the bone {bone.name!r}")
                 bones[bone.name] = bone
             else:
-                fields[keyword] = words[1:]
+                fields[keyword] = (self.line, words[1:])
         if not bones:
             raise self._error("has no bones")
         return bones
 
-    def _bone(self, fields: dict[str, list[str]]) -> AsfBone:
-        missing = [key for key in ("name", "direction", "length") if not fields.get(key)]
+    def _bone(self, fields: dict[str, Line]) -> AsfBone:
+        missing = [key for key in ("name", "direction", "length") if key not in fields or not fields[key][1]]
         if missing:
             raise self._error(f"has a bone without {', '.join(missing)}")
-        direction = self._numbers(fields["direction"], 3)
+        end = self.line
+        self.line, words = fields["direction"]
+        direction = self._numbers(words, 3)
         size = float(np.linalg.norm(direction))
-        axis = fields.get("axis", ["0", "0", "0", "XYZ"])
-        order = axis[3].upper() if len(axis) > 3 else "XYZ"
-        return AsfBone(
-            name=fields["name"][0],
-            direction=direction / size if size > 0.0 else direction,
-            length=float(self._numbers(fields["length"], 1)[0]),
-            axis=self._rotation(self._numbers(axis, 3), order),
-            axis_order=order,
-            channels=self._channels(fields.get("dof", [])),
-        )
+        self.line, words = fields["length"]
+        length = float(self._numbers(words, 1)[0])
+        self.line, words = fields.get("axis", (end, ["0", "0", "0", "XYZ"]))
+        order = words[3].upper() if len(words) > 3 else "XYZ"
+        axis = self._rotation(self._numbers(words, 3), order)
+        self.line, words = fields.get("dof", (end, []))
+        channels = self._channels(words)
+        self.line = end
+        unit = direction / size if size > 0.0 else direction
+        return AsfBone(fields["name"][1][0], unit, length, axis, order, channels)
 
     def _hierarchy(self, bones: dict[str, AsfBone]) -> dict[str, str]:
         parents: dict[str, str] = {}
