@@ -16,7 +16,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     try:
         options = build_parser(arguments[:1]).parse_args(arguments)
     except SystemExit as error:
-        raise CaptureError(f"was asked for a command with wrong options: {' '.join(arguments)}", where="worker") from error
+        raise CaptureError(f"was asked for wrong options: {' '.join(arguments)}", where="worker") from error
 
     def progress(fraction: float, text: str) -> None:
         if channel.stop_requested.is_set():
