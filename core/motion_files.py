@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from .errors import FormatError
+from .formats.amc import read_amc
 from .formats.archive import skeleton_name
-from .formats.asf_amc import read_amc, read_asf
+from .formats.asf import read_asf
 from .formats.bvh import read_bvh
 from .formats.source_motion import SourceMotion, frame_range, source_of_motion
 from .mapping import map_motion

@@ -278,11 +278,14 @@ def _likely_unit(parents: NDArray[np.int64], offsets: Array, tips: Array) -> flo
     return min(UNITS.values(), key=lambda metres: abs(np.log(longest * metres / _LONGEST_LIMB_M)))
 
 
-def write_bvh(motion: Motion, path: Path | str, units: str = "m") -> None:
+def write_bvh(motion: Motion, path: Path | str, units: str = "m", decimals: int = 7) -> None:
     """Write a motion with its skeleton's joint names, Y up.
 
-    The root has six channels, every other joint three, rotations in the order ZXY (Rz Rx Ry). Angles carry seven
-    decimals of a degree, lengths a tenth of a micrometre.
+    The root has six channels, every other joint three, rotations in the order ZXY (Rz Rx Ry).
+
+    Args:
+        units: of the lengths in the file.
+        decimals: of angles in degrees and of the root's path in `units`; fewer make smaller files.
 
     Raises:
         FormatError: unknown unit, or the file cannot be written.
@@ -300,7 +303,7 @@ def write_bvh(motion: Motion, path: Path | str, units: str = "m") -> None:
         f"Frames: {motion.frames}",
         f"Frame Time: {1.0 / motion.fps:.9f}",
     ]
-    row_format = " ".join(["%.7f"] * rows.shape[1])
+    row_format = " ".join([f"%.{decimals}f"] * rows.shape[1])
     with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
         file.write("\n".join(head) + "\n")
         file.writelines(row_format % tuple(row) + "\n" for row in rows.tolist())

@@ -59,13 +59,13 @@ def make_take(
     """
     seen = np.all(np.isfinite(positions_m), axis=-1) & np.any(positions_m != 0.0, axis=-1)
     positions_m = np.where(seen[..., None], positions_m, np.nan)
-    more = {}
+    frames = np.arange(len(positions_m))
     if frame_numbers is not None and np.all(np.isfinite(frame_numbers)):
-        more["frame_numbers"] = frame_numbers.astype(np.int64)
-    if times_s is not None and np.all(np.isfinite(times_s)):
-        more["times_s"] = times_s
+        frames = frame_numbers.astype(np.int64)
+    has_times = times_s is not None and bool(np.all(np.isfinite(times_s)))
+    times = np.asarray(times_s, dtype=np.float64) if has_times else frames / max(fps, 1e-9)
     try:
-        return MarkerTake(name, fps, unique_names(names), positions_m, **more)
+        return MarkerTake(name, fps, unique_names(names), positions_m, frames, times)
     except TakeError as error:
         raise FormatError(error.what, where=where, advice=error.advice) from error
 

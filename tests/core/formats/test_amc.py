@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from perfanim.core import rotations as rot
 from perfanim.core.errors import FormatError
-from perfanim.core.formats.asf_amc import parse_amc, parse_asf, read_amc, read_asf
+from perfanim.core.formats.amc import parse_amc, read_amc
+from perfanim.core.formats.asf import parse_asf, read_asf
 from perfanim.core.product_skeleton import JOINT_NAMES
 from perfanim.core.skeleton import forward_kinematics, joint_angles
 

@@ -1,14 +1,10 @@
-"""Acclaim motion: ASF skeletons and AMC motion, as written by the CMU Motion Capture Database.
+"""Acclaim skeletons: ASF files, as written by the CMU Motion Capture Database.
 
 A bone of an ASF file starts at the end of its parent's bone; here it is the joint of the same name at its start.
-The values of an AMC file are angles about fixed axes, first about the first letter of the bone's axis order, in a
-frame C that the ASF file gives for each bone: the joint's rotation relative to rest is C R(values) C^-1.
 """
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,16 +13,13 @@ from numpy.typing import NDArray
 from .. import rotations as rot
 from ..errors import FormatError
 from ..files import read_bytes
-from ..motion import Motion
 from ..product_skeleton import JOINT_NAMES
 from ..skeleton import Skeleton
-from .numbers import parse_numbers
 
 Array = NDArray[np.float64]
 
-CMU_FPS = 120.0
 _METRES_PER_INCH = 0.0254
-_ROOT = "root"
+ROOT = "root"
 _CHANNELS = frozenset(("tx", "ty", "tz", "rx", "ry", "rz", "l"))
 
 
@@ -97,13 +90,13 @@ def read_asf_file(path: Path | str) -> AsfFile:
 
 def parse_asf(content: bytes, where: str) -> AsfFile:
     """Return the description held in the bytes of an ASF file; `where` names it in errors."""
-    return _AsfParser(content, where).parse()
+    return _Parser(content, where).parse()
 
 
 Line = tuple[int, list[str]]
 
 
-class _AsfParser:
+class _Parser:
     def __init__(self, content: bytes, where: str) -> None:
         self.where = where
         text = content.decode("utf-8", errors="replace")
@@ -180,7 +173,7 @@ class _AsfParser:
         channels = self._channels(fields.get("order", ["tx", "ty", "tz", "rx", "ry", "rz"]))
         position = self._numbers(fields.get("position", ["0"] * 3), 3)
         orientation = self._rotation(self._numbers(fields.get("orientation", ["0"] * 3), 3), order)
-        bone = AsfBone(_ROOT, np.zeros(3), 0.0, rot.identity(), order, channels)
+        bone = AsfBone(ROOT, np.zeros(3), 0.0, rot.identity(), order, channels)
         return bone, position, orientation
 
     def _channels(self, words: list[str]) -> tuple[str, ...]:
@@ -199,7 +192,7 @@ class _AsfParser:
                 fields = {}
             elif keyword == "end":
                 bone = self._bone(fields)
-                if bone.name in bones or bone.name == _ROOT:
+                if bone.name in bones or bone.name == ROOT:
                     raise self._error(f"repeats the bone {bone.name!r}")
                 bones[bone.name] = bone
             else:
@@ -233,10 +226,10 @@ class _AsfParser:
             if words[0].lower() in ("begin", "end") and len(words) == 1:
                 continue
             for name in (words[0], *words[1:]):
-                if name != _ROOT and name not in bones:
+                if name != ROOT and name not in bones:
                     raise self._error(f"names the unknown bone {name!r} in its hierarchy")
             for child in words[1:]:
-                if child in parents or child == _ROOT:
+                if child in parents or child == ROOT:
                     raise self._error(f"gives {child!r} a second parent")
                 parents[child] = words[0]
         return parents
@@ -254,7 +247,7 @@ def _skeleton_of(
     kept = [name for name in order if name in JOINT_NAMES or any(c[0] == "r" for c in bones[name].channels)]
     if set(kept) <= set(JOINT_NAMES):
         kept.sort(key=JOINT_NAMES.index)
-    kept = [_ROOT, *kept]
+    kept = [ROOT, *kept]
     links = [_link(name, parents, bones, kept) for name in kept[1:]]
     tips = [bones[name].direction * bones[name].length * metres for name in kept[1:]]
     described = [root, *(bones[name] for name in kept[1:])]
@@ -272,7 +265,7 @@ def _link(name: str, parents: dict[str, str], bones: dict[str, AsfBone], kept: l
     """Return the nearest kept ancestor and the offset from its joint, over the bones left out between them."""
     offset = np.zeros(3)
     ancestor = parents[name]
-    while ancestor != _ROOT:
+    while ancestor != ROOT:
         offset = offset + bones[ancestor].direction * bones[ancestor].length
         if ancestor in kept:
             break
@@ -284,7 +277,7 @@ def _parents_first(parents: dict[str, str], where: str) -> list[str]:
     order: list[str] = []
     waiting = list(parents)
     while waiting:
-        ready = [name for name in waiting if parents[name] == _ROOT or parents[name] in order]
+        ready = [name for name in waiting if parents[name] == ROOT or parents[name] in order]
         if not ready:
             raise FormatError(f"has bones that do not hang on the root: {', '.join(waiting[:5])}", where=where)
         order.append(ready[0])
@@ -296,150 +289,3 @@ def _angle_order(bone: AsfBone) -> str:
     """Return the joint's axes in `rotations.from_euler` order: fixed axes in reverse."""
     axes = {channel[1].upper() for channel in bone.channels if channel[0] == "r"}
     return "".join(axis for axis in reversed(bone.axis_order) if axis in axes)
-
-
-# --- AMC -----------------------------------------------------------------------------------------------------------
-
-_NAMED = re.compile(rb"\n[ \t]*([A-Za-z][^\s]*)")
-
-
-def read_amc(path: Path | str, skeleton: AsfFile | Path | str, fps: float = CMU_FPS) -> Motion:
-    """Return the motion of an AMC file on the skeleton of its ASF file (given as read, or by path).
-
-    AMC files do not store their rate; CMU's is 120 Hz. Degrees of freedom that a frame's first line layout lacks
-    are zero.
-
-    Raises:
-        FormatError: not an AMC file, damaged, or of another skeleton; names file and line.
-    """
-    asf = skeleton if isinstance(skeleton, AsfFile) else read_asf_file(skeleton)
-    return parse_amc(read_bytes(path), str(path), asf, fps)
-
-
-def parse_amc(content: bytes, where: str, asf: AsfFile, fps: float = CMU_FPS) -> Motion:
-    """Return the motion held in the bytes of an AMC file; `where` names it in errors."""
-    content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    start = _first_frame(content, where)
-    degrees = asf.degrees
-    header = content[:start].upper()
-    if b":RADIANS" in header:
-        degrees = False
-    elif b":DEGREES" in header:
-        degrees = True
-    layout = _layout(content[start:], where, asf, header.count(b"\n"))
-    values = _values(content[start:], layout)
-    if values is None:
-        raise _first_fault(content[start:], where, layout, header.count(b"\n"))
-    return _motion(values, layout, asf, degrees, fps, Path(where).stem)
-
-
-def _first_frame(content: bytes, where: str) -> int:
-    match = re.search(rb"(?m)^[ \t]*\d+[ \t]*\n[ \t]*[A-Za-z]", content)
-    if match is None or b"\x00" in content[:4096]:
-        raise FormatError("is not an AMC motion (no numbered frames)", where=where)
-    return match.start()
-
-
-def _layout(body: bytes, where: str, asf: AsfFile, line: int) -> list[AsfBone]:
-    """Return the bones of the first frame in its order, checked against the skeleton."""
-    layout: list[AsfBone] = []
-    for number, raw in enumerate(body[: 1 << 16].split(b"\n")[1:], start=line + 2):
-        words = raw.decode("latin-1").split()
-        if len(words) == 1 and words[0].isdigit():
-            break
-        if not words:
-            continue
-        bone = asf.root if words[0] == _ROOT else asf.bones.get(words[0])
-        place = f"{where}, line {number}"
-        if bone is None:
-            raise FormatError(
-                f"moves the bone {words[0]!r}, which {asf.path} does not have",
-                where=place,
-                advice="give the skeleton file that belongs to this motion",
-            )
-        if len(words) - 1 != len(bone.channels):
-            raise FormatError(
-                f"has {len(words) - 1} values for {words[0]!r}, {asf.path} says {len(bone.channels)}", where=place
-            )
-        if bone in layout:
-            raise FormatError(f"repeats the bone {words[0]!r} in one frame", where=place)
-        layout.append(bone)
-    if asf.root not in layout:
-        raise FormatError("has no root in its first frame", where=where)
-    return layout
-
-
-def _values(body: bytes, layout: list[AsfBone]) -> Array | None:
-    """Return (F, D) values in the layout's order, or None when any frame departs from the layout."""
-    names = [bone.name.encode() for bone in layout]
-    body = b"\n" + body
-    found = _NAMED.findall(body)
-    frames = len(found) // len(names)
-    if frames == 0 or found != names * frames:
-        return None
-    width = 1 + sum(len(bone.channels) for bone in layout)
-    table = parse_numbers(_NAMED.sub(b"\n", body))
-    if table is None or table.size != frames * width:
-        return None
-    table = table.reshape(frames, width)
-    counted = np.array_equal(table[:, 0], table[0, 0] + np.arange(frames))
-    return table[:, 1:] if counted and np.all(np.isfinite(table)) else None
-
-
-def _first_fault(body: bytes, where: str, layout: list[AsfBone], line: int) -> FormatError:
-    """Return the error that names the first line at which an AMC file departs from its first frame."""
-    expected = [[""]] + [[bone.name, *bone.channels] for bone in layout]
-    step = -1
-    number = line
-    for number, raw in enumerate(body.split(b"\n"), start=line + 1):
-        words = raw.decode("latin-1").split()
-        if not words:
-            continue
-        step = (step + 1) % len(expected)
-        fault = _line_fault(words, expected[step])
-        if fault:
-            return FormatError(fault, where=f"{where}, line {number}")
-    what = "ends within a frame" if step != len(expected) - 1 else "has frames out of sequence"
-    return FormatError(what, where=f"{where}, line {number}", advice="the file is cut off or damaged")
-
-
-def _line_fault(words: list[str], expected: list[str]) -> str:
-    if not expected[0]:
-        return "" if len(words) == 1 and words[0].isdigit() else f"expected a frame number, found {words[0]!r}"
-    if words[0] != expected[0]:
-        return f"expected the values of {expected[0]!r}, found {words[0]!r}"
-    if len(words) != len(expected):
-        return f"expected {len(expected) - 1} values of {expected[0]!r}, found {len(words) - 1}"
-    for word in words[1:]:
-        try:
-            if not np.isfinite(float(word)):
-                return f"has a value of {expected[0]!r} that is not finite"
-        except ValueError:
-            return f"{word!r} is not a number"
-    return ""
-
-
-def _motion(values: Array, layout: list[AsfBone], asf: AsfFile, degrees: bool, fps: float, name: str) -> Motion:
-    skeleton = asf.skeleton
-    rotations = rot.identity((len(values), len(skeleton)))
-    positions = np.tile(asf.root_position, (len(values), 1))
-    factor = np.pi / 180.0 if degrees else 1.0
-    ends = np.cumsum([0, *(len(bone.channels) for bone in layout)])
-    for bone, (start, stop) in zip(layout, pairwise(ends), strict=True):
-        columns = dict(zip(bone.channels, values[:, start:stop].T, strict=True))
-        if bone.name in skeleton.names:
-            rotations[:, skeleton.index(bone.name)] = _bone_rotation(bone, columns, factor)
-        if bone is asf.root:
-            for axis, channel in enumerate(("tx", "ty", "tz")):
-                positions[:, axis] += columns.get(channel, 0.0)
-    rotations[:, 0] = rot.multiply(rotations[:, 0], asf.root_orientation)
-    return Motion(name, fps, skeleton, rot.continuous(rotations), positions * asf.metres_per_unit)
-
-
-def _bone_rotation(bone: AsfBone, columns: dict[str, Array], factor: float) -> Array:
-    order = [axis for axis in bone.axis_order if f"r{axis.lower()}" in columns]
-    if not order:
-        return rot.identity()
-    angles = np.stack([columns[f"r{axis.lower()}"] for axis in order], axis=-1) * factor
-    turned = fixed_axis_rotation(angles, "".join(order))
-    return rot.multiply(rot.multiply(bone.axis, turned), rot.conjugate(bone.axis))

@@ -1,0 +1,166 @@
+"""Acclaim motion: AMC files, as written by the CMU Motion Capture Database.
+
+Their values are angles about fixed axes, first about the first letter of the bone's axis order, in a frame C that the
+ASF file gives for each bone: the joint's rotation relative to rest is C R(values) C^-1.
+"""
+
+import re
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import rotations as rot
+from ..errors import FormatError
+from ..files import read_bytes
+from ..motion import Motion
+from .asf import ROOT, AsfBone, AsfFile, fixed_axis_rotation, read_asf_file
+from .numbers import parse_numbers
+
+Array = NDArray[np.float64]
+
+CMU_FPS = 120.0
+_NAMED = re.compile(rb"\n[ \t]*([A-Za-z][^\s]*)")
+
+
+def read_amc(path: Path | str, skeleton: AsfFile | Path | str, fps: float = CMU_FPS) -> Motion:
+    """Return the motion of an AMC file on the skeleton of its ASF file (given as read, or by path).
+
+    AMC files do not store their rate; CMU's is 120 Hz. Degrees of freedom that a frame's first line layout lacks
+    are zero.
+
+    Raises:
+        FormatError: not an AMC file, damaged, or of another skeleton; names file and line.
+    """
+    asf = skeleton if isinstance(skeleton, AsfFile) else read_asf_file(skeleton)
+    return parse_amc(read_bytes(path), str(path), asf, fps)
+
+
+def parse_amc(content: bytes, where: str, asf: AsfFile, fps: float = CMU_FPS) -> Motion:
+    """Return the motion held in the bytes of an AMC file; `where` names it in errors."""
+    content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    start = _first_frame(content, where)
+    degrees = asf.degrees
+    header = content[:start].upper()
+    if b":RADIANS" in header:
+        degrees = False
+    elif b":DEGREES" in header:
+        degrees = True
+    layout = _layout(content[start:], where, asf, header.count(b"\n"))
+    values = _values(content[start:], layout)
+    if values is None:
+        raise _first_fault(content[start:], where, layout, header.count(b"\n"))
+    return _motion(values, layout, asf, degrees, fps, Path(where).stem)
+
+
+def _first_frame(content: bytes, where: str) -> int:
+    match = re.search(rb"(?m)^[ \t]*\d+[ \t]*\n[ \t]*[A-Za-z]", content)
+    if match is None or b"\x00" in content[:4096]:
+        raise FormatError("is not an AMC motion (no numbered frames)", where=where)
+    return match.start()
+
+
+def _layout(body: bytes, where: str, asf: AsfFile, line: int) -> list[AsfBone]:
+    """Return the bones of the first frame in its order, checked against the skeleton."""
+    layout: list[AsfBone] = []
+    for number, raw in enumerate(body[: 1 << 16].split(b"\n")[1:], start=line + 2):
+        words = raw.decode("latin-1").split()
+        if len(words) == 1 and words[0].isdigit():
+            break
+        if not words:
+            continue
+        bone = asf.root if words[0] == ROOT else asf.bones.get(words[0])
+        place = f"{where}, line {number}"
+        if bone is None:
+            raise FormatError(
+                f"moves the bone {words[0]!r}, which {asf.path} does not have",
+                where=place,
+                advice="give the skeleton file that belongs to this motion",
+            )
+        if len(words) - 1 != len(bone.channels):
+            raise FormatError(
+                f"has {len(words) - 1} values for {words[0]!r}, {asf.path} says {len(bone.channels)}", where=place
+            )
+        if bone in layout:
+            raise FormatError(f"repeats the bone {words[0]!r} in one frame", where=place)
+        layout.append(bone)
+    if asf.root not in layout:
+        raise FormatError("has no root in its first frame", where=where)
+    return layout
+
+
+def _values(body: bytes, layout: list[AsfBone]) -> Array | None:
+    """Return (F, D) values in the layout's order, or None when any frame departs from the layout."""
+    names = [bone.name.encode() for bone in layout]
+    body = b"\n" + body
+    found = _NAMED.findall(body)
+    frames = len(found) // len(names)
+    if frames == 0 or found != names * frames:
+        return None
+    width = 1 + sum(len(bone.channels) for bone in layout)
+    table = parse_numbers(_NAMED.sub(b"\n", body))
+    if table is None or table.size != frames * width:
+        return None
+    table = table.reshape(frames, width)
+    counted = np.array_equal(table[:, 0], table[0, 0] + np.arange(frames))
+    return table[:, 1:] if counted and np.all(np.isfinite(table)) else None
+
+
+def _first_fault(body: bytes, where: str, layout: list[AsfBone], line: int) -> FormatError:
+    """Return the error that names the first line at which an AMC file departs from its first frame."""
+    expected = [[""]] + [[bone.name, *bone.channels] for bone in layout]
+    step = -1
+    number = line
+    for number, raw in enumerate(body.split(b"\n"), start=line + 1):
+        words = raw.decode("latin-1").split()
+        if not words:
+            continue
+        step = (step + 1) % len(expected)
+        fault = _line_fault(words, expected[step])
+        if fault:
+            return FormatError(fault, where=f"{where}, line {number}")
+    what = "ends within a frame" if step != len(expected) - 1 else "has frames out of sequence"
+    return FormatError(what, where=f"{where}, line {number}", advice="the file is cut off or damaged")
+
+
+def _line_fault(words: list[str], expected: list[str]) -> str:
+    if not expected[0]:
+        return "" if len(words) == 1 and words[0].isdigit() else f"expected a frame number, found {words[0]!r}"
+    if words[0] != expected[0]:
+        return f"expected the values of {expected[0]!r}, found {words[0]!r}"
+    if len(words) != len(expected):
+        return f"expected {len(expected) - 1} values of {expected[0]!r}, found {len(words) - 1}"
+    for word in words[1:]:
+        try:
+            if not np.isfinite(float(word)):
+                return f"has a value of {expected[0]!r} that is not finite"
+        except ValueError:
+            return f"{word!r} is not a number"
+    return ""
+
+
+def _motion(values: Array, layout: list[AsfBone], asf: AsfFile, degrees: bool, fps: float, name: str) -> Motion:
+    skeleton = asf.skeleton
+    rotations = rot.identity((len(values), len(skeleton)))
+    positions = np.tile(asf.root_position, (len(values), 1))
+    factor = np.pi / 180.0 if degrees else 1.0
+    ends = np.cumsum([0, *(len(bone.channels) for bone in layout)])
+    for bone, (start, stop) in zip(layout, pairwise(ends), strict=True):
+        columns = dict(zip(bone.channels, values[:, start:stop].T, strict=True))
+        if bone.name in skeleton.names:
+            rotations[:, skeleton.index(bone.name)] = _bone_rotation(bone, columns, factor)
+        if bone is asf.root:
+            for axis, channel in enumerate(("tx", "ty", "tz")):
+                positions[:, axis] += columns.get(channel, 0.0)
+    rotations[:, 0] = rot.multiply(rotations[:, 0], asf.root_orientation)
+    return Motion(name, fps, skeleton, rot.continuous(rotations), positions * asf.metres_per_unit)
+
+
+def _bone_rotation(bone: AsfBone, columns: dict[str, Array], factor: float) -> Array:
+    order = [axis for axis in bone.axis_order if f"r{axis.lower()}" in columns]
+    if not order:
+        return rot.identity()
+    angles = np.stack([columns[f"r{axis.lower()}"] for axis in order], axis=-1) * factor
+    turned = fixed_axis_rotation(angles, "".join(order))
+    return rot.multiply(rot.multiply(bone.axis, turned), rot.conjugate(bone.axis))
