@@ -33,8 +33,8 @@ class Kendoka:
     def sword(self, time_s: float, held: _Held, aside: float = 0.0, scatter: float = 1.0) -> None:
         """Key the sword; `aside` turns a cut to the left, with the edge."""
         j = self.score.jitter
-        fist = np.array(held[0]) + [j(0.012 * scatter), j(0.018 * scatter), j(0.015 * scatter)]
-        aim = np.array(held[1]) + [j(0.04 * scatter), aside + j(0.025 * scatter), -0.8 * aside + j(0.02 * scatter)]
+        fist = np.add(held[0], [j(0.012 * scatter), j(0.018 * scatter), j(0.015 * scatter)])
+        aim = np.add(held[1], [j(0.04 * scatter), aside + j(0.025 * scatter), -0.8 * aside + j(0.02 * scatter)])
         self.score.set(time_s, sword=fist, aim=aim)
 
     def trunk(self, time_s: float, lean: float = 0.03, twist: float = 0.0, sink: float = 0.035) -> None:

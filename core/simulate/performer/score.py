@@ -23,7 +23,7 @@ from .style import Style
 #   pelvis         yaw left, pitch forward, roll to the left against the heading
 #   spine          bend forward, bend to the left, twist to the left, of the chest against the pelvis
 #   head           yaw left, pitch down, roll against the heading
-#   sword          left fist's middle from the middle between the shoulders, in the heading's frame, over the arm's length
+#   sword          left fist from the middle between the shoulders, in the heading's frame, over the arm's length
 #   aim            of the blade: up from level, to the left; the edge's turn about the blade from looking down
 #   holds          1 both hands are led by the sword, 0 each by its own target (changes only while `guide` is 0)
 _BODY_CONTROLS: dict[str, tuple[float, ...]] = {

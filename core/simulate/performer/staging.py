@@ -240,8 +240,8 @@ class Stage:
         ahead = -0.3 + 1.4 * ease((raised + 0.3) / 1.2)
         down_out = np.stack((outward(side) * np.sin(swivel), -np.cos(swivel), ahead), axis=1)
         hinge = np.cross(rot.rotate(chest, down_out), along)
-        upper = self.body.lengths(f"{side}radius")[0]
-        pose = two_bones(shoulder, target, hinge, (upper, self.body.arm_m - upper), arm_rest(side))
+        upper, *fore = self.body.lengths(f"{side}radius", f"{side}wrist", f"{side}hand")
+        pose = two_bones(shoulder, target, hinge, (upper, sum(fore)), arm_rest(side))
         bend = elbow(side, pose.flexion_rad)
         twist, hand = forearm_and_hand(side, rot.multiply(pose.first, bend), palm)
         return [pose.first, bend, twist, hand]
