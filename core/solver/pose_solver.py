@@ -19,8 +19,10 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _ROOT_PASSES = 2  # the root needs the pose's torso markers and the pose needs the root
+_FIRST_ROOT_PASSES = 4  # at the start nothing is known about either
+_TORSO_EXAMPLES = 8  # closest examples whose mean torso the root is laid on
+_SPARE_CANDIDATES = 2  # candidates kept, per example wanted, for the second look under a better root
 _FIT_STEPS = 2  # of Gauss-Newton: the start is already close
-BW = float(__import__('os').environ.get('BW','0'))
 _SYNTHESIS_PASSES = 2  # the same between synthesis and root
 
 
@@ -86,6 +88,9 @@ class PoseSolver:
         self._markers = subject.database_markers(database)
         self._clips = database.clip_of_frame.astype(np.int64)
         self._search = ExhaustiveSearch(self._markers, self._poses)
+        self._typical_markers = np.mean(
+            self._markers[:: max(1, len(self._markers) // 2048)], axis=0, dtype=np.float64
+        )
         methods: dict[str, Callable[[Observation, RootPose, Examples], _Fitted]] = {
             "best": self._conditional,
             "local-pca": self._local_pca,
@@ -138,38 +143,39 @@ class PoseSolver:
     def _locate(self, observation: Observation) -> tuple[RootPose, Examples] | None:
         """Find the root and the closest examples, each from the other in turn."""
         continued = self._continued_pose
-        local = (
-            np.mean(self._markers[:: max(1, len(self._markers) // 2048)], axis=0, dtype=np.float64)
-            if continued is None
-            else self.subject.markers(continued.reshape(-1, 3))
-        )
-        passes = _ROOT_PASSES + (2 if continued is None else 0)
-        examples = None
+        local = self._typical_markers if continued is None else self.subject.markers(continued.reshape(-1, 3))
         root = self._root
-        for _ in range(passes):
+        candidates: IntArray | None = None
+        for _ in range(_ROOT_PASSES if continued is not None else _FIRST_ROOT_PASSES):
             root = self._root_under(observation, local, root)
             if root is None:
                 return None
-            examples = self._examples(observation, root, continued)
-            local = np.mean(examples.markers_m[:8], axis=0)
-        assert root is not None and examples is not None  # noqa: S101  (there is at least one pass)
+            examples = self._examples(observation, root, continued, candidates)
+            local = np.mean(examples.markers_m[:_TORSO_EXAMPLES], axis=0)
+            # the root moves little from here on while the motion is followed: the search need not start again
+            candidates = examples.frames if continued is not None else None
         return root, examples
 
     def _root_under(self, observation: Observation, local: Array, previous: RootPose | None) -> RootPose | None:
         """Return z_t from the torso markers, given the pose's markers (M, 3) in the root's frame."""
         return root_from_torso(observation, local, self.subject.torso, self.subject.joints, previous)
 
-    def _examples(self, observation: Observation, root: RootPose, continued: Array | None) -> Examples:
+    def _examples(
+        self, observation: Observation, root: RootPose, continued: Array | None, candidates: IntArray | None
+    ) -> Examples:
         """Return the closest frames by Eq. 2, with the observed markers moved to the root's rest (T of Eq. 2)."""
         settings = self.settings
+        count = settings.best_neighbours if settings.method == "best" else settings.neighbours[-1]
         query = Query(
             root.to_root_frame(observation.points_m),
             continued,
             settings.query_alpha,
             (1.0 - settings.query_alpha) * settings.query_pose_m_per_rad**2,
         )
-        count = settings.best_neighbours if settings.method == "best" else settings.neighbours[-1]
-        frames, distances = self._search.nearest(query, count)
+        if candidates is None:
+            frames, distances = self._search.nearest(query, count * _SPARE_CANDIDATES)
+        else:
+            frames, distances = self._search.nearest_among(query, candidates, count)
         return Examples(
             frames,
             distances,
@@ -234,7 +240,7 @@ class PoseSolver:
         seen = observation.located
         variance = settings.best_marker_sigma_m**2
         distances = np.maximum(examples.distances, 0.0)
-        weights = np.exp(-distances / (distances[len(distances) // 2] + 1e-12) * BW)
+        weights = np.exp(-distances / (distances[len(distances) // 2] + 1e-12))
         weights /= weights.sum()
         prior, pose = conditional.conditioned_prior(
             examples.poses,

@@ -49,17 +49,23 @@ class ExhaustiveSearch:
         order = np.argsort(distances[chosen], kind="stable")
         return chosen[order], distances[chosen[order]].astype(np.float64)
 
-    def distances(self, query: Query) -> FloatArray:
-        """Return the Eq. 2 distance of every frame, up to what is the same for all."""
+    def nearest_among(self, query: Query, candidates: IntArray, count: int) -> tuple[IntArray, Array]:
+        """Return the `count` closest of the candidate frames (ascending) and their Eq. 2 distances."""
+        distances = self.distances(query, candidates)
+        order = np.argsort(distances, kind="stable")[:count]
+        return candidates[order], distances[order].astype(np.float64)
+
+    def distances(self, query: Query, frames: IntArray | slice = slice(None)) -> FloatArray:
+        """Return the Eq. 2 distances of frames."""
         seen = np.isfinite(query.markers_m.ravel())
         target = np.where(seen, query.markers_m.ravel(), 0.0).astype(np.float32)
         mask = seen.astype(np.float32)
-        result = self._marker_norms @ mask
-        result -= 2.0 * (self._markers @ target)
+        result = self._marker_norms[frames] @ mask
+        result -= 2.0 * (self._markers[frames] @ target)
         result += target @ target
         result *= np.float32(query.marker_weight)
         if query.pose is not None and query.pose_weight > 0.0:
             pose = query.pose.astype(np.float32)
-            between = self._pose_norms - 2.0 * (self._poses @ pose) + pose @ pose
+            between = self._pose_norms[frames] - 2.0 * (self._poses[frames] @ pose) + pose @ pose
             result += np.float32(query.pose_weight) * between
         return result

@@ -35,14 +35,14 @@ class SolveSettings:
     smoothness_beta: float = 0.2
     marker_sigma_m: float = 0.003
     pose_sigma_rad: float = 0.3
-    query_pose_m_per_rad: float = 0.1
+    query_pose_m_per_rad: float = 0.2
     neighbours: tuple[int, ...] = (30, 60, 150, 300)
     dimensions: tuple[int, ...] = (7, 12, 25, 35)
     validation_examples: int = 24
     lwr_neighbours: int = 16
-    best_neighbours: int = 400
-    best_marker_sigma_m: float = 0.003
-    best_pose_floor_rad: float = 0.01
+    best_neighbours: int = 200
+    best_marker_sigma_m: float = 0.002
+    best_pose_floor_rad: float = 0.03
     root_sigma_m: float = 0.03
     root_sigma_rad: float = 0.1
 
