@@ -5,3 +5,4 @@ from pathlib import Path
 ASSETS = Path(__file__).resolve().parent.parent / "assets"
 MARKER_SETS = ASSETS / "marker_sets"
 MOTION = ASSETS / "motion"
+SKELETONS = ASSETS / "skeletons.json"

@@ -17,7 +17,7 @@ from .calibration_pose import standing, t_pose
 from .errors import SubjectError
 from .marker_set import MarkerSet, Subject
 from .marker_take import MarkerTake
-from .product_skeleton import default_skeleton, scaled
+from .product_skeleton import mirrored_name
 from .rigid import kabsch, transform
 from .skeleton import Skeleton, forward_kinematics
 
@@ -187,7 +187,7 @@ def _mixed(
 ) -> Skeleton:
     """Return the mixture of prototypes whose markers come closest, each side of the body on its own."""
     names = prototypes[0].names
-    sides = np.array([name[0] if name[1:] in _SIDED else "m" for name in names])
+    sides = np.array([name[0] if mirrored_name(name) != name else "m" for name in names])
     offsets = np.array([p.offsets_m for p in prototypes])
     tips = np.array([p.tips_m for p in prototypes])
     mixed_offsets, mixed_tips = np.empty_like(offsets[0]), np.empty_like(tips[0])
@@ -198,10 +198,6 @@ def _mixed(
         mixed_tips[sides == side] = np.einsum("p,pjc->jc", weights, tips[:, sides == side])
     first = prototypes[0]
     return Skeleton(names, first.parents, mixed_offsets, mixed_tips, first.angle_axes, first.angle_orders)
-
-
-_SIDED = tuple(name[1:] for name in default_skeleton().names if name.startswith("l") and "r" + name[1:] in
-               default_skeleton().names)  # fmt: skip
 
 
 def _mixture(candidates: Array, target: Array) -> Array:
@@ -246,8 +242,3 @@ def _offsets(points_m: Array, marker_set: MarkerSet, placed: _Placed) -> Array:
     joints = marker_set.joint_indices(placed.skeleton)
     positions, world = forward_kinematics(placed.skeleton, placed.rotations, placed.root_position_m)
     return rot.rotate(rot.conjugate(world[joints]), points_m - positions[joints])
-
-
-def fallback_prototypes() -> tuple[Skeleton, ...]:
-    """Return evenly scaled bodies from 1.45 m to 2.05 m."""
-    return tuple(scaled(default_skeleton(), factor) for factor in np.linspace(0.83, 1.17, 9))

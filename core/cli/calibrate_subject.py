@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from ..assets import SKELETONS
 from ..errors import SettingsError
 from ..formats.takes import read_take
 from ..marker_set import load_marker_set, save_subject
-from ..prototypes import load_prototypes
+from ..simulate.performer.bodies import load_bodies
 from ..subject_calibration import POSES, calibrate_subject, calibration_points
 
 
@@ -34,7 +35,7 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
     marker_set = load_marker_set(args.marker_set)
     points = calibration_points(take, marker_set, args.seconds, _window(args.frames))
     name = args.name or Path(args.out).stem
-    calibration = calibrate_subject(points, marker_set, load_prototypes(), name, args.pose)
+    calibration = calibrate_subject(points, marker_set, load_bodies(SKELETONS), name, args.pose)
     subject = calibration.subject
     save_subject(subject, args.out)
     return {

@@ -1,0 +1,38 @@
+# make demo   sets everything up and runs the main job on the embedded default
+# make test   sets everything up and runs the tests
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+.PHONY: demo test check window-test extension clean
+
+$(STAMP): pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	# Blender as a module writes the .blend of the demo and runs the add-on's tests; without it both are left out.
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'bpy>=4.2' \
+	  || echo "no bpy wheel for this Python and platform: the demo goes without its .blend"
+	touch $@
+
+demo: $(STAMP)
+	$(BIN)/perfanim demo --out out/demo
+
+test: $(STAMP)
+	$(BIN)/python -m pytest tests --ignore tests/window
+
+check: $(STAMP)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+# Needs BLENDER: a command that runs its arguments where a Blender with a window can be started.
+window-test: $(STAMP)
+	$(BIN)/python -m pytest tests/window
+
+extension: $(STAMP)
+	$(BIN)/python tools/build_extension.py --out dist
+
+clean:
+	rm -rf $(VENV) out dist
