@@ -188,7 +188,8 @@ def _motion(spec: Mapping[str, Any], fps: float) -> Motion:
     """The performance that a spec asks for: T pose, then the behaviour."""
     seed, behaviour = int(spec.get("seed", 0)), str(spec.get("behaviour", "demo"))
     if behaviour == "demo":
-        return demo_performance(seed)
+        body = default_skeleton(float(spec["height_m"])) if "height_m" in spec else None
+        return demo_performance(seed, fps=fps, skeleton=body)
     style = str(spec.get("style", "neutral"))
     if style not in STYLES:
         raise SettingsError(f"unknown style {style!r}", advice="styles: " + ", ".join(STYLES))
