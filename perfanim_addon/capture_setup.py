@@ -17,6 +17,8 @@ from .place import absolute
 if TYPE_CHECKING:
     from ..core.session import Session
 
+SIMULATED_HEIGHT_M = 1.75
+
 
 @dataclass(frozen=True)
 class Setup:
@@ -77,7 +79,7 @@ def _subject(settings: Any, marker_set: MarkerSet) -> Subject:
     if settings.subject:
         subject: Subject = _good(states.subject(absolute(settings.subject)))
         return subject
-    return Subject("Simulated performer", default_skeleton(), marker_set)
+    return Subject("Simulated performer", default_skeleton(SIMULATED_HEIGHT_M), marker_set)
 
 
 def source(settings: Any) -> dict[str, Any]:
@@ -90,6 +92,8 @@ def source(settings: Any) -> dict[str, Any]:
         return {
             "kind": "simulated",
             "behaviour": settings.behaviour,
+            "height_m": SIMULATED_HEIGHT_M,
+            "live": True,
             "marker_set": absolute(settings.marker_set_file) or settings.marker_set,
         }
     if settings.source == "CAMERAS":

@@ -12,12 +12,13 @@ SOURCES = (
 )
 
 BEHAVIOURS = (
-    ("walk", "Walking", "Walking"),
-    ("run", "Running", "Running"),
-    ("hop", "Hopping", "Hopping on one leg and on the other"),
-    ("jump", "Jumping", "Jumping on the spot and forward"),
-    ("box", "Boxing", "Boxing"),
-    ("kendo", "Kendo", "Sword strokes"),
+    ("demo", "Everything", "All behaviours, one after the other"),
+    ("walking", "Walking", "Walking to and fro"),
+    ("running", "Running", "Running to and fro"),
+    ("hopping", "Hopping", "Hopping on one leg and on the other"),
+    ("jumping", "Jumping", "Jumping on the spot and forward"),
+    ("boxing", "Boxing", "Boxing against a shadow"),
+    ("kendo", "Kendo", "Strokes with a sword"),
 )
 
 _marker_sets: list[tuple[str, str, str]] = []  # Blender keeps no reference to a dynamic enumeration's strings
@@ -41,7 +42,7 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         name="Source", description="Where images of the performer come from", items=SOURCES, default="SIMULATED"
     )
     behaviour: bpy.props.EnumProperty(
-        name="Performs", description="What the simulated performer does", items=BEHAVIOURS, default="walk"
+        name="Performs", description="What the simulated performer does", items=BEHAVIOURS, default="demo"
     )
     left_device: bpy.props.IntProperty(
         name="Left", description="Device number of the camera on the left as seen by the cameras", default=0, min=0
