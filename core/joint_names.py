@@ -16,10 +16,8 @@ from .formats.source_motion import SourceMotion, zero_pose_positions
 from .product_skeleton import JOINT_NAMES
 
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
-_DROPPED = frozenset(
-    ("mixamorig", "bip", "bip01", "bip001", "j", "c", "def", "org", "character", "character1", "jnt", "bone", "joint",
-     "normal", "sec", "mot", "hum", "skeleton", "valve", "biped")
-)  # fmt: skip
+_PREFIX = re.compile(r"(?i)^(character|bip)\d*[ _]")
+_DROPPED = frozenset(("mixamorig", "bip", "j", "c", "def", "org", "jnt", "bone", "joint", "skeleton", "biped"))
 _SIDES = {"left": "l", "l": "l", "right": "r", "r": "r"}
 
 # words of a limb's joint, the likeliest first; the first that a file has is taken, each joint of a file once
@@ -94,7 +92,7 @@ def _by_words(names: Sequence[str]) -> tuple[dict[tuple[str, str], int], dict[st
 
 def split_name(name: str) -> tuple[str, str]:
     """Return ("l", "r" or "", the words run together in lower case): "mixamorig:LeftUpLeg" -> ("l", "upleg")."""
-    bare = re.split(r"[:|]", name)[-1]
+    bare = _PREFIX.sub("", re.split(r"[:|]", name)[-1])
     words = [word.lower() for word in _WORDS.findall(bare)]
     side = next((_SIDES[word] for word in words if word in _SIDES), "")
     rest = [word for word in words if word not in _SIDES and word not in _DROPPED]

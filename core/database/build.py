@@ -21,6 +21,7 @@ from .store import Clip, write_database
 FloatArray = NDArray[np.float32]
 ProgressFunction = Callable[[float, str], None]
 
+_SAME_BONES_M = 2e-4  # offsets that differ by less are one body, written with other rounding
 _SHORTEST_CLIP = 4  # frames; the query metric looks at accelerations
 
 
@@ -32,15 +33,11 @@ class _Collected:
     rotations: list[FloatArray] = field(default_factory=list)
     positions: list[FloatArray] = field(default_factory=list)
     skeletons: list[Skeleton] = field(default_factory=list)
-    skeleton_keys: dict[bytes, int] = field(default_factory=dict)
     skipped: list[dict[str, str]] = field(default_factory=list)
     frames: int = 0
 
     def add(self, motion: Motion, file: MotionFile, source_fps: float) -> None:
-        key = np.round(motion.skeleton.offsets_m, 6).tobytes()
-        skeleton = self.skeleton_keys.setdefault(key, len(self.skeletons))
-        if skeleton == len(self.skeletons):
-            self.skeletons.append(motion.skeleton)
+        skeleton = self._skeleton_index(motion.skeleton)
         stop = self.frames + motion.frames
         self.clips.append(
             Clip(
@@ -56,6 +53,13 @@ class _Collected:
         self.rotations.append(rot.continuous(motion.rotations).astype(np.float32))
         self.positions.append(motion.root_positions_m.astype(np.float32))
         self.frames = stop
+
+    def _skeleton_index(self, skeleton: Skeleton) -> int:
+        for index, known in enumerate(self.skeletons):
+            if np.allclose(known.offsets_m, skeleton.offsets_m, rtol=0.0, atol=_SAME_BONES_M):
+                return index
+        self.skeletons.append(skeleton)
+        return len(self.skeletons) - 1
 
 
 def build_database(
