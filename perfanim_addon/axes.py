@@ -170,16 +170,24 @@ def _facing(skeleton: Skeleton, heads: Array) -> Array:
 
     left = head("lfemur") - head("rfemur") + head("lhumerus") - head("rhumerus")
     up = head("upperneck") - 0.5 * (head("lfemur") + head("rfemur"))
-    forward = np.cross(left, up)
-    if np.linalg.norm(forward) < 1e-6 * max(np.linalg.norm(up), 1e-30):
+    if np.linalg.norm(np.cross(left, up)) < 1e-6 * max(np.linalg.norm(up), 1e-30):
         raise CharacterError("the rest pose has no left and right", advice="check the bones' names and positions")
-    forward /= np.linalg.norm(forward)
-    left = np.cross(up, forward)
-    left /= np.linalg.norm(left)
-    measured = np.stack((left, np.cross(forward, left), forward), axis=1)
+    nearest = np.zeros(3)
+    nearest[np.argmax(np.abs(up))] = np.sign(up[np.argmax(np.abs(up))])
+    if rot.angle_between(rot.between(up, nearest), rot.identity()) < _SNAP_RADIANS:
+        up = nearest
+    measured = _frame(left, up)
     aligned = max(_axis_aligned_rotations(), key=lambda frame: float(np.sum(frame * measured)))
     turn = rot.angle_between(rot.from_matrix(aligned), rot.from_matrix(measured))
     return aligned if turn < _SNAP_RADIANS else measured
+
+
+def _frame(left: Array, up: Array) -> Array:
+    """Return the rotation (3, 3) with columns left, up, forward, `up` kept in direction."""
+    forward = np.cross(left, up)
+    forward = forward / np.linalg.norm(forward)
+    up = up / np.linalg.norm(up)
+    return np.stack((np.cross(up, forward), up, forward), axis=1)
 
 
 def _axis_aligned_rotations() -> list[Array]:

@@ -54,7 +54,7 @@ def make_body(skeleton: Skeleton, heads_m: Array) -> Body:
     figure = Figure(skeleton, heads_m)
     parts = parts_of(figure)
     fields = [union(part.shapes) for part in parts]
-    vertices, faces, materials, thumbs = [], [], [], []
+    vertices, faces, materials, thumbs, names = [], [], [], [], []
     count = 0
     for part in parts:
         own_vertices, own_faces = _surface(part)
@@ -66,9 +66,10 @@ def make_body(skeleton: Skeleton, heads_m: Array) -> Body:
         faces.append(own_faces + count)
         materials.append(own_materials[kept])
         thumbs.append(_thumb_share(part, own_vertices))
+        names += [part.name] * len(own_vertices)
         count += len(own_vertices)
     points = np.concatenate(vertices)
-    weights = skin_weights(skeleton, figure, points, np.concatenate(thumbs))
+    weights = skin_weights(skeleton, figure, points, np.array(names), np.concatenate(thumbs))
     return Body(points, np.concatenate(faces), np.concatenate(materials), weights)
 
 

@@ -55,6 +55,19 @@ class Figure:
         found: Array = self.joint(name) + self._skeleton.tips_m[self._skeleton.index(name)]
         return found
 
+    @property
+    def neck_base(self) -> Array:
+        """Where the neck leaves the trunk (3,): some skeletons have their lowest neck joint higher up."""
+        neck = self.joint("lowerneck").copy()
+        shoulders = 0.5 * (self.joint("lhumerus")[1] + self.joint("rhumerus")[1])
+        neck[1] = min(neck[1], shoulders - 0.045 * self.scale)
+        return neck
+
+    @property
+    def skull_base(self) -> Array:
+        """The point (3,) at the chin's height that the head's shapes are measured from."""
+        return self.off(self.joint("head"), 0.0, -0.012, 0.0)
+
     def sized(self, *lengths: float) -> tuple[float, ...]:
         """Return lengths of a body of 1.75 m in this body's size."""
         return tuple(self.scale * length for length in lengths)
@@ -98,7 +111,7 @@ def _torso(figure: Figure) -> list[Loft]:
     f = figure
     hips = 0.5 * (f.joint("lfemur") + f.joint("rfemur"))
     hips[2] = 0.5 * (hips[2] + f.joint("root")[2])
-    neck = f.joint("lowerneck")
+    neck = f.neck_base
     trunk = Loft(
         hips, neck, (-0.07, 0.03, 0.20, 0.36, 0.50, 0.66, 0.80, 0.92, 1.02),
         f.sized(0.118, 0.158, 0.157, 0.144, 0.145, 0.156, 0.160, 0.148, 0.110),
@@ -119,7 +132,7 @@ def _torso(figure: Figure) -> list[Loft]:
 
 def _flank(f: Figure, side: str, out: float) -> list[Loft]:
     """Return what shapes one side of the trunk: buttock, chest, shoulder blade, trapezius, shoulder."""
-    hip, shoulder, neck = f.joint(side + "femur"), f.joint(side + "humerus"), f.joint("lowerneck")
+    hip, shoulder, neck = f.joint(side + "femur"), f.joint(side + "humerus"), f.neck_base
     chest = np.array([0.40 * shoulder[0], neck[1], neck[2]])
     blade = np.array([0.55 * shoulder[0], neck[1], neck[2]])
     acromion = f.off(shoulder, -0.026 * out, -0.009, -0.004)
@@ -173,7 +186,7 @@ def _arm(figure: Figure, side: str) -> list[Loft]:
 
 def _skull(f: Figure) -> tuple[Array, float]:
     """Return the point that the head's shapes are measured from, and their scale: a little larger than life."""
-    return f.off(f.joint("head"), 0.0, -0.012, 0.0), 1.10 * f.scale
+    return f.skull_base, 1.10 * f.scale
 
 
 def _head(figure: Figure) -> list[Loft]:
@@ -194,7 +207,7 @@ def _head(figure: Figure) -> list[Loft]:
         across=(-1.0, 0.0, 0.0), caps=sized(0.014, 0.032), power=2.15,
     )  # fmt: skip
     neck = Loft(
-        f.off(f.joint("lowerneck"), 0.0, 0.0, -0.012), at(0.0, 0.03, -0.008), (0.0, 0.35, 1.0),
+        f.off(f.neck_base, 0.0, 0.0, -0.012), at(0.0, 0.03, -0.008), (0.0, 0.35, 1.0),
         f.sized(0.066, 0.056, 0.054), f.sized(0.062, 0.057, 0.056), across=(-1.0, 0.0, 0.0), blend=0.020 * f.scale,
     )  # fmt: skip
     nose = Loft(
@@ -211,9 +224,9 @@ def _head(figure: Figure) -> list[Loft]:
 
 def _hair(figure: Figure) -> list[Loft]:
     base, size = _skull(figure)
-    crown = ball(base + size * np.array([0.0, 0.150, -0.012]), [size * r for r in (0.084, 0.082, 0.100)])
+    crown = ball(base + size * np.array([0.0, 0.150, -0.012]), [size * r for r in (0.089, 0.084, 0.101)])
     nape = ball(
-        base + size * np.array([0.0, 0.085, -0.056]), [size * r for r in (0.068, 0.070, 0.052)], blend=0.05 * size
+        base + size * np.array([0.0, 0.085, -0.056]), [size * r for r in (0.074, 0.072, 0.054)], blend=0.05 * size
     )
     fringe = Loft(
         base + size * np.array([-0.050, 0.172, 0.050]), base + size * np.array([0.050, 0.180, 0.054]),

@@ -8,21 +8,25 @@ change smoothly, however coarse the mesh. Product space, metres; widths are for 
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..core.skeleton import Skeleton
 from .character_shapes import Figure
 from .character_surface import Array
 
 
-def skin_weights(skeleton: Skeleton, figure: Figure, points: Array, thumb_share: Array) -> Array:
+def skin_weights(
+    skeleton: Skeleton, figure: Figure, points: Array, part_names: NDArray[np.str_], thumb_share: Array
+) -> Array:
     """Return the weights (V, J) of points (V, 3) of the rest pose.
 
     Args:
+        part_names: (V,) the part that each point belongs to, see `character_shapes.Part`.
         thumb_share: (V,) how far each point belongs to a thumb, 0 to 1: position alone does not tell it from the palm.
     """
     weights = _Weights(skeleton, figure, points)
     _spine(weights)
+    _head(weights, part_names)
     for side, out in (("l", 1.0), ("r", -1.0)):
         _arm(weights, side, out)
         _hand(weights, side, thumb_share)
@@ -65,13 +69,24 @@ def _spine(w: _Weights) -> None:
     w.hand_on(["root"], "lowerback", w.beyond(f.off(f.joint("lowerback"), 0.0, 0.03, 0.0), up, 0.07))
     w.hand_on(["lowerback"], "upperback", w.beyond(f.joint("upperback"), up, 0.07))
     w.hand_on(["upperback"], "thorax", w.beyond(f.joint("thorax"), up, 0.07))
+    neck = w.beyond(f.off(f.neck_base, 0.0, 0.045, -0.01), (0.0, 1.0, -0.25), 0.045)
     middle = 1.0 - _eased((np.abs(w.points[:, 0]) - 0.085 * f.scale) / (0.03 * f.scale))
-    neck = w.beyond(f.off(f.joint("lowerneck"), 0.0, 0.045, -0.01), (0.0, 1.0, -0.25), 0.045)
     w.hand_on(["thorax"], "lowerneck", neck * middle)
-    w.hand_on(["lowerneck"], "upperneck", w.beyond(f.off(f.joint("upperneck"), 0.0, 0.015, 0.0), up, 0.04))
+
+
+def _head(w: _Weights, part_names: NDArray[np.str_]) -> None:
+    """Head and neck turn with their own joints; hair and eyes with the skull alone; the collar only with the neck."""
+    f = w.figure
+    skin = part_names == "head"
+    neck = w.beyond(f.off(f.neck_base, 0.0, 0.045, -0.01), (0.0, 1.0, -0.25), 0.045)
+    w.hand_on(["thorax", "upperback"], "lowerneck", skin * neck)
+    middle = f.off(0.5 * (f.neck_base + f.joint("head")), 0.0, 0.015, 0.0)
+    w.hand_on(["lowerneck"], "upperneck", skin * w.beyond(middle, (0.0, 1.0, 0.0), 0.04))
     # the chin hangs below the neck's end: the plane between neck and skull leans forward
-    skull = w.beyond(f.off(f.joint("head"), 0.0, 0.0, 0.005), (0.0, 0.8, 0.6), 0.035)
-    w.hand_on(["upperneck", "lowerneck"], "head", skull)
+    skull = w.beyond(f.off(f.skull_base, 0.0, 0.012, 0.005), (0.0, 0.8, 0.6), 0.035)
+    w.hand_on(["lowerneck", "upperneck"], "head", skin * skull)
+    rigid = np.isin(part_names, ("hair", "eye")).astype(np.float64)
+    w.hand_on([name for name in w.skeleton.names if name != "head"], "head", rigid)
 
 
 def _arm(w: _Weights, side: str, out: float) -> None:

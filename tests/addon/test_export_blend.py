@@ -1,0 +1,54 @@
+"""A motion file becomes a Blender file, in a process of its own as the command line starts it."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+from perfanim.core import rotations as rot
+from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.motion import Motion
+from perfanim.core.product_skeleton import default_skeleton
+from perfanim.perfanim_addon import actions
+
+SKELETON = default_skeleton(1.7)
+
+
+def export(*arguments: Path | str) -> subprocess.CompletedProcess:
+    command = [sys.executable, "-m", "perfanim.perfanim_addon.export_blend", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture
+def motion(tmp_path) -> Motion:
+    vectors = 0.4 * np.sin(0.2 * np.arange(25)[:, None, None] + np.random.default_rng(2).normal(size=(29, 3)))
+    roots = np.stack((np.zeros(25), np.full(25, 0.95), 0.02 * np.arange(25)), axis=1)
+    made = Motion("swing", 50.0, SKELETON, rot.from_rotation_vector(vectors), roots)
+    write_bvh(made, tmp_path / "swing.bvh")
+    return made
+
+
+def test_the_file_holds_the_motion_and_a_picture_is_made(motion, tmp_path):
+    done = export(tmp_path / "swing.bvh", tmp_path / "out.blend", "--render", tmp_path / "out.png", "--frame", "3")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out.png").read_bytes().startswith(b"\x89PNG")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["out.blend", "out.png", "swing.bvh"]
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out.blend"))
+    scene = bpy.context.scene
+    assert (scene.frame_start, scene.frame_end, scene.render.fps / scene.render.fps_base) == (1, 25, 50.0)
+    assert {obj.type for obj in scene.objects} == {"ARMATURE", "MESH", "LIGHT", "CAMERA"}
+    found, roots = actions.read_action("Performer", 1.0 + np.arange(25), SKELETON)
+    assert np.max(np.degrees(rot.angle_between(found, motion.rotations))) < 0.01
+    assert np.max(np.abs(roots - motion.root_positions_m)) < 1e-4
+
+
+@pytest.mark.parametrize("arguments", [("missing.bvh",), ("swing.bvh", "--frame", "99")])
+def test_bad_input_is_one_line_and_no_file(motion, tmp_path, arguments):
+    name, *options = arguments
+    done = export(tmp_path / name, tmp_path / "out.blend", *options)
+    assert done.returncode == 1
+    assert done.stderr.startswith("export_blend: ")
+    assert "Traceback" not in done.stderr
+    assert [p.name for p in tmp_path.iterdir()] == ["swing.bvh"]
