@@ -1,0 +1,227 @@
+"""Which point is which marker: first by a calibration pose, then by the markers of the last synthesized pose.
+
+Chai and Hodgins 2005, section 4.1: markers are labelled in the first frame, later frames are matched to the marker set
+of the most recent synthesized motion. That set includes hidden markers, so a marker that returns is labelled again.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from .camera import Camera
+from .marker_frame import MarkerFrame
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_FIRST_GATE_M = 0.30  # a marker further from where the calibration pose has it is not that marker
+_FIRST_ROUNDS = 8
+_FIRST_SCALES = (0.8, 1.25)  # bodies differ in size from the template
+_PAIR_TOLERANCE = 0.3  # relative: pairs of points that may be a given pair of template markers
+_HYPOTHESES = 60  # best rough placements that are refined
+_TURN_PENALTY_M = 0.02  # per radian away from facing the cameras: decides between near-symmetric placements
+_FEWEST_FIRST = 0.6  # share of the markers that must be found to start
+
+_GATE_M = 0.08  # plus what the marker moves in a frame
+_GATE_SPEED_SHARE = 0.6  # of the predicted movement, by which the gate grows
+_GATE_LOST_M_S = 0.5  # growth of the gate with the time that a marker has been lost
+_GATE_MAX_M = 0.30
+_RAY_GATE_M = 0.06
+_MEMORY_S = 0.1  # a velocity older than this is not used
+
+
+@dataclass
+class _Seen:
+    """Where and how fast each marker was when it was last located."""
+
+    positions_m: Array
+    velocities_m_s: Array
+    lost_s: Array
+
+
+class Labeller:
+    """Labels the points of successive frames of one capture.
+
+    Args:
+        names: marker names, in the order of the marker set; labels are indices into them.
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names = tuple(names)
+        count = len(self.names)
+        self._seen = _Seen(np.full((count, 3), np.nan), np.zeros((count, 3)), np.full(count, np.inf))
+
+    def label_first(self, points_m: Array, template_m: Array) -> IntArray:
+        """Return labels (N,) of points in a pose like the template's, wherever and however it is turned and sized.
+
+        Args:
+            points_m: (N, 3) points in a world with y roughly up; ghosts and missing markers are borne.
+            template_m: (M, 3) markers in the calibration pose, facing +z.
+
+        Returns:
+            All -1 when too few points fit.
+        """
+        labels = np.full(len(points_m), -1, dtype=np.int64)
+        needed = max(3, int(np.ceil(_FEWEST_FIRST * len(template_m))))
+        if len(points_m) < needed:
+            return labels
+        best_cost, best_pairs = np.inf, None
+        for placed in _rough_placements(points_m, template_m):
+            cost, pairs = _refined(points_m, template_m, placed)
+            if cost < best_cost and len(pairs[0]) >= needed:
+                best_cost, best_pairs = cost, pairs
+        if best_pairs is not None:
+            labels[best_pairs[0]] = best_pairs[1]
+            self._remember(points_m, labels, 0.0)
+        return labels
+
+    def label(self, points_m: Array, covariances_m2: Array, predicted_m: Array, elapsed_s: float) -> IntArray:
+        """Return labels (N,) by one assignment of points to the predicted markers.
+
+        Args:
+            points_m, covariances_m2: (N, 3) and (N, 3, 3) located points.
+            predicted_m: (M, 3) markers of the last synthesized pose.
+            elapsed_s: time since that pose.
+        """
+        labels = np.full(len(points_m), -1, dtype=np.int64)
+        expected, gates = self._expected(predicted_m, elapsed_s)
+        if len(points_m):
+            deviation = np.sqrt(np.trace(covariances_m2, axis1=1, axis2=2) / 3.0)
+            distances = np.linalg.norm(points_m[:, None] - expected[None], axis=-1)
+            rows, columns = _assigned(distances, gates[None] + 2.0 * deviation[:, None])
+            labels[rows] = columns
+        self._remember(points_m, labels, elapsed_s)
+        return labels
+
+    def label_rays(
+        self, frame: MarkerFrame, cameras: Sequence[Camera], predicted_m: Array, labels: IntArray
+    ) -> IntArray:
+        """Return labels (R,) of the frame's single-camera markers, among the markers that no point has.
+
+        Args:
+            frame: with `single_cameras` and `single_points`.
+            cameras: that they refer to; without cameras nothing is labelled.
+            predicted_m: (M, 3) markers of the last synthesized pose.
+            labels: (N,) labels of the frame's points.
+        """
+        result = np.full(len(frame.single_cameras), -1, dtype=np.int64)
+        free = np.setdiff1d(np.arange(len(predicted_m)), labels)
+        if len(cameras) == 0 or len(free) == 0:
+            return result
+        expected, gates = self._expected(predicted_m, 0.0)
+        for index, camera in enumerate(cameras):
+            rows = np.flatnonzero(frame.single_cameras == index)
+            if len(rows) == 0:
+                continue
+            local = camera.to_camera(expected[free])
+            depth = np.maximum(local[:, 2], 0.1)
+            across = frame.single_points[rows][:, None] - (local[:, :2] / depth[:, None])[None]
+            distances = np.linalg.norm(across, axis=-1) * depth
+            limits = np.minimum(gates[free], _RAY_GATE_M + 0.5 * (gates[free] - _GATE_M))
+            chosen, columns = _assigned(distances, np.broadcast_to(limits, distances.shape))
+            result[rows[chosen]] = free[columns]
+            free = np.setdiff1d(free, result)  # a marker seen apart by two cameras goes to the first
+            if len(free) == 0:
+                break
+        return result
+
+    def _expected(self, predicted_m: Array, elapsed_s: float) -> tuple[Array, Array]:
+        """Return where each marker should be now (M, 3) and how far off it may be (M,)."""
+        fresh = self._seen.lost_s < _MEMORY_S
+        movement = np.where(fresh[:, None], self._seen.velocities_m_s * elapsed_s, 0.0)
+        lost = np.where(np.isfinite(self._seen.lost_s), self._seen.lost_s, 1.0)
+        gates = _GATE_M + _GATE_SPEED_SHARE * np.linalg.norm(movement, axis=1) + _GATE_LOST_M_S * lost
+        # the synthesized pose explains the markers closely; what it leaves is in the last located position
+        return predicted_m + movement, np.minimum(gates, _GATE_MAX_M)
+
+    def _remember(self, points_m: Array, labels: IntArray, elapsed_s: float) -> None:
+        seen = self._seen
+        located = labels >= 0
+        markers, points = labels[located], points_m[located]
+        if elapsed_s > 0.0:
+            known = seen.lost_s[markers] < _MEMORY_S
+            velocity = (points - seen.positions_m[markers]) / (elapsed_s + seen.lost_s[markers][:, None])
+            seen.velocities_m_s[markers] = np.where(known[:, None], velocity, 0.0)
+        seen.lost_s += elapsed_s
+        seen.lost_s[markers] = 0.0
+        seen.positions_m[markers] = points
+
+
+def _assigned(distances: Array, gates: Array) -> tuple[IntArray, IntArray]:
+    """Return (rows, columns) of the assignment of least squared distance in which no pair exceeds its gate."""
+    relative = np.minimum((distances / gates) ** 2, 1.0)
+    rows, columns = linear_sum_assignment(relative)
+    inside = relative[rows, columns] < 1.0
+    return rows[inside], columns[inside]
+
+
+@dataclass(frozen=True)
+class _Placement:
+    """p_world = scale * turn @ p_template + shift."""
+
+    turn: Array
+    shift: Array
+    scale: float
+
+    def apply(self, points: Array) -> Array:
+        return np.asarray(self.scale * points @ self.turn.T + self.shift)
+
+
+def _rough_placements(points: Array, template: Array) -> list[_Placement]:
+    """Return the most promising placements, each from two points taken for the two template markers furthest apart."""
+    spans = np.linalg.norm(template[:, None] - template[None], axis=-1)
+    order = np.argsort(spans, axis=None)[::-1]
+    placements, costs = [], []
+    for flat in order[: 2 * 6 : 2]:  # every pair stands there twice
+        first, second = np.unravel_index(flat, spans.shape)
+        for i, j in np.ndindex(len(points), len(points)):
+            scale = np.linalg.norm(points[i] - points[j]) / spans[first, second]
+            if i == j or abs(scale - 1.0) > _PAIR_TOLERANCE:
+                continue
+            placed = _from_pair(template[[first, second]], points[[i, j]], float(np.clip(scale, *_FIRST_SCALES)))
+            distances = np.linalg.norm(placed.apply(template)[:, None] - points[None], axis=-1).min(axis=1)
+            placements.append(placed)
+            costs.append(np.sum(np.minimum(distances, _FIRST_GATE_M) ** 2))
+    return [placements[k] for k in np.argsort(costs)[:_HYPOTHESES]]
+
+
+def _from_pair(template_pair: Array, point_pair: Array, scale: float) -> _Placement:
+    """Return the upright placement that lays one pair's direction, seen from above, and middle on the other's."""
+    source, target = template_pair[1] - template_pair[0], point_pair[1] - point_pair[0]
+    yaw = np.arctan2(target[0], target[2]) - np.arctan2(source[0], source[2])
+    cosine, sine = np.cos(yaw), np.sin(yaw)
+    turn = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
+    return _Placement(turn, point_pair.mean(axis=0) - scale * turn @ template_pair.mean(axis=0), scale)
+
+
+def _refined(points: Array, template: Array, placed: _Placement) -> tuple[float, tuple[IntArray, IntArray]]:
+    """Return cost and (points, markers) after assigning and placing in turn until nothing changes."""
+    gates = np.full((len(points), len(template)), _FIRST_GATE_M)
+    rows = columns = np.empty(0, dtype=np.int64)
+    distances = np.empty((len(points), len(template)))
+    for _ in range(_FIRST_ROUNDS):
+        distances = np.linalg.norm(points[:, None] - placed.apply(template)[None], axis=-1)
+        new_rows, new_columns = _assigned(distances, gates)
+        if len(new_rows) < 3 or (np.array_equal(new_rows, rows) and np.array_equal(new_columns, columns)):
+            rows, columns = new_rows, new_columns
+            break
+        rows, columns = new_rows, new_columns
+        placed = _similarity(template[columns], points[rows])
+    missed = len(template) - len(rows)
+    turned = np.arccos(np.clip(0.5 * (np.trace(placed.turn) - 1.0), -1.0, 1.0))
+    cost = np.sum(distances[rows, columns] ** 2) + missed * _FIRST_GATE_M**2
+    return float(cost + (_TURN_PENALTY_M * turned) ** 2 * len(template)), (rows, columns)
+
+
+def _similarity(source: Array, target: Array) -> _Placement:
+    """Return the least-squares placement with a scale (Umeyama 1991), the scale within bounds."""
+    source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)
+    p, q = source - source_mean, target - target_mean
+    u, sizes, vt = np.linalg.svd(q.T @ p)
+    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    turn = (u * signs) @ vt
+    scale = float(np.clip(np.sum(sizes * signs) / np.sum(p * p), *_FIRST_SCALES))
+    return _Placement(turn, target_mean - scale * turn @ source_mean, scale)
