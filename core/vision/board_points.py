@@ -15,8 +15,7 @@ from .rig_fit import CameraViews
 Array = NDArray[np.float64]
 
 _LAYOUT = (
-    "image_size [w, h], board_points_mm [[x, y], ...], "
-    "image_points_cam1 and image_points_cam2 [[[u, v], ...], ...]"
+    "image_size [w, h], board_points_mm [[x, y], ...], image_points_cam1 and image_points_cam2 [[[u, v], ...], ...]"
 )
 
 

@@ -1,0 +1,39 @@
+"""Images of all cameras at one moment."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import CaptureError
+
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class ImageSet:
+    """One image per camera.
+
+    Args:
+        number: frame number of the source.
+        times_s: when each image was taken, seconds.
+        images: per camera (height, width, 3) uint8 BGR.
+        notes: what went wrong, in plain words.
+    """
+
+    number: int
+    times_s: tuple[float, ...]
+    images: tuple[Image, ...]
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(self.times_s) != len(self.images) or not self.images:
+            raise CaptureError(
+                f"{len(self.images)} images with {len(self.times_s)} times", where=f"frame {self.number}"
+            )
+        for image in self.images:
+            if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+                raise CaptureError(
+                    f"an image has {image.dtype} values of shape {image.shape}, not 8-bit colour",
+                    where=f"frame {self.number}",
+                )

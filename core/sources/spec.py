@@ -1,0 +1,122 @@
+"""Opening an image source from its description, which can travel as JSON to the capture process.
+
+Kinds: {"kind": "simulated", ...} (see `simulate.studio.open_simulated`), {"kind": "videos", "paths": [...]},
+{"kind": "images", "paths": [...]}, {"kind": "cameras", "devices": [0, 1], "size": [640, 480]}; all take "fps".
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import CaptureError, SettingsError
+from .cameras import CameraSource
+from .images import ImageFileSource, is_image_pattern
+from .videos import VideoSource, is_stream
+
+Image = NDArray[np.uint8]
+
+
+class ImageSetLike(Protocol):
+    """What a source yields: number, one time and one image per camera."""
+
+    @property
+    def number(self) -> int:
+        """Frame number."""
+
+    @property
+    def times_s(self) -> tuple[float, ...]:
+        """Seconds, one per camera."""
+
+    @property
+    def images(self) -> tuple[Image, ...]:
+        """uint8 BGR, one per camera."""
+
+
+class ImageSource(Protocol):
+    """Anything that yields image sets."""
+
+    fps: float
+
+    def __iter__(self) -> Iterator[ImageSetLike]:
+        """Yield image sets in order."""
+
+    def close(self) -> None:
+        """Let the iteration end and give devices back."""
+
+
+def open_source(spec: Mapping[str, Any]) -> ImageSource:
+    """Return the source that a description names.
+
+    Raises:
+        SettingsError: the description is not one. CaptureError: the source cannot be opened.
+    """
+    kind = str(spec.get("kind", ""))
+    fps = _rate(spec)
+    if kind == "simulated":
+        from ..simulate.studio.source import open_simulated
+
+        simulated: ImageSource = open_simulated(spec)
+        return simulated
+    if kind == "videos":
+        return VideoSource(_list(spec, "paths"), fps or 30.0)
+    if kind == "images":
+        return ImageFileSource(_list(spec, "paths"), fps or 30.0)
+    if kind == "cameras":
+        size = spec.get("size")
+        return CameraSource(_list(spec, "devices"), (int(size[0]), int(size[1])) if size else None, fps)
+    raise SettingsError(f"unknown image source {kind!r}", advice="use simulated, videos, images or cameras")
+
+
+def open_image_source(*sources: str | Path, fps: float | None = None) -> ImageSource:
+    """Return a source from one text per camera: a video, a folder or pattern of images, a device number, an address.
+
+    Raises:
+        CaptureError: a text is none of these, or they are not all of one kind.
+    """
+    texts = [str(source) for source in sources]
+    kinds = [_kind(text) for text in texts]
+    if len(set(kinds)) != 1:
+        raise CaptureError(
+            "the cameras' sources are of different kinds: "
+            + ", ".join(f"{text} ({kind})" for text, kind in zip(texts, kinds, strict=True)),
+            advice="give two videos, two folders or patterns of images, or two device numbers",
+        )
+    if kinds[0] == "cameras":
+        return CameraSource([int(text) for text in texts], None, fps)
+    return open_source({"kind": kinds[0], "paths": texts, "fps": fps})
+
+
+def _kind(text: str) -> str:
+    if text.isdigit():
+        return "cameras"
+    if is_stream(text):
+        return "videos"
+    if is_image_pattern(text):
+        return "images"
+    path = Path(text)
+    if path.is_file():
+        return "videos"
+    what = "holds no image files" if path.is_dir() else "not found"
+    raise CaptureError(
+        what, where=text, advice="give a video, a folder, a pattern like take/*_1.jpg, a device number or an address"
+    )
+
+
+def _rate(spec: Mapping[str, Any]) -> float | None:
+    value = spec.get("fps")
+    if value is None:
+        return None
+    rate = float(value)
+    if not 0.1 <= rate <= 1000.0:
+        raise SettingsError(f"a frame rate of {rate:g} per second cannot be", advice="use 1 to 1000")
+    return rate
+
+
+def _list(spec: Mapping[str, Any], key: str) -> Sequence[Any]:
+    value = spec.get(key)
+    if not isinstance(value, list | tuple) or not value:
+        raise SettingsError(f"the image source lacks {key!r}")
+    return list(value)

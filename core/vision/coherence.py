@@ -1,0 +1,49 @@
+"""Where the points of the last frames should be now, without knowing what they are."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
+
+Array = NDArray[np.float64]
+
+_FASTEST_M_S = 12.0
+_JITTER_M = 0.05
+_FORGET_S = 0.5
+_DAMPING = 0.8
+
+
+class PointPredictor:
+    """Constant-velocity prediction of unlabelled points; forgets points not seen for half a second."""
+
+    def __init__(self) -> None:
+        self._points = np.empty((0, 3))
+        self._velocities = np.empty((0, 3))
+        self._seen_s = np.empty(0)
+
+    def predict(self, time_s: float) -> Array | None:
+        """Return expected positions (P, 3), None when nothing is known."""
+        if len(self._points) == 0:
+            return None
+        passed = np.clip(time_s - self._seen_s, 0.0, _FORGET_S)[:, None]
+        return np.asarray(self._points + self._velocities * passed)
+
+    def update(self, time_s: float, points_m: Array) -> None:
+        """Take the points (N, 3) that were found."""
+        points = np.asarray(points_m, dtype=np.float64)
+        velocities = np.zeros_like(points)
+        kept = np.ones(len(self._points), dtype=bool)
+        expected = self.predict(time_s)
+        if expected is not None and len(points):
+            distance = cdist(points, expected)
+            rows, columns = linear_sum_assignment(distance)
+            passed = np.maximum(time_s - self._seen_s, 1e-4)
+            near = distance[rows, columns] <= _JITTER_M + _FASTEST_M_S * passed[columns]
+            rows, columns = rows[near], columns[near]
+            velocities[rows] = _DAMPING * (points[rows] - self._points[columns]) / passed[columns, None]
+            kept[columns] = False
+        if len(self._seen_s):
+            kept &= time_s - self._seen_s < _FORGET_S
+        self._points = np.concatenate((points, self._points[kept]))
+        self._velocities = np.concatenate((velocities, self._velocities[kept]))
+        self._seen_s = np.concatenate((np.full(len(points), time_s), self._seen_s[kept]))

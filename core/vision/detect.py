@@ -1,0 +1,227 @@
+"""Markers in one image: blobs in the foreground with sub-pixel centres."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import CaptureError, SettingsError
+from .background import Background
+
+Image = NDArray[np.uint8]
+Float32 = NDArray[np.float32]
+Array = NDArray[np.float64]
+
+_POWER = 1.5  # of intensity in the centroid: between the plain centroid (noise at the rim) and the peak (few pixels)
+_SPLIT_LEVELS = (0.45, 0.6, 0.75)
+_ROUND_ENOUGH = 0.6
+_MEMORY = 0.9  # per frame, of the automatic threshold
+_USUAL_MARKERS = 8
+
+
+@dataclass(frozen=True)
+class DetectionSettings:
+    """How markers are found.
+
+    Args:
+        threshold: grey levels by which a pixel must differ from the background; None: found automatically.
+        sigmas: the same in standard deviations of the pixel; the larger of the two counts.
+        dilation_px: growth of the foreground, so that the soft rim of a marker belongs to it.
+        minimum_radius_px, maximum_radius_px: size of a marker in the image.
+        minimum_roundness: smallest ratio of a blob's short to its long axis (motion blur makes discs long).
+        relative_brightness: a blob dimmer than this share of the usual marker is no marker (automatic threshold).
+        maximum_blobs: at most so many, brightest first.
+    """
+
+    threshold: float | None = None
+    sigmas: float = 6.0
+    dilation_px: int = 1
+    minimum_radius_px: float = 0.8
+    maximum_radius_px: float = 40.0
+    minimum_roundness: float = 0.3
+    relative_brightness: float = 0.35
+    maximum_blobs: int = 100
+
+    def __post_init__(self) -> None:
+        if self.threshold is not None and not 1.0 <= self.threshold <= 250.0:
+            raise SettingsError(f"a threshold of {self.threshold:g} grey levels cannot be", advice="use 1 to 250")
+        if self.sigmas < 0.0 or not 0 <= self.dilation_px <= 10 or self.maximum_blobs < 1:
+            raise SettingsError("sigmas, dilation or number of blobs are out of range")
+        if not 0.0 < self.minimum_radius_px < self.maximum_radius_px:
+            raise SettingsError("the smallest marker radius must be positive and below the largest")
+
+
+_LOWEST_AUTOMATIC_THRESHOLD = 12.0
+
+
+class Detector:
+    """Finds markers in the images of one camera.
+
+    With an automatic threshold it keeps, from image to image, how bright this camera's markers are: cameras differ.
+    """
+
+    def __init__(self, background: Background | None = None, settings: DetectionSettings | None = None) -> None:
+        self.settings = settings or DetectionSettings()
+        self._usual_contrast = 0.0
+        self._low: Image | None = None
+        self._high: Image | None = None
+        self._grey: Float32 | None = None
+        self._threshold = self.settings.threshold or _LOWEST_AUTOMATIC_THRESHOLD
+        self._size: tuple[int, int] | None = None
+        if background is not None:
+            if self.settings.threshold is None:
+                self._threshold = max(_LOWEST_AUTOMATIC_THRESHOLD, self.settings.sigmas * background.noise)
+            self._low, self._high = background.band(self.settings.sigmas, self._threshold)
+            self._grey = _grey(background.mean)
+            self._size = background.image_size
+
+    @property
+    def threshold(self) -> float:
+        """Grey levels above the background from which a pixel may belong to a marker."""
+        return self._threshold
+
+    def foreground(self, image: Image) -> Image:
+        """Return the mask (0 or 255) of pixels where any channel differs from the background, dilated."""
+        if self._low is None or self._high is None:
+            level = int(self._threshold)
+            background = cv2.inRange(image, (0, 0, 0), (level, level, level))
+        else:
+            background = cv2.inRange(image, self._low, self._high)
+        mask = cv2.bitwise_not(background)
+        if self.settings.dilation_px:
+            side = 2 * self.settings.dilation_px + 1
+            mask = cv2.dilate(mask, np.ones((side, side), np.uint8))
+        return np.asarray(mask, dtype=np.uint8)
+
+    def detect(self, image: Image) -> Float32:
+        """Return blobs (n, 5): x, y (pixels), radius_px, brightness 0-255, hue 0-180; brightest first.
+
+        Raises:
+            CaptureError: the image's size is not the background's.
+        """
+        if self._size is not None and (image.shape[1], image.shape[0]) != self._size:
+            raise CaptureError(
+                f"the image is {image.shape[1]}x{image.shape[0]}, its background {self._size[0]}x{self._size[1]}",
+                advice="learn the background again",
+            )
+        count, components, stats, _ = cv2.connectedComponentsWithStats(self.foreground(image), connectivity=8)
+        blobs: list[_Blob] = []
+        for index in _possible(stats, count, self.settings):
+            left, top, width, height = (int(v) for v in stats[index, :4])
+            window = (slice(top, top + height), slice(left, left + width))
+            blobs += self._measure(image[window], window, components[window] == index, left, top)
+        return self._chosen(blobs)
+
+    def _measure(
+        self, colours: Image, window: tuple[slice, slice], mask: NDArray[np.bool_], left: int, top: int
+    ) -> "list[_Blob]":
+        contrast = _grey(colours)
+        if self._grey is not None:
+            contrast = contrast - self._grey[window]
+        contrast = np.where(mask, np.maximum(contrast, 0.0), 0.0)
+        peak = float(contrast.max())
+        if peak < self._threshold:
+            return []
+        blob = _blob(colours, contrast, left, top)
+        if blob.roundness >= _ROUND_ENOUGH:
+            parts = [blob]
+        else:
+            parts = [_blob(colours, part, left, top) for part in _split(contrast, peak)] or [blob]
+        s = self.settings
+        return [
+            p
+            for p in parts
+            if s.minimum_radius_px <= p.radius <= s.maximum_radius_px and p.roundness >= s.minimum_roundness
+        ]
+
+    def _chosen(self, blobs: "list[_Blob]") -> Float32:
+        blobs.sort(key=lambda blob: -blob.contrast)
+        if self.settings.threshold is None and blobs:
+            top = float(np.median([blob.contrast for blob in blobs[:_USUAL_MARKERS]]))
+            # follows at once when markers come nearer and get brighter, slowly when they leave or go dim
+            self._usual_contrast = max(top, _MEMORY * self._usual_contrast)
+            limit = self.settings.relative_brightness * min(top, self._usual_contrast)
+            blobs = [blob for blob in blobs if blob.contrast >= limit]
+        rows = [(b.x, b.y, b.radius, b.brightness, b.hue) for b in blobs[: self.settings.maximum_blobs]]
+        return np.array(rows, dtype=np.float32).reshape(-1, 5)
+
+
+@dataclass(frozen=True)
+class _Blob:
+    x: float
+    y: float
+    radius: float
+    brightness: float
+    hue: float
+    contrast: float
+    roundness: float
+
+
+def _possible(stats: NDArray[np.int32], count: int, settings: DetectionSettings) -> list[int]:
+    """Components whose box could hold a marker, or two that touch."""
+    if count <= 1:
+        return []
+    grown = 2 * settings.dilation_px
+    sides = stats[1:, 2:4] - grown
+    small = sides.max(axis=1) < max(1.0, 2.0 * settings.minimum_radius_px - 1.0)
+    large = sides.max(axis=1) > 4.0 * settings.maximum_radius_px
+    return [int(i) + 1 for i in np.flatnonzero(~small & ~large)]
+
+
+def _grey(colours: NDArray[np.uint8] | Float32) -> Float32:
+    """Mean of the channels; markers of any colour count alike."""
+    return np.asarray(colours.mean(axis=2, dtype=np.float32))
+
+
+def _blob(colours: Image, contrast: Float32, left: int, top: int) -> _Blob:
+    """Measure one blob from its contrast above the background (zero outside it)."""
+    rows, columns = np.nonzero(contrast)
+    values = contrast[rows, columns].astype(np.float64)
+    weights = values**_POWER
+    total = weights.sum()
+    x, y = float(weights @ columns / total), float(weights @ rows / total)
+    spread_x = float(weights @ (columns - x) ** 2 / total)
+    spread_y = float(weights @ (rows - y) ** 2 / total)
+    spread_xy = float(weights @ ((columns - x) * (rows - y)) / total)
+    mean, half = 0.5 * (spread_x + spread_y), np.hypot(0.5 * (spread_x - spread_y), spread_xy)
+    # a pixel's own extent (1/12) keeps the ratio of the smallest blobs in bounds
+    roundness = float(np.sqrt(max(mean - half, 0.0) + 1 / 12) / np.sqrt(mean + half + 1 / 12))
+    top_values = np.sort(values)[-max(1, len(values) // 8) :]
+    plateau = float(top_values.mean())
+    radius = float(np.sqrt(values.sum() / (np.pi * plateau)))
+    core = values >= 0.5 * plateau
+    colour = colours[rows[core], columns[core]].mean(axis=0)
+    return _Blob(left + x, top + y, radius, float(colour.max()), _hue(colour), plateau, roundness)
+
+
+def _hue(bgr: Array) -> float:
+    """Hue of a BGR colour, 0 to 180 as in OpenCV; 0 for grey."""
+    blue, green, red = (float(value) for value in bgr)
+    high, low = max(blue, green, red), min(blue, green, red)
+    if high - low < 1e-6:
+        return 0.0
+    if high == red:
+        sixth = (green - blue) / (high - low)
+    elif high == green:
+        sixth = 2.0 + (blue - red) / (high - low)
+    else:
+        sixth = 4.0 + (red - green) / (high - low)
+    return (sixth * 30.0) % 180.0
+
+
+def _split(contrast: Float32, peak: float) -> list[Float32]:
+    """Take apart markers that touch: at some higher level they are separate. Empty when they never are."""
+    for level in _SPLIT_LEVELS:
+        count, parts = cv2.connectedComponents((contrast >= level * peak).astype(np.uint8), connectivity=4)
+        sizes = np.bincount(parts.ravel(), minlength=count)[1:]
+        large = [i + 1 for i, size in enumerate(sizes) if size >= max(3, 0.15 * sizes.max())]
+        if len(large) >= 2:
+            distances = np.stack([_distance_to(parts == i) for i in large])
+            nearest = distances.argmin(axis=0)
+            return [np.where(nearest == i, contrast, np.float32(0.0)) for i in range(len(large))]
+    return []
+
+
+def _distance_to(mask: NDArray[np.bool_]) -> Float32:
+    return np.asarray(cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 3), dtype=np.float32)

@@ -1,0 +1,137 @@
+"""Images to marker frames: everything on the cameras' side of the process boundary."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera import CameraRig
+from ..errors import CaptureError
+from ..marker_frame import MarkerFrame
+from ..sources.spec import ImageSetLike
+from .background import Background, background_behind, learn_background
+from .coherence import PointPredictor
+from .detect import DetectionSettings, Detector
+from .stereo import Matches, StereoMatcher, StereoSettings
+
+Image = NDArray[np.uint8]
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PipelineSettings:
+    """How images become marker frames; `detection` may hold one entry for all cameras or one for each."""
+
+    detection: tuple[DetectionSettings, ...] = (DetectionSettings(),)
+    stereo: StereoSettings = field(default_factory=StereoSettings)
+
+
+class MarkerPipeline:
+    """Detection, correspondence and triangulation for one rig.
+
+    Backgrounds are learned by one of the `learn_*` methods, or left out in the dark.
+    """
+
+    def __init__(self, rig: CameraRig, settings: PipelineSettings | None = None) -> None:
+        self.rig = rig
+        self.settings = settings or PipelineSettings()
+        given = self.settings.detection
+        if len(given) not in (1, len(rig)):
+            raise CaptureError(f"{len(given)} detection settings for {len(rig)} cameras")
+        self._detection = given * len(rig) if len(given) == 1 else given
+        self._matcher = StereoMatcher(rig, self.settings.stereo)
+        self._predictor = PointPredictor()
+        self._prediction: Array | None = None
+        self.last_errors_px = np.empty((0, len(rig)))
+        self.set_backgrounds([None] * len(rig))
+
+    def set_backgrounds(self, backgrounds: Sequence[Background | None]) -> None:
+        """Use these backgrounds, one per camera (None: dark)."""
+        self._check_count(len(backgrounds))
+        pairs = zip(backgrounds, self._detection, strict=True)
+        self.detectors = tuple(Detector(background, settings) for background, settings in pairs)
+
+    def learn_empty(self, images: Iterable[tuple[Image, ...]]) -> None:
+        """Learn the backgrounds from frames without the performer: per moment one image per camera."""
+        moments = list(images)
+        self._check_moments(moments)
+        self.set_backgrounds([learn_background(column) for column in zip(*moments, strict=True)])
+
+    def learn_behind(self, images: Iterable[tuple[Image, ...]]) -> None:
+        """Learn the backgrounds from frames spread over a take with the performer in it."""
+        moments = list(images)
+        self._check_moments(moments)
+        self.set_backgrounds([background_behind(column) for column in zip(*moments, strict=True)])
+
+    def set_prediction(self, points_m: Array | None) -> None:
+        """Say where markers are expected in the next frame (P, 3), e.g. from the solved pose."""
+        self._prediction = None if points_m is None else np.asarray(points_m, dtype=np.float64)
+
+    def process(self, images: ImageSetLike) -> MarkerFrame:
+        """Return the markers of one image set.
+
+        Raises:
+            CaptureError: another number of images than cameras, or images of another size than the calibration's.
+        """
+        self._check_count(len(images.images))
+        self._check_sizes(images.images)
+        blobs = tuple(detector.detect(image) for detector, image in zip(self.detectors, images.images, strict=True))
+        time_s = float(np.mean(images.times_s))
+        normalised = self._matcher.undistort(blobs)
+        expected = self._prediction if self._prediction is not None else self._predictor.predict(time_s)
+        self._prediction = None
+        matches = self._matcher.match(blobs, normalised, expected)
+        self._predictor.update(time_s, matches.points_m)
+        self.last_errors_px = matches.errors_px
+        return self._frame(images, time_s, blobs, normalised, matches)
+
+    def _frame(
+        self,
+        images: ImageSetLike,
+        time_s: float,
+        blobs: tuple[NDArray[np.float32], ...],
+        normalised: Sequence[Array],
+        matches: Matches,
+    ) -> MarkerFrame:
+        single_cameras, single_blobs, single_points = [], [], []
+        for camera, coordinates in enumerate(normalised):
+            free = np.setdiff1d(np.arange(len(coordinates)), matches.blobs[:, camera])
+            single_cameras.append(np.full(len(free), camera, dtype=np.int64))
+            single_blobs.append(free.astype(np.int64))
+            single_points.append(coordinates[free])
+        return MarkerFrame(
+            number=int(images.number),
+            time_s=time_s,
+            points_m=matches.points_m,
+            covariances_m2=matches.covariances_m2,
+            blobs=blobs,
+            point_blobs=matches.blobs,
+            single_cameras=np.concatenate(single_cameras),
+            single_blobs=np.concatenate(single_blobs),
+            single_points=np.concatenate(single_points),
+            notes=tuple(getattr(images, "notes", ())),
+        )
+
+    def _check_count(self, count: int) -> None:
+        if count != len(self.rig):
+            raise CaptureError(
+                f"{count} image(s) for a calibration of {len(self.rig)} cameras",
+                advice="use a calibration of this set-up",
+            )
+
+    def _check_moments(self, moments: Sequence[tuple[Image, ...]]) -> None:
+        if not moments:
+            raise CaptureError("there are no images to learn the background from")
+        self._check_count(len(moments[0]))
+
+    def _check_sizes(self, images: Sequence[Image]) -> None:
+        for camera, image in zip(self.rig.cameras, images, strict=True):
+            size = (image.shape[1], image.shape[0])
+            if size != camera.image_size:
+                raise CaptureError(
+                    f"images are {size[0]}x{size[1]}, the calibration is for "
+                    f"{camera.image_size[0]}x{camera.image_size[1]}",
+                    where=f"camera {camera.name}",
+                    advice="record at the size of the calibration, or calibrate again",
+                )

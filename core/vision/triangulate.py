@@ -1,0 +1,68 @@
+"""3D points from pixels of two or more cameras, with covariance."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera import Camera
+
+Array = NDArray[np.float64]
+
+_GAUSS_NEWTON_STEPS = 3
+
+
+def triangulate(
+    cameras: Sequence[Camera], normalised: Array, weights: Array, pixel_sigma: float
+) -> tuple[Array, Array, Array]:
+    """Return points (N, 3), covariances (N, 3, 3) and reprojection errors (N, C) in pixels.
+
+    The point minimises the reprojection error (Hartley and Zisserman, Multiple View Geometry, 12.3): linear start,
+    then Gauss-Newton.
+
+    Args:
+        cameras: C calibrated cameras.
+        normalised: (N, C, 2) undistorted normalised coordinates; ignored where the weight is zero.
+        weights: (N, C) 1 where the camera sees the point, else 0; at least two ones in a row.
+        pixel_sigma: standard deviation of a centre along each axis, pixels.
+    """
+    observed = np.where(weights[..., None] > 0, normalised, 0.0)
+    points = _linear(cameras, observed, weights)
+    rotations = np.stack([camera.rotation for camera in cameras])
+    shifts = np.stack([camera.translation_m for camera in cameras])
+    focal = np.array([camera.focal_px for camera in cameras])
+    # pixel units: the distortion changes the scale by little over a marker's error
+    scale = weights * focal / pixel_sigma
+    for _ in range(_GAUSS_NEWTON_STEPS):
+        residual, jacobian = _residuals(rotations, shifts, points, observed, scale)
+        normal = np.einsum("ncki,nckj->nij", jacobian, jacobian)
+        gradient = np.einsum("ncki,nck->ni", jacobian, residual)
+        points = points - np.linalg.solve(normal, gradient[..., None])[..., 0]
+    residual, jacobian = _residuals(rotations, shifts, points, observed, scale)
+    covariances = np.linalg.inv(np.einsum("ncki,nckj->nij", jacobian, jacobian))
+    errors = np.linalg.norm(residual, axis=2) * pixel_sigma
+    return points, 0.5 * (covariances + covariances.transpose(0, 2, 1)), errors
+
+
+def _linear(cameras: Sequence[Camera], observed: Array, weights: Array) -> Array:
+    """Point nearest to all rays, in the least-squares sense."""
+    centres = np.stack([camera.centre_m for camera in cameras])
+    rays = np.stack([camera.rays(observed[:, i]) for i, camera in enumerate(cameras)], axis=1)
+    across = (np.eye(3) - rays[..., :, None] * rays[..., None, :]) * weights[..., None, None]
+    return np.asarray(np.linalg.solve(across.sum(axis=1), np.einsum("ncij,cj->ni", across, centres)[..., None])[..., 0])
+
+
+def _residuals(rotations: Array, shifts: Array, points: Array, observed: Array, scale: Array) -> tuple[Array, Array]:
+    """Return scaled errors (N, C, 2) and their derivatives by the point (N, C, 2, 3)."""
+    local = np.einsum("cij,nj->nci", rotations, points) + shifts
+    depth = np.where(np.abs(local[..., 2]) > 1e-6, local[..., 2], 1e-6)
+    projected = local[..., :2] / depth[..., None]
+    residual = (projected - observed) * scale[..., None]
+    rows = rotations[None, :, :2] - projected[..., None] * rotations[None, :, 2:3]
+    jacobian = rows / depth[..., None, None] * scale[..., None, None]
+    return residual, jacobian
+
+
+def depths(camera: Camera, points: Array) -> Array:
+    """Return the distance (N,) of points (N, 3) along the camera's axis."""
+    return np.asarray(points @ camera.rotation[2] + camera.translation_m[2])
