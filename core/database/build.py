@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -9,13 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import rotations as rot
-from ..errors import DatabaseError, PerfanimError
+from ..errors import DatabaseError
 from ..formats.archive import MotionFile, motion_files
-from ..motion import Motion, resampled
-from ..motion_files import read_motion_parts
 from ..skeleton import Skeleton
 from .labels import behaviour_of, subject_of
+from .reading import ReadClip, read_files
 from .store import Clip, write_database
 
 FloatArray = NDArray[np.float32]
@@ -36,22 +35,21 @@ class _Collected:
     skipped: list[dict[str, str]] = field(default_factory=list)
     frames: int = 0
 
-    def add(self, motion: Motion, file: MotionFile, source_fps: float) -> None:
-        skeleton = self._skeleton_index(motion.skeleton)
-        stop = self.frames + motion.frames
+    def add(self, clip: ReadClip, file: MotionFile) -> None:
+        stop = self.frames + len(clip.rotations)
         self.clips.append(
             Clip(
-                name=motion.name,
+                name=clip.name,
                 behaviour=behaviour_of(file.name, file.description),
                 subject=subject_of(file.name),
-                source_fps=source_fps,
+                source_fps=clip.source_fps,
                 start=self.frames,
                 stop=stop,
-                skeleton=skeleton,
+                skeleton=self._skeleton_index(clip.skeleton),
             )
         )
-        self.rotations.append(rot.continuous(motion.rotations).astype(np.float32))
-        self.positions.append(motion.root_positions_m.astype(np.float32))
+        self.rotations.append(clip.rotations)
+        self.positions.append(clip.root_positions_m)
         self.frames = stop
 
     def _skeleton_index(self, skeleton: Skeleton) -> int:
@@ -81,7 +79,7 @@ def build_database(
         sources: BVH and AMC files, folders and archives with such files and their ASF skeletons.
         out: database file; written only when all is read.
         exclude: globs on file names or stems to leave out.
-        workers: processes that read.
+        workers: processes that read (see `read_files`).
         progress: called with the fraction done and a text.
         cancelled: asked after every file; when true, nothing is written.
 
@@ -94,13 +92,19 @@ def build_database(
     """
     started = time.monotonic()
     collected = _Collected()
-    with motion_files(sources, exclude) as files:
+    with (
+        motion_files(sources, exclude) as files,
+        closing(read_files(files, fps, _SHORTEST_CLIP, workers)) as results,
+    ):
         for done, file in enumerate(files):
             if cancelled is not None and cancelled():
                 raise DatabaseError("was cancelled", where=str(out))
             if progress is not None:
                 progress(done / len(files), f"reading {file.name}")
-            _add_file(collected, file, fps)
+            result = next(results)
+            collected.skipped += [{"file": file.name, "reason": reason} for reason in result.reasons]
+            for clip in result.clips:
+                collected.add(clip, file)
     if not collected.clips:
         reasons = "; ".join(f"{row['file']}: {row['reason']}" for row in collected.skipped[:3])
         raise DatabaseError(
@@ -114,23 +118,6 @@ def build_database(
     collected.rotations.clear()
     write_database(out, fps, rotations, positions, collected.clips, collected.skeletons)
     return _report(collected, Path(out), fps, started)
-
-
-def _add_file(collected: _Collected, file: MotionFile, fps: float) -> None:
-    try:
-        parts, notes = read_motion_parts(file.path, file.skeleton, name=file.stem)
-    except PerfanimError as error:
-        reason = str(error).replace(str(file.path), file.name)
-        collected.skipped.append({"file": file.name, "reason": reason.removeprefix(f"{file.name}: ")})
-        return
-    collected.skipped += [{"file": file.name, "reason": note} for note in notes]
-    for part in parts:
-        at_rate = resampled(part, fps)
-        if at_rate.frames < _SHORTEST_CLIP:
-            reason = f"{part.name} has only {at_rate.frames} frames at {fps:g} frames per second"
-            collected.skipped.append({"file": file.name, "reason": reason})
-        else:
-            collected.add(at_rate, file, part.fps)
 
 
 def _report(collected: _Collected, out: Path, fps: float, started: float) -> dict[str, Any]:

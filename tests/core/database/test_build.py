@@ -1,0 +1,216 @@
+import io
+import json
+import shutil
+import tarfile
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from perfanim.core import rotations as rot
+from perfanim.core.cli.main import main
+from perfanim.core.database.build import build_database
+from perfanim.core.database.labels import behaviour_of, subject_of
+from perfanim.core.database.store import open_database
+from perfanim.core.errors import DatabaseError, FormatError
+from perfanim.core.formats.archive import skeleton_name
+from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.motion import Motion, resampled
+from perfanim.core.product_skeleton import default_skeleton, scaled
+
+
+def waving(name: str, frames: int = 31, fps: float = 30.0, height: float = 1.75) -> Motion:
+    skeleton = scaled(default_skeleton(), height / 1.75)
+    angle = np.sin(np.linspace(0.0, 6.0, frames))[:, None, None] * np.linspace(-0.5, 0.5, len(skeleton))[:, None]
+    rotations = rot.from_rotation_vector(angle * np.array([0.3, 0.5, 0.8]))
+    path = np.linspace(0.0, 1.0, frames)[:, None] * np.array([1.0, 0.0, 2.0]) + np.array([0.0, 0.9, 0.0])
+    return Motion(name, fps, skeleton, rotations, path)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    source = tmp_path / "motion"
+    (source / "b").mkdir(parents=True)
+    write_bvh(waving("walk_01"), source / "walk_01.bvh")
+    write_bvh(waving("run_02", 61, 60.0, 1.9), source / "b" / "run_02.bvh", "cm")
+    (source / "b" / "broken.bvh").write_text("HIERARCHY\nROOT a\n{")
+    (source / "b" / "notes.txt").write_text("not motion")
+    return source
+
+
+def test_database_holds_the_motion_at_its_rate(folder: Path, tmp_path: Path) -> None:
+    report = build_database([folder], tmp_path / "a.db", fps=60.0)
+    database = open_database(tmp_path / "a.db")
+    assert report["frames"] == database.frames == 61 + 61
+    assert report["clips"] == len(database.clips) == 2
+    assert report["bytes"] == (tmp_path / "a.db").stat().st_size
+    assert [(clip.name, clip.behaviour, clip.source_fps) for clip in database.clips] == [
+        ("run_02", "run", 60.0),
+        ("walk_01", "walk", 30.0),
+    ]
+    expected = resampled(waving("walk_01"), 60.0)
+    clip = database.clips[1]
+    found = database.local_rotations(slice(clip.start, clip.stop))
+    assert np.degrees(rot.angle_between(found, expected.rotations)).max() < 1e-3
+    np.testing.assert_allclose(database.root_positions_m[clip.start : clip.stop], expected.root_positions_m, atol=1e-5)
+    heights = [skeleton.offsets_m[2, 1] for skeleton in database.skeletons]
+    assert heights[0] / heights[1] == pytest.approx(1.9 / 1.75, abs=1e-4)
+
+
+def test_bad_files_are_skipped_with_the_reason(folder: Path, tmp_path: Path) -> None:
+    report = build_database([folder], tmp_path / "a.db")
+    assert [row["file"] for row in report["skipped"]] == ["motion/b/broken.bvh"]
+    assert "no MOTION section" in report["skipped"][0]["reason"]
+    assert str(tmp_path) not in report["skipped"][0]["reason"]
+
+
+def test_exclude_by_name_stem_or_folder(folder: Path, tmp_path: Path) -> None:
+    for pattern in ("run_02", "run*", "motion/b/*"):
+        report = build_database([folder], tmp_path / "a.db", exclude=[pattern])
+        assert report["clips"] == 1
+        assert report["behaviours"] == {"walk": 61}
+
+
+def test_frames_without_numbers_split_the_clip(folder: Path, tmp_path: Path) -> None:
+    path = folder / "walk_01.bvh"
+    lines = path.read_text().splitlines()
+    lines[-20] = "nan " + lines[-20].split(" ", 1)[1]
+    path.write_text("\n".join(lines) + "\n")
+    report = build_database([path], tmp_path / "a.db", fps=30.0)
+    assert report["frames"] == 30
+    assert report["clips"] == 2
+    assert report["skipped"] == [
+        {
+            "file": "walk_01.bvh",
+            "reason": "1 frames with numbers that are not finite left out, the first is frame 11",
+        }
+    ]
+
+
+def _zip(folder: Path, target: Path) -> Path:
+    with zipfile.ZipFile(target, "w") as archive:
+        for path in sorted(folder.rglob("*.*")):
+            archive.write(path, path.relative_to(folder.parent))
+    return target
+
+
+def _tar(folder: Path, target: Path) -> Path:
+    with tarfile.open(target, "w:xz") as archive:
+        archive.add(folder, folder.name)
+    return target
+
+
+def test_archives_hold_the_same_as_folders(folder: Path, tmp_path: Path) -> None:
+    plain = build_database([folder], tmp_path / "a.db")
+    for archive in (_zip(folder, tmp_path / "m.zip"), _tar(folder, tmp_path / "m.tar.xz")):
+        report = build_database([archive], tmp_path / "b.db")
+        assert (report["frames"], report["clips"]) == (plain["frames"], plain["clips"])
+        assert (tmp_path / "b.db").read_bytes()[-5000:] == (tmp_path / "a.db").read_bytes()[-5000:]
+
+
+def test_archive_members_cannot_lead_out(folder: Path, tmp_path: Path) -> None:
+    target = tmp_path / "evil.tar"
+    content = (folder / "walk_01.bvh").read_bytes()
+    with tarfile.open(target, "w") as archive:
+        member = tarfile.TarInfo("../../escaped.bvh")
+        member.size = len(content)
+        archive.addfile(member, io.BytesIO(content))
+    before = set(tmp_path.parent.rglob("escaped*"))
+    assert build_database([target], tmp_path / "a.db")["clips"] == 1
+    assert set(tmp_path.parent.rglob("escaped*")) == before
+
+
+@pytest.mark.parametrize("suffix", [".zip", ".tar.xz", ".tar.gz", ".tar"])
+def test_damaged_archive(folder: Path, tmp_path: Path, suffix: str) -> None:
+    target = tmp_path / f"m{suffix}"
+    if suffix == ".zip":
+        _zip(folder, target)
+    else:
+        with tarfile.open(target, "w:" + suffix[5:]) as archive:
+            archive.add(folder, folder.name)
+    target.write_bytes(target.read_bytes()[: target.stat().st_size // 2])
+    with pytest.raises(FormatError, match="damaged archive"):
+        build_database([target], tmp_path / "a.db")
+    assert not (tmp_path / "a.db").exists()
+
+
+def test_missing_source_and_nothing_usable(tmp_path: Path, folder: Path) -> None:
+    with pytest.raises(FormatError, match="is not there"):
+        build_database([tmp_path / "none"], tmp_path / "a.db")
+    with pytest.raises(DatabaseError, match="no usable motion"):
+        build_database([folder / "b" / "broken.bvh"], tmp_path / "a.db")
+    with pytest.raises(FormatError, match="neither motion nor an archive"):
+        build_database([folder / "b" / "notes.txt"], tmp_path / "a.db")
+    assert not (tmp_path / "a.db").exists()
+
+
+def test_cancelled_build_writes_nothing(folder: Path, tmp_path: Path) -> None:
+    steps: list[float] = []
+    with pytest.raises(DatabaseError, match="cancelled"):
+        build_database(
+            [folder], tmp_path / "a.db", progress=lambda f, _: steps.append(f), cancelled=lambda: len(steps) == 1
+        )
+    assert steps == [0.0]
+    assert not (tmp_path / "a.db").exists()
+
+
+def test_several_processes_give_the_same(folder: Path, tmp_path: Path) -> None:
+    one = build_database([folder], tmp_path / "a.db", workers=1)
+    two = build_database([folder], tmp_path / "b.db", workers=2)
+    assert (tmp_path / "a.db").read_bytes() == (tmp_path / "b.db").read_bytes()
+    assert one["skipped"] == two["skipped"]
+
+
+def test_skeleton_of_an_amc_file() -> None:
+    skeletons = ["x/14/14.asf", "x/15/15.asf", "x/16/other.asf"]
+    assert skeleton_name("x/14/14_02.amc", skeletons) == "x/14/14.asf"
+    assert skeleton_name("y/15_01.amc", skeletons) == "x/15/15.asf"
+    assert skeleton_name("x/16/16_01.amc", skeletons) == "x/16/other.asf"
+    assert skeleton_name("y/17_01.amc", skeletons) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "description", "behaviour", "subject"),
+    [
+        ("cmu/14/14_02.amc", "Boxing - fast", "boxing", "14"),
+        ("bandai/dataset-2/dataset-2_walk-turn-left_active_001.bvh", "", "walk-turn-left", "dataset-2 active"),
+        ("takes/FastRun2.bvh", "", "fast run", "takes"),
+    ],
+)
+def test_labels(name: str, description: str, behaviour: str, subject: str) -> None:
+    assert behaviour_of(name, description) == behaviour
+    assert subject_of(name) == subject
+
+
+def test_cmu_folder_with_descriptions(cmu_dir: Path, tmp_path: Path) -> None:
+    source = tmp_path / "cmu"
+    source.mkdir()
+    shutil.copytree(cmu_dir / "35", source / "35", copy_function=shutil.copy)
+    shutil.copy(cmu_dir / "index.tsv", source)
+    report = build_database([source], tmp_path / "a.db", exclude=["35_1*", "35_2*", "35_3*"])
+    database = open_database(tmp_path / "a.db")
+    assert report["skipped"] == []
+    assert "35_01" in [clip.name for clip in database.clips]
+    assert set(database.behaviours) <= {"walk", "run/jog", "run", "navigate around obstacles"}
+    assert {clip.subject for clip in database.clips} == {"35"}
+
+
+def test_amc_without_skeleton_is_skipped(cmu_dir: Path, tmp_path: Path, folder: Path) -> None:
+    shutil.copy(cmu_dir / "35" / "35_01.amc", folder)
+    report = build_database([folder], tmp_path / "a.db")
+    reasons = {row["file"]: row["reason"] for row in report["skipped"]}
+    assert "has no skeleton" in reasons["motion/35_01.amc"]
+
+
+def test_command_line(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["database", "build", str(folder), "--out", str(tmp_path / "a.db"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["frames"] == 122
+    assert main(["database", "info", str(tmp_path / "a.db"), "--json"]) == 0
+    info = json.loads(capsys.readouterr().out)
+    assert info["behaviours"] == {"run": 61, "walk": 61}
+    assert len(info["joints"]) == 29
+    assert main(["database", "build", str(tmp_path / "none"), "--out", str(tmp_path / "b.db")]) == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "is not there" in error
+    assert main(["database", "info", str(folder / "walk_01.bvh")]) == 1
