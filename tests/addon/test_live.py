@@ -1,0 +1,104 @@
+"""A capture in Blender without a window: the real worker, session, armature and action; the test plays the timer."""
+
+import sys
+import time
+from types import ModuleType
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+
+PATIENCE_S = 120.0
+
+
+@pytest.fixture
+def part(addon: ModuleType, extension: str) -> Any:
+    """Return a module of the add-on by its name."""
+
+    def find(name: str) -> Any:
+        return sys.modules[f"{extension}.perfanim_addon.{name}"]
+
+    return find
+
+
+def tick_until(capture: Any, condition: Any) -> None:
+    limit = time.monotonic() + PATIENCE_S
+    while not condition():
+        capture.tick(bpy.context)
+        assert time.monotonic() < limit, capture.line
+        time.sleep(1 / 60)
+
+
+def test_the_defaults_capture_a_new_character_into_one_action(part: Any) -> None:
+    live, states, database = part("live"), part("states"), part("operators.database")
+    bpy.context.scene.render.fps = 24
+    bpy.context.scene.frame_current = 11
+    prepare = [] if states.starter_database_path().exists() else database.starter_arguments()
+    capture = live.Capture(None, prepare)
+    try:
+        tick_until(capture, lambda: capture.run is not None and len(capture.run.poses) >= 60)
+        character = bpy.context.scene.perfanim.armature
+        assert character.type == "ARMATURE"
+        bone = character.pose.bones["lfemur"]
+        assert not np.allclose(bone.rotation_quaternion, (1, 0, 0, 0))
+        capture.stop()
+        tick_until(capture, lambda: capture.done)
+        text = capture.keep(bpy.context)
+    finally:
+        capture.close()
+    figures, poses = capture.run.statistics, capture.run.poses
+    assert figures.announced == figures.received == figures.solved == len(poses) >= 60
+    assert f"{len(poses)} frames recorded" in text
+    assert len(bpy.data.actions) == 1
+    times = part("actions").key_times(character)
+    seconds = np.array([pose.time_s for pose in poses])
+    np.testing.assert_allclose(times, 11 + 24 * (seconds - seconds[0]), atol=1e-3)
+    assert bpy.context.scene.frame_end >= times[-1]
+    for curve in bpy.data.actions[0].fcurves:
+        assert curve.data_path.endswith(("rotation_quaternion", "location"))
+        assert len(curve.keyframe_points) == len(poses)
+
+
+def test_stop_before_the_first_frame_leaves_the_old_action(part: Any) -> None:
+    live, character = part("live"), part("operators.character")
+    name = live.add_character(bpy.context, character.performer_skeleton(bpy.context.scene.perfanim))
+    armature = bpy.data.objects[name]
+    old = bpy.data.actions.new("Old")
+    armature.animation_data_create().action = old
+    prepare = [] if part("states").starter_database_path().exists() else part("operators.database").starter_arguments()
+    capture = live.Capture(None, prepare)
+    try:
+        tick_until(capture, lambda: capture.run is not None)
+        assert armature.animation_data.action is None  # so that it does not pull at the bones
+        capture.stop()
+        tick_until(capture, lambda: capture.done)
+        if capture.run.poses:
+            pytest.skip("the first frame came before the stop")
+        assert capture.keep(bpy.context) == ""
+    finally:
+        capture.close()
+    assert armature.animation_data.action is old
+
+
+def test_a_character_deleted_while_capturing_does_not_lose_the_take(part: Any) -> None:
+    live = part("live")
+    prepare = [] if part("states").starter_database_path().exists() else part("operators.database").starter_arguments()
+    capture = live.Capture(None, prepare)
+    errors = sys.modules[live.__name__.replace("perfanim_addon.live", "core.errors")]
+    try:
+        tick_until(capture, lambda: capture.run is not None and len(capture.run.poses) >= 10)
+        bpy.data.objects.remove(bpy.context.scene.perfanim.armature)
+        with pytest.raises(errors.CharacterError, match="there is no object"):
+            tick_until(capture, lambda: capture.done)
+        text = capture.keep(bpy.context)
+    finally:
+        capture.close()
+    assert "frames recorded" in text
+    assert len(bpy.data.actions) == 1
+
+
+def test_times_that_stand_still_are_spread(part: Any) -> None:
+    times = part("live").increasing(np.array([0.0, 0.1, 0.1, 0.05, 0.2]))
+    assert np.all(np.diff(times) > 0)
+    np.testing.assert_allclose(times, [0.0, 0.1, 0.1, 0.1, 0.2], atol=1e-3)

@@ -1,0 +1,103 @@
+"""What the panels say about good and bad settings."""
+
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import bpy
+import pytest
+from perfanim.core.camera import save_rig
+from perfanim.core.marker_set import Subject, load_marker_set, save_subject
+from perfanim.core.product_skeleton import default_skeleton
+from perfanim.core.simulate.studio.rig import default_rig
+
+
+@pytest.fixture
+def states(addon: ModuleType, extension: str) -> Any:
+    return sys.modules[f"{extension}.perfanim_addon.states"]
+
+
+@pytest.fixture
+def chosen(addon: ModuleType) -> Any:
+    return bpy.context.scene.perfanim
+
+
+def test_the_defaults_are_ready(states: Any, chosen: Any) -> None:
+    assert states.first_problem(chosen) == ""
+    assert [step(chosen).ready for step in states.STEPS] == [True] * 5
+
+
+def test_files_that_are_missing_or_bad_are_named(states: Any, chosen: Any, tmp_path: Path) -> None:
+    chosen.source = "VIDEOS"
+    assert "left camera" in states.first_problem(chosen)
+    chosen.left_video = chosen.right_video = str(tmp_path / "no.mp4")
+    assert "no.mp4: not found" in states.first_problem(chosen)
+    video = tmp_path / "yes.mp4"
+    video.touch()
+    chosen.left_video = chosen.right_video = str(video)
+    assert "calibrate the cameras" in states.first_problem(chosen)
+    bad = tmp_path / "bad.toml"
+    bad.write_text("this is not toml")
+    chosen.calibration = str(bad)
+    assert "bad.toml" in states.first_problem(chosen)
+    save_rig(default_rig(), bad)
+    assert "calibrate the performer" in states.first_problem(chosen)
+    chosen.subject = str(bad)
+    assert "not a subject" in states.first_problem(chosen)
+    good = tmp_path / "anna.toml"
+    save_subject(Subject("Anna", default_skeleton(), load_marker_set("boxing"), 0.006), good)
+    chosen.subject = str(good)
+    assert states.performer(chosen).text == "Anna, 6 mm"
+    assert states.first_problem(chosen) == ""
+    chosen.database = str(tmp_path / "none.perfdb")
+    assert "none.perfdb" in states.first_problem(chosen)
+    empty = tmp_path / "empty.perfdb"
+    empty.touch()
+    chosen.database = str(empty)
+    assert "not a motion database" in states.first_problem(chosen)
+
+
+def test_missing_bones_are_named(states: Any, chosen: Any) -> None:
+    armature = bpy.data.objects.new("Other", bpy.data.armatures.new("Other"))
+    bpy.context.scene.collection.objects.link(armature)
+    chosen.armature = armature
+    problem = states.first_problem(chosen)
+    assert "Other lacks the bones root, lfemur" in problem
+    assert "and 25 more" in problem
+
+
+def test_only_armatures_can_be_picked(chosen: Any) -> None:
+    mesh = bpy.data.objects.new("Box", bpy.data.meshes.new("Box"))
+    pick = chosen.bl_rna.properties["armature"]
+    assert pick.fixed_type.identifier == "Object"
+    bpy.context.scene.collection.objects.link(mesh)
+    properties = sys.modules[type(chosen).__module__]
+    assert not properties._is_armature(chosen, mesh)
+
+
+def test_a_marker_set_of_the_users_own(states: Any, chosen: Any, tmp_path: Path) -> None:
+    assert states.markers(chosen).text == "9 markers"
+    chosen.marker_set_file = str(tmp_path / "mine.toml")
+    assert "mine.toml" in states.first_problem(chosen)
+
+
+def test_opening_bad_files_reports_and_keeps_the_old(chosen: Any, tmp_path: Path) -> None:
+    bad = tmp_path / "bad.toml"
+    bad.write_text("x = 1")
+    for operator, prop in (
+        ("open_calibration", "calibration"),
+        ("open_subject", "subject"),
+        ("open_database", "database"),
+    ):
+        with pytest.raises(RuntimeError, match=r"bad\.toml"):
+            getattr(bpy.ops.perfanim, operator)("EXEC_DEFAULT", filepath=str(bad))
+        assert getattr(chosen, prop) == ""
+
+
+def test_long_messages_are_cut_into_lines(extension: str, addon: ModuleType) -> None:
+    panels = sys.modules[f"{extension}.perfanim_addon.panels"]
+    text = "/a/very/long/path/" + "x" * 100 + " is not a motion database; build it again"
+    lines = panels.wrapped(text)
+    assert all(len(line) <= panels.MESSAGE_WIDTH for line in lines)
+    assert "".join(lines).replace(" ", "") == text.replace(" ", "")
