@@ -289,6 +289,6 @@ def _shoe(figure: Figure, side: str) -> list[Loft]:
     )  # fmt: skip
     collar = Loft(
         f.off(ankle, 0.0, -0.030, -0.004), ankle + 0.20 * (f.joint(side + "tibia") - ankle), (0.0, 0.6, 1.0),
-        f.sized(0.036, 0.036, 0.037), f.sized(0.043, 0.040, 0.038), across=(-1.0, 0.0, 0.0), blend=0.03 * f.scale,
+        f.sized(0.036, 0.034, 0.032), f.sized(0.043, 0.038, 0.033), across=(-1.0, 0.0, 0.0), blend=0.03 * f.scale,
     )  # fmt: skip
     return [sole, collar]
