@@ -18,6 +18,10 @@ _SPLIT_LEVELS = (0.45, 0.6, 0.75)
 _ROUND_ENOUGH = 0.6
 _MEMORY = 0.9  # per frame, of the automatic threshold
 _USUAL_MARKERS = 8
+_SPOT_KERNEL = np.ones((11, 11), np.uint8)  # wider than a marker on a performer who is seen whole at 640x480
+_LOWEST_SPOT_CONTRAST = 40.0  # against the body, which is lit and creased
+_SPOT_BRIGHTNESS = 0.85  # of the usual spot's: reflectors are brighter than skin and cloth
+_RIM_SHARE = 0.15
 
 
 @dataclass(frozen=True)
@@ -38,7 +42,7 @@ class DetectionSettings:
     sigmas: float = 6.0
     dilation_px: int = 1
     minimum_radius_px: float = 0.8
-    maximum_radius_px: float = 40.0
+    maximum_radius_px: float = 12.0
     minimum_roundness: float = 0.3
     relative_brightness: float = 0.35
     maximum_blobs: int = 100
@@ -107,11 +111,44 @@ class Detector:
             )
         count, components, stats, _ = cv2.connectedComponentsWithStats(self.foreground(image), connectivity=8)
         blobs: list[_Blob] = []
-        for index in _possible(stats, count, self.settings):
+        for index, may_be_marker in _candidates(stats, count, self.settings):
             left, top, width, height = (int(v) for v in stats[index, :4])
             window = (slice(top, top + height), slice(left, left + width))
-            blobs += self._measure(image[window], window, components[window] == index, left, top)
+            mask = components[window] == index
+            found = self._measure(image[window], window, mask, left, top) if may_be_marker else []
+            # what is no marker as a whole is the performer, or a part, who wears some
+            blobs += found or self._measure_on_body(image[window], window, mask, left, top)
         return self._chosen(blobs)
+
+    def _measure_on_body(
+        self, colours: Image, window: tuple[slice, slice], mask: NDArray[np.bool_], left: int, top: int
+    ) -> "list[_Blob]":
+        """Markers on a performer in a lit room: bright spots on a component too large to be a marker itself."""
+        grey = _grey(colours)
+        if self._grey is not None:  # what is no brighter than the empty room is the room beside a limb
+            mask = mask & (grey - self._grey[window] >= self._threshold)
+        contrast = np.where(mask, cv2.morphologyEx(grey, cv2.MORPH_TOPHAT, _SPOT_KERNEL), 0.0).astype(np.float32)
+        spots = cv2.dilate((contrast >= max(self._threshold, _LOWEST_SPOT_CONTRAST)).astype(np.uint8), np.ones((3, 3)))
+        count, parts, stats, _ = cv2.connectedComponentsWithStats(spots, connectivity=8)
+        blobs = []
+        for index, _ in _candidates(stats, count, self.settings):
+            x, y, width, height = (int(v) for v in stats[index, :4])
+            box = (slice(y, y + height), slice(x, x + width))
+            part = _above_skin(np.where(parts[box] == index, contrast[box], np.float32(0.0)))
+            blob = _blob(colours[box], part, left + x, top + y)
+            pieces = _split(part, float(part.max())) if blob.roundness < _ROUND_ENOUGH else []
+            blobs += [_blob(colours[box], piece, left + x, top + y) for piece in pieces] or [blob]
+        brightest = sorted((blob.brightness for blob in blobs), reverse=True)[:_USUAL_MARKERS]
+        limit = _SPOT_BRIGHTNESS * float(np.median(brightest)) if brightest else 0.0
+        return self._fitting([blob for blob in blobs if blob.brightness >= limit])
+
+    def _fitting(self, blobs: "list[_Blob]") -> "list[_Blob]":
+        s = self.settings
+        return [
+            b
+            for b in blobs
+            if s.minimum_radius_px <= b.radius <= s.maximum_radius_px and b.roundness >= s.minimum_roundness
+        ]
 
     def _measure(
         self, colours: Image, window: tuple[slice, slice], mask: NDArray[np.bool_], left: int, top: int
@@ -128,12 +165,7 @@ class Detector:
             parts = [blob]
         else:
             parts = [_blob(colours, part, left, top) for part in _split(contrast, peak)] or [blob]
-        s = self.settings
-        return [
-            p
-            for p in parts
-            if s.minimum_radius_px <= p.radius <= s.maximum_radius_px and p.roundness >= s.minimum_roundness
-        ]
+        return self._fitting(parts)
 
     def _chosen(self, blobs: "list[_Blob]") -> Float32:
         blobs.sort(key=lambda blob: -blob.contrast)
@@ -158,15 +190,14 @@ class _Blob:
     roundness: float
 
 
-def _possible(stats: NDArray[np.int32], count: int, settings: DetectionSettings) -> list[int]:
-    """Components whose box could hold a marker, or two that touch."""
+def _candidates(stats: NDArray[np.int32], count: int, settings: DetectionSettings) -> list[tuple[int, bool]]:
+    """Components to look at, and whether their box could hold a marker, or two that touch, and nothing else."""
     if count <= 1:
         return []
-    grown = 2 * settings.dilation_px
-    sides = stats[1:, 2:4] - grown
+    sides = stats[1:, 2:4] - 2 * settings.dilation_px
     small = sides.max(axis=1) < max(1.0, 2.0 * settings.minimum_radius_px - 1.0)
     large = sides.max(axis=1) > 4.0 * settings.maximum_radius_px
-    return [int(i) + 1 for i in np.flatnonzero(~small & ~large)]
+    return [(int(i) + 1, not large[i]) for i in np.flatnonzero(~small)]
 
 
 def _grey(colours: NDArray[np.uint8] | Float32) -> Float32:
@@ -208,6 +239,26 @@ def _hue(bgr: Array) -> float:
     else:
         sixth = 4.0 + (red - green) / (high - low)
     return (sixth * 30.0) % 180.0
+
+
+def _above_skin(contrast: Float32) -> Float32:
+    """Return what rises above the body in a spot's window.
+
+    Where a thin part of the body (a hand) stands out from what is behind it as well, two levels are found, skin and
+    marker; what lies below the middle of the two is skin. Else only the lowest part, the rim, is taken off.
+    """
+    values = contrast[contrast > 0.0]
+    level = _RIM_SHARE * float(values.max())
+    middle = 0.5 * float(values.max() + values.min())
+    for _ in range(8):  # two means
+        upper, lower = values[values >= middle], values[values < middle]
+        if len(upper) == 0 or len(lower) == 0:
+            break
+        middle = 0.5 * float(upper.mean() + lower.mean())
+    else:
+        if len(lower) > 1.2 * len(upper):
+            level = float(lower.mean() + 0.35 * (upper.mean() - lower.mean()))
+    return np.maximum(contrast - np.float32(level), np.float32(0.0))
 
 
 def _split(contrast: Float32, peak: float) -> list[Float32]:
