@@ -159,7 +159,7 @@ def _leg(figure: Figure, side: str) -> list[Loft]:
     )  # fmt: skip
     shank = Loft(
         knee, ankle, (0.00, 0.14, 0.32, 0.55, 0.80, 0.93),
-        f.sized(0.054, 0.055, 0.058, 0.051, 0.044, 0.0465), f.sized(0.058, 0.060, 0.064, 0.055, 0.047, 0.050),
+        f.sized(0.054, 0.055, 0.058, 0.051, 0.042, 0.0360), f.sized(0.058, 0.060, 0.064, 0.055, 0.045, 0.0390),
         f.sized(0.004, -0.004, -0.013, -0.009, -0.004, -0.003), across=(1.0, 0.0, 0.0),
         caps=f.sized(0.05, 0.012), blend=0.006 * f.scale, power=2.1,
     )  # fmt: skip
@@ -288,7 +288,7 @@ def _shoe(figure: Figure, side: str) -> list[Loft]:
         across=across, caps=f.sized(0.026, 0.022), power=2.7,
     )  # fmt: skip
     collar = Loft(
-        f.off(ankle, 0.0, -0.030, -0.004), ankle + 0.20 * (f.joint(side + "tibia") - ankle), (0.0, 0.6, 1.0),
-        f.sized(0.036, 0.034, 0.032), f.sized(0.043, 0.038, 0.033), across=(-1.0, 0.0, 0.0), blend=0.03 * f.scale,
+        f.off(ankle, 0.0, -0.030, -0.004), f.off(ankle, 0.0, 0.052, -0.004), (0.0, 0.6, 1.0),
+        f.sized(0.038, 0.046, 0.048), f.sized(0.045, 0.050, 0.051), across=(-1.0, 0.0, 0.0), blend=0.03 * f.scale,
     )  # fmt: skip
     return [sole, collar]
