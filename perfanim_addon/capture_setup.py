@@ -1,21 +1,17 @@
-"""From the settings of the panels to a running capture: the worker's request and the session that solves its frames."""
+"""From the settings of the panels to what the worker is asked for."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ..core.camera import CameraRig
 from ..core.errors import CaptureError, PerfanimError
-from ..core.marker_set import MarkerSet, Subject
+from ..core.marker_set import MarkerSet, Subject, save_subject
 from ..core.product_skeleton import default_skeleton
-from ..core.simulate.studio.rig import default_rig
+from ..core.skeleton import Skeleton
 from ..core.worker.client import WorkerClient
 from . import states
 from .capture_state import CaptureRun
-from .place import absolute
-
-if TYPE_CHECKING:
-    from ..core.session import Session
+from .place import absolute, user_folder
 
 SIMULATED_HEIGHT_M = 1.75
 
@@ -26,17 +22,15 @@ class Setup:
 
     Args:
         request: what the worker is asked for.
-        subject: who performs.
-        session: solves the frames.
+        skeleton: the performer's, to which the poses are relative.
     """
 
     request: dict[str, Any]
-    subject: Subject
-    session: "Session"
+    skeleton: Skeleton
 
     def start(self, python: str | None) -> CaptureRun:
         """Start the worker; `python` is its interpreter, None for Blender's own."""
-        return CaptureRun(WorkerClient(self.request, python), self.session)
+        return CaptureRun(WorkerClient(self.request, python))
 
 
 def make(settings: Any) -> Setup:
@@ -45,21 +39,22 @@ def make(settings: Any) -> Setup:
     Raises:
         PerfanimError: a file is missing or bad.
     """
-    from ..core.session import Session  # with what it needs of scipy too much for every start of Blender
-
+    simulated = settings.source == "SIMULATED"
     marker_set = _good(states.marker_set(settings))
-    rig = _rig(settings)
-    subject = _subject(settings, marker_set)
-    database = _good(states.database(str(states.database_path(settings))))
-    request = {
-        "job": "capture",
+    if not simulated:
+        _good(states.rig(absolute(settings.calibration)))
+    database_path = str(states.database_path(settings))
+    _good(states.database(database_path))
+    subject_path = absolute(settings.subject) or _simulated_subject(marker_set)
+    subject: Subject = _good(states.subject(subject_path))
+    cameras = {
         "source": source(settings),
-        "rig": absolute(settings.calibration) if settings.source != "SIMULATED" else None,
+        "rig": None if simulated else absolute(settings.calibration),
         "background_s": float(settings.background_s),
         "threshold": None if settings.threshold_auto else float(settings.threshold),
-        "markers": len(subject.marker_set),
     }
-    return Setup(request, subject, Session(subject, database, rig))
+    request = {"job": "capture", "cameras": cameras, "subject": subject_path, "database": database_path}
+    return Setup(request, subject.skeleton)
 
 
 def _good(found: Any) -> Any:
@@ -68,18 +63,11 @@ def _good(found: Any) -> Any:
     return found
 
 
-def _rig(settings: Any) -> CameraRig:
-    if settings.source == "SIMULATED":
-        return default_rig()
-    rig: CameraRig = _good(states.rig(absolute(settings.calibration)))
-    return rig
-
-
-def _subject(settings: Any, marker_set: MarkerSet) -> Subject:
-    if settings.subject:
-        subject: Subject = _good(states.subject(absolute(settings.subject)))
-        return subject
-    return Subject("Simulated performer", default_skeleton(SIMULATED_HEIGHT_M), marker_set)
+def _simulated_subject(marker_set: MarkerSet) -> str:
+    """Write the simulated performer's true body and markers; return the file."""
+    path = user_folder("subjects") / f"simulated-{marker_set.name}.toml"
+    save_subject(Subject("Simulated performer", default_skeleton(SIMULATED_HEIGHT_M), marker_set), path)
+    return str(path)
 
 
 def source(settings: Any) -> dict[str, Any]:

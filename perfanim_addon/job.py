@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import Any
 
-from ..core.errors import CaptureError
 from ..core.worker.client import WorkerClient
 from ..core.worker.protocol import Message, MessageKind
 
@@ -37,7 +36,7 @@ class Job:
             self._take(message)
 
     def _take(self, message: Message) -> None:
-        content = message.json() if message.kind is not MessageKind.FRAME else {}
+        content = message.json()
         if message.kind is MessageKind.STATUS:
             self.text = str(content.get("activity", self.text))
             fraction = content.get("fraction")
@@ -45,9 +44,7 @@ class Job:
         elif message.kind is MessageKind.RESULT:
             self.summary = content
         elif message.kind is MessageKind.ERROR:
-            raise CaptureError(
-                str(content.get("what")), where=str(content.get("where")), advice=str(content.get("advice"))
-            )
+            raise message.error()
 
     def close(self) -> None:
         """End the worker."""

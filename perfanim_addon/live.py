@@ -81,7 +81,7 @@ class Capture:
         """Open the database, add a character if none is chosen, and start the worker."""
         chosen = settings(context)
         setup = capture_setup.make(chosen)
-        self._skeleton = setup.subject.skeleton
+        self._skeleton = setup.skeleton
         self._start_frame = float(context.scene.frame_current)
         self.run = setup.start(self._python)  # it starts up while the character is made
         if chosen.armature is None:

@@ -204,16 +204,16 @@ class PERFANIM_PT_capture(bpy.types.Panel):
             draw_progress(layout, capture.job.fraction if capture.job else 0.0, capture.line)
             return
         figures = run.statistics
-        if figures.solved == 0 and run.fraction is not None:
+        if figures.received == 0 and run.fraction is not None:
             draw_progress(layout, run.fraction, run.activity)
         grid = layout.grid_flow(columns=2, even_columns=True, row_major=True)
         grid.label(text=f"{figures.frames_per_s:.0f} frames/s")
         grid.label(text=f"{figures.latency_s * 1000:.0f} ms latency")
-        grid.label(text=f"{figures.solved} frames")
+        grid.label(text=f"{figures.received} frames")
         grid.label(text=f"{figures.lost} dropped")
         draw_progress(layout, figures.confidence, f"Confidence {figures.confidence:.0%}")
-        if run.behind:
-            layout.label(text=f"{run.behind} frames behind", icon="SORTTIME")
+        if figures.waiting > 1:
+            layout.label(text=f"Solver {figures.waiting} frames behind", icon="SORTTIME")
         if run.notice:
             draw_text(layout, run.notice, "ERROR")
 

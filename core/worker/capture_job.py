@@ -1,107 +1,126 @@
-"""Live capture in the worker: images to marker frames until STOP or the end of the source.
+"""A live capture: marker frames from the cameras' process through one session, poses to Blender.
 
-Request: "source" (see `sources.spec`), "rig" (calibration file; null for the simulated performer, whose cameras are
-known), "background_s" (seconds in which the empty room is learned, cameras only), "threshold" (grey levels or null).
+Three processes share the work: the cameras' (OpenCV), this one (the solver) and Blender, whose only thread then has
+nothing to do but to put poses on the armature, so that the window stays as quick as without a capture. Every marker
+frame that the cameras' process hands over is solved here in order and handed on; nobody drops or waits.
+
+Request: "cameras" (request of `camera_job`), "subject" (file), "database" (file), "settings" (of `SolveSettings`).
 """
 
 import os
 import time
-from collections.abc import Iterator, Mapping
-from itertools import islice
+from collections import deque
+from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..camera import CameraRig, load_rig
-from ..errors import CaptureError
-from ..sources.spec import ImageSetLike, ImageSource, open_source
-from ..vision.detect import DetectionSettings
-from ..vision.pipeline import MarkerPipeline, PipelineSettings
+from ..database.store import open_database
+from ..errors import CaptureError, PerfanimError, SettingsError
+from ..marker_set import load_subject
+from ..session import Session
+from ..simulate.studio.rig import default_rig
+from ..solver.settings import SolveSettings
 from .channel import Channel
+from .client import WorkerClient
+from .protocol import Message, MessageKind, SolvedPose
 
-Image = NDArray[np.uint8]
-
-_EMPTY_FRAMES = 30  # of the simulated room
-_SPREAD_FRAMES = 40  # of a recorded take, which shows the performer
-_SIMULATION_NICENESS = 10
+STOP_LIMIT_S = 5.0
+_IDLE_S = 0.001
+_LOW_PRIORITY = 15
 
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:
-    """Hand over marker frames.
+    """Hand over poses until STOP or the end of the source.
 
     Raises:
-        PerfanimError: the source cannot be opened, stops giving images, or does not fit the calibration.
+        PerfanimError: a file is bad, or the cameras' process failed.
     """
-    spec = dict(request["source"])
-    kind = str(spec.get("kind", ""))
+    cameras = dict(request["cameras"])
+    if cameras["source"].get("kind") != "cameras":
+        _give_way()
     channel.send_status("opening the cameras")
-    source = open_source(spec)
+    client = WorkerClient({**cameras, "job": "cameras"})
     try:
-        pipeline = MarkerPipeline(_rig(request, source), _settings(request))
-        _learn(pipeline, source, kind, float(request.get("background_s", 2.0)), channel)
-        if kind == "simulated":
-            _give_way()
-        channel.send_status("waiting for images")
-        for images in _paced(source, kind in ("videos", "images")):
-            if channel.stop_requested.is_set():
-                break
-            stamp_s = time.perf_counter()
-            channel.send_frame(stamp_s, pipeline.process(images))
+        _Relay(client, _session(request, cameras), channel).run()
     finally:
-        source.close()
-
-
-def _rig(request: Mapping[str, Any], source: ImageSource) -> CameraRig:
-    if request.get("rig"):
-        return load_rig(str(request["rig"]))
-    rig = getattr(source, "rig", None)
-    if not isinstance(rig, CameraRig):
-        raise CaptureError("the cameras are not calibrated", advice="calibrate them first")
-    return rig
-
-
-def _settings(request: Mapping[str, Any]) -> PipelineSettings:
-    threshold = request.get("threshold")
-    detection = DetectionSettings(threshold=None if threshold is None else float(threshold))
-    return PipelineSettings(detection=(detection,))
-
-
-def _learn(pipeline: MarkerPipeline, source: Any, kind: str, seconds: float, channel: Channel) -> None:
-    """Learn the backgrounds in the way that the kind of source allows."""
-    if kind == "simulated":
-        pipeline.learn_empty(_reported(source.background_frames(_EMPTY_FRAMES), _EMPTY_FRAMES, "", channel))
-    elif kind == "cameras":
-        count = max(2, round(seconds * source.fps))
-        pipeline.learn_empty(_reported(source.samples(count), count, ": stay out of sight", channel))
-    else:
-        moments = list(_reported(source.samples(_SPREAD_FRAMES), _SPREAD_FRAMES, "", channel))
-        if moments:  # a stream cannot be looked through beforehand
-            pipeline.learn_behind(moments)
-
-
-def _reported(
-    moments: Iterator[tuple[Image, ...]], count: int, hint: str, channel: Channel
-) -> Iterator[tuple[Image, ...]]:
-    for number, images in enumerate(islice(moments, count)):
-        if channel.stop_requested.is_set():
-            raise CaptureError("stopped while the background was learned")
-        channel.send_status("learning the background" + hint, number / count)
-        yield images
-
-
-def _paced(source: ImageSource, recorded: bool) -> Iterator[ImageSetLike]:
-    """Yield image sets; recorded ones at the speed at which they were taken (later when the machine is too slow)."""
-    start_s, first_s = time.perf_counter(), None
-    for images in source:
-        if recorded:
-            moment_s = float(np.mean(images.times_s))
-            first_s = moment_s if first_s is None else first_s
-            time.sleep(max(0.0, start_s + moment_s - first_s - time.perf_counter()))
-        yield images
+        client.close()
 
 
 def _give_way() -> None:
-    """Let Blender go first: drawing the simulated performer is worth less than a window that moves."""
+    """Let Blender go first: recorded and simulated images can wait, a window cannot (real cameras cannot either)."""
     if hasattr(os, "nice"):
-        os.nice(_SIMULATION_NICENESS)
+        os.nice(_LOW_PRIORITY)
+
+
+def _session(request: Mapping[str, Any], cameras: Mapping[str, Any]) -> Session:
+    try:
+        settings = SolveSettings(**request.get("settings", {}))
+    except TypeError as error:
+        raise SettingsError(str(error), where="solver") from error
+    subject, database = load_subject(request["subject"]), open_database(request["database"])
+    return Session(subject, database, _rig(cameras), settings)
+
+
+def _rig(cameras: Mapping[str, Any]) -> CameraRig:
+    return load_rig(str(cameras["rig"])) if cameras.get("rig") else default_rig()
+
+
+class _Relay:
+    """Takes messages of the cameras' process, solves frames, hands everything on."""
+
+    def __init__(self, client: WorkerClient, session: Session, channel: Channel) -> None:
+        self._client = client
+        self._session = session
+        self._channel = channel
+        self._pending: deque[Message] = deque()
+        self._stop_asked_s = 0.0
+        self._error: PerfanimError | None = None
+
+    def run(self) -> None:
+        """Go on until the cameras' process has ended and all its frames are solved; raises what ended it early."""
+        while self._pending or not (self._client.ended or self._error):
+            self._collect()
+            if self._pending:
+                self._solve(self._pending.popleft())
+            else:
+                time.sleep(_IDLE_S)
+        if self._error is not None:
+            raise self._error
+
+    def _collect(self) -> None:
+        if self._error is not None:
+            return
+        try:
+            self._watch_stop()
+            for message in self._client.poll():
+                self._take(message)
+        except PerfanimError as error:
+            self._error = error  # what has arrived is solved all the same
+
+    def _watch_stop(self) -> None:
+        if not self._channel.stop_requested.is_set():
+            return
+        if not self._stop_asked_s:
+            self._stop_asked_s = time.monotonic()
+            self._client.request_stop()
+        elif time.monotonic() - self._stop_asked_s > STOP_LIMIT_S:
+            raise CaptureError("the cameras did not stop in time", advice="unplug the camera that hangs")
+
+    def _take(self, message: Message) -> None:
+        if message.kind is MessageKind.FRAME:
+            self._pending.append(message)
+        elif message.kind is MessageKind.STATUS:
+            content = message.json()
+            self._channel.send_status(str(content.get("activity", "")), content.get("fraction"))
+        elif message.kind is MessageKind.WARNING:
+            self._channel.send_warning(str(message.json().get("text", "")))
+        elif message.kind is MessageKind.END:
+            self._channel.final["handed_over"] = int(message.json().get("frames", -1))
+        elif message.kind is MessageKind.ERROR:
+            raise message.error()
+
+    def _solve(self, message: Message) -> None:
+        stamp_s, frame = message.frame()
+        started_s = time.perf_counter()
+        pose = self._session.step(frame)
+        self._channel.send_pose(SolvedPose(pose, stamp_s, time.perf_counter() - started_s, len(self._pending)))

@@ -14,7 +14,7 @@ from typing import Any
 
 from ..errors import PerfanimError
 from ..marker_frame import MarkerFrame
-from .protocol import Decoder, Message, MessageKind, encode_frame, encode_json
+from .protocol import Decoder, Message, MessageKind, SolvedPose, encode_frame, encode_json, encode_pose
 
 HEARTBEAT_S = 0.5
 _PARENT_GONE_GRACE_S = 3.0
@@ -35,6 +35,7 @@ class Channel:
         self.stop_requested = threading.Event()
         self.activity = "starting"
         self.frames = 0
+        self.final: dict[str, Any] = {}  # goes into END
         self._queue.put(encode_json(MessageKind.HELLO, {"token": token, "process": os.getpid()}))
         self._sender = threading.Thread(target=self._send_loop, name="send")
         self._sender.start()
@@ -53,6 +54,11 @@ class Channel:
         """Hand a marker frame over; `stamp_s` = `time.perf_counter()` when its images were in hand."""
         self.frames += 1
         self._queue.put(encode_frame(stamp_s, frame))
+
+    def send_pose(self, solved: SolvedPose) -> None:
+        """Hand a solved pose over."""
+        self.frames += 1
+        self._queue.put(encode_pose(solved))
 
     def send_status(self, activity: str, fraction: float | None = None, **details: Any) -> None:
         """Say what is being done; `fraction` of the work done where that is known."""
@@ -75,7 +81,7 @@ class Channel:
 
     def close(self) -> None:
         """Say that nothing follows, wait until all is sent, close."""
-        self._queue.put(encode_json(MessageKind.END, {"frames": self.frames}))
+        self._queue.put(encode_json(MessageKind.END, {"frames": self.frames, **self.final}))
         self._queue.put(None)
         self._sender.join()
         self._socket.close()

@@ -1,8 +1,8 @@
-"""Main program of the worker process: one request, one job, then the end.
+"""Main program of a worker process: one request, one job, then the end.
 
 Requests (JSON):
-    {"job": "capture", "source": {...}, "rig": path or null, "marker_set": name or path, "settings": {...}}:
-        images to marker frames until STOP or the end of the source.
+    {"job": "capture", ...}: a whole capture, images to poses; starts a process of its own for the cameras.
+    {"job": "cameras", ...}: images to marker frames.
     {"job": "command", "arguments": [...]}: a command of the command line, with its progress as STATUS messages and
         its summary as RESULT, so that long work never freezes Blender.
 """
@@ -17,7 +17,7 @@ from typing import Any
 from ..errors import CaptureError, PerfanimError
 from .channel import Channel
 
-_JOBS = {"capture": ".capture_job", "command": ".command_job"}
+_JOBS = {"capture": ".capture_job", "cameras": ".camera_job", "command": ".command_job"}
 
 
 def main(port: int, token: str) -> int:

@@ -1,7 +1,7 @@
-"""Messages between Blender and its worker process: a version, a kind, a length and bytes; never pickle.
+"""Messages between Blender and its worker processes: a version, a kind, a length and bytes; never pickle.
 
-Control messages carry JSON. A frame message carries the moment at which its images were in hand (seconds of
-`time.perf_counter`, which is one clock for all processes of a machine) and a packed `MarkerFrame`.
+Control messages carry JSON. Frames and poses carry the moment at which their images were in hand (seconds of
+`time.perf_counter`, which is one clock for all processes of a machine), so that the latency can be told at the end.
 """
 
 import json
@@ -13,6 +13,8 @@ from typing import Any
 
 from ..errors import CaptureError
 from ..marker_frame import MarkerFrame, pack, unpack
+from ..pose_frame import PoseFrame
+from .pose_bytes import pack_pose, unpack_pose
 
 VERSION = 1
 MAX_PAYLOAD = 64 * 1024 * 1024
@@ -20,6 +22,7 @@ MAX_PAYLOAD = 64 * 1024 * 1024
 _HEADER = struct.Struct("<2sBBI")
 _MAGIC = b"PA"
 _STAMP = struct.Struct("<d")
+_POSE_HEAD = struct.Struct("<ddI")  # stamp, seconds in the solver, frames waiting
 
 
 class MessageKind(IntEnum):
@@ -34,6 +37,7 @@ class MessageKind(IntEnum):
     ERROR = 14  # JSON: what, where, advice
     WARNING = 15  # JSON: text
     END = 16  # JSON: frames handed over; nothing follows
+    POSE = 17  # stamp, time in the solver, frames waiting, and pose frame
 
 
 @dataclass(frozen=True)
@@ -55,12 +59,43 @@ class Message:
             raise CaptureError(f"a {self.kind.name} message is not an object", where="worker")
         return value
 
+    def error(self) -> CaptureError:
+        """Return the error that an ERROR message tells of."""
+        content = {key: str(value) for key, value in self.json().items()}
+        return CaptureError(
+            content.get("what", "failed"), where=content.get("where", ""), advice=content.get("advice", "")
+        )
+
     def frame(self) -> tuple[float, MarkerFrame]:
         """Return (moment at which the images were in hand, marker frame) of a FRAME message."""
         if self.kind is not MessageKind.FRAME or len(self.payload) < _STAMP.size:
             raise CaptureError(f"a {self.kind.name} message holds no marker frame", where="worker")
         (stamp,) = _STAMP.unpack_from(self.payload)
         return stamp, unpack(self.payload[_STAMP.size :])
+
+    def pose(self) -> "SolvedPose":
+        """Return the pose of a POSE message."""
+        if self.kind is not MessageKind.POSE or len(self.payload) < _POSE_HEAD.size:
+            raise CaptureError(f"a {self.kind.name} message holds no pose", where="worker")
+        stamp, solve_s, waiting = _POSE_HEAD.unpack_from(self.payload)
+        return SolvedPose(unpack_pose(self.payload[_POSE_HEAD.size :]), stamp, solve_s, waiting)
+
+
+@dataclass(frozen=True)
+class SolvedPose:
+    """A pose on its way to Blender.
+
+    Args:
+        pose: of one marker frame.
+        stamp_s: `time.perf_counter()` when the frame's images were in hand.
+        solve_s: time that `Session.step` took.
+        waiting: marker frames that had arrived by then and were not solved.
+    """
+
+    pose: PoseFrame
+    stamp_s: float
+    solve_s: float = 0.0
+    waiting: int = 0
 
 
 def encode(kind: MessageKind, payload: bytes = b"") -> bytes:
@@ -83,6 +118,12 @@ def _plain(value: Any) -> Any:
 def encode_frame(stamp_s: float, frame: MarkerFrame) -> bytes:
     """Return a FRAME message as bytes; `stamp_s` is `time.perf_counter()` when the images were in hand."""
     return encode(MessageKind.FRAME, _STAMP.pack(stamp_s) + pack(frame))
+
+
+def encode_pose(solved: SolvedPose) -> bytes:
+    """Return a POSE message as bytes."""
+    head = _POSE_HEAD.pack(solved.stamp_s, solved.solve_s, solved.waiting)
+    return encode(MessageKind.POSE, head + pack_pose(solved.pose))
 
 
 class Decoder:

@@ -48,7 +48,7 @@ def test_the_defaults_capture_a_new_character_into_one_action(part: Any) -> None
     finally:
         capture.close()
     figures, poses = capture.run.statistics, capture.run.poses
-    assert figures.announced == figures.received == figures.solved == len(poses) >= 60
+    assert figures.handed_over == figures.received == len(poses) >= 60
     assert f"{len(poses)} frames recorded" in text
     assert len(bpy.data.actions) == 1
     times = part("actions").key_times(character)

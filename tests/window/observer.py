@@ -80,7 +80,6 @@ def capture_facts():
         if run is not None:
             facts["phase"] = run.phase.name
             facts["line"] = run.activity
-            facts["behind"] = run.behind
             facts["statistics"] = vars(run.statistics)
             remember(run)
     return facts

@@ -1,14 +1,29 @@
+from dataclasses import fields
+
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
 from perfanim.core.marker_frame import MarkerFrame
-from perfanim.core.worker.protocol import Decoder, Message, MessageKind, encode, encode_frame, encode_json
+from perfanim.core.pose_frame import PoseFrame
+from perfanim.core.worker.pose_bytes import pack_pose, unpack_pose
+from perfanim.core.worker.protocol import (
+    Decoder,
+    Message,
+    MessageKind,
+    SolvedPose,
+    encode,
+    encode_frame,
+    encode_json,
+    encode_pose,
+)
 
 
 def a_frame(number: int) -> MarkerFrame:
     rng = np.random.default_rng(number)
     points = rng.normal(size=(5, 3))
-    return MarkerFrame(number, number / 60, points, np.tile(np.eye(3) * 1e-6, (5, 1, 1)), notes=("left hand hidden",))
+    return MarkerFrame(
+        number, number / 60, points, np.tile(np.eye(3) * 1e-6, (5, 1, 1)), notes=("left hand hidden",)
+    )
 
 
 @pytest.mark.parametrize("piece", [1, 7, 64, 10_000])
@@ -32,6 +47,33 @@ def test_messages_survive_any_cutting(piece: int) -> None:
         assert frame.number == i
         assert frame.notes == ("left hand hidden",)
         np.testing.assert_array_equal(frame.points_m, a_frame(i).points_m)
+
+
+def test_poses_travel_whole() -> None:
+    rng = np.random.default_rng(1)
+    pose = PoseFrame(
+        number=7,
+        time_s=0.125,
+        rotations=rng.normal(size=(29, 4)),
+        root_position_m=rng.normal(size=3),
+        confidence=0.75,
+        markers_m=rng.normal(size=(9, 3)),
+        labels=np.arange(9) - 1,
+        rays=np.full(9, -1),
+        marker_rms_m=float("nan"),
+        neighbours=64,
+        dimensions=7,
+        notes=("LHND hidden", "slow"),
+    )
+    (message,) = Decoder().feed(encode_pose(SolvedPose(pose, 12.5, 0.004, 3)))
+    solved = message.pose()
+    assert (solved.stamp_s, solved.solve_s, solved.waiting) == (12.5, 0.004, 3)
+    for field in fields(PoseFrame):
+        np.testing.assert_array_equal(getattr(solved.pose, field.name), getattr(pose, field.name), field.name)
+    data = pack_pose(pose)
+    for broken in (data[:-1], data[:20], b"XXXX" + data[4:], data + b"x"):
+        with pytest.raises(CaptureError):
+            unpack_pose(broken)
 
 
 def test_a_damaged_stream_is_refused() -> None:

@@ -1,0 +1,97 @@
+"""The cameras' process: images to marker frames until STOP or the end of the source.
+
+Request: "source" (see `sources.spec`), "rig" (calibration file; null for the simulated performer, whose cameras are
+known), "background_s" (seconds in which the empty room is learned, cameras only), "threshold" (grey levels or null).
+"""
+
+import time
+from collections.abc import Iterator, Mapping
+from itertools import islice
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera import CameraRig, load_rig
+from ..errors import CaptureError
+from ..sources.spec import ImageSetLike, ImageSource, open_source
+from ..vision.detect import DetectionSettings
+from ..vision.pipeline import MarkerPipeline, PipelineSettings
+from .channel import Channel
+
+Image = NDArray[np.uint8]
+
+_EMPTY_FRAMES = 30  # of the simulated room
+_SPREAD_FRAMES = 40  # of a recorded take, which shows the performer
+
+
+def run(request: Mapping[str, Any], channel: Channel) -> None:
+    """Hand over marker frames.
+
+    Raises:
+        PerfanimError: the source cannot be opened, stops giving images, or does not fit the calibration.
+    """
+    spec = dict(request["source"])
+    kind = str(spec.get("kind", ""))
+    channel.send_status("opening the cameras")
+    source = open_source(spec)
+    try:
+        pipeline = MarkerPipeline(_rig(request, source), _settings(request))
+        _learn(pipeline, source, kind, float(request.get("background_s", 2.0)), channel)
+        channel.send_status("waiting for images")
+        for images in _paced(source, kind in ("videos", "images")):
+            if channel.stop_requested.is_set():
+                break
+            stamp_s = time.perf_counter()
+            channel.send_frame(stamp_s, pipeline.process(images))
+    finally:
+        source.close()
+
+
+def _rig(request: Mapping[str, Any], source: ImageSource) -> CameraRig:
+    if request.get("rig"):
+        return load_rig(str(request["rig"]))
+    rig = getattr(source, "rig", None)
+    if not isinstance(rig, CameraRig):
+        raise CaptureError("the cameras are not calibrated", advice="calibrate them first")
+    return rig
+
+
+def _settings(request: Mapping[str, Any]) -> PipelineSettings:
+    threshold = request.get("threshold")
+    detection = DetectionSettings(threshold=None if threshold is None else float(threshold))
+    return PipelineSettings(detection=(detection,))
+
+
+def _learn(pipeline: MarkerPipeline, source: Any, kind: str, seconds: float, channel: Channel) -> None:
+    """Learn the backgrounds in the way that the kind of source allows."""
+    if kind == "simulated":
+        pipeline.learn_empty(_reported(source.background_frames(_EMPTY_FRAMES), _EMPTY_FRAMES, "", channel))
+    elif kind == "cameras":
+        count = max(2, round(seconds * source.fps))
+        pipeline.learn_empty(_reported(source.samples(count), count, ": stay out of sight", channel))
+    else:
+        moments = list(_reported(source.samples(_SPREAD_FRAMES), _SPREAD_FRAMES, "", channel))
+        if moments:  # a stream cannot be looked through beforehand
+            pipeline.learn_behind(moments)
+
+
+def _reported(
+    moments: Iterator[tuple[Image, ...]], count: int, hint: str, channel: Channel
+) -> Iterator[tuple[Image, ...]]:
+    for number, images in enumerate(islice(moments, count)):
+        if channel.stop_requested.is_set():
+            raise CaptureError("stopped while the background was learned")
+        channel.send_status("learning the background" + hint, number / count)
+        yield images
+
+
+def _paced(source: ImageSource, recorded: bool) -> Iterator[ImageSetLike]:
+    """Yield image sets; recorded ones at the speed at which they were taken (later when the machine is too slow)."""
+    start_s, first_s = time.perf_counter(), None
+    for images in source:
+        if recorded:
+            moment_s = float(np.mean(images.times_s))
+            first_s = moment_s if first_s is None else first_s
+            time.sleep(max(0.0, start_s + moment_s - first_s - time.perf_counter()))
+        yield images
