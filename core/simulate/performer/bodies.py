@@ -25,7 +25,7 @@ _BROAD = {"shoulder": 0.07, "hip": 0.09}
 
 _GROUPS: dict[str, str] = (
     {name: "leg" for side in "lr" for name in (f"{side}tibia", f"{side}foot")}
-    | dict.fromkeys(("upperback", "thorax", "lowerneck", "lowerback"), "trunk")
+    | dict.fromkeys(("upperback", "thorax", "lowerneck", "lclavicle", "rclavicle"), "trunk")
     | dict.fromkeys(("upperneck", "head"), "neck")
     | {f"{side}{name}": "arm" for side in "lr" for name in ("radius", "wrist", "hand", "fingers", "thumb")}
     | {f"{side}humerus": "shoulder" for side in "lr"}
@@ -71,6 +71,7 @@ def _factors(build: float, rng: np.random.Generator | None) -> Array:
     if rng is not None:
         groups = {name: value * (1.0 + _SPREAD[name] * _draw(rng)) for name, value in groups.items()}
         parts = {name: 1.0 + spread * _draw(rng) for name, spread in _PAIRED.items()}
+        parts["thumb"] = parts["hand"]  # both begin where the forearm ends
         uneven = 0.5 * _SIDE_SPREAD * _draw(rng)
         sides = {"l": 1.0 + uneven, "r": 1.0 - uneven}
     result = np.ones(len(JOINT_NAMES))

@@ -45,7 +45,7 @@ class _Hand:
     shrug: tuple[float, float] = (0.04, 0.05)
 
 
-_LEAD_GUARD = _Hand((0.13, 0.10, 0.62), (-0.25, 0.72, 0.62), (-1.0, -0.1, 0.0), 0.30)
+_LEAD_GUARD = _Hand((0.13, 0.10, 0.62), (-0.25, 0.72, 0.62), (-1.0, -0.1, 0.0), 0.15)
 _REAR_GUARD = _Hand((0.10, 0.09, 0.38), (-0.15, 0.88, 0.45), (-1.0, 0.0, -0.1), 0.25)
 
 
@@ -208,10 +208,10 @@ def _cross(boxer: Boxer, start_s: float) -> float:
 
 def _hook(boxer: Boxer, start_s: float) -> float:
     wind = _Hand((0.52, 0.02, 0.42), (-0.2, 0.35, 0.9), (-1.0, -0.2, 0.0), 1.15)
-    hit = _Hand((-0.08, 0.12, 0.70), (-0.95, 0.0, 0.30), (-0.35, -0.35, -1.0), 1.45, (0.12, 0.12))
+    hit = _Hand((-0.20, 0.13, 0.78), (-0.95, 0.0, 0.30), (-0.35, -0.35, -1.0), 1.45, (0.12, 0.12))
     bodies = (
         _Trunk(yaw=-0.28, twist=0.25, weight=0.35, sink=0.06, side=0.05),
-        _Trunk(yaw=-0.95, twist=-0.30, weight=-0.15, sink=0.05),
+        _Trunk(yaw=-0.72, twist=-0.10, weight=-0.15, sink=0.05),
     )
     end = _blow(boxer, start_s, boxer.lead, (0.17, 0.15, 0.32), wind, hit, bodies)
     _pivot(boxer, boxer.lead, start_s + 0.15, end, 0.40, 0.50)
@@ -220,7 +220,7 @@ def _hook(boxer: Boxer, start_s: float) -> float:
 
 def _rear_hook(boxer: Boxer, start_s: float) -> float:
     wind = _Hand((0.55, 0.0, 0.25), (-0.2, 0.35, 0.9), (-1.0, -0.2, 0.0), 1.15)
-    hit = _Hand((-0.06, 0.11, 0.72), (-0.95, 0.0, 0.30), (-0.35, -0.35, -1.0), 1.45, (0.12, 0.12))
+    hit = _Hand((-0.08, 0.12, 0.76), (-0.95, 0.0, 0.30), (-0.35, -0.35, -1.0), 1.45, (0.12, 0.12))
     bodies = (
         _Trunk(yaw=-0.70, twist=-0.20, weight=-0.30, sink=0.06),
         _Trunk(yaw=0.25, twist=0.35, weight=0.50, sink=0.06),
@@ -257,13 +257,13 @@ def _pivot(boxer: Boxer, side: str, start_s: float, end_s: float, heel_up: float
 
 
 def _duck(boxer: Boxer, start_s: float) -> float:
-    return _evade(boxer, start_s, _Trunk(pitch=0.38, flex=0.42, sink=0.24), (0.26, 0.10, 0.30))
+    return _evade(boxer, start_s, _Trunk(pitch=0.38, flex=0.42, sink=0.21), (0.36, 0.08, 0.38))
 
 
 def _slip(boxer: Boxer, start_s: float) -> float:
     away = 1.0 if boxer.score.rng.random() < 0.5 else -1.0
     pose = _Trunk(yaw=-0.55 + 0.25 * away, twist=0.15 * away, side=0.30 * away, flex=0.24, sink=0.09, weight=0.4 * away)
-    return _evade(boxer, start_s, pose, (0.20, 0.04, 0.24))
+    return _evade(boxer, start_s, pose, (0.26, 0.04, 0.28))
 
 
 def _weave(boxer: Boxer, start_s: float) -> float:
@@ -271,10 +271,10 @@ def _weave(boxer: Boxer, start_s: float) -> float:
     away = 1.0 if score.rng.random() < 0.5 else -1.0
     pace = score.vary(1.0, 0.08) / score.style.tempo
     low = {"pitch": 0.34, "flex": 0.34}
-    boxer.trunk(start_s + 0.24 * pace, _Trunk(sink=0.14, side=0.22 * away, weight=0.5 * away, **low))
-    boxer.trunk(start_s + 0.44 * pace, _Trunk(sink=0.23, **low))
-    boxer.trunk(start_s + 0.64 * pace, _Trunk(sink=0.12, side=-0.22 * away, weight=-0.5 * away, **low))
-    end = start_s + 0.90 * pace
+    boxer.trunk(start_s + 0.30 * pace, _Trunk(sink=0.13, side=0.22 * away, weight=0.5 * away, **low))
+    boxer.trunk(start_s + 0.54 * pace, _Trunk(sink=0.20, **low))
+    boxer.trunk(start_s + 0.78 * pace, _Trunk(sink=0.11, side=-0.22 * away, weight=-0.5 * away, **low))
+    end = start_s + 1.08 * pace
     boxer.guard(end)
     return end
 

@@ -10,6 +10,7 @@ from .curves import Array, ease
 from .frame import Sole, about
 
 HELD_S = 0.35
+_UPRIGHT = (0.05, 0.97)  # share of a swing between which the foot travels: it goes straight up and down at its ends
 _CORNER_RAD = 0.12  # rounding of the change of pivot from ball to heel in the air
 
 
@@ -78,7 +79,9 @@ class FootPath:
         for swing in self.swings:
             end = np.array([swing.to.x_m, swing.to.z_m, swing.to.yaw_rad])
             u = (times_s - swing.lift_s) / (swing.land_s - swing.lift_s)
-            ground[u > 0.0] = start + (end - start) * ease(u)[u > 0.0, None]
+            ground[u > 0.0] = (
+                start + (end - start) * ease((u - _UPRIGHT[0]) / (_UPRIGHT[1] - _UPRIGHT[0]))[u > 0.0, None]
+            )
             air = (u > 0.0) & (u < 1.0)
             lift[air] = swing.lift_m(times_s[air])
             phase[air] = u[air]

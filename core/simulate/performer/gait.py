@@ -67,7 +67,7 @@ WALK = Gait(
 RUN = Gait(
     step_s=0.365, duty=0.36, stride=0.85, lift=0.24, heel_up=0.80, mid_up=1.15, toe_up=0.05, pelvis_yaw=0.09,
     pelvis_roll=0.05, pelvis_pitch=0.12, twist=0.24, lean=0.08, arm_forward=0.62, arm_back=0.62, arm_out=0.14,
-    arm_in=0.30, elbow=1.50, elbow_swing=0.30, grip=0.65, height=0.988, dip=0.0, width=0.45,
+    arm_in=0.30, elbow=1.50, elbow_swing=0.30, grip=0.65, height=0.956, dip=0.0, width=0.45,
 )  # fmt: skip
 
 
@@ -126,7 +126,7 @@ def _planned(score: Score, gait: Gait, path: Track, until_s: float) -> list[_Ste
     start = score.time_s
     side = _first_side(score, path, gait)
     air = 2.0 * gait.step_s * (1.0 - gait.duty)
-    land = start + 0.12 + air
+    land = start + 0.32 + air
     steps: list[_Step] = []
     settled = 0
     while settled < 2 or land - gait.step_s < until_s:
@@ -250,7 +250,9 @@ def _key_flights(score: Score, gait: Gait, steps: list[_Step]) -> None:
         # off the toes of a straightened leg, down on a bent one
         if score.tracks["height"].last().time_s < lift - 0.45:  # the first time: sink a little before
             score.set(lift - 0.24, height=0.965 * height)
-        high, low = height * (1.0 + 0.5 * _LAND_BENT), height * (1.0 - 0.5 * _LAND_BENT)
+        # long strides need lower hips
+        tall = height * (1.0 + 0.024 * (1.0 - min(1.0, abs(after.amount))))
+        high, low = tall * (1.0 + 0.5 * _LAND_BENT), tall * (1.0 - 0.5 * _LAND_BENT)
         fly_high(score, lift, high, land, low)
     score.set(steps[-1].land_s + 0.30, height=STANDING_HEIGHT * score.body.standing_m)
 

@@ -8,8 +8,8 @@ from .frame import GRAVITY_M_S2, SIDES, outward, turned
 from .gait import fly_high
 from .score import STANDING_HEIGHT, Score
 
-_OFF_TOES = 1.060  # root height at take-off, share of standing on flat feet: legs straight, heels up
-_ON_TOES = 1.030
+_OFF_TOES = 1.030  # root height at take-off, share of standing on flat feet: legs straight, heels up
+_ON_TOES = 1.010
 
 
 def hop(score: Score, seconds: float) -> None:
@@ -122,12 +122,12 @@ def _leap(
     fold_m: float = 0.0,
 ) -> None:  # fmt: skip
     """Take a foot off the ground over its ball and set it down on it, with the body's flight."""
-    uneven = 0.012 * (0.3 + score.style.asymmetry / 0.03)  # nobody leaves and meets the ground with both feet at once
+    uneven = 0.005 + 0.08 * score.style.asymmetry  # nobody leaves and meets the ground with both feet at once
     lift_s, land_s = lift_s - abs(score.jitter(uneven)), land_s + abs(score.jitter(uneven))
     spot = Placement(to.x_m + score.jitter(0.01), to.z_m + score.jitter(0.015), to.yaw_rad + score.jitter(0.03))
     score.step(
         side, lift_s, land_s, spot,
-        height_m=rise_m + 0.02 + fold_m, heel_up_rad=score.vary(0.85, 0.05), toe_up_rad=-score.vary(land_up_rad, 0.1),
+        height_m=rise_m + 0.02 + fold_m, heel_up_rad=score.vary(0.80, 0.05), toe_up_rad=-score.vary(land_up_rad, 0.1),
         rise_s=0.13, roll_s=0.10, power=1.6,
     )  # fmt: skip
 
@@ -185,6 +185,7 @@ def _jump_once(score: Score, kind: str) -> None:
     _jump_trunk(score, kind, (sunk_s, lift_s, land_s, caught_s), turn)
     _jump_arms(score, kind, (sunk_s, lift_s, land_s, caught_s))
     rest_s = caught_s + score.vary(0.55, 0.1) / style.tempo
+    rest_s = max(rest_s, max(score.feet[side].free_s for side in SIDES) + 0.12)
     score.set(rest_s, height=STANDING_HEIGHT * standing, **score.at_ease())
     score.time_s = rest_s + max(0.05, score.vary(0.2, 0.4))
 

@@ -12,7 +12,10 @@ from ... import rotations as rot
 from .curves import Array
 from .frame import about, outward
 
-_STRAIGHTEST = 0.9995  # of the limb's length: fully straight has no defined plane and infinite joint speed
+# share of the limb's length up to which it reaches exactly, and that it never passes: a limb that snaps straight
+# has infinite joint speed and no defined plane
+LEG_REACH = (0.9990, 0.9998)
+ARM_REACH = (0.94, 0.9985)
 _ELBOW_TILT_RAD = np.deg2rad(30.0)  # CMU's T pose: the crook of the elbow looks forward and up
 # free up to the first angle, never beyond the second
 _WRIST_RANGE_RAD = (np.deg2rad(55.0), np.deg2rad(80.0))
@@ -40,7 +43,12 @@ def frame_from(rest_bone: Array, rest_hinge: Array, bone: Array, hinge: Array) -
 
 
 def two_bones(
-    start: Array, target: Array, hinge_hint: Array, lengths: tuple[float, float], rest: tuple[Array, Array]
+    start: Array,
+    target: Array,
+    hinge_hint: Array,
+    lengths: tuple[float, float],
+    rest: tuple[Array, Array],
+    straightest: tuple[float, float] = LEG_REACH,
 ) -> TwoBones:
     """Return the pose in which two bones reach from `start` to `target` (T, 3) each.
 
@@ -48,11 +56,13 @@ def two_bones(
         hinge_hint: (T, 3) wanted hinge axis; its part across the line start-target is used.
         lengths: of the first and second bone.
         rest: direction of the (straight) limb and hinge axis in the rest pose.
+        straightest: see `LEG_REACH`.
     """
     first, second = lengths
     line = target - start
     distance = np.linalg.norm(line, axis=1)
-    reach = np.clip(distance, 1.02 * abs(first - second) + 1e-6, _STRAIGHTEST * (first + second))
+    reach = (first + second) * soft_limit(distance / (first + second), *straightest)
+    reach = np.maximum(reach, 1.02 * abs(first - second) + 1e-6)
     along = line / distance[:, None]
     hinge = unit(hinge_hint - np.sum(hinge_hint * along, axis=1, keepdims=True) * along)
     at_start = np.arccos(np.clip((first**2 + reach**2 - second**2) / (2.0 * first * reach), -1.0, 1.0))

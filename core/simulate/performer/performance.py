@@ -136,7 +136,8 @@ def _t_pose(score: Score) -> None:
         }
     upright: dict[str, ArrayLike] = {"spine": (0.0, 0.0, 0.0), "head": (0.0, 0.0, 0.0), "pelvis": (0.0, 0.0, 0.0)}
     for time_s in (0.0, T_POSE_S):
-        score.set(time_s, **straight, **upright)
+        score.set(time_s, height=score.body.standing_m, **straight, **upright)
+    score.natural_from_s = T_POSE_S
     score.time_s = T_POSE_S + _ARMS_DOWN_S
-    score.set(score.time_s, **score.at_ease())
+    score.set(score.time_s, height=score.body.standing_m * STANDING_HEIGHT, **score.at_ease())
     score.anchor(score.time_s)

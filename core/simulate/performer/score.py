@@ -84,6 +84,7 @@ class Score:
     tracks: dict[str, Track] = field(default_factory=dict)
     feet: dict[str, FootPath] = field(default_factory=dict)
     time_s: float = 0.0
+    natural_from_s: float = -1e9  # from here on the performer's own carriage shows; before it poses as told
 
     def __post_init__(self) -> None:
         for name, value in _BODY_CONTROLS.items():
@@ -201,10 +202,14 @@ class Score:
             height_m, peak, power, held: see `Swing`.
         """
         pitch, path = self.tracks[f"{side}.pitch"], self.feet[side]
-        base = float(self.value(f"{side}.pitch")[0])
-        start = max(lift_s - rise_s, path.free_s + 0.02, pitch.last().time_s + 0.01)
-        if lift_s - start > 0.02:
+        flat = pitch.last()
+        base = float(flat.value[0])
+        start = lift_s - rise_s
+        if start > flat.time_s + 0.01:
             pitch.key(start, base)
+        elif flat.time_s > path.free_s > 0.0:  # too short a stance to roll down and up at full length
+            pitch.keys.remove(flat)
+            pitch.key(path.free_s + 0.42 * (lift_s - path.free_s), base)
         pitch.key(lift_s, heel_up_rad)
         pitch.key(land_s, -toe_up_rad)
         pitch.key(land_s + roll_s, 0.0)

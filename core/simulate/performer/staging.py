@@ -10,6 +10,7 @@ from .curves import Array, ease, pendulum_filtered, smoothed, wander
 from .feet import FootSamples, foot_pose, toe_bend
 from .frame import GRAVITY_M_S2, SIDES, about, outward, turned
 from .limbs import (
+    ARM_REACH,
     arm_rest,
     elbow,
     forearm_and_hand,
@@ -38,6 +39,9 @@ _UNREST = {
     "sword": 0.008,
     "aim": 0.012,
 }
+# how one person's carriage differs from another's: standard deviations of constant differences, radians
+_HABITS = {"pelvis": 0.015, "spine": 0.025, "head": 0.05, "arm": 0.05, "elbow": 0.06, "hand": 0.10}
+_HABITS_IN_S = 0.8
 _UNREST_HAND_RAD, _UNREST_TARGET_M = 0.035, 0.006
 
 
@@ -65,6 +69,8 @@ class Stage:
             deviation = {"hand": _UNREST_HAND_RAD, "target": _UNREST_TARGET_M}.get(kind, _UNREST.get(kind, 0.0))
             if deviation > 0.0:
                 track += deviation * amount * wander(rng, self.times, track.shape[1], 4.0, 0.6)
+                habit = _HABITS.get(kind, 0.0) * np.clip(rng.standard_normal(track.shape[1]), -2.0, 2.0)
+                track += habit * ease((self.times - score.natural_from_s) / _HABITS_IN_S)[:, None]
 
     def _grip_sword(self) -> None:
         """Lead both hands along the sword's grip where it is held."""
@@ -128,10 +134,11 @@ class Stage:
             ankle, _ = self._foot(side)
             hip = rot.rotate(orientation, self.body.offset(f"{side}femur"))
             away = ankle[:, [0, 2]] - ground - hip[:, [0, 2]]
-            room = (_REACH * self.body.leg_m) ** 2 - np.sum(away**2, axis=1)
+            leg = sum(self.body.lengths(f"{side}tibia", f"{side}foot"))
+            room = (_REACH * leg) ** 2 - np.sum(away**2, axis=1)
             most = ankle[:, 1] + np.sqrt(np.maximum(room, 1e-4)) - hip[:, 1]
             excess = np.maximum(excess, _softplus(height - most, 0.003))
-        sigma = 0.025 / self.step_s
+        sigma = 0.035 / self.step_s
         widest = maximum_filter1d(excess, 2 * round(1.2 * sigma) + 1)
         return np.asarray(height - smoothed(widest, sigma))
 
@@ -241,7 +248,7 @@ class Stage:
         down_out = np.stack((outward(side) * np.sin(swivel), -np.cos(swivel), ahead), axis=1)
         hinge = np.cross(rot.rotate(chest, down_out), along)
         upper, *fore = self.body.lengths(f"{side}radius", f"{side}wrist", f"{side}hand")
-        pose = two_bones(shoulder, target, hinge, (upper, sum(fore)), arm_rest(side))
+        pose = two_bones(shoulder, target, hinge, (upper, sum(fore)), arm_rest(side), ARM_REACH)
         bend = elbow(side, pose.flexion_rad)
         twist, hand = forearm_and_hand(side, rot.multiply(pose.first, bend), palm)
         return [pose.first, bend, twist, hand]

@@ -5,10 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from .curves import Track
-from .gait import RUN, WALK, Gait, stepped, styled
+from .gait import RUN, WALK, stepped, styled
 from .score import Score
 
 _ROOM_X_M, _ROOM_Z_M = 0.55, 0.95  # half the space the performer keeps to
+_SPEED_UP_S = 0.9
+_LEG_M = 0.85  # leg of the body for which speeds are given
 
 
 @dataclass
@@ -26,6 +28,15 @@ class _Way:
         self.time_s += duration_s
         self.x_m, self.z_m, self.heading_rad = x_m, z_m, heading_rad
         self.track.key(self.time_s, (x_m, z_m, heading_rad))
+
+    def travel(self, speed_m_s: float, x_m: float, z_m: float, heading_rad: float) -> None:
+        """Go straight to a place: get up to the speed, keep it, slow down."""
+        x, z, heading = self.x_m, self.z_m, self.heading_rad
+        distance = float(np.hypot(x_m - x, z_m - z))
+        ramp = min(0.25 * speed_m_s * _SPEED_UP_S / max(distance, 1e-6), 0.3)
+        cruise = max(distance / speed_m_s - 0.5 * _SPEED_UP_S, 0.3)
+        for seconds, share in ((0.6 * _SPEED_UP_S, ramp), (cruise, 1.0 - ramp), (0.6 * _SPEED_UP_S, 1.0)):
+            self.to(seconds, x + share * (x_m - x), z + share * (z_m - z), heading + share * (heading_rad - heading))
 
     @property
     def front_rad(self) -> float:
@@ -47,54 +58,42 @@ def walk(score: Score, seconds: float) -> None:
         gait = styled(WALK, score)
         way = _way(score)
         while way.time_s < end - 1.5:
-            _walk_leg(score, way, gait, end - way.time_s)
+            _walk_leg(score, way, end - way.time_s)
         stepped(score, gait, way.track, way.time_s)
 
 
-def _walk_leg(score: Score, way: _Way, gait: Gait, left_s: float) -> None:
+def _walk_leg(score: Score, way: _Way, left_s: float) -> None:
     rng = score.rng
-    speed = 1.12 * score.style.amplitude * score.style.tempo * score.body.leg_m / 0.85
+    speed = score.vary(1.08, 0.06) * score.style.amplitude * score.style.tempo * score.body.leg_m / _LEG_M
     near, far = way.z_m > 0.25, way.z_m < -0.25
     kinds = ["back", "sidle", "circle", "place", "round"] if near else ["advance", "advance", "circle", "sidle"]
     if not near and not far:
-        kinds = ["advance", "back", "circle", "place", "sidle", "round"]
+        kinds = ["advance", "back", "circle", "place", "sidle"]
     kind = kinds[int(rng.integers(len(kinds)))]
     if kind == "circle" and left_s < 6.0:
         kind = "back" if near else "advance"
     if kind == "round" and left_s < 7.0:
-        kind = "back" if way.z_m > -0.3 else "advance"
+        kind = "back"
     x = float(rng.uniform(-_ROOM_X_M, _ROOM_X_M)) * 0.7
+    z = _ROOM_Z_M * float(rng.uniform(0.8, 1.0))
+    front = way.front_rad
     if kind == "advance":
-        z = _ROOM_Z_M * float(rng.uniform(0.8, 1.0))
-        _straight(way, x, z, speed, way.front_rad)
+        # who walks aslant looks where the way leads, a little
+        lead = 0.5 * float(np.arctan2(x - way.x_m, max(z - way.z_m, 0.6)))
+        way.travel(speed, 0.5 * (way.x_m + x), 0.5 * (way.z_m + z), front + lead)
+        way.travel(speed, x, z, front)
     elif kind == "back":
-        _straight(way, x, -_ROOM_Z_M * float(rng.uniform(0.8, 1.0)), 0.7 * speed, way.front_rad + score.jitter(0.1))
+        way.travel(0.7 * speed, x, -z, front + score.jitter(0.1))
     elif kind == "sidle":
         sideways = -0.5 if way.x_m > 0.0 else 0.5
         x = way.x_m + sideways * float(rng.uniform(0.7, 1.1))
-        _straight(way, x, way.z_m, 0.5 * speed, way.front_rad + score.jitter(0.08))
+        way.travel(0.5 * speed, x, way.z_m, front + score.jitter(0.08))
     elif kind == "place":
-        way.to(float(rng.uniform(2.0, 3.0)), way.x_m, way.z_m, way.front_rad + score.jitter(0.06))
+        way.to(float(rng.uniform(2.0, 3.0)), way.x_m, way.z_m, front + score.jitter(0.06))
     elif kind == "round":
         _there_and_back(score, way, speed)
     else:
         _circle(score, way, speed)
-
-
-def _straight(way: _Way, x_m: float, z_m: float, speed_m_s: float, turn_rad: float) -> None:
-    distance = float(np.hypot(x_m - way.x_m, z_m - way.z_m))
-    # who walks forward looks where the way leads, a little
-    lead = 0.5 * float(np.arctan2(x_m - way.x_m, max(z_m - way.z_m, 0.6))) if z_m > way.z_m + 0.6 else 0.0
-    if abs(lead) > 0.02 and distance > 0.8:
-        share = 0.4
-        way.to(
-            share * distance / speed_m_s + 0.4,
-            way.x_m + share * (x_m - way.x_m), way.z_m + share * (z_m - way.z_m), lead + turn_rad,
-        )  # fmt: skip
-        distance *= 1.0 - share
-        way.to(distance / speed_m_s + 0.4, x_m, z_m, turn_rad)
-        return
-    way.to(max(distance / speed_m_s + 0.8, 1.2), x_m, z_m, turn_rad)
 
 
 def _there_and_back(score: Score, way: _Way, speed: float) -> None:
@@ -102,12 +101,12 @@ def _there_and_back(score: Score, way: _Way, speed: float) -> None:
     side = 1.0 if score.rng.random() < 0.5 else -1.0
     start, away = way.front_rad, way.front_rad + side * np.pi
     home = start + (2.0 * side * np.pi if score.rng.random() < 0.5 else 0.0)
-    distance = 1.1 + score.jitter(0.15)
-    way.to(1.25 / score.style.tempo, way.x_m + 0.15 * side, way.z_m - 0.05, start + 0.55 * (away - start))
-    way.to(1.1 / score.style.tempo, way.x_m, way.z_m - 0.25, away)
-    way.to(distance / speed + 0.3, way.x_m - 0.2 * side, way.z_m - distance, away)
-    way.to(1.25 / score.style.tempo, way.x_m - 0.1 * side, way.z_m - 0.05, 0.5 * (away + home))
-    way.to(1.25 / score.style.tempo, way.x_m, way.z_m + 0.15, home)
+    turn_s = 1.25 / score.style.tempo
+    way.to(turn_s, way.x_m + 0.15 * side, way.z_m - 0.05, 0.5 * (start + away))
+    way.to(turn_s, way.x_m, way.z_m - 0.25, away)
+    way.travel(speed, way.x_m - 0.2 * side, way.z_m - score.vary(0.9, 0.15), away)
+    way.to(turn_s, way.x_m - 0.1 * side, way.z_m - 0.05, 0.5 * (away + home))
+    way.to(turn_s, way.x_m, way.z_m + 0.15, home)
 
 
 def _circle(score: Score, way: _Way, speed: float) -> None:
@@ -140,15 +139,12 @@ def run(score: Score, seconds: float) -> None:
 
 def _run_leg(score: Score, way: _Way) -> None:
     rng = score.rng
-    speed = 1.2 * score.style.amplitude * score.style.tempo
+    speed = score.vary(1.35, 0.06) * score.style.amplitude * score.style.tempo * score.body.leg_m / _LEG_M
     x = float(rng.uniform(-0.3, 0.3))
     turn = way.front_rad + score.jitter(0.15)
-    kind = int(rng.integers(3))
-    if kind == 0:
+    if int(rng.integers(3)) == 0:
         way.to(float(rng.uniform(1.2, 2.2)), way.x_m + score.jitter(0.05), way.z_m + score.jitter(0.05), turn)
     elif way.z_m < 0.2:
-        z = float(rng.uniform(0.5, 0.9))
-        way.to(abs(z - way.z_m) / speed + 0.4, x, z, turn)
+        way.travel(speed, x, float(rng.uniform(0.5, 0.9)), turn)
     else:
-        z = float(rng.uniform(-0.9, -0.5))
-        way.to(abs(z - way.z_m) / (0.7 * speed) + 0.4, x, z, turn)
+        way.travel(0.7 * speed, x, float(rng.uniform(-0.9, -0.5)), turn)
