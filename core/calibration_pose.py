@@ -17,10 +17,8 @@ def t_pose(skeleton: Skeleton) -> Array:
     result = rot.identity((len(skeleton),))
     for side in "lr":
         femur = skeleton.index(f"{side}femur")
+        # in CMU's rest pose the foot leans with the splayed leg, so it comes flat as the leg comes upright
         result[femur] = _upright(skeleton.tips_m[femur])
-        foot = skeleton.index(f"{side}foot")
-        # the sole stays on the floor: the foot undoes what the thigh was turned by
-        result[foot] = rot.conjugate(result[femur])
     return result
 
 
