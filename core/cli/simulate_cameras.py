@@ -75,6 +75,13 @@ def _add_studio_options(parser: argparse.ArgumentParser) -> None:
         "--light-drift", type=float, default=0.0, metavar="P", help="change of the light, share (default 0)"
     )
     parser.add_argument("--moved-object", action="store_true", help="a box appears after the background was taken")
+    parser.add_argument(
+        "--light",
+        type=float,
+        default=default.light,
+        metavar="P",
+        help="of room and body, share of full light (default 0.4)",
+    )
     parser.add_argument("--no-clutter", action="store_true", help="bare room")
     parser.add_argument("--no-occlusion", action="store_true", help="the body hides no markers")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of noise, ghosts and dropout (default 0)")
@@ -105,6 +112,7 @@ def _settings(args: argparse.Namespace) -> StudioSettings:
         noise_sigma=args.noise,
         time_offsets_s=tuple(1e-3 * offset for offset in args.time_offset_ms),
         rolling_shutter_s=1e-3 * args.rolling_shutter_ms,
+        light=args.light,
         clutter=not args.no_clutter,
         ghosts=args.ghosts,
         moved_object=args.moved_object,

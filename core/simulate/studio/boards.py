@@ -89,7 +89,7 @@ def board_pictures(
     for number, pose in enumerate(board_poses(renderer.rig, board, count, seed)):
         images = []
         for i, camera in enumerate(renderer.rig.cameras):
-            image = renderer.empty_room(i)
+            image = renderer.lit_room(i)
             draw_board(image, camera, board, pose)
             renderer.add_noise(image, i, _FIRST_NUMBER + number)
             images.append(image)

@@ -41,8 +41,8 @@ def outlines(a: Array, b: Array, ra: Array, rb: Array) -> Array:
     return np.concatenate((circle_b, circle_a), axis=1)
 
 
-def draw_body(image: Image, camera: Camera, body: Body, cones: RoundCones) -> None:
-    """Draw the body into a camera's image, in place: far limbs first."""
+def draw_body(image: Image, camera: Camera, body: Body, cones: RoundCones, light: float = 1.0) -> None:
+    """Draw the body into a camera's image, in place, under a share of the full light: far limbs first."""
     materials, groups = body.materials, body.limbs
     ends = np.concatenate((cones.starts, cones.ends))
     depth = camera.to_camera(ends)[:, 2]
@@ -65,5 +65,5 @@ def draw_body(image: Image, camera: Camera, body: Body, cones: RoundCones) -> No
         for layer, (_, tone) in enumerate(_LAYERS):
             for part in order if layer % 2 == 0 else [part for part in order if large[part]]:
                 b, g, r = COLOURS[materials[part]]
-                colour = (tone * b, tone * g, tone * r)
+                colour = (light * tone * b, light * tone * g, light * tone * r)
                 cv2.fillConvexPoly(image, corners[layer, part], colour, cv2.LINE_AA, _SHIFT)

@@ -13,7 +13,7 @@ from .cones import visible
 from .discs import draw_disc
 from .limbs import draw_body
 from .performance import Performance
-from .room import FURNITURE, MOVED_OBJECT, draw_room
+from .room import FURNITURE, MOVED_OBJECT, view_room
 from .settings import StudioSettings
 
 Array = NDArray[np.float64]
@@ -83,10 +83,13 @@ class Renderer:
         self.rig = rig
         self.settings = settings or StudioSettings()
         furniture = FURNITURE if self.settings.clutter else ()
-        self._empty = tuple(draw_room(camera, furniture) for camera in rig.cameras)
+        views = tuple(view_room(camera, furniture) for camera in rig.cameras)
+        self._lit = tuple(view.image(1.0) for view in views)
+        self._empty = tuple(view.image(self.settings.light) for view in views)
         self._rooms = self._empty
         if self.settings.moved_object:
-            self._rooms = tuple(draw_room(camera, (*furniture, MOVED_OBJECT)) for camera in rig.cameras)
+            views = tuple(view_room(camera, (*furniture, MOVED_OBJECT)) for camera in rig.cameras)
+            self._rooms = tuple(view.image(self.settings.light) for view in views)
         self._noise = _noise_tables(rig, self.settings)
 
     def background(self, number: int) -> tuple[Image, ...]:
@@ -100,6 +103,10 @@ class Renderer:
         """Return a copy of the empty room without noise in one camera."""
         return self._empty[camera].copy()
 
+    def lit_room(self, camera: int) -> Image:
+        """Return the empty room without noise at full light, as for pictures of the board."""
+        return self._lit[camera].copy()
+
     def render(self, performance: Performance, time_s: float, number: int) -> StudioFrame:
         """Return the images of all cameras at a time of the performance (seconds), with the truth.
 
@@ -111,7 +118,7 @@ class Renderer:
         for i, (camera, time, sight) in enumerate(zip(self.rig.cameras, times, sights, strict=True)):
             image = self._room(i, time)
             if self.settings.draw_body:
-                draw_body(image, camera, performance.body, performance.cones_at(time))
+                draw_body(image, camera, performance.body, performance.cones_at(time), self.settings.light)
             for ghost in self._ghosts(i, time):
                 draw_disc(image, ghost.centre[None], ghost.radius, ghost.colour, self.settings.lens_blur_px)
             self._draw_markers(image, sight)

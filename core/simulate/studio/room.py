@@ -45,7 +45,7 @@ def _books(height: float, width: float, count: int) -> tuple[Box, ...]:
 
 
 FURNITURE: tuple[Box, ...] = (
-    Box((-2.75, 0.9, -2.6), (-1.75, 2.1, -2.57), (206, 196, 178), lamp=True),  # window
+    Box((-2.75, 0.9, -2.6), (-1.75, 2.1, -2.57), (98, 74, 52)),  # window in the evening
     Box((-2.28, 0.9, -2.6), (-2.22, 2.1, -2.55), (70, 80, 88)),  # its bar
     Box((-2.75, 1.46, -2.6), (-1.75, 1.52, -2.55), (70, 80, 88)),
     Box((-1.2, 1.45, -2.6), (-0.55, 2.3, -2.58), (62, 92, 148)),  # posters
@@ -68,8 +68,21 @@ FURNITURE: tuple[Box, ...] = (
 MOVED_OBJECT = Box((-1.95, 0.0, -1.9), (-1.5, 0.62, -1.5), (96, 70, 130))
 
 
-def draw_room(camera: Camera, boxes: tuple[Box, ...]) -> Image:
-    """Return the empty room as the camera sees it without noise, uint8 BGR (height, width, 3).
+@dataclass(frozen=True)
+class RoomView:
+    """The room in one camera: what the room's light shows and what shines itself, (height, width, 3) grey levels."""
+
+    lit: Array
+    shine: Array
+
+    def image(self, light: float) -> Image:
+        """Return the picture without noise, uint8 BGR; `light` is the share of the full light that the lens gets."""
+        picture: Image = np.clip(np.rint(light * self.lit + self.shine), 0, 255).astype(np.uint8)
+        return picture
+
+
+def view_room(camera: Camera, boxes: tuple[Box, ...]) -> RoomView:
+    """Return the empty room as the camera sees it.
 
     Every pixel's ray is bent by the lens, so straight walls look as curved as the camera makes them.
     """
@@ -87,13 +100,14 @@ def draw_room(camera: Camera, boxes: tuple[Box, ...]) -> Image:
         hit = near < distance[part]
         part, near, side = part[hit], near[hit], side[hit]
         distance[part] = near
-        colour[part] = _box_colour(box, origin + near[:, None] * rays[part], side)
+        colour[part] = 0.0 if box.lamp else _box_colour(box, origin + near[:, None] * rays[part], side)
         glow[part] = np.array(box.colour) if box.lamp else 0.0
-    picture = colour.reshape(height, width, 3)
-    bloom = cv2.GaussianBlur(glow.reshape(height, width, 3), (0, 0), 9.0) * 0.45
-    softened = cv2.GaussianBlur(np.minimum(picture + bloom, 255.0), (0, 0), 0.7)
-    result: Image = np.clip(np.rint(softened), 0, 255).astype(np.uint8)
-    return result
+    lit, shine = (layer.reshape(height, width, 3) for layer in (colour, glow))
+    bloom = 0.45 * cv2.GaussianBlur(shine, (0, 0), 9.0)
+    soft_lit, soft_shine = (
+        np.asarray(cv2.GaussianBlur(layer, (0, 0), 0.7), dtype=np.float64) for layer in (lit, shine)
+    )
+    return RoomView(soft_lit, soft_shine + bloom)
 
 
 def _window(camera: Camera, box: Box) -> tuple[slice, slice]:
@@ -147,12 +161,9 @@ def _shell(points: Array, axis: NDArray[np.int64]) -> Array:
 
 
 def _box_colour(box: Box, points: Array, side: NDArray[np.int64]) -> Array:
-    base = np.array(box.colour)
-    if box.lamp:
-        return np.broadcast_to(base, points.shape)
     light = 0.45 + 0.55 * np.abs(_LIGHT)[side]
     grain = 1.0 + 0.02 * np.sin(90.0 * points[:, 1] + 2.0 * np.sin(9.0 * points[:, 0]))
-    return np.asarray(base * (light * grain)[:, None])
+    return np.asarray(np.array(box.colour) * (light * grain)[:, None])
 
 
 def _scatter(a: Array, b: Array) -> Array:

@@ -11,6 +11,8 @@ from ...errors import SettingsError
 class StudioSettings:
     """How images are taken; the defaults are two good webcams with ring lights in an office.
 
+    Retro-reflective markers send the ring light back, so the exposure is short and all else is dim.
+
     Args:
         marker_radius_m: radius of the markers' balls, metres.
         marker_brightness: grey level of a marker's face, 0-255, before noise.
@@ -18,6 +20,8 @@ class StudioSettings:
         lens_blur_px: standard deviation of the lens's blur of the markers, pixels.
         exposure_s: time the shutter is open around the frame's time, seconds; it smears moving markers.
         noise_sigma: standard deviation of the sensor's Gaussian noise, grey levels, per pixel and channel.
+        light: share of the full light that the short exposure leaves of room and body (lamps stay bright);
+            pictures of the board are taken at full light.
         time_offsets_s: per camera, how much later it takes its images than the clock says; missing: 0.
         rolling_shutter_s: time from the first row to the last, seconds; the middle row is on time.
         clutter: furniture, lamps and pictures in the room; without, bare walls and floor.
@@ -36,6 +40,7 @@ class StudioSettings:
     lens_blur_px: float = 0.5
     exposure_s: float = 0.0
     noise_sigma: float = 2.0
+    light: float = 0.4
     time_offsets_s: tuple[float, ...] = ()
     rolling_shutter_s: float = 0.0
     clutter: bool = True
@@ -54,6 +59,7 @@ class StudioSettings:
             "lens_blur_px": (0.0, 5.0),
             "exposure_s": (0.0, 0.1),
             "noise_sigma": (0.0, 50.0),
+            "light": (0.0, 1.0),
             "rolling_shutter_s": (0.0, 0.1),
             "ghosts": (0, 50),
             "light_drift": (0.0, 0.5),

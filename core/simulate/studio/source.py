@@ -132,7 +132,7 @@ def open_simulated(spec: Mapping[str, Any]) -> SimulatedSource:
         raise SettingsError("unknown setting " + ", ".join(unknown), where="simulated performer")
     live = bool(spec.get("live", False))
     loop = bool(spec.get("loop", live))
-    fps = float(spec.get("fps", FPS))
+    fps = float(spec.get("fps") or FPS)
     motion = _motion(spec, fps)
     renderer = Renderer(default_rig(int(spec.get("cameras", 2))), studio_settings(spec.get("studio", {})))
     return simulated_source(motion, str(spec.get("marker_set", "boxing")), renderer, fps=fps, live=live, loop=loop)
