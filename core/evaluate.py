@@ -40,6 +40,7 @@ class _Errors:
     position_mm: Array
     absolute_mm: Array
     direction_deg: Array
+    own_direction_deg: Array
     twist_deg: Array
 
 
@@ -60,8 +61,9 @@ def evaluate(motion: Motion, truth: Motion, skeleton: Skeleton | None = None) ->
         deg_per_angle: mean absolute difference of the joint angles, wrapped, degrees; of the two triples that mean
             one rotation the nearer counts.
         mpjpe_mm: mean joint distance with the roots' positions made equal; mpjpe_absolute_mm: as they are.
-        bone_direction_deg: mean angle between the bones' directions in the world; twist_deg: mean turn about the
-            own bone in the error of the local rotation.
+        bone_direction_deg: mean angle between the bones' directions in the world;
+            bone_direction_in_root_deg: as seen from the root, so without its error.
+        twist_deg: mean turn about the own bone in the error of the local rotation.
         root_position_mm, root_rotation_deg: mean errors of the root.
         jitter_ratio: mean third difference of the joint positions, relative to the truth's (NaN when that is still).
         foot_skate_cm_s: mean horizontal speed of the toes while the true ones stand on the floor;
@@ -83,6 +85,7 @@ def evaluate(motion: Motion, truth: Motion, skeleton: Skeleton | None = None) ->
         "mpjpe_mm": float(np.mean(errors.position_mm[:, 1:])),
         "mpjpe_absolute_mm": float(np.mean(errors.absolute_mm)),
         "bone_direction_deg": float(np.mean(errors.direction_deg[:, 1:])),
+        "bone_direction_in_root_deg": float(np.mean(errors.own_direction_deg[:, 1:])),
         "twist_deg": float(np.mean(errors.twist_deg[:, 1:])),
         "root_position_mm": float(np.mean(errors.absolute_mm[:, 0])),
         "root_rotation_deg": float(np.mean(errors.rotation_deg[:, 0])),
@@ -159,6 +162,11 @@ def _errors(pair: _Pair, angles: Skeleton, estimated: tuple[Array, Array], true:
     angle_deg, angle_joints = _angle_errors(angles, pair.motion.rotations, pair.truth.rotations)
     mine, theirs = _bone_directions(pair.motion.skeleton), _bone_directions(pair.truth.skeleton)
     local_error = rot.multiply(rot.conjugate(pair.truth.rotations), pair.motion.rotations)
+    mine_world, theirs_world = rot.rotate(estimated[1], mine), rot.rotate(true[1], theirs)
+    mine_own, theirs_own = (
+        rot.rotate(rot.conjugate(world[:, :1]), bones)
+        for world, bones in ((estimated[1], mine_world), (true[1], theirs_world))
+    )
     along = np.sum(local_error[..., 1:] * theirs, axis=-1)
     return _Errors(
         rotation_deg=np.degrees(rot.angle_between(pair.motion.rotations, pair.truth.rotations)),
@@ -166,7 +174,8 @@ def _errors(pair: _Pair, angles: Skeleton, estimated: tuple[Array, Array], true:
         angle_joints=angle_joints,
         position_mm=np.linalg.norm(difference - difference[:, :1], axis=-1),
         absolute_mm=np.linalg.norm(difference, axis=-1),
-        direction_deg=_angles_between(rot.rotate(estimated[1], mine), rot.rotate(true[1], theirs)),
+        direction_deg=_angles_between(mine_world, theirs_world),
+        own_direction_deg=_angles_between(mine_own, theirs_own),
         twist_deg=np.degrees(2.0 * np.abs(np.arctan2(along, np.abs(local_error[..., 0])))),
     )
 
