@@ -183,6 +183,7 @@ class Renderer:
         if settings.occlusion:
             cones = performance.cones_at(time)
             seen &= visible(camera.centre_m, centres_m, cones, 0.5 * settings.marker_radius_m)
+            seen &= ~_behind_another(centres, radii, depth)
         if settings.dropout > 0.0:
             rng = np.random.default_rng([settings.seed, index, number, 1])
             seen &= rng.random(count) >= settings.dropout
@@ -239,6 +240,12 @@ def _inside(camera: Camera, pixels: Array) -> NDArray[np.bool_]:
     with np.errstate(invalid="ignore"):
         inside: NDArray[np.bool_] = (x > -0.5) & (y > -0.5) & (x < width - 0.5) & (y < height - 0.5)
     return inside
+
+
+def _behind_another(centres: Array, radii: Array, depth: Array) -> NDArray[np.bool_]:
+    """Which markers have their centre behind the ball of a nearer marker, (M,)."""
+    apart = np.linalg.norm(np.nan_to_num(centres)[:, None] - np.nan_to_num(centres), axis=-1)
+    return np.asarray(np.any((apart < radii) & (depth < depth[:, None]), axis=1))
 
 
 def _noise_tables(rig: CameraRig, settings: StudioSettings) -> tuple[Image, Image] | None:

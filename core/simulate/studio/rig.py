@@ -56,7 +56,7 @@ def default_rig(cameras: int = 2, level: bool = False) -> CameraRig:
         half = float(np.sqrt(_HALF_BASELINE_M**2 - rise**2))
         places = [(-half, _HEIGHT_M - rise, _DISTANCE_M), (half, _HEIGHT_M + rise, _DISTANCE_M)][:cameras]
     else:
-        reach = float(np.hypot(_HALF_BASELINE_M, _DISTANCE_M))
+        reach = 1.1 * float(np.hypot(_HALF_BASELINE_M, _DISTANCE_M))
         angles = np.radians(np.linspace(-1.0, 1.0, cameras) * min(15.0 * (cameras - 1), 75.0))
         heights = [_HEIGHT_M + (rise if i % 2 else -rise) for i in range(cameras)]
         places = [

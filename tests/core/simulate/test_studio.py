@@ -116,6 +116,14 @@ def test_body_hides_markers_of_the_far_side(scene: Any) -> None:
     assert free.truth(away, 0.0, 0).visible.all()
 
 
+def test_marker_hides_the_one_behind_it(scene: Any) -> None:
+    rig = default_rig()
+    ray = np.array([0.0, 1.0, 0.0]) - rig.cameras[0].centre_m
+    points = rig.cameras[0].centre_m + np.outer([1.0, 0.9], ray) + np.array([[0.0, 0.005, 0.0], [0.0, 0.0, 0.0]])
+    truth = Renderer(rig, QUIET).truth(flying(scene, np.repeat(points[None], 3, axis=0)), 0.0, 0)
+    assert truth.visible.tolist() == [[False, True], [True, True]]
+
+
 # --- drawing
 
 
