@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -90,7 +91,7 @@ def _times_from_names(paths: Sequence[Path]) -> list[float] | None:
             return None
         hours, minutes, seconds, fraction = match.groups()
         times.append(int(hours) * 3600 + int(minutes) * 60 + int(seconds) + float(f"0.{fraction}"))
-    if len(times) < 2 or any(later <= earlier for earlier, later in zip(times, times[1:], strict=False)):
+    if len(times) < 2 or any(later <= earlier for earlier, later in pairwise(times)):
         return None
     return [time - times[0] for time in times]
 

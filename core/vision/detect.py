@@ -35,6 +35,7 @@ class DetectionSettings:
         minimum_radius_px, maximum_radius_px: size of a marker in the image.
         minimum_roundness: smallest ratio of a blob's short to its long axis (motion blur makes discs long).
         relative_brightness: a blob dimmer than this share of the usual marker is no marker (automatic threshold).
+        relative_radius: the same for its radius: small glints of clothing are no markers.
         maximum_blobs: at most so many, brightest first.
     """
 
@@ -45,6 +46,7 @@ class DetectionSettings:
     maximum_radius_px: float = 12.0
     minimum_roundness: float = 0.3
     relative_brightness: float = 0.35
+    relative_radius: float = 0.4
     maximum_blobs: int = 100
 
     def __post_init__(self) -> None:
@@ -175,6 +177,9 @@ class Detector:
             self._usual_contrast = max(top, _MEMORY * self._usual_contrast)
             limit = self.settings.relative_brightness * min(top, self._usual_contrast)
             blobs = [blob for blob in blobs if blob.contrast >= limit]
+        if blobs:
+            usual_radius = float(np.median([blob.radius for blob in blobs]))
+            blobs = [blob for blob in blobs if blob.radius >= self.settings.relative_radius * usual_radius]
         rows = [(b.x, b.y, b.radius, b.brightness, b.hue) for b in blobs[: self.settings.maximum_blobs]]
         return np.array(rows, dtype=np.float32).reshape(-1, 5)
 

@@ -1,0 +1,171 @@
+"""`perfanim track`: images of calibrated cameras to labelled marker trajectories."""
+
+import argparse
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import SettingsError
+
+Progress = Callable[[float, str], None]
+
+_BACKGROUND_SAMPLES = 31
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the `track` command."""
+    parser = subparsers.add_parser("track", help="images to marker trajectories")
+    parser.add_argument("--cameras", metavar="cameras.toml", required=True, help="calibration (anipose-style TOML)")
+    source = "a video, a folder or pattern of images, a device number, a stream address"
+    parser.add_argument("--left", metavar="SRC", required=True, help=source)
+    parser.add_argument("--right", metavar="SRC", required=True, help="the same for the right camera")
+    parser.add_argument(
+        "--camera", metavar="SRC", action="append", default=[], help="any further camera, in the calibration's order"
+    )
+    parser.add_argument("--out", metavar="TAKE", required=True, help="take to write: .take.npz, .trc, .csv or .c3d")
+    parser.add_argument("--marker-set", metavar="NAME_OR_FILE", help="names the markers (default: M01, M02, ...)")
+    parser.add_argument(
+        "--markers",
+        metavar="N",
+        type=int,
+        help="markers worn (default: the set's, or as many as are seen at most times)",
+    )
+    parser.add_argument(
+        "--background", metavar="SRC", nargs="+", help="frames without the performer, one source per camera "
+        "(default: learned from the take itself)"
+    )  # fmt: skip
+    parser.add_argument(
+        "--threshold", metavar="LEVELS", type=float, help="grey levels above the background (default: automatic)"
+    )
+    parser.add_argument("--fps", metavar="RATE", type=float, help="frames per second, where the source does not tell")
+    parser.add_argument("--seconds", metavar="S", type=float, help="stop after so many seconds (needed for cameras)")
+    parser.add_argument(
+        "--ignore-distortion",
+        action="store_true",
+        help="leave the lens distortion out, to compare with results of programs that do (default: corrected)",
+    )
+    parser.add_argument(
+        "--truth", metavar="TAKE", help="trajectories to compare with, frame by frame (.trc, .c3d, .csv, .take.npz)"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Track, write the take, return the summary."""
+    from ..camera import load_rig
+    from ..formats.takes import write_take
+    from ..marker_set import load_marker_set
+    from ..sources.spec import open_image_source
+    from ..tracking import track_markers
+    from ..tracking_names import named_take
+    from ..vision.reprojection import labelled_rms_px
+
+    marker_set = load_marker_set(args.marker_set) if args.marker_set else None
+    if args.markers is not None and not 1 <= args.markers <= 200:
+        raise SettingsError(f"--markers {args.markers} cannot be", advice="use 1 to 200")
+    rig = load_rig(args.cameras)
+    if args.ignore_distortion:
+        rig = _without_distortion(rig)
+    source = open_image_source(args.left, args.right, *args.camera, fps=args.fps)
+    try:
+        pipeline = _pipeline(args, rig, source, progress)
+        frames, seconds = _process(args, pipeline, source, progress)
+    finally:
+        source.close()
+    progress(0.95, "joining points to trajectories")
+    count = len(marker_set) if marker_set else args.markers
+    tracking = track_markers(frames, _take_name(args.out), source.fps, count)
+    take = named_take(tracking.take, marker_set) if marker_set else tracking.take
+    write_take(take, args.out)
+    visible = take.visible
+    summary: dict[str, Any] = {
+        "frames": take.frames,
+        "markers": len(take.names),
+        "names": list(take.names),
+        "visible_fraction": float(visible.mean()),
+        "all_visible_fraction": float(visible.all(axis=1).mean()),
+        "reprojection_rms_px": labelled_rms_px(rig, frames, tracking.labels),
+        "false_pieces": tracking.dropped_pieces,
+        "frames_per_s": len(frames) / max(seconds, 1e-9),
+        "warnings": list(getattr(source, "warnings", ())),
+        "out": str(args.out),
+    }
+    if args.truth:
+        summary |= _compared(take, args.truth)
+    return summary
+
+
+def _pipeline(args: argparse.Namespace, rig: Any, source: Any, progress: Progress) -> Any:
+    from ..sources.spec import open_image_source
+    from ..vision.detect import DetectionSettings
+    from ..vision.pipeline import MarkerPipeline, PipelineSettings
+
+    settings = PipelineSettings(detection=(DetectionSettings(threshold=args.threshold),))
+    pipeline = MarkerPipeline(rig, settings)
+    progress(0.0, "learning the background")
+    if args.background:
+        empty = open_image_source(*args.background)
+        try:
+            pipeline.learn_empty(empty.samples(10**6 if hasattr(empty, "frame") else _BACKGROUND_SAMPLES))
+        finally:
+            empty.close()
+        return pipeline
+    samples = [] if _endless(source) else list(source.samples(_BACKGROUND_SAMPLES))
+    if len(samples) > 1:
+        pipeline.learn_behind(samples)
+    return pipeline
+
+
+def _endless(source: Any) -> bool:
+    return int(getattr(source, "frames", 0)) <= 0
+
+
+def _process(args: argparse.Namespace, pipeline: Any, source: Any, progress: Progress) -> tuple[list[Any], float]:
+    if _endless(source) and args.seconds is None:
+        raise SettingsError("a camera has no end", advice="say how long to record, e.g. --seconds 10")
+    total = int(getattr(source, "frames", 0)) or round(args.seconds * source.fps)
+    frames, seconds = [], 0.0
+    for images in source:
+        if args.seconds is not None and max(images.times_s) >= args.seconds:
+            break
+        start = time.perf_counter()
+        frames.append(pipeline.process(images))
+        seconds += time.perf_counter() - start
+        if len(frames) % 10 == 0:
+            progress(min(0.95, 0.95 * len(frames) / max(total, 1)), f"frame {len(frames)} of {total}")
+    return frames, seconds
+
+
+def _take_name(out: str) -> str:
+    return Path(out).name.removesuffix(".npz").removesuffix(".take").split(".")[0] or "take"
+
+
+def _without_distortion(rig: Any) -> Any:
+    from dataclasses import replace
+
+    return replace(rig, cameras=tuple(replace(camera, distortion=np.zeros(5)) for camera in rig.cameras))
+
+
+def _compared(take: Any, path: str) -> dict[str, Any]:
+    """Distance to trajectories of the same cameras, paired marker by marker to fit best over the whole take."""
+    from ..formats.takes import read_take
+    from ..tracking_names import best_permutation
+
+    truth = read_take(path)
+    frames = min(take.frames, truth.frames)
+    own, other = take.positions_m[:frames], truth.positions_m[:frames]
+    # trajectories in the left camera's own frame (x right, y down, z forward) are turned into the world
+    turned = other * np.array([1.0, -1.0, -1.0])
+    if np.nanmedian(np.abs(own[..., 2] - turned[..., 2])) < np.nanmedian(np.abs(own[..., 2] - other[..., 2])):
+        other = turned
+    rows, columns = best_permutation(own, other)
+    distance = np.linalg.norm(own[:, rows] - other[:, columns], axis=2)
+    return {
+        "truth_frames": frames,
+        "truth_pairs": {take.names[r]: truth.names[c] for r, c in zip(rows, columns, strict=True)},
+        "distance_median_mm": 1000.0 * float(np.nanmedian(distance)),
+        "distance_p95_mm": 1000.0 * float(np.nanpercentile(distance, 95)),
+    }

@@ -1,0 +1,303 @@
+"""Marker trajectories without a body model: from unlabelled points of successive frames to labelled markers.
+
+First points are joined to pieces of trajectory by temporal coherence; then pieces are joined to markers by the
+distances between markers, which a body keeps (those on one limb exactly, others roughly), so that a marker that was
+lost gets its own label back. The whole take is known: this is for recorded images.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
+
+from .errors import TakeError
+from .marker_frame import MarkerFrame
+from .marker_take import MarkerTake
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_GATE_M = 0.05
+_GATE_SPEED_M_S = 3.0
+_YOUNG_GATE = 0.6
+_GATE_MOST_M = 0.35
+_SLOW_RATE_S = 0.08  # between frames further apart than this a velocity says little
+_SLOW_ROUNDS = 3
+_FASTEST_WALK_M_S = 3.0
+_DEPTH_JUMP_M = 0.25
+_DEPTH_TRUST = 0.2  # of the velocity along the line of sight
+_BRIDGE_FRAMES = 2
+_GHOST_FRAMES = 3  # a piece of no more frames than this that fits no marker is a false marker
+_STRUCTURE_SIGMA_M = 0.012
+_CONTINUITY_M = 0.06
+_CONTINUITY_M_S = 1.5
+_COST_CAP = 16.0
+_COST_LIMIT = 10.0
+
+
+@dataclass
+class _Piece:
+    """Points of successive frames that belong together: frame indices and the point's index in each."""
+
+    frames: list[int] = field(default_factory=list)
+    points: list[int] = field(default_factory=list)
+    position_m: Array = field(default_factory=lambda: np.zeros(3))
+    velocity_m_s: Array = field(default_factory=lambda: np.zeros(3))
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """A tracked take, and per frame the marker (or -1) of every point of the marker frame."""
+
+    take: MarkerTake
+    labels: tuple[IntArray, ...]
+    dropped_pieces: int
+
+
+def track_markers(
+    frames: Sequence[MarkerFrame], name: str, fps: float, count: int | None = None, names: Sequence[str] = ()
+) -> Tracking:
+    """Return labelled trajectories of all markers.
+
+    Args:
+        frames: in order of time.
+        name, fps: of the take.
+        count: how many markers are worn; None: as many as are seen at most times.
+        names: of the markers, in any order; without them they are called M01, M02, ... from the highest down.
+
+    Raises:
+        TakeError: no frame shows enough points.
+    """
+    pieces = _join_points(frames)
+    table = _alive(pieces, len(frames))
+    worn = count or len(names) or _usual_count(pieces, len(frames))
+    seed = _seed_frame(pieces, table, worn)
+    identities = [[piece] for piece in sorted(table[seed], key=lambda p: -len(pieces[p].frames))[:worn]]
+    used = {piece for row in identities for piece in row}
+    rest = [p for p in range(len(pieces)) if p not in used]
+    rest.sort(key=lambda p: (_distance_in_time(pieces[p], seed), -len(pieces[p].frames)))
+    positions = np.full((len(frames), worn, 3), np.nan)
+    for marker, row in enumerate(identities):
+        _fill(positions, marker, pieces[row[0]], frames)
+    dropped = 0
+    for p in rest:
+        marker = _best_identity(pieces[p], positions, frames)
+        if marker is None:
+            dropped += 1
+            continue
+        identities[marker].append(p)
+        _fill(positions, marker, pieces[p], frames)
+    order = np.argsort(-np.nanmedian(positions[..., 1], axis=0), kind="stable")
+    labels = _labels(frames, pieces, [identities[i] for i in order])
+    called = tuple(names) if len(names) == worn else tuple(f"M{i + 1:02d}" for i in range(worn))
+    take = MarkerTake(
+        name,
+        fps,
+        called,
+        positions[:, order],
+        np.array([frame.number for frame in frames]),
+        np.array([frame.time_s for frame in frames]),
+    )
+    return Tracking(take, labels, dropped)
+
+
+def _join_points(frames: Sequence[MarkerFrame]) -> list[_Piece]:
+    pieces: list[_Piece] = []
+    active: list[int] = []
+    axes = _depth_axes(frames)
+    for f, frame in enumerate(frames):
+        active = [p for p in active if f - pieces[p].frames[-1] <= _BRIDGE_FRAMES + 1]
+        rows, columns = _follow([pieces[p] for p in active], frames, f, axes[f])
+        taken = set(columns.tolist())
+        for row, column in zip(rows, columns, strict=True):
+            _extend(pieces[active[row]], frames, f, int(column), axes[f])
+        for column in range(len(frame.points_m)):
+            if column not in taken:
+                piece = _Piece()
+                _extend(piece, frames, f, column, axes[f])
+                active.append(len(pieces))
+                pieces.append(piece)
+    return pieces
+
+
+def _follow(
+    active: Sequence[_Piece], frames: Sequence[MarkerFrame], f: int, depth_axis: Array
+) -> tuple[IntArray, IntArray]:
+    """Return which active piece goes on in which point of frame f."""
+    points = frames[f].points_m
+    if not active or len(points) == 0:
+        return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
+    last = np.array([piece.position_m for piece in active])
+    passed = np.array([frames[f].time_s - frames[piece.frames[-1]].time_s for piece in active])
+    velocity = np.array([piece.velocity_m_s for piece in active])
+    slow = bool(np.median(passed) >= _SLOW_RATE_S)
+    expected = last if slow else last + velocity * passed[:, None]
+    gates = np.minimum(_GATE_M + _GATE_SPEED_M_S * passed, _GATE_MOST_M)
+    if not slow:  # what was seen for a moment only may be false and must not take a marker's place
+        gates *= np.where([len(piece.frames) <= _GHOST_FRAMES for piece in active], _YOUNG_GATE, 1.0)
+    else:
+        expected = expected + _common_shift(expected, points, float(np.median(passed)))
+    for _ in range(_SLOW_ROUNDS if slow else 1):
+        cost = np.minimum(_squared_gates(points[None] - expected[:, None], gates[:, None], depth_axis), 1.0)
+        rows, columns = linear_sum_assignment(cost)
+        good = cost[rows, columns] < 1.0
+        rows, columns = rows[good], columns[good]
+        if len(rows) >= 3:
+            expected = expected + np.median(points[columns] - expected[rows], axis=0)
+    return rows, columns
+
+
+def _squared_gates(difference: Array, across: Array | float, depth_axis: Array) -> Array:
+    """Return squared distances in units of a gate that is wider along the cameras' line of sight.
+
+    Unsynchronised cameras see a marker that moves sideways at different places: its depth jumps from frame to frame
+    by far more than it moves.
+    """
+    depth = difference @ depth_axis
+    lateral2 = np.sum(difference**2, axis=-1) - depth**2
+    return np.asarray(lateral2 / across**2 + (depth / (across + _DEPTH_JUMP_M)) ** 2)
+
+
+def _depth_axes(frames: Sequence[MarkerFrame]) -> list[Array]:
+    """Return per frame the unit vector along which its points are known worst."""
+    axes = []
+    for frame in frames:
+        if len(frame.points_m) == 0:
+            axes.append(np.array([0.0, 0.0, 1.0]))
+            continue
+        scaled = frame.covariances_m2 / np.trace(frame.covariances_m2, axis1=1, axis2=2)[:, None, None]
+        axes.append(np.asarray(np.linalg.eigh(scaled.mean(axis=0))[1][:, -1]))
+    return axes
+
+
+def _common_shift(expected: Array, points: Array, passed_s: float) -> Array:
+    """Return the shift of the whole body that brings most expected positions near a point."""
+    shifts = (points[None] - expected[:, None]).reshape(-1, 3)
+    shifts = np.concatenate((np.zeros((1, 3)), shifts))
+    lengths = np.linalg.norm(shifts, axis=1)
+    shifts = shifts[lengths <= _FASTEST_WALK_M_S * passed_s]
+    best, best_cost = shifts[0], np.inf
+    for shift in shifts:
+        nearest = cdist(expected + shift, points).min(axis=1)
+        cost = float(np.minimum(nearest, _GATE_MOST_M).sum() + 0.1 * np.linalg.norm(shift))
+        if cost < best_cost:
+            best, best_cost = shift, cost
+    return np.asarray(best)
+
+
+def _extend(piece: _Piece, frames: Sequence[MarkerFrame], f: int, point: int, depth_axis: Array) -> None:
+    position = frames[f].points_m[point]
+    if piece.frames:
+        passed = max(frames[f].time_s - frames[piece.frames[-1]].time_s, 1e-4)
+        velocity = (position - piece.position_m) / passed
+        piece.velocity_m_s = velocity - (1.0 - _DEPTH_TRUST) * (velocity @ depth_axis) * depth_axis
+    piece.position_m = position
+    piece.frames.append(f)
+    piece.points.append(point)
+
+
+def _alive(pieces: Sequence[_Piece], count: int) -> list[list[int]]:
+    table: list[list[int]] = [[] for _ in range(count)]
+    for p, piece in enumerate(pieces):
+        for f in piece.frames:
+            table[f].append(p)
+    return table
+
+
+def _usual_count(pieces: Sequence[_Piece], count: int) -> int:
+    """Markers worn: what the frames show most often, false markers of a few frames left out."""
+    longest = [piece for piece in pieces if len(piece.frames) > _GHOST_FRAMES] or list(pieces)
+    shown = np.zeros(count, dtype=np.int64)
+    for piece in longest:
+        shown[piece.frames] += 1
+    if shown.max(initial=0) == 0:
+        raise TakeError(
+            "no markers were found in any frame", advice="check the threshold, the cameras' order and the calibration"
+        )
+    return int(np.bincount(shown)[1:].argmax()) + 1
+
+
+def _seed_frame(pieces: Sequence[_Piece], table: Sequence[Sequence[int]], worn: int) -> int:
+    """Return the frame where the longest pieces for all markers are seen at once."""
+    scores = [
+        sum(sorted((len(pieces[p].frames) for p in row), reverse=True)[:worn]) if len(row) >= worn else -1
+        for row in table
+    ]
+    if max(scores, default=-1) < 0:
+        most = max((len(row) for row in table), default=0)
+        raise TakeError(
+            f"at most {most} of {worn} markers are located at once",
+            advice="check that both cameras see the markers, or give the right marker set",
+        )
+    return int(np.argmax(scores))
+
+
+def _distance_in_time(piece: _Piece, f: int) -> int:
+    return max(piece.frames[0] - f, f - piece.frames[-1], 0)
+
+
+def _fill(positions: Array, marker: int, piece: _Piece, frames: Sequence[MarkerFrame]) -> None:
+    for f, point in zip(piece.frames, piece.points, strict=True):
+        positions[f, marker] = frames[f].points_m[point]
+
+
+def _best_identity(piece: _Piece, positions: Array, frames: Sequence[MarkerFrame]) -> int | None:
+    """Return the marker that a piece belongs to, None when it fits none that is free while it lasts."""
+    where = np.array(piece.frames)
+    own = np.array([frames[f].points_m[point] for f, point in zip(piece.frames, piece.points, strict=True)])
+    free = np.flatnonzero(np.isnan(positions[where, :, 0]).all(axis=0))
+    if len(free) == 0:
+        return None
+    costs = np.array(
+        [_structure_cost(where, own, marker, positions) + _gap_cost(where, own, marker, positions, frames)
+         for marker in free]
+    )  # fmt: skip
+    best = int(costs.argmin())
+    return int(free[best]) if costs[best] < _COST_LIMIT else None
+
+
+def _structure_cost(where: IntArray, own: Array, marker: int, positions: Array) -> float:
+    """Mean squared deviation, in sigmas, of the piece's distances to the other markers from the marker's usual ones."""
+    usual = np.linalg.norm(positions - positions[:, marker : marker + 1], axis=2)
+    usual[:, marker] = np.nan
+    seen = np.isfinite(usual).sum(axis=0)
+    there = np.isfinite(positions[where, :, 0]).any(axis=0) & (seen >= 2)
+    if not there.any():
+        return 0.0
+    mean, spread = np.nanmean(usual[:, there], axis=0), np.nanstd(usual[:, there], axis=0)
+    distance = np.linalg.norm(positions[where][:, there] - own[:, None], axis=2)
+    sigma2 = spread**2 + _STRUCTURE_SIGMA_M**2
+    deviation = np.minimum((distance - mean) ** 2 / sigma2, _COST_CAP)
+    weight = np.where(np.isfinite(deviation), 1.0 / np.sqrt(sigma2), 0.0)
+    return float(np.sum(np.nan_to_num(deviation) * weight) / np.maximum(weight.sum(), 1e-12))
+
+
+def _gap_cost(where: IntArray, own: Array, marker: int, positions: Array, frames: Sequence[MarkerFrame]) -> float:
+    """Squared distance, in sigmas that grow with the gap, to where the marker was last and will be next."""
+    known = np.flatnonzero(np.isfinite(positions[:, marker, 0]))
+    axis = _depth_axes([frames[int(where[0])]])[0]
+    costs = []
+    before, after = known[known < where[0]], known[known > where[-1]]
+    for mine, point, side in ((where[0], own[0], before), (where[-1], own[-1], after)):
+        if len(side) == 0:
+            continue
+        other = int(side[-1] if side[-1] < mine else side[0])
+        gap_s = abs(frames[int(mine)].time_s - frames[other].time_s)
+        sigma = _CONTINUITY_M + _CONTINUITY_M_S * gap_s
+        squared = _squared_gates(point - positions[other, marker], sigma, axis)
+        costs.append(min(float(squared), _COST_CAP))
+    return float(np.mean(costs)) if costs else 0.0
+
+
+def _labels(
+    frames: Sequence[MarkerFrame], pieces: Sequence[_Piece], identities: Sequence[Sequence[int]]
+) -> tuple[IntArray, ...]:
+    labels = tuple(np.full(len(frame.points_m), -1, dtype=np.int64) for frame in frames)
+    for marker, row in enumerate(identities):
+        for p in row:
+            for f, point in zip(pieces[p].frames, pieces[p].points, strict=True):
+                labels[f][point] = marker
+    return labels

@@ -1,0 +1,80 @@
+"""Which tracked trajectory is which marker of a set: decided by standing bodies, voted on over the take."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from .calibration_pose import standing, t_pose
+from .errors import TakeError
+from .labelling import Labeller
+from .marker_set import MarkerSet
+from .marker_take import MarkerTake
+from .product_skeleton import default_skeleton
+from .skeleton import marker_positions
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_SAMPLES = 25
+_FEWEST_VOTES = 0.3  # share of the sampled frames in which most markers must have been recognised
+
+
+def named_take(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
+    """Return the take with its trajectories in the order and under the names of the marker set.
+
+    In frames spread over the take the points are laid over the markers of a standing body and of one in the T pose
+    (with the set's usual offsets); every frame that fits votes.
+
+    Raises:
+        TakeError: the take has another number of markers than the set, or does not look like it.
+        MarkerSetError: the set has no offsets to tell its markers apart.
+    """
+    count = len(marker_set)
+    if len(take.names) != count:
+        raise TakeError(f"has {len(take.names)} markers, the marker set {marker_set.name} has {count}", where=take.name)
+    skeleton = default_skeleton()
+    joints, offsets = marker_set.joint_indices(skeleton), marker_set.offsets_m
+    templates = [
+        marker_positions(skeleton, joints, offsets, pose(skeleton), np.zeros(3)) for pose in (t_pose, standing)
+    ]
+    votes = np.zeros((count, count))
+    chosen = np.unique(np.linspace(0, take.frames - 1, _SAMPLES).astype(int))
+    for row in take.positions_m[chosen]:
+        _vote(votes, row, templates, marker_set.names)
+    rows, columns = linear_sum_assignment(-votes)
+    if np.median(votes[rows, columns]) < _FEWEST_VOTES * len(chosen):
+        raise TakeError(
+            f"the markers are not where the marker set {marker_set.name} has them",
+            where=take.name,
+            advice="track without --marker-set, or correct the set's offset_m",
+        )
+    order = rows[np.argsort(columns)]
+    return replace(take, names=marker_set.names, positions_m=take.positions_m[:, order])
+
+
+def _vote(votes: Array, row: Array, templates: list[Array], names: tuple[str, ...]) -> None:
+    seen = np.flatnonzero(np.isfinite(row).all(axis=1))
+    best = np.full(len(seen), -1, dtype=np.int64)
+    for template in templates:
+        labels = Labeller(names).label_first(row[seen], template)
+        if np.sum(labels >= 0) > np.sum(best >= 0):
+            best = labels
+    known = best >= 0
+    votes[seen[known], best[known]] += 1.0
+
+
+def best_permutation(own: Array, other: Array) -> tuple[IntArray, IntArray]:
+    """Return which trajectories (F, M, 3) and (F, N, 3) belong together: least median distance in all."""
+    cost = np.array(
+        [[_median_distance(own[:, i], other[:, j]) for j in range(other.shape[1])] for i in range(own.shape[1])]
+    )
+    rows, columns = linear_sum_assignment(cost)
+    return rows.astype(np.int64), columns.astype(np.int64)
+
+
+def _median_distance(a: Array, b: Array) -> float:
+    distance = np.linalg.norm(a - b, axis=1)
+    seen = np.isfinite(distance)
+    return float(np.median(distance[seen])) if seen.any() else 1e3
