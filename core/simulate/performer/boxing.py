@@ -31,6 +31,8 @@ _COMBINATIONS: tuple[tuple[str, ...], ...] = (
     ("jab", "cross", "hook", "rear_hook"),
     ("uppercut", "hook"),
 )
+_LEAVE_S = 1.4  # what lowering the guard takes
+_SHORT_S = 6.0
 _GUARD_YAW = 0.55  # the body's turn away from the front foot
 
 
@@ -312,18 +314,21 @@ def box(score: Score, seconds: float) -> None:
     """Take guard, move, strike in combinations, lower the hands."""
     end = score.time_s + seconds
     boxer = Boxer(score, "r" if score.rng.random() < 0.1 else "l")
-    time_s = _take_guard(boxer)
-    while time_s < end - 2.2:
-        time_s = _move(boxer, time_s)
-        if time_s > end - 2.6:
+    time_s, first = _take_guard(boxer), True
+    while time_s < end - _LEAVE_S - 0.4:
+        if time_s > score.time_s + 1.5 or score.rng.random() < 0.6:
+            time_s = _move(boxer, time_s)
+        if time_s > end - _LEAVE_S - 0.2:
             break
         combination = _COMBINATIONS[int(score.rng.integers(len(_COMBINATIONS)))]
+        if first and seconds < _SHORT_S:  # little time: show at least what boxing is
+            combination = ("jab", "cross")
+        first = False
         for action in combination:
             time_s = _ACTIONS[action](boxer, time_s) + max(0.0, score.jitter(0.03))
-            if time_s > end - 1.8:
+            if time_s > end - _LEAVE_S:
                 break
     _lower_guard(boxer, time_s)
-    score.time_s = max(score.time_s, end)
 
 
 def _take_guard(boxer: Boxer) -> float:

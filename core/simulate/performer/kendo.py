@@ -9,13 +9,15 @@ from .frame import SIDES
 from .score import STANDING_HEIGHT, Score
 
 _LEG_M = 0.85
+_LEAVE_S = 1.4  # what putting the sword away takes
+_SHORT_S = 6.0
 _HEEL_UP = 0.24  # the left heel never comes down
 # left fist over the arm's length; blade up, left, edge turn
 _Held = tuple[tuple[float, float, float], tuple[float, float, float]]
 _CHUDAN: _Held = ((0.0, -0.62, 0.44), (0.42, 0.0, 0.0))
 _RAISED: _Held = ((0.0, 0.36, 0.30), (2.30, 0.0, 0.0))
 _HALF_RAISED: _Held = ((0.0, 0.10, 0.52), (1.55, 0.0, 0.0))
-_MEN: _Held = ((0.0, -0.36, 0.54), (0.12, 0.0, 0.0))
+_MEN: _Held = ((0.0, -0.36, 0.52), (0.12, 0.0, 0.0))
 _KOTE: _Held = ((0.0, -0.52, 0.52), (-0.05, -0.08, 0.0))
 _DO: _Held = ((0.06, -0.52, 0.52), (-0.05, 0.40, -0.95))
 _TSUKI: _Held = ((0.0, -0.34, 0.56), (0.10, 0.0, 0.0))
@@ -104,7 +106,7 @@ def _cut(k: Kendoka, start_s: float, raised: _Held, hit: _Held, reach_m: float, 
     score = k.score
     pace = score.vary(1.0, 0.07) / score.style.tempo
     up_s = start_s + (0.40 if raised is _RAISED else 0.24) * pace
-    hit_s = up_s + 0.20 * pace
+    hit_s = up_s + 0.23 * pace
     k.score.anchor(start_s, "sword", "aim")
     k.sword(up_s, raised)
     k.trunk(up_s, 0.0)
@@ -200,15 +202,18 @@ def fence(score: Score, seconds: float) -> None:
     """Draw up in the middle guard, step about, cut, put the sword away."""
     end = score.time_s + seconds
     k = Kendoka(score)
-    time_s = _take_guard(k)
-    while time_s < end - 2.4:
-        time_s = _wait(k, time_s)
-        if time_s > end - 2.4:
+    time_s, first = _take_guard(k), True
+    while time_s < end - _LEAVE_S - 0.6:
+        if time_s > score.time_s + 1.5 or score.rng.random() < 0.5:
+            time_s = _wait(k, time_s)
+        if time_s > end - _LEAVE_S - 0.6:
             break
-        choices = _ACTIONS if end - time_s > 5.5 else _ACTIONS[:5]
+        choices = _ACTIONS if end - time_s > 5.0 else _ACTIONS[:5]
+        if first and seconds < _SHORT_S:  # little time: show at least what kendo is
+            choices = (_men,)
+        first = False
         time_s = choices[int(score.rng.integers(len(choices)))](k, time_s)
     _put_away(k, time_s)
-    score.time_s = max(score.time_s, end)
 
 
 def _take_guard(k: Kendoka) -> float:

@@ -15,24 +15,22 @@ _ON_TOES = 1.010
 def hop(score: Score, seconds: float) -> None:
     """Hop lightly: on both feet, on one, changing."""
     end = score.time_s + seconds
-    while end - score.time_s > 2.5:
+    while end - score.time_s > 2.2:
         left_s = end - score.time_s
         count = int(score.rng.integers(4, 8))
         if score.rng.random() < 0.45 and left_s > 4.0:
             _hops_on_one(score, SIDES[int(score.rng.integers(2))], count)
         else:
             _hops_on_both(score, count)
-    score.time_s = max(score.time_s, end)
 
 
 def jump(score: Score, seconds: float) -> None:
     """Jump with a countermovement and swinging arms: high, forward and back, sideways, with a quarter turn."""
     end = score.time_s + seconds
-    while end - score.time_s > 1.9:
+    while end - score.time_s > 1.7:
         _, z = score.spot
         kinds = ["high", "high", "forward" if z < 0.3 else "back", "side", "turn", "tuck", "star"]
         _jump_once(score, kinds[int(score.rng.integers(len(kinds)))])
-    score.time_s = max(score.time_s, end)
 
 
 # ---- hopping

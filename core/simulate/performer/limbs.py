@@ -15,7 +15,7 @@ from .frame import about, outward
 # share of the limb's length up to which it reaches exactly, and that it never passes: a limb that snaps straight
 # has infinite joint speed and no defined plane
 LEG_REACH = (0.9990, 0.9998)
-ARM_REACH = (0.94, 0.9985)
+ARM_REACH = (0.92, 0.9975)
 _ELBOW_TILT_RAD = np.deg2rad(30.0)  # CMU's T pose: the crook of the elbow looks forward and up
 # free up to the first angle, never beyond the second
 _WRIST_RANGE_RAD = (np.deg2rad(55.0), np.deg2rad(80.0))

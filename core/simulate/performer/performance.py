@@ -9,6 +9,7 @@ from ...errors import SettingsError
 from ...motion import Motion, sliced
 from ...product_skeleton import default_skeleton
 from ...skeleton import Skeleton
+from .bodies import body
 from .boxing import box
 from .frame import SIDES, Body
 from .kendo import fence
@@ -27,7 +28,12 @@ BEHAVIOURS: dict[str, Callable[[Score, float], None]] = {
     "kendo": fence,
 }
 
+# shares of the demo's time, the first ones first where it is short
+_DEMO_SHARES = {"walking": 3.6, "boxing": 5.0, "jumping": 3.2, "kendo": 4.8, "running": 3.2, "hopping": 3.2}
+_SHORTEST_S = 3.2  # of a behaviour in the demo
+_LEAST_S = 2.0  # of a behaviour
 T_POSE_S = 2.0
+_END_S = 1.2
 _ARMS_DOWN_S = 0.9
 _DEMO_STREAM = 1_000_000  # seeds from here on are the demo's, those below the database's
 
@@ -71,30 +77,44 @@ def performance(
         script: (behaviour, seconds) in order; "rest" stands at ease.
         fps, skeleton, style, seed: as in `perform`.
     """
+    for behaviour, seconds in script:
+        if seconds < _LEAST_S and behaviour != "rest":
+            raise _too_short(behaviour, seconds)
     score = _new_score(skeleton, style, seed)
     _t_pose(score)
+    end_s = score.time_s
     for behaviour, seconds in script:
+        end_s += seconds
+        left_s = end_s - score.time_s  # what one behaviour leaves over the next one takes
         if behaviour == "rest":
-            rest(score, seconds)
+            rest(score, max(left_s, 0.5))
         else:
-            _act(score, behaviour, seconds)
-    rest(score, 1.2)
+            _act(score, behaviour, max(left_s, _LEAST_S))
+    rest(score, _END_S)
     return staged(score, fps, name)
 
 
 def demo_performance(
     seed: int = 0, seconds: float = 24.0, fps: float = 60.0, skeleton: Skeleton | None = None
 ) -> Motion:
-    """Return the performance of the demo: T pose, then every behaviour for a like time.
+    """Return the performance of the demo: T pose, then as many behaviours as the time allows.
 
     Its random numbers are of a stream that the embedded motion database does not draw from, so the database holds
     like motion but not this one.
+
+    Raises:
+        SettingsError: not even one behaviour fits into the time.
     """
-    share = max((seconds - T_POSE_S - _ARMS_DOWN_S - 1.2) / len(BEHAVIOURS), 3.0)
-    script = [(behaviour, share) for behaviour in BEHAVIOURS]
-    body = skeleton if skeleton is not None else default_skeleton(1.78)
+    free_s = seconds - T_POSE_S - _ARMS_DOWN_S - _END_S
+    if free_s < _SHORTEST_S:
+        least = seconds - free_s + _SHORTEST_S
+        raise SettingsError(f"a demo of {seconds:.1f} s is too short", advice=f"give it {least:.1f} s or more")
+    chosen = list(_DEMO_SHARES)[: max(1, int(free_s / _SHORTEST_S))]
+    whole = sum(_DEMO_SHARES[name] for name in chosen)
+    script = [(name, free_s * _DEMO_SHARES[name] / whole) for name in BEHAVIOURS if name in chosen]
+    person = skeleton if skeleton is not None else body(1.78, 0.2, _DEMO_STREAM)
     style = Style("demo", tempo=1.03, amplitude=1.04, arm_swing=1.1, asymmetry=0.05)
-    return performance(script, fps, body, style, _DEMO_STREAM + seed, "demo")
+    return performance(script, fps, person, style, _DEMO_STREAM + seed, "demo")
 
 
 def _new_score(skeleton: Skeleton | None, style: Style | None, seed: int) -> Score:
@@ -105,9 +125,13 @@ def _new_score(skeleton: Skeleton | None, style: Style | None, seed: int) -> Sco
 def _act(score: Score, behaviour: str, seconds: float) -> None:
     if behaviour not in BEHAVIOURS:
         raise SettingsError(f"there is no behaviour {behaviour!r}", advice="behaviours: " + ", ".join(BEHAVIOURS))
-    if seconds < 2.0:
-        raise SettingsError(f"{behaviour} for {seconds:.1f} s is too short", advice="give it 3 s or more")
+    if seconds < _LEAST_S:
+        raise _too_short(behaviour, seconds)
     BEHAVIOURS[behaviour](score, seconds)
+
+
+def _too_short(behaviour: str, seconds: float) -> SettingsError:
+    return SettingsError(f"{behaviour} for {seconds:.1f} s is too short", advice="give it 3 s or more")
 
 
 def _cut(motion: Motion, seconds: float) -> Motion:
