@@ -1,10 +1,12 @@
 """Motion files in files, folders and archives, with the skeleton that belongs to each AMC file."""
 
 import fnmatch
+import lzma
 import shutil
 import tarfile
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,6 +17,9 @@ from ..errors import FormatError
 MOTION_SUFFIXES = frozenset((".bvh", ".amc"))
 _USED_SUFFIXES = MOTION_SUFFIXES | {".asf"}
 _INDEX_NAME = "index.tsv"
+_ARCHIVE_FAULTS = (
+    tarfile.TarError, zipfile.BadZipFile, lzma.LZMAError, zlib.error, OSError, EOFError, RuntimeError, ValueError
+)  # fmt: skip
 _TAR_SUFFIXES = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tar.xz", ".txz")
 
 
@@ -53,7 +58,9 @@ def motion_files(sources: Sequence[Path | str], exclude: Sequence[str] = ()) -> 
     with tempfile.TemporaryDirectory(prefix="perfanim-") as scratch:
         found: dict[str, Path] = {}
         for number, source in enumerate(sources):
-            found |= _members(Path(source), Path(scratch) / str(number))
+            for name, path in _members(Path(source), Path(scratch) / str(number)).items():
+                taken = found.get(name, path) != path  # two folders or files of one name
+                found[f"{Path(source).parent.as_posix()}/{name}" if taken else name] = path
         yield _paired(found, exclude)
 
 
@@ -70,11 +77,7 @@ def _members(source: Path, scratch: Path) -> dict[str, Path]:
         unpack = _unpacked_zip if lower.endswith(".zip") else _unpacked_tar
         try:
             return dict(sorted(unpack(source, scratch).items()))
-        except (tarfile.TarError, zipfile.BadZipFile, OSError, EOFError, RuntimeError, ValueError) as error:
-            raise FormatError(f"is a damaged archive ({error})", where=str(source)) from error
-        except Exception as error:  # lzma and zlib errors share no base class with the others
-            if type(error).__name__ not in ("LZMAError", "error"):
-                raise
+        except _ARCHIVE_FAULTS as error:
             raise FormatError(f"is a damaged archive ({error})", where=str(source)) from error
     if not _is_used(lower):
         raise FormatError(

@@ -108,6 +108,15 @@ def test_archives_hold_the_same_as_folders(folder: Path, tmp_path: Path) -> None
         assert (tmp_path / "b.db").read_bytes()[-5000:] == (tmp_path / "a.db").read_bytes()[-5000:]
 
 
+def test_sources_of_one_name_are_all_read(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "other" / "motion").mkdir(parents=True)
+    write_bvh(waving("walk_01", 41), tmp_path / "other" / "motion" / "walk_01.bvh")
+    report = build_database([folder, tmp_path / "other" / "motion"], tmp_path / "a.db", fps=30.0)
+    assert report["frames"] == 31 + 31 + 41
+    twice = build_database([folder, folder / "walk_01.bvh"], tmp_path / "a.db", fps=30.0)
+    assert twice["clips"] == 2
+
+
 def test_archive_members_cannot_lead_out(folder: Path, tmp_path: Path) -> None:
     target = tmp_path / "evil.tar"
     content = (folder / "walk_01.bvh").read_bytes()
