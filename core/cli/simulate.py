@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ..errors import SettingsError
 from ..formats.bvh import write_bvh
 from ..formats.takes import write_take
 from ..marker_set import load_marker_set
@@ -43,6 +44,8 @@ def _add_markers(commands: Any) -> None:
 
 
 def _markers(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+    if args.fps is not None and not 1.0 <= args.fps <= 1000.0:
+        raise SettingsError(f"--fps {args.fps:g} is out of range", advice="give 1 to 1000 frames per second")
     progress(0.0, "reading")
     motion = read_motion(args.motion, args.skeleton)
     if args.fps is not None:

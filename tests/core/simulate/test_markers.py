@@ -114,3 +114,13 @@ def test_command_refuses_unknown_endings_before_it_writes(tmp_path: Path) -> Non
     with pytest.raises(FormatError, match="cannot be written"):
         args.run(args, lambda fraction, text: None)
     assert [path.name for path in tmp_path.iterdir()] == ["m.bvh"]
+
+
+@pytest.mark.parametrize("fps", ["0", "nan", "-5"])
+def test_command_refuses_a_rate_that_is_none(tmp_path: Path, fps: str) -> None:
+    parser = argparse.ArgumentParser()
+    command.add_parser(parser.add_subparsers())
+    line = ["simulate", "markers", "m.bvh", "--marker-set", "boxing", "--out", str(tmp_path / "w.csv"), f"--fps={fps}"]
+    args = parser.parse_args(line)
+    with pytest.raises(SettingsError, match="out of range"):
+        args.run(args, lambda fraction, text: None)
