@@ -91,7 +91,7 @@ def preview_camera(root_positions_m: ArrayLike, size: tuple[int, int] = (640, 48
     extent = path.max(axis=0) - path.min(axis=0)
     focal = 1.8 * size[1]
     wide = (0.5 * extent[0] + 0.9) / (0.5 * size[0] / focal)
-    high = (0.5 * extent[1] + 0.98) / (0.5 * size[1] / focal)
+    high = (0.5 * extent[1] + 1.03) / (0.5 * size[1] / focal)
     distance = max(wide, high) + 0.5 * extent[2] + 0.15
     target = np.array([middle[0], 0.88 + 0.5 * extent[1], middle[2]])
     place = target + distance * np.array([0.40, 0.14, 0.905])
@@ -117,6 +117,12 @@ def floor_image(camera: Camera) -> Image:
     floor = floor - 34.0 * lines[..., None]
     picture = backdrop + fade[..., None] * (floor - backdrop)
     return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+
+
+def brightened(image: Image, gamma: float = 0.55) -> Image:
+    """Return a camera's image with its dark parts lifted for looking at: cameras of markers are set to see little."""
+    table = np.rint(255.0 * (np.arange(256) / 255.0) ** gamma).astype(np.uint8)
+    return np.asarray(cv2.LUT(image, table), dtype=np.uint8)
 
 
 def draw_detections(

@@ -114,6 +114,13 @@ def test_detections_are_ringed_where_they_are() -> None:
     assert image[:30, 100:].any() or image[:30, :60].any()
 
 
+def test_dim_images_are_brightened_in_order() -> None:
+    ramp = np.repeat(np.arange(256, dtype=np.uint8)[None, :, None], 3, axis=2)
+    lifted = preview.brightened(ramp)[0, :, 0].astype(int)
+    assert lifted[0] == 0 and lifted[255] == 255 and lifted[30] > 70
+    assert np.all(np.diff(lifted) >= 0)
+
+
 def test_pictures_side_by_side_have_one_height() -> None:
     joined = preview.side_by_side(np.zeros((40, 60, 3), np.uint8), np.full((80, 60, 3), 9, np.uint8))
     assert joined.shape == (40, 60 + 4 + 30, 3)

@@ -5,7 +5,7 @@ It is drawn by the studio and by the preview, and it hides markers from the came
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,11 +14,14 @@ from numpy.typing import NDArray
 from ... import rotations as rot
 from ...product_skeleton import JOINT_NAMES, default_skeleton
 from ...skeleton import Skeleton, forward_kinematics
-from .cones import RoundCones
+from .cones import RoundCones, axis_distances
 
 Array = NDArray[np.float64]
 
-SUIT, TROUSERS, SKIN, SHOES = "suit", "trousers", "skin", "shoes"
+SUIT, TROUSERS, SKIN, SHOES, WOOD = "suit", "trousers", "skin", "shoes", "wood"
+
+_HELD_M = 0.2  # a marker farther than this from the body sits on something that is held
+_STICK_RADIUS_M = 0.012
 
 # joint: list of (start, end, start radius, end radius, material) in metres for 1.75 m of height, left side.
 # start and end are (share of the bone, x, y, z): a place on the bone from the joint (0) to its tip (1), then shifted.
@@ -79,7 +82,7 @@ class Body:
         joints: (P,) joint that carries each cone.
         starts_m, ends_m: (P, 3) ends of the cones' axes in the joint's own axes, metres.
         start_radii_m, end_radii_m: (P,) radii there, metres.
-        materials: (P) "suit", "trousers", "skin" or "shoes".
+        materials: (P) "suit", "trousers", "skin", "shoes" or "wood".
     """
 
     skeleton: Skeleton
@@ -133,6 +136,31 @@ def make_body(skeleton: Skeleton) -> Body:
         start_radii_m=np.array([row[3] for row in rows]),
         end_radii_m=np.array([row[4] for row in rows]),
         materials=tuple(row[5] for row in rows),
+    )
+
+
+def with_sticks(body: Body, joints: NDArray[np.int64], offsets_m: Array) -> Body:
+    """Return the body holding a stick to every marker that is far from it, as to the tip of a sword.
+
+    joints (M,) carry the markers at offsets_m (M, 3) in their axes, metres.
+    """
+    sticks = []
+    for marker, joint in enumerate(joints):
+        own = body.joints == joint
+        cones = RoundCones(body.starts_m[own], body.ends_m[own], body.start_radii_m[own], body.end_radii_m[own])
+        distance, radius = axis_distances(offsets_m[marker][None], cones)
+        if own.any() and float((distance - radius).min()) > _HELD_M:
+            sticks.append(marker)
+    count = len(sticks)
+    radii = np.full(count, _STICK_RADIUS_M)
+    return replace(
+        body,
+        joints=np.concatenate((body.joints, joints[sticks])),
+        starts_m=np.concatenate((body.starts_m, np.zeros((count, 3)))),
+        ends_m=np.concatenate((body.ends_m, offsets_m[sticks].reshape(count, 3))),
+        start_radii_m=np.concatenate((body.start_radii_m, radii)),
+        end_radii_m=np.concatenate((body.end_radii_m, radii)),
+        materials=(*body.materials, *([WOOD] * count)),
     )
 
 

@@ -105,5 +105,5 @@ def visible(origin: Array, points: Array, cones: RoundCones, margin_m: float) ->
     ray = points - origin
     length = np.linalg.norm(ray, axis=-1)
     hits = first_hits(origin, ray / length[:, None], cones, scale)
-    seen: NDArray[np.bool_] = np.all(hits >= length[:, None], axis=1)
+    seen: NDArray[np.bool_] = np.all(hits >= length[:, None] - margin_m, axis=1)
     return seen

@@ -24,6 +24,7 @@ COLOURS: dict[str, tuple[float, float, float]] = {
     "trousers": (44.0, 42.0, 44.0),
     "skin": (84.0, 106.0, 142.0),
     "shoes": (36.0, 36.0, 40.0),
+    "wood": (52.0, 86.0, 120.0),
 }
 
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...motion import Motion
 from ...skeleton import marker_positions
-from .body import Body, make_body
+from .body import Body, make_body, with_sticks
 from .cones import RoundCones
 
 Array = NDArray[np.float64]
@@ -72,9 +72,10 @@ def make_performance(
         marker_names: (M) names.
         joints: (M,) joint index that carries each marker; offsets_m: (M, 3) in the joint's axes, metres.
     """
-    body = make_body(motion.skeleton)
+    carriers, places = np.asarray(joints, dtype=np.int64), np.asarray(offsets_m, dtype=np.float64)
+    body = with_sticks(make_body(motion.skeleton), carriers, places)
     starts, ends = body.posed(motion.rotations, motion.root_positions_m)
-    markers = marker_positions(motion.skeleton, joints, offsets_m, motion.rotations, motion.root_positions_m)
+    markers = marker_positions(motion.skeleton, carriers, places, motion.rotations, motion.root_positions_m)
     return Performance(motion, body, tuple(marker_names), starts, ends, markers)
 
 

@@ -116,6 +116,16 @@ def test_body_hides_markers_of_the_far_side(scene: Any) -> None:
     assert free.truth(away, 0.0, 0).visible.all()
 
 
+def test_sword_is_held_and_does_not_hide_its_own_marker(scene: Any) -> None:
+    motion = scene.swinging()
+    plain, armed = scene.performed(motion), scene.performed(motion, "kendo")
+    assert "wood" not in plain.body.materials and armed.body.materials.count("wood") == 1
+    tip = armed.ends_m[:, armed.body.materials.index("wood")]
+    np.testing.assert_allclose(tip, armed.markers_m[:, armed.marker_names.index("SWRD")])
+    seen = Renderer(default_rig(), QUIET).truth(armed, 0.0, 0).visible
+    assert seen[:, armed.marker_names.index("SWRD")].all()
+
+
 def test_marker_hides_the_one_behind_it(scene: Any) -> None:
     rig = default_rig()
     ray = np.array([0.0, 1.0, 0.0]) - rig.cameras[0].centre_m
