@@ -77,9 +77,10 @@ class Camera:
 
     def undistort(self, pixels: ArrayLike) -> Array:
         """Return undistorted normalised coordinates (..., 2) of pixels, by fixed-point iteration."""
-        inverse = np.linalg.inv(self.matrix)
+        (fx, skew, cx), (_, fy, cy), _ = self.matrix  # upper triangular: no solver, which would start threads
         p = np.asarray(pixels, dtype=np.float64)
-        target = p @ inverse[:2, :2].T + inverse[:2, 2]
+        y = (p[..., 1] - cy) / fy
+        target = np.stack(((p[..., 0] - cx - skew * y) / fx, y), axis=-1)
         result = target.copy()
         for _ in range(_UNDISTORT_ITERATIONS):
             error = target - _distort(result, self.distortion)

@@ -84,12 +84,12 @@ def track_markers(
         _fill(positions, marker, pieces[row[0]], frames)
     dropped = 0
     for p in rest:
-        marker = _best_identity(pieces[p], positions, frames)
-        if marker is None:
+        found = _best_identity(pieces[p], positions, frames)
+        if found is None:
             dropped += 1
             continue
-        identities[marker].append(p)
-        _fill(positions, marker, pieces[p], frames)
+        identities[found].append(p)
+        _fill(positions, found, pieces[p], frames)
     order = np.argsort(-np.nanmedian(positions[..., 1], axis=0), kind="stable")
     labels = _labels(frames, pieces, [identities[i] for i in order])
     called = tuple(names) if len(names) == worn else tuple(f"M{i + 1:02d}" for i in range(worn))

@@ -47,6 +47,13 @@ class ImageSource(Protocol):
         """Let the iteration end and give devices back."""
 
 
+class SampledSource(ImageSource, Protocol):
+    """A source that can also be looked through beforehand: files, and cameras (which take new images for it)."""
+
+    def samples(self, count: int) -> Iterator[tuple[Image, ...]]:
+        """Yield the images of up to `count` moments."""
+
+
 def open_source(spec: Mapping[str, Any]) -> ImageSource:
     """Return the source that a description names.
 
@@ -70,7 +77,7 @@ def open_source(spec: Mapping[str, Any]) -> ImageSource:
     raise SettingsError(f"unknown image source {kind!r}", advice="use simulated, videos, images or cameras")
 
 
-def open_image_source(*sources: str | Path, fps: float | None = None) -> ImageSource:
+def open_image_source(*sources: str | Path, fps: float | None = None) -> SampledSource:
     """Return a source from one text per camera: a video, a folder or pattern of images, a device number, an address.
 
     Raises:
@@ -86,7 +93,9 @@ def open_image_source(*sources: str | Path, fps: float | None = None) -> ImageSo
         )
     if kinds[0] == "cameras":
         return CameraSource([int(text) for text in texts], None, fps)
-    return open_source({"kind": kinds[0], "paths": texts, "fps": fps})
+    if kinds[0] == "videos":
+        return VideoSource(texts, fps or 30.0)
+    return ImageFileSource(texts, fps or 30.0)
 
 
 def _kind(text: str) -> str:

@@ -144,13 +144,18 @@ def find_board(image: Image, board: Board) -> BoardView | None:
     Corners of a chessboard are found whole or not at all, and may be numbered from either end (half-turn
     ambiguity: the calibration resolves it between the cameras).
     """
-    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
+    grey = _grey(image)
     if board.kind == "charuco":
         return _find_charuco(grey, board)
     pixels = _find_chessboard(grey, board.corner_grid)
     if pixels is None:
         return None
     return BoardView(np.arange(len(pixels), dtype=np.int64), pixels)
+
+
+def _grey(image: Image) -> Image:
+    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
+    return np.asarray(grey, dtype=np.uint8)
 
 
 def _find_charuco(grey: Image, board: Board) -> BoardView | None:
@@ -223,8 +228,7 @@ def seen_grid(image: Image, smallest: tuple[int, int]) -> tuple[int, int] | None
 
     It is looked for from `smallest` upwards first, then from a small one, which finds any board but often a part.
     """
-    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
-    large = cv2.resize(grey, None, fx=_ENLARGEMENT, fy=_ENLARGEMENT, interpolation=cv2.INTER_CUBIC)
+    large = cv2.resize(_grey(image), None, fx=_ENLARGEMENT, fy=_ENLARGEMENT, interpolation=cv2.INTER_CUBIC)
     flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_LARGER
     for grid in (smallest, (4, 3)):
         found, _, meta = cv2.findChessboardCornersSBWithMeta(large, grid, flags)

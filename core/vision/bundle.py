@@ -181,15 +181,15 @@ def _residuals_and_jacobian(bundle: Bundle, sighting: Sighting) -> tuple[Array, 
     intrinsics = bundle.intrinsics[sighting.camera]
     board, camera = bundle.boards[sighting.moment], bundle.cameras[sighting.camera]
     composed = cv2.composeRT(board[:3], board[3:], camera[:3], camera[3:])
-    turn, shift = composed[0], composed[1]
+    turn, shift = np.asarray(composed[0]), np.asarray(composed[1])
     by_board = np.block([[composed[2], composed[3]], [composed[6], composed[7]]])
     by_camera = np.block([[composed[4], composed[5]], [composed[8], composed[9]]])
     fx, fy, cx, cy, skew = intrinsics[:5]
     plain = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-    pixels, derivatives = cv2.projectPoints(
+    projected, columns = cv2.projectPoints(
         np.ascontiguousarray(sighting.points_m, dtype=np.float64), turn, shift, plain, intrinsics[5:]
     )
-    pixels = pixels.reshape(-1, 2)
+    pixels, derivatives = np.asarray(projected, np.float64).reshape(-1, 2), np.asarray(columns, np.float64)
     height = (pixels[:, 1] - cy) / fy  # distorted y/z: what the skew acts on
     by_pose = derivatives[:, :6].copy()
     by_pose[0::2] += skew / fy * derivatives[1::2, :6]

@@ -6,6 +6,7 @@ board's poses are refined together (`bundle`).
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -122,7 +123,7 @@ def _opencv_points(points_m: Array, views: Sequence[BoardView]) -> tuple[list[Ar
     return objects, images  # type: ignore[return-value]
 
 
-def _run_opencv(function, *arguments, **options):  # type: ignore[no-untyped-def]
+def _run_opencv(function: Any, *arguments: Any, **options: Any) -> Any:
     try:
         return function(*arguments, **options)
     except cv2.error as error:

@@ -37,9 +37,9 @@ def triangulate(
         residual, jacobian = _residuals(rotations, shifts, points, observed, scale)
         normal = np.einsum("ncki,nckj->nij", jacobian, jacobian)
         gradient = np.einsum("ncki,nck->ni", jacobian, residual)
-        points = points - np.linalg.solve(normal, gradient[..., None])[..., 0]
+        points = points - np.einsum("nij,nj->ni", inverse_3x3(normal), gradient)
     residual, jacobian = _residuals(rotations, shifts, points, observed, scale)
-    covariances = np.linalg.inv(np.einsum("ncki,nckj->nij", jacobian, jacobian))
+    covariances = inverse_3x3(np.einsum("ncki,nckj->nij", jacobian, jacobian))
     errors = np.linalg.norm(residual, axis=2) * pixel_sigma
     return points, 0.5 * (covariances + covariances.transpose(0, 2, 1)), errors
 
@@ -49,7 +49,21 @@ def _linear(cameras: Sequence[Camera], observed: Array, weights: Array) -> Array
     centres = np.stack([camera.centre_m for camera in cameras])
     rays = np.stack([camera.rays(observed[:, i]) for i, camera in enumerate(cameras)], axis=1)
     across = (np.eye(3) - rays[..., :, None] * rays[..., None, :]) * weights[..., None, None]
-    return np.asarray(np.linalg.solve(across.sum(axis=1), np.einsum("ncij,cj->ni", across, centres)[..., None])[..., 0])
+    return np.asarray(np.einsum("nij,ncjk,ck->ni", inverse_3x3(across.sum(axis=1)), across, centres))
+
+
+def inverse_3x3(matrices: Array) -> Array:
+    """Return the inverses of symmetric matrices (N, 3, 3) by cofactors.
+
+    For a dozen of them NumPy's general solver spends its time on starting threads.
+    """
+    a, b, c = matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 0, 2]
+    d, e, f = matrices[:, 1, 1], matrices[:, 1, 2], matrices[:, 2, 2]
+    c00, c01, c02 = d * f - e * e, c * e - b * f, b * e - c * d
+    determinant = a * c00 + b * c01 + c * c02
+    c12 = b * c - a * e
+    rows = (c00, c01, c02, c01, a * f - c * c, c12, c02, c12, a * d - b * b)
+    return np.asarray(np.stack(rows, axis=1).reshape(-1, 3, 3) / determinant[:, None, None])
 
 
 def _residuals(rotations: Array, shifts: Array, points: Array, observed: Array, scale: Array) -> tuple[Array, Array]:
