@@ -81,7 +81,7 @@ def source(settings: Any) -> dict[str, Any]:
             "kind": "simulated",
             "behaviour": settings.behaviour,
             "height_m": SIMULATED_HEIGHT_M,
-            "live": True,
+            "loop": True,
             "marker_set": absolute(settings.marker_set_file) or settings.marker_set,
         }
     if settings.source == "CAMERAS":

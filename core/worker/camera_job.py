@@ -1,7 +1,8 @@
 """The cameras' process: images to marker frames until STOP or the end of the source.
 
 Request: "source" (see `sources.spec`), "rig" (calibration file; null for the simulated performer, whose cameras are
-known), "background_s" (seconds in which the empty room is learned, cameras only), "threshold" (grey levels or null).
+known), "background_s" (seconds in which the empty room is learned, cameras only), "threshold" (grey levels or null),
+"in_flight" (frames that may be on their way; null: no limit. Cameras cannot wait, all other sources can).
 """
 
 import time
@@ -39,11 +40,14 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
         pipeline = MarkerPipeline(_rig(request, source), _settings(request))
         _learn(pipeline, source, kind, float(request.get("background_s", 2.0)), channel)
         channel.send_status("waiting for images")
-        for images in _paced(source, kind in ("videos", "images")):
+        in_flight = request.get("in_flight")
+        for images in source if kind == "cameras" else _paced(source):
             if channel.stop_requested.is_set():
                 break
             stamp_s = time.perf_counter()
             channel.send_frame(stamp_s, pipeline.process(images))
+            if in_flight is not None:
+                channel.wait_taken(int(in_flight))
     finally:
         source.close()
 
@@ -86,12 +90,19 @@ def _reported(
         yield images
 
 
-def _paced(source: ImageSource, recorded: bool) -> Iterator[ImageSetLike]:
-    """Yield image sets; recorded ones at the speed at which they were taken (later when the machine is too slow)."""
-    start_s, first_s = time.perf_counter(), None
+def _paced(source: ImageSource) -> Iterator[ImageSetLike]:
+    """Yield the images of a source that can wait, no faster than they were taken.
+
+    Nothing is left out: on a machine that is too slow the performer moves slowly, instead of jumping.
+    """
+    due_s, last_s = time.perf_counter(), None
     for images in source:
-        if recorded:
-            moment_s = float(np.mean(images.times_s))
-            first_s = moment_s if first_s is None else first_s
-            time.sleep(max(0.0, start_s + moment_s - first_s - time.perf_counter()))
+        moment_s = float(np.mean(images.times_s))
+        due_s += 0.0 if last_s is None else moment_s - last_s
+        last_s = moment_s
+        early_s = due_s - time.perf_counter()
+        if early_s > 0.0:
+            time.sleep(early_s)
+        else:
+            due_s -= early_s
         yield images

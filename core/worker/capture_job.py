@@ -27,6 +27,7 @@ from .protocol import Message, MessageKind, SolvedPose
 STOP_LIMIT_S = 5.0
 _IDLE_S = 0.001
 _LOW_PRIORITY = 15
+_IN_FLIGHT = 6  # frames of a source that can wait: a tenth of a second
 
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:
@@ -38,6 +39,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     cameras = dict(request["cameras"])
     if cameras["source"].get("kind") != "cameras":
         _give_way()
+        cameras["in_flight"] = _IN_FLIGHT
     channel.send_status("opening the cameras")
     client = WorkerClient({**cameras, "job": "cameras"})
     try:
@@ -124,3 +126,4 @@ class _Relay:
         started_s = time.perf_counter()
         pose = self._session.step(frame)
         self._channel.send_pose(SolvedPose(pose, stamp_s, time.perf_counter() - started_s, len(self._pending)))
+        self._client.confirm_taken(self._channel.frames)

@@ -17,6 +17,7 @@ from ..marker_frame import MarkerFrame
 from .protocol import Decoder, Message, MessageKind, SolvedPose, encode_frame, encode_json, encode_pose
 
 HEARTBEAT_S = 0.5
+_TAKEN_POLL_S = 0.001
 _PARENT_GONE_GRACE_S = 3.0
 
 
@@ -35,6 +36,7 @@ class Channel:
         self.stop_requested = threading.Event()
         self.activity = "starting"
         self.frames = 0
+        self.taken = 0  # frames that the receiver says it is done with
         self.final: dict[str, Any] = {}  # goes into END
         self._queue.put(encode_json(MessageKind.HELLO, {"token": token, "process": os.getpid()}))
         self._sender = threading.Thread(target=self._send_loop, name="send")
@@ -44,6 +46,11 @@ class Channel:
     def wait_request(self) -> dict[str, Any]:
         """Return the job that Blender asks for."""
         return self._requests.get().json()
+
+    def wait_taken(self, in_flight: int) -> None:
+        """Wait until at most `in_flight` frames are on their way, or a stop is asked for."""
+        while self.frames - self.taken > in_flight and not self.stop_requested.wait(_TAKEN_POLL_S):
+            pass
 
     @property
     def queued(self) -> int:
@@ -113,6 +120,8 @@ class Channel:
             for message in decoder.feed(data):
                 if message.kind is MessageKind.STOP:
                     self.stop_requested.set()
+                elif message.kind is MessageKind.TAKEN:
+                    self.taken = int(message.json().get("frames", 0))
                 else:
                     self._requests.put(message)
         # Blender closed the connection or died. A job that does not end by itself now must not stay as an orphan.

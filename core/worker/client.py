@@ -197,6 +197,11 @@ class WorkerClient:
             f"ended by itself (status {status}){reason}", where="worker", advice="start again"
         )
 
+    def confirm_taken(self, frames: int) -> None:
+        """Tell the worker how many frames have been dealt with in all."""
+        self._outgoing += encode_json(MessageKind.TAKEN, {"frames": frames})
+        self._send_pending()
+
     def request_stop(self) -> None:
         """Ask the worker to end cleanly; go on calling `poll` until `ended`."""
         self._outgoing += encode(MessageKind.STOP)

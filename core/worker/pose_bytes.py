@@ -20,7 +20,7 @@ def pack_pose(pose: PoseFrame) -> bytes:
         _MAGIC,
         _VERSION,
         len(pose.rotations),
-        len(pose.labels),
+        len(pose.markers_m),
         len(notes),
         pose.number,
         pose.time_s,
@@ -29,9 +29,9 @@ def pack_pose(pose: PoseFrame) -> bytes:
         pose.neighbours,
         pose.dimensions,
     )
-    floats = np.concatenate([np.ravel(a) for a in (pose.rotations, pose.root_position_m, pose.markers_m)])
-    whole = np.concatenate((pose.labels, pose.rays))
-    return header + floats.astype("<f8").tobytes() + whole.astype("<i8").tobytes() + notes
+    arrays = (pose.rotations, pose.root_position_m, pose.markers_m, pose.observed_m)
+    floats = np.concatenate([np.ravel(array) for array in arrays])
+    return header + floats.astype("<f8").tobytes() + pose.single_cameras.astype("<i8").tobytes() + notes
 
 
 def unpack_pose(data: bytes) -> PoseFrame:
@@ -43,22 +43,25 @@ def unpack_pose(data: bytes) -> PoseFrame:
     )
     if magic != _MAGIC or version != _VERSION:
         raise CaptureError("the solver's process speaks another version", advice="restart Blender")
-    floats, whole = 4 * joints + 3 + 3 * markers, 2 * markers
-    notes_at = _HEADER.size + 8 * (floats + whole)
+    floats = 4 * joints + 3 + 6 * markers
+    notes_at = _HEADER.size + 8 * (floats + markers)
     if len(data) != notes_at + note_bytes:
         raise CaptureError("a pose was cut off", where=f"frame {number}")
     values = np.frombuffer(data, dtype="<f8", count=floats, offset=_HEADER.size)
-    indices = np.frombuffer(data, dtype="<i8", count=whole, offset=_HEADER.size + 8 * floats)
+    single_cameras = np.frombuffer(data, dtype="<i8", count=markers, offset=_HEADER.size + 8 * floats)
+    rotations, root, markers_m, observed_m = np.split(
+        values, np.cumsum((4 * joints, 3, 3 * markers))
+    )
     notes = data[notes_at:].decode("utf-8")
     return PoseFrame(
         number=number,
         time_s=time_s,
-        rotations=values[: 4 * joints].reshape(joints, 4),
-        root_position_m=values[4 * joints : 4 * joints + 3],
+        rotations=rotations.reshape(joints, 4),
+        root_position_m=root,
         confidence=confidence,
-        markers_m=values[4 * joints + 3 :].reshape(markers, 3),
-        labels=indices[:markers],
-        rays=indices[markers:],
+        markers_m=markers_m.reshape(markers, 3),
+        observed_m=observed_m.reshape(markers, 3),
+        single_cameras=single_cameras,
         marker_rms_m=rms,
         neighbours=neighbours,
         dimensions=dimensions,

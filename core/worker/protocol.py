@@ -26,10 +26,11 @@ _POSE_HEAD = struct.Struct("<ddI")  # stamp, seconds in the solver, frames waiti
 
 
 class MessageKind(IntEnum):
-    """What a message is; the first four go to the worker, the others come from it."""
+    """What a message is; the first three go to the worker, the others come from it."""
 
     REQUEST = 1  # JSON: what to do
     STOP = 2  # end cleanly, hand over what is left
+    TAKEN = 3  # JSON: frames that the receiver is done with, so that a source that can wait does not run ahead
     HELLO = 10  # JSON: token, process id
     STATUS = 11  # JSON: activity, fraction, frames, queued
     FRAME = 12  # stamp and marker frame

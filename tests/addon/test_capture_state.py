@@ -48,10 +48,8 @@ class PlayedWorker:
 
 
 def poses(numbers: Sequence[int], stamp: float = 100.0, waiting: int = 0) -> list[bytes]:
-    none = np.empty(0, dtype=np.int64)
-    made = [
-        PoseFrame(n, n / 60, np.zeros((29, 4)), np.zeros(3), 0.5, np.zeros((0, 3)), none, none, 0.0) for n in numbers
-    ]
+    none, nowhere = np.empty(0, dtype=np.int64), np.empty((0, 3))
+    made = [PoseFrame(n, n / 60, np.zeros((29, 4)), np.zeros(3), 0.5, nowhere, nowhere, none, 0.0) for n in numbers]
     return [encode_pose(SolvedPose(pose, stamp, 0.004, waiting)) for pose in made]
 
 

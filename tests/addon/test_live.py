@@ -25,8 +25,9 @@ def part(addon: ModuleType, extension: str) -> Any:
 def tick_until(capture: Any, condition: Any) -> None:
     limit = time.monotonic() + PATIENCE_S
     while not condition():
-        capture.tick(bpy.context)
+        assert not capture.done, capture.run.error
         assert time.monotonic() < limit, capture.line
+        capture.tick(bpy.context)
         time.sleep(1 / 60)
 
 
