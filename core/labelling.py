@@ -13,6 +13,7 @@ from scipy.optimize import linear_sum_assignment
 
 from .camera import Camera
 from .marker_frame import MarkerFrame
+from .vision.triangulate import triangulate
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -27,9 +28,11 @@ _FEWEST_FIRST = 0.6  # share of the markers that must be found to start
 
 _GATE_M = 0.08  # plus what the marker moves in a frame
 _GATE_SPEED_SHARE = 0.6  # of the predicted movement, by which the gate grows
-_GATE_LOST_M_S = 0.5  # growth of the gate with the time that a marker has been lost
-_GATE_MAX_M = 0.30
-_RAY_GATE_M = 0.06
+_GATE_LOST_M_S = 2.0  # growth of the gate with the time that a marker has been lost
+_GATE_MAX_M = 0.35
+_GATE_TORSO_MAX_M = 0.12
+_PIXEL_SIGMA = 0.5
+_MEETING_PX = 3.0  # reprojection error above which two rays do not belong to one marker
 _MEMORY_S = 0.1  # a velocity older than this is not used
 
 
@@ -42,15 +45,41 @@ class _Seen:
     lost_s: Array
 
 
+@dataclass(frozen=True)
+class LabelledBlobs:
+    """Which blob of each camera each marker is, and what follows.
+
+    Args:
+        blobs: (M, C) blob index, -1 where the camera does not show the marker.
+        normalised: (M, C, 2) undistorted normalised coordinates, NaN likewise.
+        points_m: (M, 3) position of markers that two or more cameras show, else NaN.
+        covariances_m2: (M, 3, 3) its uncertainty.
+    """
+
+    blobs: IntArray
+    normalised: Array
+    points_m: Array
+    covariances_m2: Array
+
+    @property
+    def single_cameras(self) -> IntArray:
+        """(M,) the one camera that shows the marker, -1 where none or where it is located."""
+        shown = self.blobs >= 0
+        alone = np.any(shown, axis=1) & ~np.isfinite(self.points_m[:, 0])
+        return np.where(alone, np.argmax(shown, axis=1), -1)
+
+
 class Labeller:
     """Labels the points of successive frames of one capture.
 
     Args:
         names: marker names, in the order of the marker set; labels are indices into them.
+        torso: (M,) which of them lie on the torso: where it is known, so are they, even when hidden for long.
     """
 
-    def __init__(self, names: Sequence[str]) -> None:
+    def __init__(self, names: Sequence[str], torso: NDArray[np.bool_] | None = None) -> None:
         self.names = tuple(names)
+        self._torso = np.zeros(len(self.names), dtype=bool) if torso is None else np.asarray(torso)
         count = len(self.names)
         self._seen = _Seen(np.full((count, 3), np.nan), np.zeros((count, 3)), np.full(count, np.inf))
 
@@ -96,37 +125,37 @@ class Labeller:
         self._remember(points_m, labels, elapsed_s)
         return labels
 
-    def label_rays(
-        self, frame: MarkerFrame, cameras: Sequence[Camera], predicted_m: Array, labels: IntArray
-    ) -> IntArray:
-        """Return labels (R,) of the frame's single-camera markers, among the markers that no point has.
+    def label_blobs(
+        self, frame: MarkerFrame, cameras: Sequence[Camera], predicted_m: Array, elapsed_s: float
+    ) -> "LabelledBlobs":
+        """Label what each camera sees by where the predicted markers fall in its image, then join the cameras.
+
+        Two markers on one epipolar line can be matched crosswise between the cameras without contradiction; with the
+        body known where they are in each image leaves no doubt.
 
         Args:
-            frame: with `single_cameras` and `single_points`.
-            cameras: that they refer to; without cameras nothing is labelled.
-            predicted_m: (M, 3) markers of the last synthesized pose.
-            labels: (N,) labels of the frame's points.
+            frame: with blobs.
+            cameras: that it refers to.
+            predicted_m, elapsed_s: as in `label`.
         """
-        result = np.full(len(frame.single_cameras), -1, dtype=np.int64)
-        free = np.setdiff1d(np.arange(len(predicted_m)), labels)
-        if len(cameras) == 0 or len(free) == 0:
-            return result
-        expected, gates = self._expected(predicted_m, 0.0)
+        expected, gates = self._expected(predicted_m, elapsed_s)
+        count = len(expected)
+        blobs = np.full((count, len(cameras)), -1, dtype=np.int64)
+        normalised = np.full((count, len(cameras), 2), np.nan)
+        strangeness = np.full((count, len(cameras)), np.inf)
         for index, camera in enumerate(cameras):
-            rows = np.flatnonzero(frame.single_cameras == index)
-            if len(rows) == 0:
-                continue
-            local = camera.to_camera(expected[free])
-            depth = np.maximum(local[:, 2], 0.1)
-            across = frame.single_points[rows][:, None] - (local[:, :2] / depth[:, None])[None]
-            distances = np.linalg.norm(across, axis=-1) * depth
-            limits = np.minimum(gates[free], _RAY_GATE_M + 0.5 * (gates[free] - _GATE_M))
-            chosen, columns = _assigned(distances, np.broadcast_to(limits, distances.shape))
-            result[rows[chosen]] = free[columns]
-            free = np.setdiff1d(free, result)  # a marker seen apart by two cameras goes to the first
-            if len(free) == 0:
-                break
-        return result
+            pixels = frame.blobs[index][:, :2].astype(np.float64)
+            depth = np.maximum(camera.to_camera(expected)[:, 2], 0.1)
+            with np.errstate(invalid="ignore"):
+                distances = np.linalg.norm(pixels[:, None] - camera.project(expected)[None], axis=-1)
+            limits = gates * camera.focal_px / depth
+            rows, columns = _assigned(np.nan_to_num(distances, nan=np.inf), np.broadcast_to(limits, distances.shape))
+            blobs[columns, index] = rows
+            normalised[columns, index] = camera.undistort(pixels[rows])
+            strangeness[columns, index] = distances[rows, columns] / limits[columns]
+        points, covariances = _joined(cameras, blobs, normalised, strangeness, expected, gates)
+        self._remember(points, np.where(np.isfinite(points[:, 0]), np.arange(count), -1), elapsed_s)
+        return LabelledBlobs(blobs, normalised, points, covariances)
 
     def _expected(self, predicted_m: Array, elapsed_s: float) -> tuple[Array, Array]:
         """Return where each marker should be now (M, 3) and how far off it may be (M,)."""
@@ -134,8 +163,7 @@ class Labeller:
         movement = np.where(fresh[:, None], self._seen.velocities_m_s * elapsed_s, 0.0)
         lost = np.where(np.isfinite(self._seen.lost_s), self._seen.lost_s, 1.0)
         gates = _GATE_M + _GATE_SPEED_SHARE * np.linalg.norm(movement, axis=1) + _GATE_LOST_M_S * lost
-        # the synthesized pose explains the markers closely; what it leaves is in the last located position
-        return predicted_m + movement, np.minimum(gates, _GATE_MAX_M)
+        return predicted_m + movement, np.minimum(gates, np.where(self._torso, _GATE_TORSO_MAX_M, _GATE_MAX_M))
 
     def _remember(self, points_m: Array, labels: IntArray, elapsed_s: float) -> None:
         seen = self._seen
@@ -148,6 +176,26 @@ class Labeller:
         seen.lost_s += elapsed_s
         seen.lost_s[markers] = 0.0
         seen.positions_m[markers] = points
+
+
+def _joined(
+    cameras: Sequence[Camera], blobs: IntArray, normalised: Array, strangeness: Array, expected: Array, gates: Array
+) -> tuple[Array, Array]:
+    """Locate markers that two or more cameras see; where their rays do not meet, drop the stranger blob, in place."""
+    points, covariances = np.full((len(blobs), 3), np.nan), np.full((len(blobs), 3, 3), np.nan)
+    while True:
+        seen = blobs >= 0
+        both = np.flatnonzero((seen.sum(axis=1) >= 2) & ~np.isfinite(points[:, 0]))
+        if len(both) == 0:
+            return points, covariances
+        found, spread, errors = triangulate(cameras, normalised[both], seen[both].astype(np.float64), _PIXEL_SIGMA)
+        away = np.linalg.norm(found - expected[both], axis=1)
+        good = (errors.max(axis=1, where=seen[both], initial=0.0) < _MEETING_PX) & (away < gates[both])
+        points[both[good]], covariances[both[good]] = found[good], spread[good]
+        for marker in both[~good]:
+            stranger = int(np.argmax(np.where(seen[marker], strangeness[marker], -1.0)))
+            blobs[marker, stranger] = -1
+            normalised[marker, stranger] = np.nan
 
 
 def _assigned(distances: Array, gates: Array) -> tuple[IntArray, IntArray]:

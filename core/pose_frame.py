@@ -18,8 +18,8 @@ class PoseFrame:
         root_position_m: (3,) world position of the root.
         confidence: 0 (guessed) to 1 (all markers seen and explained, motion like the database).
         markers_m: (M, 3) the subject's markers on the solved pose.
-        labels: (M,) point of the marker frame that each marker was, -1 where not located.
-        rays: (M,) single-camera ray that each marker was, -1 where none.
+        observed_m: (M, 3) where the markers were located, NaN where not.
+        single_cameras: (M,) camera that alone saw the marker, -1 where none or where it was located.
         marker_rms_m: RMS distance between located and solved markers; NaN when none was located.
         neighbours: K of the local model.
         dimensions: B of the local model.
@@ -32,8 +32,8 @@ class PoseFrame:
     root_position_m: Array
     confidence: float
     markers_m: Array
-    labels: NDArray[np.int64]
-    rays: NDArray[np.int64]
+    observed_m: Array
+    single_cameras: NDArray[np.int64]
     marker_rms_m: float
     neighbours: int = 0
     dimensions: int = 0

@@ -52,20 +52,19 @@ class Session:
     def reset(self) -> None:
         """Forget the motion so far; the next frame is labelled afresh."""
         self._solver.reset()
-        self._labeller = Labeller(self.subject.marker_set.names)
+        self._labeller = Labeller(self.subject.marker_set.names, self._model.torso)
         self._last: PoseFrame | None = None
         self._trusted_s: float | None = None
         self._located_s: float | None = None
 
     def step(self, frame: MarkerFrame) -> PoseFrame:
         """Return the pose of the next marker frame."""
-        labels, rays = self._label(frame)
-        observation = self._observation(frame, labels, rays)
+        observation = self._label(frame)
         solution = self._solver.step(observation)
         if solution is None:
-            result = self._unsolved(frame, labels, rays)
+            result = self._unsolved(frame, observation)
         else:
-            result = self._solved(frame, labels, rays, observation, solution)
+            result = self._solved(frame, observation, solution)
         self._watch(result)
         self._last = result
         return result
@@ -74,49 +73,50 @@ class Session:
         model = self._model
         return marker_positions(model.skeleton, model.joints, model.offsets_m, rotations, np.zeros(3))
 
-    def _label(self, frame: MarkerFrame) -> tuple[IntArray, IntArray]:
-        """Return, per marker, the index of its point and of its single-camera ray, -1 where none."""
+    def _label(self, frame: MarkerFrame) -> Observation:
+        """Return what was seen of each marker."""
+        predicted = self._solver.predicted_markers_m()
         count = len(self.subject.marker_set)
         if np.any(frame.labels >= 0) or np.any(frame.single_labels >= 0):
-            return _inverse(frame.labels, count), _inverse(frame.single_labels, count)
-        predicted = self._solver.predicted_markers_m()
+            return self._known(frame)
         if predicted is None:
-            return self._label_first(frame), np.full(count, -1, dtype=np.int64)
+            return Observation.of_points(_by_marker(frame.points_m, self._label_first(frame), count))
         elapsed = frame.time_s - self._last.time_s if self._last else 0.0
-        points = self._labeller.label(frame.points_m, frame.covariances_m2, predicted, elapsed)
-        rays = self._labeller.label_rays(frame, self._cameras, predicted, points)
-        return _inverse(points, count), _inverse(rays, count)
+        if not self._cameras or len(frame.blobs) != len(self._cameras):
+            labels = self._labeller.label(frame.points_m, frame.covariances_m2, predicted, elapsed)
+            return Observation.of_points(_by_marker(frame.points_m, labels, count))
+        found = self._labeller.label_blobs(frame, self._cameras, predicted, elapsed)
+        single = found.single_cameras
+        image_points = found.normalised[np.arange(count), single]
+        image_points[single < 0] = np.nan
+        return Observation(found.points_m, single, image_points, self._cameras)
 
-    def _label_first(self, frame: MarkerFrame) -> IntArray:
-        """Label by the calibration poses, whichever explains more points."""
+    def _known(self, frame: MarkerFrame) -> Observation:
+        """Return what was seen where the source knows the labels."""
         count = len(self.subject.marker_set)
-        best = np.full(count, -1, dtype=np.int64)
-        for template in self._templates:
-            labels = _inverse(self._labeller.label_first(frame.points_m, template), count)
-            if np.sum(labels >= 0) > np.sum(best >= 0):
-                best = labels
-        return best
-
-    def _observation(self, frame: MarkerFrame, labels: IntArray, rays: IntArray) -> Observation:
-        count = len(labels)
-        points = np.full((count, 3), np.nan)
-        points[labels >= 0] = frame.points_m[labels[labels >= 0]]
+        points = _by_marker(frame.points_m, frame.labels, count)
         cameras = np.full(count, -1, dtype=np.int64)
         image_points = np.full((count, 2), np.nan)
-        used = (rays >= 0) & (labels < 0) & (len(self._cameras) > 0)
-        cameras[used] = frame.single_cameras[rays[used]]
-        image_points[used] = frame.single_points[rays[used]]
+        usable = (frame.single_labels >= 0) & (len(self._cameras) > 0)
+        cameras[frame.single_labels[usable]] = frame.single_cameras[usable]
+        image_points[frame.single_labels[usable]] = frame.single_points[usable]
+        cameras[np.isfinite(points[:, 0])] = -1
         return Observation(points, cameras, image_points, self._cameras)
 
+    def _label_first(self, frame: MarkerFrame) -> IntArray:
+        """Return labels (N,) by the calibration poses, whichever explains more points."""
+        candidates = [self._labeller.label_first(frame.points_m, template) for template in self._templates]
+        return max(candidates, key=lambda labels: int(np.sum(labels >= 0)))
+
     def _solved(
-        self, frame: MarkerFrame, labels: IntArray, rays: IntArray, observation: Observation, solution: Solution
+        self, frame: MarkerFrame, observation: Observation, solution: Solution
     ) -> PoseFrame:
         located = observation.located
         distances = np.linalg.norm(solution.markers_m[located] - observation.points_m[located], axis=1)
         rms = float(np.sqrt(np.mean(distances**2))) if np.any(located) else float("nan")
         seen = np.sum(located) + 0.5 * np.sum(observation.single)
         nearest = solution.nearest_m
-        confidence = seen / len(labels)
+        confidence = seen / len(located)
         if np.any(located):
             confidence *= np.exp(-((rms / _EXPLAINED_M) ** 2)) * np.exp(-((nearest / _FAMILIAR_M) ** 2))
         hidden = [name for name, there in zip(self.subject.marker_set.names, located, strict=True) if not there]
@@ -130,15 +130,15 @@ class Session:
             root_position_m=solution.root.position_m,
             confidence=float(confidence),
             markers_m=solution.markers_m,
-            labels=labels,
-            rays=rays,
+            observed_m=observation.points_m,
+            single_cameras=observation.cameras,
             marker_rms_m=rms,
             neighbours=solution.neighbours,
             dimensions=solution.dimensions,
             notes=tuple(notes),
         )
 
-    def _unsolved(self, frame: MarkerFrame, labels: IntArray, rays: IntArray) -> PoseFrame:
+    def _unsolved(self, frame: MarkerFrame, observation: Observation) -> PoseFrame:
         """Return the last pose, or the T pose at the origin, for a frame that does not show where the body is."""
         notes = (*frame.notes, "waiting for the markers of the torso")
         if self._last is not None:
@@ -147,8 +147,8 @@ class Session:
                 number=frame.number,
                 time_s=frame.time_s,
                 confidence=0.0,
-                labels=labels,
-                rays=rays,
+                observed_m=observation.points_m,
+                single_cameras=observation.cameras,
                 marker_rms_m=float("nan"),
                 notes=notes,
             )
@@ -157,27 +157,24 @@ class Session:
         position = np.array([0.0, height, 0.0])
         markers = self._markers_of(rotations) + position
         return PoseFrame(
-            frame.number, frame.time_s, rotations, position, 0.0, markers, labels, rays, float("nan"), notes=notes
+            frame.number, frame.time_s, rotations, position, 0.0, markers, observation.points_m, observation.cameras, float("nan"), notes=notes
         )
 
     def _watch(self, result: PoseFrame) -> None:
         """Start labelling afresh when the torso has been lost, or the solved markers have been wrong, for a while."""
         now = result.time_s
-        if np.sum((result.labels >= 0) & self._model.torso) >= 2 or self._located_s is None:
+        if np.sum(np.isfinite(result.observed_m[:, 0]) & self._model.torso) >= 2 or self._located_s is None:
             self._located_s = now
         if not result.marker_rms_m > _WRONG_M or self._trusted_s is None:
             self._trusted_s = now
         if now - self._located_s > _LOST_FOR_S or now - self._trusted_s > _WRONG_FOR_S:
             self._solver.reset()
-            self._labeller = Labeller(self.subject.marker_set.names)
+            self._labeller = Labeller(self.subject.marker_set.names, self._model.torso)
             self._trusted_s = self._located_s = None
 
 
-def _inverse(labels: IntArray, count: int) -> IntArray:
-    """Return, per marker, the index of the item labelled as it, -1 where none."""
-    result = np.full(count, -1, dtype=np.int64)
-    known = labels >= 0
-    result[labels[known]] = np.flatnonzero(known)
+def _by_marker(points_m: Array, labels: IntArray, count: int) -> Array:
+    """Return the points (M, 3) by marker, NaN where none was labelled as it."""
+    result = np.full((count, 3), np.nan)
+    result[labels[labels >= 0]] = points_m[labels >= 0]
     return result
-
-

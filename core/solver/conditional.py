@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
 
 from .. import rotations as rot
 from .observation import Observation, control_jacobian, control_residual
@@ -20,21 +21,41 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Prior:
-    """Gaussian of the pose around the query: mean (D,) and covariance = spread.T @ spread + floor I, spread (K, D)."""
+    """Gaussian of the pose: mean (D,) and covariance (D, D)."""
 
     mean: Array
-    spread: Array
-    floor: float
-
-    def times(self, matrix: Array) -> Array:
-        """Return covariance @ matrix (D, n)."""
-        return np.asarray(self.spread.T @ (self.spread @ matrix) + self.floor * matrix)
+    covariance: Array
 
 
-def conditioned_prior(
-    poses: Array, markers: Array, observed: Array, weights: Array, marker_variance_m2: float, floor: float
-) -> tuple[Prior, Array]:
-    """Return the neighbours' Gaussian and the pose (D,) expected for the observed markers.
+def neighbours_prior(poses: Array, weights: Array, floor: float) -> Prior:
+    """Return the Gaussian of the neighbours.
+
+    Args:
+        poses: (K, D) neighbours.
+        weights: (K,) positive, sum 1.
+        floor: variance, rad^2, granted in every direction, so that what the neighbours share can still change.
+    """
+    mean = weights @ poses
+    spread = (poses - mean) * np.sqrt(weights)[:, None]
+    covariance = spread.T @ spread
+    covariance[np.diag_indices_from(covariance)] += floor
+    return Prior(mean, covariance)
+
+
+def continued_prior(prior: Prior, expected: Array, variance: float) -> Prior:
+    """Return the prior after learning that the motion so far lets `expected` (D,) follow, give or take `variance`.
+
+    The product of two Gaussians in the form of a Kalman update with a direct observation of the pose.
+    """
+    innovation_covariance = prior.covariance.copy()
+    innovation_covariance[np.diag_indices_from(innovation_covariance)] += variance
+    factor = cho_factor(innovation_covariance, check_finite=False)
+    gain = cho_solve(factor, prior.covariance, check_finite=False).T
+    return Prior(prior.mean + gain @ (expected - prior.mean), variance * gain)
+
+
+def expected_pose(poses: Array, markers: Array, observed: Array, weights: Array, marker_variance_m2: float) -> Array:
+    """Return the pose (D,) that the neighbours let expect for the observed markers, by linear regression.
 
     Args:
         poses: (K, D) neighbours.
@@ -42,17 +63,13 @@ def conditioned_prior(
         observed: (m,) the same coordinates as observed.
         weights: (K,) positive, sum 1.
         marker_variance_m2: of the observation.
-        floor: variance, rad^2, granted in every direction, so that what the neighbours share can still change.
     """
-    mean = weights @ poses
-    marker_mean = weights @ markers
-    roots = np.sqrt(weights)[:, None]
-    spread = (poses - mean) * roots
-    marker_spread = (markers - marker_mean) * roots
+    mean, marker_mean = weights @ poses, weights @ markers
+    marker_spread = (markers - marker_mean) * np.sqrt(weights)[:, None]
     covariance = marker_spread.T @ marker_spread
     covariance[np.diag_indices_from(covariance)] += marker_variance_m2
     gain = np.linalg.solve(covariance, observed - marker_mean)
-    return Prior(mean, spread, floor), mean + spread.T @ (marker_spread @ gain)
+    return np.asarray(mean + (np.sqrt(weights) * (marker_spread @ gain)) @ (poses - mean))
 
 
 def fit_to_markers(
@@ -83,7 +100,7 @@ def fit_to_markers(
         markers, full = subject.markers_and_jacobian(pose.reshape(-1, 3), root)
         jacobian = control_jacobian(observation, full)
         by_root, by_pose = jacobian[:, :6], jacobian[:, 6:]
-        gains = np.concatenate((root_variance * by_root.T, prior.times(by_pose.T)))
+        gains = np.concatenate((root_variance * by_root.T, prior.covariance @ by_pose.T))
         innovation = by_pose @ (pose - prior.mean) + by_root @ np.concatenate((shift, turn))
         innovation -= control_residual(observation, markers)
         covariance = jacobian @ gains

@@ -242,14 +242,17 @@ class PoseSolver:
         distances = np.maximum(examples.distances, 0.0)
         weights = np.exp(-distances / (distances[len(distances) // 2] + 1e-12))
         weights /= weights.sum()
-        prior, pose = conditional.conditioned_prior(
+        pose = conditional.expected_pose(
             examples.poses,
             examples.markers_m[:, seen].reshape(len(weights), -1),
             root.to_root_frame(observation.points_m[seen]).ravel(),
             weights,
             variance,
-            settings.best_pose_floor_rad**2,
         )
+        prior = conditional.neighbours_prior(examples.poses, weights, settings.best_pose_floor_rad**2)
+        if self._last is not None and self._before_last is not None:
+            expected = self._last + settings.best_momentum * (self._last - self._before_last)
+            prior = conditional.continued_prior(prior, expected, settings.best_change_rad**2)
         pose, root = conditional.fit_to_markers(
             prior,
             self.subject,

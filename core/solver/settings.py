@@ -26,6 +26,8 @@ class SolveSettings:
         lwr_neighbours: examples that locally weighted regression interpolates.
         best_neighbours, best_marker_sigma_m: K and the standard deviation of a marker coordinate in "best".
         best_pose_floor_rad: standard deviation granted to every joint angle beside what the neighbours show.
+        best_momentum: share of the last change of pose that "best" expects to go on.
+        best_change_rad: standard deviation of each joint angle about that expectation.
         root_sigma_m, root_sigma_rad: how far "best" may move the root from where the torso markers put it.
     """
 
@@ -43,6 +45,8 @@ class SolveSettings:
     best_neighbours: int = 200
     best_marker_sigma_m: float = 0.002
     best_pose_floor_rad: float = 0.03
+    best_momentum: float = 0.8
+    best_change_rad: float = 0.1
     root_sigma_m: float = 0.03
     root_sigma_rad: float = 0.1
 
