@@ -296,6 +296,7 @@ def write_bvh(motion: Motion, path: Path | str, units: str = "m", decimals: int 
     order = _depth_first(motion.skeleton)
     angles = np.degrees(rot.to_euler(motion.rotations[:, order], WRITTEN_ORDER))
     rows = np.concatenate((motion.root_positions_m * scale, angles.reshape(motion.frames, -1)), axis=1)
+    rows = np.round(rows, decimals) + 0.0  # -0.0 becomes 0.0: files do not depend on the last bit of a computation
     head = [
         "HIERARCHY",
         *_joint_lines(motion.skeleton, 0, "", scale),

@@ -50,7 +50,9 @@ _CHAINS = (
     (("boxing", 4.5), ("kendo", 5.0)),
 )
 _REPEATS = {"walking": 9, "running": 7, "hopping": 6, "jumping": 7, "boxing": 9, "kendo": 8}
-_SECONDS = {"boxing": 6.4, "kendo": 6.6, "walking": 5.6}
+_SECONDS = {"boxing": 6.4, "kendo": 6.6, "walking": 5.2}
+_LONG_WALK_S = 9.6  # long enough for circles and turning round
+_TURNING_SEEDS = (1102, 1120, 1101, 1155)  # of the last walks: round by the left, a circle, and the same by the right
 
 
 def clips() -> list[Clip]:
@@ -60,8 +62,12 @@ def clips() -> list[Clip]:
         for i in range(repeats):
             style = _STYLES[(i + 3 * kind) % len(_STYLES)]
             person = _BODIES[(i + kind) % len(_BODIES)]
-            script = ((behaviour, _SECONDS.get(behaviour, _CLIP_S)),)
-            result.append(Clip(f"{behaviour}-{i + 1:02d}-{style}", script, style, person, 1000 * (kind + 1) + i))
+            seconds, seed = _SECONDS.get(behaviour, _CLIP_S), 1000 * (kind + 1) + i
+            turn = i - (repeats - len(_TURNING_SEEDS))
+            if behaviour == "walking" and turn >= 0:
+                seconds, seed = _LONG_WALK_S, _TURNING_SEEDS[turn]
+            script = ((behaviour, seconds),)
+            result.append(Clip(f"{behaviour}-{i + 1:02d}-{style}", script, style, person, seed))
     for i, chain in enumerate(_CHAINS):
         style = _STYLES[(2 * i + 1) % len(_STYLES)]
         person = _BODIES[(3 * i) % len(_BODIES)]

@@ -42,6 +42,7 @@ _UNREST = {
 # how one person's carriage differs from another's: standard deviations of constant differences, radians
 _HABITS = {"pelvis": 0.015, "spine": 0.025, "head": 0.05, "arm": 0.05, "elbow": 0.06, "hand": 0.10}
 _HABITS_IN_S = 0.8
+_STRAIGHT_ELBOW_RAD = 0.04
 _UNREST_HAND_RAD, _UNREST_TARGET_M = 0.035, 0.006
 
 
@@ -235,7 +236,8 @@ class Stage:
     def _arm_by_angles(self, side: str, humerus: Array) -> list[Array]:
         pronation, flexion, aside = self.tracks[f"{side}.hand"].T
         hand = rot.multiply(about("Z", -outward(side) * flexion), about("Y", outward(side) * aside))
-        bend = np.maximum(self.tracks[f"{side}.elbow"][:, 0], 0.0)
+        wanted = self.tracks[f"{side}.elbow"][:, 0]
+        bend = 0.5 * (wanted + np.sqrt(wanted**2 + _STRAIGHT_ELBOW_RAD**2))  # elbows do not bend backwards
         return [humerus, elbow(side, bend), about("X", pronation), hand]
 
     def _arm_to_target(self, side: str, shoulder: Array, target: Array, chest: Array, palm: Array) -> list[Array]:

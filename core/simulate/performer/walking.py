@@ -29,14 +29,18 @@ class _Way:
         self.x_m, self.z_m, self.heading_rad = x_m, z_m, heading_rad
         self.track.key(self.time_s, (x_m, z_m, heading_rad))
 
-    def travel(self, speed_m_s: float, x_m: float, z_m: float, heading_rad: float) -> None:
-        """Go straight to a place: get up to the speed, keep it, slow down."""
+    def travel(self, speed_m_s: float, x_m: float, z_m: float, heading_rad: float, lead_rad: float = 0.0) -> None:
+        """Go straight to a place: get up to the speed, keep it, slow down; on the way turn aside by `lead_rad`."""
         x, z, heading = self.x_m, self.z_m, self.heading_rad
         distance = float(np.hypot(x_m - x, z_m - z))
         ramp = min(0.25 * speed_m_s * _SPEED_UP_S / max(distance, 1e-6), 0.3)
-        cruise = max(distance / speed_m_s - 0.5 * _SPEED_UP_S, 0.3)
-        for seconds, share in ((0.6 * _SPEED_UP_S, ramp), (cruise, 1.0 - ramp), (0.6 * _SPEED_UP_S, 1.0)):
-            self.to(seconds, x + share * (x_m - x), z + share * (z_m - z), heading + share * (heading_rad - heading))
+        cruise_s = max(distance / speed_m_s - 0.5 * _SPEED_UP_S, 0.3)
+        ramp_s = 0.6 * _SPEED_UP_S
+        for seconds, share, lead in (
+            (ramp_s, ramp, 0.5), (0.5 * cruise_s, 0.5, 1.0), (0.5 * cruise_s, 1.0 - ramp, 0.5), (ramp_s, 1.0, 0.0)
+        ):  # fmt: skip
+            facing = heading + share * (heading_rad - heading) + lead * lead_rad
+            self.to(seconds, x + share * (x_m - x), z + share * (z_m - z), facing)
 
     @property
     def front_rad(self) -> float:
@@ -70,18 +74,19 @@ def _walk_leg(score: Score, way: _Way, left_s: float) -> None:
     if not near and not far:
         kinds = ["advance", "back", "circle", "place", "sidle"]
     kind = kinds[int(rng.integers(len(kinds)))]
-    if kind == "circle" and left_s < 6.0:
+    if kind == "circle" and (left_s < 5.5 or abs(way.z_m) > 0.5):
         kind = "back" if near else "advance"
-    if kind == "round" and left_s < 7.0:
+    if kind == "round" and left_s < 6.0:
         kind = "back"
+    if way.time_s == score.time_s and not near:
+        kind = "advance"  # who begins to walk walks forward
     x = float(rng.uniform(-_ROOM_X_M, _ROOM_X_M)) * 0.7
-    z = _ROOM_Z_M * float(rng.uniform(0.8, 1.0))
+    z = _ROOM_Z_M * float(rng.uniform(0.4, 1.0))
     front = way.front_rad
     if kind == "advance":
         # who walks aslant looks where the way leads, a little
         lead = 0.5 * float(np.arctan2(x - way.x_m, max(z - way.z_m, 0.6)))
-        way.travel(speed, 0.5 * (way.x_m + x), 0.5 * (way.z_m + z), front + lead)
-        way.travel(speed, x, z, front)
+        way.travel(speed, x, z, front, lead)
     elif kind == "back":
         way.travel(0.7 * speed, x, -z, front + score.jitter(0.1))
     elif kind == "sidle":
@@ -111,7 +116,7 @@ def _there_and_back(score: Score, way: _Way, speed: float) -> None:
 
 def _circle(score: Score, way: _Way, speed: float) -> None:
     """Walk a small circle and come back to face the cameras."""
-    side = 1.0 if way.x_m < 0.0 else -1.0
+    side = -float(np.sign(way.x_m + 0.25 * float(score.rng.uniform(-1.0, 1.0)) + 1e-9))
     radius = float(score.rng.uniform(0.50, 0.65))
     forward = 0.75 * speed
     start_x, start_z, start = way.x_m, way.z_m, way.front_rad
