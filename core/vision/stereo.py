@@ -14,7 +14,7 @@ from scipy.spatial.distance import cdist
 
 from ..camera import Camera, CameraRig
 from ..errors import SettingsError
-from .triangulate import depths, triangulate
+from .triangulate import depths, inverse_3x3, triangulate
 
 Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]
@@ -145,15 +145,16 @@ class StereoMatcher:
         both = np.stack((x[rows], y[columns]), axis=1)
         if len(rows) == 0:
             return np.empty((0, 2), dtype=np.int64)
-        points = triangulate((view_a, view_b), both, np.ones((len(rows), 2)), self.settings.pixel_sigma)[0]
+        located = triangulate((view_a, view_b), both, np.ones((len(rows), 2)), self.settings.pixel_sigma)
+        points, covariances = located[0], located[1]
         far = np.stack((depths(view_a, points), depths(view_b, points)))
         possible = (far.min(axis=0) >= self.settings.nearest_m) & (far.max(axis=0) <= self.settings.farthest_m)
-        rows, columns, points, depth = rows[possible], columns[possible], points[possible], far[0][possible]
+        rows, columns, depth = rows[possible], columns[possible], far[0][possible]
         similar = _dissimilarity(blobs[a][free_a], blobs[b][free_b])[rows, columns]
         base = (line[rows, columns] / (self.settings.epipolar_px / _SIGMAS_OF_GATE)) ** 2 + similar
         if predicted_m is not None and len(predicted_m):
-            nearest = cdist(points, predicted_m).min(axis=1)
-            base = base + np.minimum((nearest / self.settings.coherence_m) ** 2, _COHERENCE_CAP)
+            nearest = self._coherence(points[possible], covariances[possible], predicted_m)
+            base = base + np.minimum(nearest, _COHERENCE_CAP)
         chosen = _assign(base, rows, columns, (len(free_a), len(free_b)))
         # once more with what the first answer tells about how far away the performer is
         if len(chosen) >= 3:
@@ -161,6 +162,12 @@ class StereoMatcher:
             cost = base + np.minimum(((depth - middle) / self.settings.spread_m) ** 2, _COHERENCE_CAP)
             chosen = _assign(cost, rows, columns, (len(free_a), len(free_b)))
         return np.stack((free_a[rows[chosen]], free_b[columns[chosen]]), axis=1)
+
+    def _coherence(self, points: Array, covariances: Array, predicted_m: Array) -> Array:
+        """Return the squared distance (n,), in sigmas, of points to the nearest predicted one; loose along the rays."""
+        information = inverse_3x3(covariances + self.settings.coherence_m**2 * np.eye(3))
+        apart = points[:, None] - predicted_m[None]
+        return np.asarray(np.einsum("npi,nij,npj->np", apart, information, apart).min(axis=1))
 
 
 def _assign(cost: Array, rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> IntArray:
