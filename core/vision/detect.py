@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 _POWER = 1.5  # of intensity in the centroid: between the plain centroid (noise at the rim) and the peak (few pixels)
 _SPLIT_LEVELS = (0.45, 0.6, 0.75)
+_NECK_LEVELS = (0.65, 0.75)
 _ROUND_ENOUGH = 0.6
 _MEMORY = 0.9  # per frame, of the automatic threshold
 _USUAL_MARKERS = 8
@@ -289,9 +290,16 @@ def _above_skin(contrast: Float32) -> Float32:
 
 
 def _split(contrast: Float32, peak: float) -> list[Float32]:
-    """Take apart markers that touch: at some higher level they are separate. Empty when they never are."""
-    for level in _SPLIT_LEVELS:
-        count, parts = cv2.connectedComponents((contrast >= level * peak).astype(np.uint8), connectivity=4)
+    """Take apart markers that touch. Empty when there is one only.
+
+    At some higher level of brightness they are separate; flat discs, which overlap without a valley, are where
+    the blob is narrower between them than across each.
+    """
+    inside = cv2.distanceTransform((contrast >= 0.5 * peak).astype(np.uint8), cv2.DIST_L2, 5)
+    levels = [contrast >= level * peak for level in _SPLIT_LEVELS]
+    levels += [inside >= level * inside.max() for level in _NECK_LEVELS]
+    for mask in levels:
+        count, parts = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
         sizes = np.bincount(parts.ravel(), minlength=count)[1:]
         large = [i + 1 for i, size in enumerate(sizes) if size >= max(3, 0.15 * sizes.max())]
         if len(large) >= 2:

@@ -11,15 +11,16 @@ Array = NDArray[np.float64]
 _FLATNESS_M = 0.01  # corners further off their plane than this are no corners of a flat board
 
 
-def rig_on_floor(rig: CameraRig, floor_points_m: ArrayLike) -> CameraRig:
+def rig_on_floor(rig: CameraRig, floor_points_m: ArrayLike, behind_m: float = 0.0) -> CameraRig:
     """Return the rig in a world whose floor is y = 0.
 
-    The origin is the middle of the floor points; z points from there to between the cameras, x to the performer's
-    left as they face the cameras, y up.
+    z points from the middle of the floor points to between the cameras, x to the performer's left as they face the
+    cameras, y up. The origin lies `behind_m` behind that middle as the cameras see it, where the performer stands.
 
     Args:
         rig: cameras in any world.
         floor_points_m: (N, 3) points of the floor in that world, N >= 3, not on a line.
+        behind_m: from the middle of the points to the origin, away from the cameras.
 
     Raises:
         CalibrationError: the points are no plane, or the cameras look at it from straight above.
@@ -38,7 +39,8 @@ def rig_on_floor(rig: CameraRig, floor_points_m: ArrayLike) -> CameraRig:
         raise CalibrationError("the cameras look straight down on the board", advice="lay the board where you stand")
     forward /= np.linalg.norm(forward)
     new_from_old = np.stack((np.cross(up, forward), up, forward))
-    cameras = tuple(_moved(camera, new_from_old, middle) for camera in rig.cameras)
+    origin = middle - behind_m * forward
+    cameras = tuple(_moved(camera, new_from_old, origin) for camera in rig.cameras)
     return CameraRig(cameras, dict(rig.metadata) | {"floor": "y = 0"})
 
 

@@ -1,0 +1,135 @@
+import numpy as np
+import pytest
+from perfanim.core.errors import CaptureError, SettingsError
+from perfanim.core.vision.background import BackgroundLearner, background_behind, learn_background
+from perfanim.core.vision.detect import DetectionSettings, Detector
+
+
+def grid(seed: int, count: int = 12) -> np.ndarray:
+    """Centres at least 100 px apart, at random sub-pixel places."""
+    cells = np.stack(np.meshgrid(80 + 140 * np.arange(4), 90 + 140 * np.arange(3)), axis=-1).reshape(-1, 2)[:count]
+    return cells + np.random.default_rng(seed).uniform(-20, 20, (count, 2))
+
+
+def matched(blobs: np.ndarray, centres: np.ndarray) -> np.ndarray:
+    """Blobs in the order of the centres that they are nearest to."""
+    distance = np.linalg.norm(centres[:, None] - blobs[None, :, :2], axis=2)
+    return blobs[distance.argmin(axis=1)]
+
+
+@pytest.mark.parametrize("radius", [2.0, 3.0, 5.5])
+def test_centres_are_exact_with_noise_of_two_grey_levels(draw, radius):
+    background = learn_background(draw(np.empty((0, 2)), radius, seed=100 + i) for i in range(20))
+    detector = Detector(background)
+    errors = []
+    for seed in range(6):
+        centres = grid(seed)
+        blobs = detector.detect(draw(centres, radius, seed=seed))
+        assert len(blobs) == len(centres)
+        found = matched(blobs, centres)
+        errors.append(found[:, :2] - centres)
+        assert np.abs(found[:, 2] - radius).max() < 0.15
+    errors = np.concatenate(errors)
+    assert np.sqrt(np.mean(np.sum(errors**2, axis=1))) <= 0.012
+    assert np.abs(errors.mean(axis=0)).max() < 0.004  # no bias towards any side: pixel centres are at whole numbers
+
+
+def test_background_mean_and_deviation_are_those_of_every_pixel_and_channel(draw):
+    shade = np.zeros((480, 640, 3)) + np.linspace(10, 90, 640)[None, :, None] * [1.0, 0.5, 0.2]
+    learned = learn_background(draw(np.empty((0, 2)), 1, background=shade, noise=3.0, seed=i) for i in range(40))
+    # the mean of 40 frames is known to 3 / sqrt(40), a deviation to 3 / sqrt(80); five sigmas over all pixels
+    assert np.abs(learned.mean - shade).mean() < 0.6
+    assert np.abs(learned.mean - shade).max() < 5 * 3 / np.sqrt(40)
+    assert abs(np.median(learned.deviation) - 3.0) < 0.1
+
+
+def test_foreground_is_where_any_channel_differs_by_more_than_the_threshold(draw):
+    quiet = learn_background(draw(np.empty((0, 2)), 1, noise=0.0) for _ in range(3))
+    detector = Detector(quiet, DetectionSettings(threshold=30.0, dilation_px=0))
+    image = draw(np.empty((0, 2)), 1, noise=0.0)
+    image[100, 200] = (20, 20, 51)
+    image[110, 200] = (20, 20, 50)
+    image[120, 200] = (20, 51, 20)
+    mask = detector.foreground(image)
+    assert mask[100, 200] == 255 and mask[120, 200] == 255
+    assert mask.sum() == 2 * 255
+    dilated = Detector(quiet, DetectionSettings(threshold=30.0, dilation_px=1)).foreground(image)
+    assert dilated[99:102, 199:202].all() and dilated.sum() == 18 * 255
+
+
+def test_noisy_pixels_need_more_than_quiet_ones(draw):
+    rng = np.random.default_rng(4)
+    learner = BackgroundLearner()
+    for i in range(50):
+        image = draw(np.empty((0, 2)), 1, noise=1.0, seed=i)
+        image[200:220, 300:320] = np.clip(60 + rng.normal(0, 25, (20, 20, 3)), 0, 255)  # a flickering lamp
+        learner.add(image)
+    image = draw(np.empty((0, 2)), 1, noise=1.0, seed=99)
+    image[200:220, 300:320] = 110  # two of its deviations
+    assert len(Detector(learner.result()).detect(image)) == 0
+
+
+def test_background_is_learned_behind_markers_that_move(draw):
+    samples = [draw(np.array([[50.0 + 18 * i, 200.0], [300.0, 60.0 + 12 * i]]), 5, seed=i) for i in range(25)]
+    background = background_behind(samples)
+    assert np.abs(background.mean - 20.0).max() < 6.0
+    blobs = Detector(background).detect(samples[7])
+    assert len(blobs) == 2
+
+
+def test_fixed_lamps_are_no_markers_but_markers_beside_them_are(draw):
+    lamps = np.array([[100.0, 100.0], [400.0, 300.0]])
+    empty = learn_background(draw(lamps, 6, level=250, seed=i) for i in range(10))
+    marker = np.array([[120.0, 100.0]])
+    blobs = Detector(empty).detect(draw(np.concatenate((lamps, marker)), 4, level=250, seed=50))
+    near = np.linalg.norm(blobs[:, :2] - marker, axis=1)
+    assert near.min() < 0.1
+
+
+def test_markers_that_touch_are_taken_apart(draw):
+    centres = np.array([[200.0, 200.0], [209.6, 200.4], [400.0, 100.0], [404.0, 107.5]])
+    blobs = Detector().detect(draw(centres, 5, background=2.0))
+    found = matched(blobs, centres)
+    assert len(blobs) == 4
+    assert np.abs(found[:, :2] - centres).max() < 0.8
+
+
+def test_streaks_and_specks_are_no_markers(draw):
+    centres = grid(3, 6)
+    image = draw(centres, 4, background=5.0)
+    image[300:303, 50:150] = 220  # a bright edge
+    image[400, 500] = 255  # one hot pixel
+    blobs = Detector().detect(image)
+    assert len(blobs) == 6
+
+
+def test_dim_and_bright_cameras_are_both_judged_by_their_own_markers(draw):
+    centres = grid(5, 8)
+    for level in (50.0, 240.0):
+        image = draw(centres, 4, level=level, background=3.0)
+        glint = draw(np.array([[600.0, 450.0]]), 3, level=0.25 * level, background=3.0, noise=0.0)
+        blobs = Detector().detect(np.maximum(image, glint))
+        assert len(blobs) == 8
+
+
+def test_hue_and_brightness_are_those_of_the_marker(draw):
+    background = np.zeros(3)
+    red = Detector().detect(
+        draw(np.array([[100.0, 100.0]]), 5, level=np.array([20.0, 20.0, 220.0]), background=background)
+    )
+    blue = Detector().detect(
+        draw(np.array([[100.0, 100.0]]), 5, level=np.array([220.0, 20.0, 20.0]), background=background)
+    )
+    assert min(red[0, 4], 180 - red[0, 4]) < 3
+    assert abs(blue[0, 4] - 120) < 3
+    assert abs(red[0, 3] - 220) < 4
+
+
+def test_images_of_another_size_than_the_background_are_refused(draw):
+    background = learn_background(draw(np.empty((0, 2)), 1, seed=i) for i in range(2))
+    with pytest.raises(CaptureError, match="320x240"):
+        Detector(background).detect(np.zeros((240, 320, 3), np.uint8))
+    with pytest.raises(CaptureError, match="without the performer"):
+        learn_background([])
+    with pytest.raises(SettingsError, match="threshold"):
+        DetectionSettings(threshold=0.0)

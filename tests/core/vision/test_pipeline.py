@@ -1,0 +1,72 @@
+import numpy as np
+import pytest
+from perfanim.core.errors import CaptureError
+from perfanim.core.marker_frame import pack, unpack
+from perfanim.core.sources.image_set import ImageSet
+from perfanim.core.vision.pipeline import MarkerPipeline
+from perfanim.core.vision.reprojection import labelled_rms_px
+
+
+def walker(time_s: float) -> np.ndarray:
+    """Eight markers of a body that crosses the room at 1 m/s, swinging its limbs."""
+    base = np.array(
+        [[-0.2, 0.5, 0.0], [0.2, 0.52, 0.0], [-0.1, 0.1, 0.08], [0.1, 0.12, 0.08],
+         [-0.4, -0.05, 0.0], [0.42, 0.0, 0.0], [-0.13, -0.75, 0.05], [0.12, -0.7, 0.05]]
+    )  # fmt: skip
+    swing = 0.2 * np.sin(2 * np.pi * time_s)
+    base[[4, 7], 2] += swing
+    base[[5, 6], 2] -= swing
+    return base + [-0.5 + time_s, 0.0, -3.2]
+
+
+def images(rig, draw, number: int) -> ImageSet:
+    points = walker(number / 30)
+    pictures = tuple(draw(camera.project(points), 3.5, seed=10 * number + i) for i, camera in enumerate(rig.cameras))
+    return ImageSet(number, (number / 30, number / 30), pictures)
+
+
+def empty(rig, draw, count: int):
+    return [tuple(draw(np.empty((0, 2)), 1, seed=1000 + 10 * k + i) for i in range(len(rig))) for k in range(count)]
+
+
+def test_images_become_marker_frames_with_the_true_points(rig, draw):
+    pipeline = MarkerPipeline(rig)
+    pipeline.learn_empty(empty(rig, draw, 5))
+    frames = []
+    for number in range(12):
+        frame = pipeline.process(images(rig, draw, number))
+        truth = walker(number / 30)
+        distance = np.linalg.norm(truth[:, None] - frame.points_m[None], axis=2)
+        assert len(frame.points_m) == 8
+        assert distance.min(axis=1).max() < 0.002
+        assert frame.number == number and frame.time_s == pytest.approx(number / 30)
+        assert len(frame.single_cameras) == 0
+        frames.append(frame)
+    again = unpack(pack(frames[-1]))
+    np.testing.assert_array_equal(again.points_m, frames[-1].points_m)
+    labels = [np.arange(8) for _ in frames]
+    assert labelled_rms_px(rig, frames, labels) < 0.05
+
+
+def test_a_marker_hidden_from_one_camera_is_passed_on_as_a_ray(rig, draw):
+    pipeline = MarkerPipeline(rig)
+    pipeline.learn_empty(empty(rig, draw, 5))
+    points = walker(0.0)
+    pictures = (draw(rig.cameras[0].project(points), 3.5), draw(rig.cameras[1].project(points[1:]), 3.5, seed=1))
+    frame = pipeline.process(ImageSet(0, (0.0, 0.0), pictures))
+    assert len(frame.points_m) == 7
+    np.testing.assert_array_equal(frame.single_cameras, [0])
+    np.testing.assert_allclose(
+        frame.single_points[0], rig.cameras[0].undistort(rig.cameras[0].project(points[0])), atol=1e-4
+    )
+    blob = frame.blobs[0][frame.single_blobs[0]]
+    np.testing.assert_allclose(blob[:2], rig.cameras[0].project(points[0]), atol=0.05)
+
+
+def test_wrong_number_or_size_of_images_is_refused(rig, draw):
+    pipeline = MarkerPipeline(rig)
+    picture = draw(np.empty((0, 2)), 1)
+    with pytest.raises(CaptureError, match="1 image"):
+        pipeline.process(ImageSet(0, (0.0,), (picture,)))
+    with pytest.raises(CaptureError, match="320x240"):
+        pipeline.process(ImageSet(0, (0.0, 0.0), (picture[::2, ::2].copy(), picture)))
