@@ -25,8 +25,8 @@ from .client import WorkerClient
 from .protocol import Message, MessageKind, SolvedPose
 
 STOP_LIMIT_S = 5.0
-_IDLE_S = 0.001
-_LOW_PRIORITY = 15
+_IDLE_S = 0.02
+_LOW_PRIORITY = 12
 _IN_FLIGHT = 6  # frames of a source that can wait: a tenth of a second
 
 
@@ -85,7 +85,7 @@ class _Relay:
             if self._pending:
                 self._solve(self._pending.popleft())
             else:
-                time.sleep(_IDLE_S)
+                self._client.wait(_IDLE_S)
         if self._error is not None:
             raise self._error
 

@@ -10,6 +10,7 @@ import importlib.util
 import json
 import os
 import secrets
+import select
 import socket
 import subprocess
 import sys
@@ -135,6 +136,15 @@ class WorkerClient:
             )
         self._ended = any(message.kind is MessageKind.END for message in messages)
         return messages
+
+    def wait(self, limit_s: float) -> None:
+        """Return when there is something to poll, or after `limit_s`; for processes without a window to keep alive."""
+        if self._connection is not None:
+            select.select([self._connection], [], [], limit_s)
+        elif not self._authenticated:
+            select.select([self._listener], [], [], limit_s)
+        else:  # the connection is lost; the next poll tells why
+            time.sleep(limit_s)
 
     def _accept(self) -> None:
         try:
