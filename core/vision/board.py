@@ -26,6 +26,7 @@ _SIZE = re.compile(r"^\s*(\d+)\s*[xX]\s*(\d+)\s*$")
 _ENLARGEMENT = 2
 _CUT_MARGIN = 6.0
 _MINIMUM_CHARUCO_CORNERS = 6
+_REACH = 0.3  # of the distance between corners: half the side of the window that refines one
 
 
 @dataclass(frozen=True)
@@ -164,7 +165,21 @@ def _find_charuco(grey: Image, board: Board) -> BoardView | None:
     corners, ids, _, _ = detector.detectBoard(picture)
     if ids is None or len(ids) < _MINIMUM_CHARUCO_CORNERS:
         return None
-    return BoardView(np.asarray(ids, dtype=np.int64).ravel(), np.asarray(corners, dtype=np.float64).reshape(-1, 2))
+    found = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
+    apart = np.linalg.norm(found[:, None] - found[None], axis=2) + np.diag(np.full(len(found), np.inf))
+    reach = min(_REACH, 0.5 * (1.0 - board.marker_m / board.square_m))  # not into the markers
+    # refined here once more: up to OpenCV 4.12 the detector's corners are half a pixel off (opencv issue 25539)
+    return BoardView(np.asarray(ids, dtype=np.int64).ravel(), _refined(grey, found, float(apart.min()), reach))
+
+
+def _refined(grey: Image, corners: Array, spacing: float, reach: float = _REACH) -> Array:
+    # the window stays inside the four squares round a corner, else their far edges pull it away
+    window = int(np.clip(reach * spacing, 2, 11))
+    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
+    start = corners.astype(np.float32).reshape(-1, 1, 2)
+    return np.asarray(cv2.cornerSubPix(grey, start, (window, window), (-1, -1), criteria), dtype=np.float64).reshape(
+        -1, 2
+    )
 
 
 def _find_chessboard(grey: Image, grid: tuple[int, int]) -> Array | None:
@@ -175,12 +190,7 @@ def _find_chessboard(grey: Image, grid: tuple[int, int]) -> Array | None:
     fine = _fine_corners(grey, grid, rough, spacing)
     if fine is not None:
         return fine
-    # the window stays inside the four squares round a corner, else their far edges pull it away
-    window = int(np.clip(0.3 * spacing, 2, 11))
-    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
-    start = rough.astype(np.float32).reshape(-1, 1, 2)
-    refined = cv2.cornerSubPix(grey, start, (window, window), (-1, -1), criteria)
-    return np.asarray(refined, dtype=np.float64).reshape(-1, 2)
+    return _refined(grey, rough, spacing)
 
 
 def _rough_corners(grey: Image, grid: tuple[int, int]) -> Array | None:

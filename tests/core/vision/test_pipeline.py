@@ -16,7 +16,7 @@ def walker(time_s: float) -> np.ndarray:
     swing = 0.2 * np.sin(2 * np.pi * time_s)
     base[[4, 7], 2] += swing
     base[[5, 6], 2] -= swing
-    return base + [-0.5 + time_s, 0.0, -3.2]
+    return base + np.array([-0.5 + time_s, 0.0, -3.2])
 
 
 def images(rig, draw, number: int) -> ImageSet:

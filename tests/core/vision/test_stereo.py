@@ -108,7 +108,7 @@ def test_three_cameras_see_a_point_better_than_two(rig):
     from dataclasses import replace
 
     extra = rig.cameras[0]
-    third = replace(extra, name="third", translation_m=extra.translation_m + [0.4, 0.0, 0.0])
+    third = replace(extra, name="third", translation_m=extra.translation_m + np.array([0.4, 0.0, 0.0]))
     wide = CameraRig((*rig.cameras, third))
     points = body(5)
     matcher = StereoMatcher(wide)
