@@ -1,0 +1,54 @@
+"""`perfanim demo`: the main job on the embedded default."""
+
+import argparse
+import importlib.util
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..errors import CharacterError, SettingsError
+from ..files import atomic_path
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command."""
+    parser = subparsers.add_parser(
+        "demo", help="the whole chain on the embedded default: performer, cameras, tracking, solve, character"
+    )
+    parser.add_argument("--out", default="out/demo", metavar="DIR", help="folder for the results (default out/demo)")
+    parser.add_argument("--seconds", type=float, default=24.0, metavar="S", help="of performance (default 24)")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="another performance for every number")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+    """Run the demo, write the character where Blender is at hand, and the report."""
+    from ..demo import run_demo, write_report  # images and plots load only for the command that needs them
+
+    if not 5.0 <= args.seconds <= 600.0:
+        raise SettingsError(f"--seconds {args.seconds:g} is out of range", advice="give 5 to 600")
+    out = Path(args.out)
+    report = run_demo(out, args.seconds, args.seed, progress)
+    if importlib.util.find_spec("bpy") is not None:
+        report["outputs"]["blend"] = str(_write_blend(out, progress))
+    write_report(out / "report.md", report)
+    with atomic_path(out / "report.json") as temporary:
+        temporary.write_text(json.dumps(report, indent=1), encoding="utf-8")
+    report["outputs"]["report"] = str(out / "report.md")
+    return report
+
+
+def _write_blend(out: Path, progress: Callable[[float, str], None]) -> Path:
+    """Write the character with its animation, in a process of its own: bpy takes over the one it is loaded into."""
+    progress(0.97, "writing the character")
+    target = out / "demo.blend"
+    package = __package__.rsplit(".", 2)[0]
+    command = [sys.executable, "-m", f"{package}.perfanim_addon.export_blend", str(out / "demo.bvh"), str(target)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        reason = (done.stderr.strip().splitlines() or ["no message"])[-1]
+        raise CharacterError(f"Blender could not write the character: {reason}", where=str(target))
+    return target

@@ -1,0 +1,282 @@
+"""The main job from end to end on what is embedded: simulated performer, cameras, calibration, tracking, solve, report.
+
+Nothing of the truth is used but to measure the result, and the true cameras only to bring both into one world for it.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .assets import MOTION, SKELETONS
+from .camera import CameraRig, save_rig
+from .database.build import build_database
+from .database.store import Database, open_database
+from .errors import CaptureError
+from .evaluate import evaluate
+from .files import atomic_path
+from .formats.bvh import write_bvh
+from .marker_frame import MarkerFrame
+from .marker_set import Subject, load_marker_set, save_subject
+from .motion import Motion, sliced
+from .pose_frame import PoseFrame
+from .preview import (
+    TRUTH,
+    CharacterPainter,
+    brightened,
+    draw_caption,
+    draw_detections,
+    floor_image,
+    preview_camera,
+    side_by_side,
+    write_contact_sheet,
+    write_preview_video,
+)
+from .session import Session
+from .simulate.performer import demo_performance
+from .simulate.performer.bodies import load_bodies
+from .simulate.studio.boards import DEFAULT_BOARD, BoardPose, board_pictures, draw_board
+from .simulate.studio.render import Renderer
+from .simulate.studio.rig import default_rig
+from .simulate.studio.source import SimulatedSource, simulated_source
+from .solve_take import motion_of
+from .solver.settings import SolveSettings
+from .subject_from_frames import subject_from_frames
+from .vision.board import find_board
+from .vision.calibrate import CalibrationResult, calibrate_from_points
+from .vision.floor import rig_on_floor
+from .vision.pipeline import MarkerPipeline
+from .vision.rig_fit import CameraViews
+from .vision.triangulate import triangulate
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+Progress = Callable[[float, str], None]
+
+MARKER_SET = "boxing"
+_BOARD_VIEWS = 24
+_EMPTY_FRAMES = 60
+_VIDEO_EVERY = 2  # of 60 frames a second every second one is drawn
+_SHEET_PICTURES = 12
+_T_POSE_S = 2.0
+_BOARD_BEFORE_M = 0.6  # the board lies a little before the performer, where both cameras see all of it
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What the cameras' side made of the performance."""
+
+    source: SimulatedSource
+    rig: CameraRig
+    frames: tuple[MarkerFrame, ...]
+    pictures: dict[int, tuple[Image, ...]]  # camera images of the frames that the preview shows
+    seconds: float
+
+
+def run_demo(out: Path, seconds: float, seed: int, progress: Progress) -> dict[str, Any]:
+    """Run the whole chain and write its results into the folder `out`.
+
+    Args:
+        out: folder for motion, preview, calibration, subject and database.
+        seconds: length of the performance.
+        seed: of the performance; the embedded database holds none of them.
+        progress: told how far it is.
+
+    Returns:
+        The report: figures, timings and the files written.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    database = embedded_database(out / "embedded.pfdb", progress)
+    motion = demo_performance(seed, seconds)
+    source = simulated_source(motion, MARKER_SET, Renderer(default_rig()))
+    progress(0.05, "calibrating the cameras")
+    calibration = _calibrate(source)
+    rig = _find_floor(calibration.rig, source)
+    recording = _record(source, rig, progress)
+    progress(0.5, "calibrating the subject")
+    subject = subject_from_frames(
+        recording.frames[: round(_T_POSE_S * source.fps)],
+        load_marker_set(MARKER_SET),
+        load_bodies(SKELETONS),
+        "simulated performer",
+    ).subject
+    poses, solve_seconds = _solve(recording, subject, database, progress)
+    solved = motion_of(poses, subject, "demo", source.fps)
+    truth = sliced(source.motion, 0, len(poses))
+    outputs = _write(out, recording, rig, subject, solved, truth, poses, progress)
+    total = recording.seconds + float(np.sum(solve_seconds))
+    return _figures(evaluate(solved, truth), poses, solve_seconds) | {
+        "frames": len(poses),
+        "frames_per_s": len(poses) / total,
+        "stereo_rms_px": calibration.stereo_rms_px,
+        "subject_residual_mm": 1e3 * subject.residual_m,
+        "outputs": outputs,
+    }
+
+
+def embedded_database(path: Path, progress: Progress) -> Database:
+    """Return the database of the embedded motion, built at `path` (about a second) if it is not there yet."""
+    if not path.is_file():
+        progress(0.0, "building the embedded motion database")
+        build_database([MOTION], path)
+    return open_database(path)
+
+
+def _calibrate(source: SimulatedSource) -> CalibrationResult:
+    """Calibrate from pictures of the board as the simulated cameras take them."""
+    board = DEFAULT_BOARD
+    names = [camera.name for camera in source.rig.cameras]
+    views: list[dict[str, Any]] = [{} for _ in names]
+    for picture in board_pictures(source.renderer, board, _BOARD_VIEWS):
+        for i, image in enumerate(picture.images):
+            view = find_board(image, board)
+            if view is not None:
+                views[i][f"{picture.number:06d}"] = view
+    sizes = [camera.image_size for camera in source.rig.cameras]
+    cameras = [CameraViews(name, size, seen) for name, size, seen in zip(names, sizes, views, strict=True)]
+    return calibrate_from_points(board.points_m, cameras)
+
+
+def _find_floor(rig: CameraRig, source: SimulatedSource) -> CameraRig:
+    """Lay the board on the simulated floor and put the world there."""
+    board = DEFAULT_BOARD
+    middle = board.points_m.mean(axis=0)
+    flat = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    pose = BoardPose(flat, np.array([0.0, 0.0, _BOARD_BEFORE_M]) - flat @ middle)
+    corners = []
+    for i, camera in enumerate(source.rig.cameras):
+        image = source.renderer.lit_room(i)
+        draw_board(image, camera, board, pose)
+        source.renderer.add_noise(image, i, 0)
+        view = find_board(image, board)
+        if view is None:
+            raise CaptureError("the board on the floor was not found", where=f"camera {camera.name}")
+        corners.append(rig.cameras[i].undistort(view.pixels))
+    seen = np.stack(corners, axis=1)
+    points, _, _ = triangulate(rig.cameras, seen, np.ones(seen.shape[:2]), 0.3)
+    return rig_on_floor(rig, points, _BOARD_BEFORE_M)
+
+
+def _record(source: SimulatedSource, rig: CameraRig, progress: Progress) -> Recording:
+    """Take and evaluate every image set of the performance."""
+    pipeline = MarkerPipeline(rig)
+    pipeline.learn_empty(list(source.background_frames(_EMPTY_FRAMES)))
+    frames: list[MarkerFrame] = []
+    pictures: dict[int, tuple[Image, ...]] = {}
+    spent = 0.0
+    for images in source:
+        start = time.perf_counter()
+        frames.append(pipeline.process(images))
+        spent += time.perf_counter() - start
+        if images.number % _VIDEO_EVERY == 0:
+            pictures[images.number] = images.images[:1]
+        if images.number % 30 == 0:
+            progress(0.1 + 0.4 * images.number / source.frames, "filming and tracking the performance")
+    return Recording(source, rig, tuple(frames), pictures, spent)
+
+
+def _solve(
+    recording: Recording, subject: Subject, database: Database, progress: Progress
+) -> tuple[list[PoseFrame], Array]:
+    session = Session(subject, database, recording.rig, SolveSettings())
+    poses, seconds = [], []
+    for i, frame in enumerate(recording.frames):
+        start = time.perf_counter()
+        poses.append(session.step(frame))
+        seconds.append(time.perf_counter() - start)
+        if i % 30 == 0:
+            progress(0.5 + 0.2 * i / len(recording.frames), "solving")
+    return poses, np.array(seconds)
+
+
+def _figures(measures: dict[str, Any], poses: list[PoseFrame], seconds: Array) -> dict[str, Any]:
+    kept = (
+        "deg_per_joint",
+        "deg_per_angle",
+        "mpjpe_mm",
+        "mpjpe_absolute_mm",
+        "bone_direction_deg",
+        "twist_deg",
+        "jitter_ratio",
+        "foot_skate_cm_s",
+        "worst_frames",
+    )
+    return {key: measures[key] for key in kept} | {
+        "confidence": float(np.mean([pose.confidence for pose in poses])),
+        "solve_ms_median": 1e3 * float(np.median(seconds)),
+        "solve_ms_p99": 1e3 * float(np.percentile(seconds, 99)),
+    }
+
+
+def _write(
+    out: Path,
+    recording: Recording,
+    rig: CameraRig,
+    subject: Subject,
+    solved: Motion,
+    truth: Motion,
+    poses: list[PoseFrame],
+    progress: Progress,
+) -> dict[str, str]:
+    """Write motion, calibration and preview; return what is where."""
+    files = {
+        "motion": out / "demo.bvh",
+        "truth": out / "truth.bvh",
+        "cameras": out / "cameras.toml",
+        "subject": out / "subject.toml",
+        "video": out / "preview.mp4",
+        "picture": out / "preview.png",
+    }
+    write_bvh(solved, files["motion"])
+    write_bvh(truth, files["truth"])
+    save_rig(rig, files["cameras"])
+    save_subject(subject, files["subject"])
+    numbers = sorted(recording.pictures)
+    shown = set(numbers[:: max(1, len(numbers) // _SHEET_PICTURES)][:_SHEET_PICTURES])
+    sheet: list[Image] = []
+
+    def drawn() -> Iterator[Image]:
+        for i, picture in enumerate(_previews(recording, subject, truth, poses)):
+            if i % 30 == 0:
+                progress(0.7 + 0.3 * i / len(numbers), "drawing the preview")
+            if numbers[i] in shown:
+                sheet.append(picture)
+            yield picture
+
+    write_preview_video(files["video"], drawn(), recording.source.fps / _VIDEO_EVERY)
+    write_contact_sheet(files["picture"], sheet, columns=2)
+    return {name: str(path) for name, path in files.items()}
+
+
+def _previews(recording: Recording, subject: Subject, truth: Motion, poses: list[PoseFrame]) -> Iterator[Image]:
+    """Yield, for each shown frame, the left camera with what it found beside the solved character."""
+    camera = preview_camera(np.array([pose.root_position_m for pose in poses]))
+    stage = floor_image(camera)
+    solved_painter = CharacterPainter(camera, subject.skeleton)
+    truth_painter = CharacterPainter(camera, truth.skeleton, TRUTH)
+    for number, images in sorted(recording.pictures.items()):
+        pose = poses[number]
+        film = brightened(images[0])
+        draw_detections(film, recording.frames[number].blobs[0][:, :2])
+        draw_caption(film, "left camera", f"frame {number}")
+        picture = stage.copy()
+        solved_painter.draw(picture, pose.rotations, pose.root_position_m)
+        truth_painter.draw(picture, truth.rotations[number], truth.root_positions_m[number])
+        draw_caption(picture, "solved, truth in green", f"confidence {pose.confidence:.0%}")
+        yield side_by_side(film, picture)
+
+
+def write_report(path: Path, report: dict[str, Any]) -> None:
+    """Write the figures of `run_demo` as a page of Markdown."""
+    rows = [(key, value) for key, value in report.items() if isinstance(value, int | float)]
+    lines = ["# Demo", "", "| figure | value |", "|---|---|"]
+    lines += [f"| {key} | {value:.4g} |" for key, value in rows]
+    lines += ["", "| file | |", "|---|---|"]
+    lines += [f"| {name} | {Path(place).name} |" for name, place in report["outputs"].items()]
+    with atomic_path(path) as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
