@@ -4,6 +4,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.product_skeleton import default_skeleton
 from ..core.skeleton import Skeleton
 from . import capture_setup
 from .actions import scene_frames, write_action
@@ -65,8 +66,8 @@ class Capture:
             self._prepare(context)
             return
         pose = self.run.tick()
-        if pose is not None and self._driver is not None:
-            self._driver.apply(pose.rotations, pose.root_position_m)
+        if pose is not None:
+            self._bind(context).apply(pose.rotations, pose.root_position_m)
             self.run.shown()
 
     def _prepare(self, context: bpy.types.Context) -> None:
@@ -78,18 +79,29 @@ class Capture:
         self._begin(context)
 
     def _begin(self, context: bpy.types.Context) -> None:
-        """Open the database, add a character if none is chosen, and start the worker."""
+        """Check the files and the armature, if one is chosen, and start the worker."""
         chosen = settings(context)
         setup = capture_setup.make(chosen)
         self._skeleton = setup.skeleton
         self._start_frame = float(context.scene.frame_current)
-        self.run = setup.start(self._python)  # it starts up while the character is made
-        if chosen.armature is None:
-            add_character(context, self._skeleton)
-        self._driver = ArmatureDriver(chosen.armature.name, self._skeleton)
-        self._held_action = _release_action(chosen.armature)
+        if chosen.armature is not None:
+            self._bind(context)
+        self.run = setup.start(self._python)
         if self._stop_asked:
             self.run.stop()
+
+    def _bind(self, context: bpy.types.Context) -> ArmatureDriver:
+        """Return the driver of the chosen armature; without one, a character is made for the first pose.
+
+        So a camera that does not open leaves the scene as it was.
+        """
+        if self._driver is None:
+            chosen, skeleton = settings(context), self._skeleton or default_skeleton()
+            if chosen.armature is None:
+                add_character(context, skeleton)
+            self._driver = ArmatureDriver(chosen.armature.name, skeleton)
+            self._held_action = _release_action(chosen.armature)
+        return self._driver
 
     def stop(self) -> None:
         """Ask for a clean end; `tick` goes on until `done`."""

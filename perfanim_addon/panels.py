@@ -10,7 +10,9 @@ from .job import Job
 from .live import Capture
 from .properties import settings
 
-MESSAGE_WIDTH = 44  # characters of a line in a sidebar of ordinary width
+# Width of a character, and of what a line has beside its text (icon, margins, tabs), in unscaled pixels.
+CHARACTER_PX = 6.2
+MARGIN_PX = 90.0
 
 
 class _Step:
@@ -42,10 +44,9 @@ class _Step:
         self.draw_step(column, chosen)
         state = type(self).state(chosen)
         if state.problem:
-            draw_text(layout, state.problem, "ERROR")
+            draw_text(context, layout, state.problem, "ERROR")
         draw_job(layout, self.key)
-        if running.message(self.key):
-            draw_text(layout, running.message(self.key), "INFO")
+        draw_text(context, layout, *running.message(self.key))
 
     def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
         """Draw the step's own settings and buttons."""
@@ -188,17 +189,16 @@ class PERFANIM_PT_capture(bpy.types.Panel):
         row.scale_y = 1.8
         if isinstance(activity, Capture):
             row.operator("perfanim.stop_capture", icon="SNAP_FACE")
-            self._draw_figures(layout, activity)
+            self._draw_figures(context, layout, activity)
         else:
             row.operator("perfanim.start_capture", icon="REC")
             problem = states.first_problem(settings(context))
-            if problem:
-                draw_text(layout, problem, "ERROR")
-            elif running.message("capture"):
-                draw_text(layout, running.message("capture"), "INFO")
+            draw_text(context, layout, problem, "ERROR")
+            if not problem:
+                draw_text(context, layout, *running.message("capture"))
         layout.prop(settings(context), "extend_scene")
 
-    def _draw_figures(self, layout: bpy.types.UILayout, capture: Capture) -> None:
+    def _draw_figures(self, context: bpy.types.Context, layout: bpy.types.UILayout, capture: Capture) -> None:
         run = capture.run
         if run is None:
             draw_progress(layout, capture.job.fraction if capture.job else 0.0, capture.line)
@@ -214,8 +214,7 @@ class PERFANIM_PT_capture(bpy.types.Panel):
         draw_progress(layout, figures.confidence, f"Confidence {figures.confidence:.0%}")
         if figures.waiting > 1:
             layout.label(text=f"Solver {figures.waiting} frames behind", icon="SORTTIME")
-        if run.notice:
-            draw_text(layout, run.notice, "ERROR")
+        draw_text(context, layout, run.notice, "ERROR")
 
 
 def _props(layout: bpy.types.UILayout, chosen: Any, *names: str) -> None:
@@ -237,20 +236,22 @@ def draw_job(layout: bpy.types.UILayout, panel: str) -> None:
         row.operator("perfanim.cancel_job", text="", icon="X")
 
 
-def draw_text(layout: bpy.types.UILayout, text: str, icon: str) -> None:
-    """Draw a sentence over as many lines as it takes."""
+def draw_text(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str) -> None:
+    """Draw a sentence over as many lines as it takes in a sidebar of this width; nothing for ""."""
+    unscaled_px = context.region.width / context.preferences.system.ui_scale
     column = layout.column(align=True)
-    for index, line in enumerate(wrapped(text)):
+    for index, line in enumerate(wrapped(text, max(16, int((unscaled_px - MARGIN_PX) / CHARACTER_PX)))):
         column.label(text=line, icon=icon if index == 0 else "BLANK1")
 
 
-def wrapped(text: str, width: int = MESSAGE_WIDTH) -> list[str]:
+def wrapped(text: str, width: int) -> list[str]:
     """Return the text cut into lines of at most `width` characters; long paths are cut wherever it must be."""
-    lines = [""]
+    lines: list[str] = []
     for word in text.split():
-        if lines[-1] and len(lines[-1]) + 1 + len(word) > width:
-            lines.append("")
-        lines[-1] = f"{lines[-1]} {word}".strip()
+        if lines and len(lines[-1]) + 1 + len(word) <= width:
+            lines[-1] += f" {word}"
+        else:
+            lines.append(word)
         while len(lines[-1]) > width:
             lines[-1:] = [lines[-1][:width], lines[-1][width:]]
     return lines

@@ -21,7 +21,7 @@ class Activity(Protocol):
 class _State:
     activity: Activity | None = None
     timer: Any = None
-    messages: dict[str, str] = field(default_factory=dict)
+    messages: dict[str, tuple[str, str]] = field(default_factory=dict)
 
 
 _state = _State()
@@ -55,14 +55,14 @@ def is_my_timer(event: bpy.types.Event, activity: Activity) -> bool:
     return event.type == "TIMER" and _state.activity is activity
 
 
-def set_message(panel: str, text: str) -> None:
-    """Keep what a panel's last operation said; "" clears it."""
-    _state.messages[panel] = text
+def set_message(panel: str, text: str, icon: str = "INFO") -> None:
+    """Keep what a panel's last operation said, with the icon that goes before it; "" clears it."""
+    _state.messages[panel] = (text, icon)
 
 
-def message(panel: str) -> str:
-    """Return what a panel's last operation said."""
-    return _state.messages.get(panel, "")
+def message(panel: str) -> tuple[str, str]:
+    """Return what a panel's last operation said, and the icon that goes before it."""
+    return _state.messages.get(panel, ("", "INFO"))
 
 
 def redraw_sidebars() -> None:

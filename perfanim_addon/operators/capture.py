@@ -103,7 +103,7 @@ class PERFANIM_OT_start_capture(bpy.types.Operator):
         if error is not None:
             common.failed(self, PANEL, error)
         running.redraw_sidebars()
-        return {"FINISHED"} if capture.run is not None else {"CANCELLED"}
+        return {"FINISHED"} if capture.run is not None and capture.run.poses else {"CANCELLED"}
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Blender takes the operator down (the window is closed, the add-on switched off)."""

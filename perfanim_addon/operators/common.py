@@ -28,6 +28,6 @@ def in_scene(operator: type[bpy.types.Operator], context: bpy.types.Context) -> 
 def failed(operator: bpy.types.Operator, panel: str, error: PerfanimError) -> set[str]:
     """Report an error, keep it for the panel, and cancel."""
     text = str(error)
-    running.set_message(panel, text)
+    running.set_message(panel, text, "ERROR")
     operator.report({"ERROR"}, text)
     return {"CANCELLED"}

@@ -98,6 +98,7 @@ def test_opening_bad_files_reports_and_keeps_the_old(chosen: Any, tmp_path: Path
 def test_long_messages_are_cut_into_lines(extension: str, addon: ModuleType) -> None:
     panels = sys.modules[f"{extension}.perfanim_addon.panels"]
     text = "/a/very/long/path/" + "x" * 100 + " is not a motion database; build it again"
-    lines = panels.wrapped(text)
-    assert all(len(line) <= panels.MESSAGE_WIDTH for line in lines)
+    lines = panels.wrapped(text, 32)
+    assert all(len(line) <= 32 for line in lines)
+    assert panels.wrapped("", 32) == []
     assert "".join(lines).replace(" ", "") == text.replace(" ", "")

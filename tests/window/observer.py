@@ -71,7 +71,8 @@ def capture_facts():
     running, capture = part("running"), part("operators.capture")
     if running is None or capture is None:
         return {"registered": False}
-    facts = {"registered": True, "messages": dict(running._state.messages), "activity": None}
+    messages = {panel: text for panel, (text, _icon) in running._state.messages.items()}
+    facts = {"registered": True, "messages": messages, "activity": None}
     activity = running.current()
     facts["timer"] = running._state.timer is not None
     if activity is not None:
@@ -243,6 +244,7 @@ def order_set(order):
     chosen = bpy.context.scene.perfanim
     for name, value in order["values"].items():
         setattr(chosen, name, bpy.data.objects.get(value) if name == "armature" else value)
+    part("running").redraw_sidebars()
     return {}
 
 

@@ -1,5 +1,6 @@
 """Bad input in a real window: a message in the panel, and Blender still usable."""
 
+import time
 from pathlib import Path
 
 import pytest
@@ -35,6 +36,7 @@ def test_files_and_bones_that_are_missing(desktop: Desktop, opened: BlenderWindo
     message = refusal(window)
     assert "lacks the bones" in message
     assert "root" in message
+    time.sleep(1.0)
     desktop.screenshot("bad-1-bones")
     window.order("set", values={"armature": ""})
 
@@ -49,6 +51,7 @@ def test_files_and_bones_that_are_missing(desktop: Desktop, opened: BlenderWindo
     message = refusal(window)
     assert "not found" in message
     assert "no.mp4" in message
+    time.sleep(1.0)
     desktop.screenshot("bad-2-video")
     still_usable(window)
 
@@ -63,6 +66,7 @@ def test_a_camera_that_does_not_open(
     state = window.wait(lambda s: s["capture"]["activity"] is None and s["capture"]["messages"].get("capture"), "end")
     assert "61" in state["capture"]["messages"]["capture"]
     assert not state["actions"]
+    assert not state["armature"]
     assert not state["capture"]["timer"]
     desktop.screenshot("bad-3-camera")
     still_usable(window)
