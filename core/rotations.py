@@ -34,15 +34,12 @@ def multiply(left: ArrayLike, right: ArrayLike) -> Array:
     b = np.asarray(right, dtype=np.float64)
     aw, ax, ay, az = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
     bw, bx, by, bz = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
-    return np.stack(
-        (
-            aw * bw - ax * bx - ay * by - az * bz,
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-        ),
-        axis=-1,
-    )
+    result = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    result[..., 0] = aw * bw - ax * bx - ay * by - az * bz
+    result[..., 1] = aw * bx + ax * bw + ay * bz - az * by
+    result[..., 2] = aw * by - ax * bz + ay * bw + az * bx
+    result[..., 3] = aw * bz + ax * by - ay * bx + az * bw
+    return result
 
 
 def conjugate(quaternions: ArrayLike) -> Array:
@@ -56,15 +53,20 @@ def rotate(quaternions: ArrayLike, vectors: ArrayLike) -> Array:
     q = np.asarray(quaternions, dtype=np.float64)
     v = np.asarray(vectors, dtype=np.float64)
     w, u = q[..., :1], q[..., 1:]
-    twice = 2.0 * _cross(u, v)
-    return v + w * twice + _cross(u, twice)
+    twice = 2.0 * cross(u, v)
+    return v + w * twice + cross(u, twice)
 
 
-def _cross(a: Array, b: Array) -> Array:
-    # np.cross spends most of its time on axis handling; this is called in every forward kinematics step
+def cross(a: Array, b: Array) -> Array:
+    """Return the cross products (..., 3)."""
+    # np.cross and np.stack spend most of their time on the axes; this is called in every forward kinematics step
     ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
     bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
-    return np.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=-1)
+    result = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    result[..., 0] = ay * bz - az * by
+    result[..., 1] = az * bx - ax * bz
+    result[..., 2] = ax * by - ay * bx
+    return result
 
 
 def from_rotation_vector(vectors: ArrayLike) -> Array:
@@ -157,8 +159,8 @@ def between(sources: ArrayLike, targets: ArrayLike) -> Array:
     b = b / np.linalg.norm(b, axis=-1, keepdims=True)
     dot = np.sum(a * b, axis=-1, keepdims=True)
     helper = np.where(np.abs(a[..., :1]) < 0.9, np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
-    half_turn = np.concatenate((np.zeros_like(dot), _cross(a, helper)), axis=-1)
-    return normalize(np.where(dot < -1.0 + 1e-12, half_turn, np.concatenate((1.0 + dot, _cross(a, b)), axis=-1)))
+    half_turn = np.concatenate((np.zeros_like(dot), cross(a, helper)), axis=-1)
+    return normalize(np.where(dot < -1.0 + 1e-12, half_turn, np.concatenate((1.0 + dot, cross(a, b)), axis=-1)))
 
 
 def angle_between(left: ArrayLike, right: ArrayLike) -> Array:

@@ -181,17 +181,11 @@ def marker_jacobian(
     arms = (markers_m[:, None, :] - positions_m[None]) * carried[..., None]
     # columns of W_k crossed with the lever arm: (W_k e_i) x arm = -[arm]x W_k e_i
     columns = np.swapaxes(world_matrices, -1, -2)[None]
-    rotational = _cross(columns, arms[:, :, None, :])
+    rotational = rot.cross(columns, arms[:, :, None, :])
     jacobian = np.zeros((len(joints), 3, 3 + 3 * len(skeleton)))
     jacobian[:, :, :3] = np.eye(3)
     jacobian[:, :, 3:] = rotational.reshape(len(joints), -1, 3).swapaxes(1, 2)
     return jacobian
-
-
-def _cross(a: Array, b: Array) -> Array:
-    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
-    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
-    return np.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=-1)
 
 
 def joint_angles(skeleton: Skeleton, rotations: ArrayLike) -> list[Array]:

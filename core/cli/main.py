@@ -7,6 +7,7 @@ import argparse
 import importlib
 import json
 import math
+import os
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -16,6 +17,12 @@ from ..errors import PerfanimError
 
 # Each module offers add_parser(subparsers), which sets `run`: (args, progress) -> summary.
 COMMANDS = ("demo", "calibrate", "track", "database", "solve", "evaluate", "simulate")
+
+
+# The solver's matrices are small: threads cost it more than they bring, above all beside other processes.
+# Read by numpy's libraries when they are loaded, which is not before a command is chosen.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
 class Progress:

@@ -105,12 +105,11 @@ class PoseSolver:
         self._last: Array | None = None
         self._before_last: Array | None = None
         self._root: RootPose | None = None
+        self._last_markers: Array | None = None
 
     def predicted_markers_m(self) -> Array | None:
         """Return the markers (M, 3) of the last synthesized pose in the world, None at the start."""
-        if self._last is None or self._root is None:
-            return None
-        return self.subject.markers(self._last.reshape(-1, 3), self._root)
+        return self._last_markers
 
     def step(self, observation: Observation) -> Solution | None:
         """Return the pose of the next frame; None when nothing tells yet where the body is."""
@@ -121,11 +120,12 @@ class PoseSolver:
         fitted = self._method(observation, root, examples)
         local = self.subject.markers(fitted.pose.reshape(-1, 3))
         final = self._root_under(observation, local, fitted.root) or fitted.root
-        self._before_last, self._last, self._root = self._last, fitted.pose, final
+        markers = final.to_world(local)
+        self._before_last, self._last, self._root, self._last_markers = self._last, fitted.pose, final, markers
         return Solution(
             fitted.pose.reshape(-1, 3),
             final,
-            final.to_world(local),
+            markers,
             fitted.neighbours,
             fitted.dimensions,
             self._nearest_distance(observation, root, examples),

@@ -63,6 +63,8 @@ class SubjectModel:
 
     def markers(self, pose: Array, root: RootPose = ROOT_AT_REST) -> Array:
         """Return marker positions (..., M, 3) of poses (..., J - 1, 3)."""
+        if pose.ndim == 2:
+            return self._posed(_exponential_and_right_jacobian(pose)[0], root)[0]
         local = rotations_from_pose(pose, self.mean_rotations, root.rotation)
         return marker_positions(self.skeleton, self.joints, self.offsets_m, local, root.position_m)
 
@@ -72,15 +74,20 @@ class SubjectModel:
         The root's rotation is varied on its right, R exp(d); the pose is varied as the rotation vectors it is.
         """
         turn, right_jacobian = _exponential_and_right_jacobian(pose)
-        local = np.empty((len(self.skeleton), 3, 3))
-        local[0] = rot.to_matrix(root.rotation)
-        local[1:] = self._mean_matrices[1:] @ turn
-        positions, world = forward_kinematics_matrices(self.skeleton, local, root.position_m)
-        markers = positions[self.joints] + np.einsum("mij,mj->mi", world[self.joints], self.offsets_m)
+        markers, positions, world = self._posed(turn, root)
         jacobian = marker_jacobian(self.skeleton, self.joints, markers, positions, world)
         by_joint = jacobian[:, :, 6:].reshape(len(self.joints), 3, -1, 3)
         jacobian[:, :, 6:] = np.einsum("mcji,jik->mcjk", by_joint, right_jacobian).reshape(len(self.joints), 3, -1)
         return markers, jacobian
+
+    def _posed(self, turns: Array, root: RootPose) -> tuple[Array, Array, Array]:
+        """Return markers, joint positions and world matrices of one pose given as matrices (J - 1, 3, 3)."""
+        local = np.empty((len(self.skeleton), 3, 3))
+        local[0] = rot.to_matrix(root.rotation)
+        local[1:] = self._mean_matrices[1:] @ turns
+        positions, world = forward_kinematics_matrices(self.skeleton, local, root.position_m)
+        markers = positions[self.joints] + (world[self.joints] @ self.offsets_m[:, :, None])[:, :, 0]
+        return markers, positions, world
 
     def database_markers(self, database: Database, frames: Any = slice(None)) -> NDArray[np.float32]:
         """Return c_n (F, M, 3) float32 of Eq. 1: the markers of database frames with the root at rest."""
