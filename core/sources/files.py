@@ -31,7 +31,7 @@ def list_images(pattern: str | Path) -> list[Path]:
     if path.is_dir():
         found = [p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and not p.name.startswith(".")]
     elif path.is_file():
-        found = [path]
+        found = [path] if path.suffix.lower() in IMAGE_SUFFIXES else []
     else:
         found = [Path(p) for p in glob.glob(text, recursive=True)]  # noqa: PTH207 - absolute patterns too
         found = [p for p in found if p.is_file() and p.suffix.lower() in IMAGE_SUFFIXES]
