@@ -7,12 +7,12 @@ STAMP := $(VENV)/.installed
 
 .PHONY: demo test check window-test extension clean
 
+# bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
+# the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
 $(STAMP): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
-	# Blender as a module writes the .blend of the demo and runs the add-on's tests; without it both are left out.
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'bpy>=4.2' \
-	  || echo "no bpy wheel for this Python and platform: the demo goes without its .blend"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]' 'bpy>=4.2' \
+	  || $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	touch $@
 
 demo: $(STAMP)
