@@ -21,7 +21,7 @@ class Phase(Enum):
 
     STARTING = "starting"
     RUNNING = "capturing"
-    FINISHING = "solving the last frames"
+    FINISHING = "finishing"
     DONE = "done"
 
 

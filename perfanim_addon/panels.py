@@ -73,9 +73,7 @@ class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
             _props(layout, chosen, "left_video", "right_video")
         else:
             _props(layout, chosen, "left_folder", "right_folder", "files_fps")
-        row = layout.row(align=True)
-        row.prop(chosen, "calibration")
-        row.operator("perfanim.open_calibration", text="", icon="FILEBROWSER")
+        layout.prop(chosen, "calibration")
         box = layout.box().column()
         box.label(text="Chessboard, inner corners")
         _props(box, chosen, "board_columns", "board_rows", "board_square_mm", "board_left", "board_right")
@@ -97,7 +95,8 @@ class PERFANIM_PT_markers(_Step, bpy.types.Panel):
         row.enabled = not chosen.marker_set_file
         row.prop(chosen, "marker_set")
         layout.prop(chosen, "marker_set_file")
-        layout.prop(chosen, "background_s")
+        if chosen.source == "CAMERAS":
+            layout.prop(chosen, "background_s")
         layout.prop(chosen, "threshold_auto", text="Threshold Auto")
         row = layout.row()
         row.enabled = not chosen.threshold_auto
@@ -115,9 +114,7 @@ class PERFANIM_PT_subject(_Step, bpy.types.Panel):
 
     def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
         """Draw."""
-        row = layout.row(align=True)
-        row.prop(chosen, "subject")
-        row.operator("perfanim.open_subject", text="", icon="FILEBROWSER")
+        layout.prop(chosen, "subject")
         box = layout.box().column()
         _props(box, chosen, "subject_name", "subject_take")
         box.operator("perfanim.calibrate_subject", icon="OUTLINER_OB_ARMATURE")
@@ -136,7 +133,6 @@ class PERFANIM_PT_database(_Step, bpy.types.Panel):
         """Draw."""
         row = layout.row(align=True)
         row.prop(chosen, "database")
-        row.operator("perfanim.open_database", text="", icon="FILEBROWSER")
         row.operator("perfanim.use_starter_database", text="", icon="LOOP_BACK")
         layout.prop(chosen, "database_fps")
         layout.operator("perfanim.build_database", icon="IMPORT")
@@ -240,6 +236,7 @@ def draw_text(context: bpy.types.Context, layout: bpy.types.UILayout, text: str,
     """Draw a sentence over as many lines as it takes in a sidebar of this width; nothing for ""."""
     unscaled_px = context.region.width / context.preferences.system.ui_scale
     column = layout.column(align=True)
+    text = text[:1].upper() + text[1:]
     for index, line in enumerate(wrapped(text, max(16, int((unscaled_px - MARGIN_PX) / CHARACTER_PX)))):
         column.label(text=line, icon=icon if index == 0 else "BLANK1")
 

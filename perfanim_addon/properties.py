@@ -57,7 +57,7 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         name="Height", description="Image height", default=480, min=120, max=4096, subtype="PIXEL"
     )
     camera_fps: bpy.props.FloatProperty(
-        name="Frame Rate", description="Images per second that the cameras are asked for", default=60, min=1, max=500
+        name="Rate (Hz)", description="Images per second that the cameras are asked for", default=60, min=1, max=500
     )
     left_video: bpy.props.StringProperty(
         name="Left", description="Video of the left camera", subtype="FILE_PATH"
@@ -72,7 +72,7 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         name="Right", description="Folder with the right camera's numbered images", subtype="DIR_PATH"
     )
     files_fps: bpy.props.FloatProperty(
-        name="Frame Rate", description="Images per second at which the images were taken", default=60, min=1, max=500
+        name="Rate (Hz)", description="Images per second at which the images were taken", default=60, min=1, max=500
     )
     calibration: bpy.props.StringProperty(
         name="Calibration",
@@ -86,7 +86,11 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         name="Rows", description="Inner corners of the chessboard in a column", default=6, min=2, max=50
     )
     board_square_mm: bpy.props.FloatProperty(
-        name="Square", description="Side of a square in millimetres, measured on the print", default=24, min=1, max=1000
+        name="Square (mm)",
+        description="Side of a square in millimetres, measured on the print",
+        default=24,
+        min=1,
+        max=1000,
     )
     board_left: bpy.props.StringProperty(
         name="Left", description="Folder with the left camera's images of the board", subtype="DIR_PATH"
@@ -136,7 +140,7 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         name="Database", description="Motion database; empty: the starter motion of the add-on", subtype="FILE_PATH"
     )
     database_fps: bpy.props.FloatProperty(
-        name="Rate", description="Poses per second that an imported database keeps", default=60, min=5, max=240
+        name="Rate (Hz)", description="Poses per second that an imported database keeps", default=60, min=5, max=240
     )
 
     armature: bpy.props.PointerProperty(

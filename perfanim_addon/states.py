@@ -115,8 +115,8 @@ def _source_paths(settings: Any) -> tuple[str, ...]:
 def _rig_text(found: CameraRig) -> str:
     centres = [camera.centre_m for camera in found.cameras]
     apart = float(((centres[0] - centres[-1]) ** 2).sum() ** 0.5)
-    rms = found.metadata.get("stereo_rms_px")
-    return f"ok: {rms:.2f} px, {apart:.2f} m" if isinstance(rms, float) else f"ok: {apart:.2f} m apart"
+    rms = found.metadata.get("error")
+    return f"{rms:.2f} px, {apart:.2f} m" if isinstance(rms, float) else f"{apart:.2f} m apart"
 
 
 def markers(settings: Any) -> State:

@@ -4,13 +4,10 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy_extras.io_utils import ImportHelper
 
-from ...core.errors import CalibrationError, PerfanimError
-from .. import running, states
+from ...core.errors import CalibrationError
 from ..place import absolute, user_folder
 from ..properties import settings
-from . import common
 from .jobs import JobOperator
 
 PANEL = "cameras"
@@ -57,32 +54,7 @@ class PERFANIM_OT_calibrate_cameras(JobOperator, bpy.types.Operator):
         return f"{text}; {advice}" if advice else text
 
 
-class PERFANIM_OT_open_calibration(bpy.types.Operator, ImportHelper):
-    """Open the calibration of two cameras from a file, also one that another program wrote in this form"""
-
-    bl_idname = "perfanim.open_calibration"
-    bl_label = "Open Calibration"
-    filename_ext = ".toml"
-    filter_glob: bpy.props.StringProperty(default="*.toml", options={"HIDDEN"})
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Only while nothing runs."""
-        return common.in_scene(cls, context) and common.idle(cls)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Check the file and use it."""
-        found = states.rig(self.filepath)
-        if not isinstance(found, PerfanimError) and len(found.cameras) < 2:
-            found = CalibrationError("has fewer than two cameras", where=self.filepath)
-        if isinstance(found, PerfanimError):
-            return common.failed(self, PANEL, found)
-        settings(context).calibration = self.filepath
-        running.set_message(PANEL, "")
-        return {"FINISHED"}
-
-
-_CLASSES = (PERFANIM_OT_calibrate_cameras, PERFANIM_OT_open_calibration)
+_CLASSES = (PERFANIM_OT_calibrate_cameras,)
 
 
 def register() -> None:

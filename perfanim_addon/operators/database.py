@@ -7,7 +7,7 @@ import bpy
 from bpy_extras.io_utils import ImportHelper
 
 from ...core.assets import MOTION
-from ...core.errors import DatabaseError, PerfanimError
+from ...core.errors import DatabaseError
 from .. import running, states
 from ..place import user_folder
 from ..properties import settings
@@ -62,29 +62,6 @@ class PERFANIM_OT_build_database(JobOperator, bpy.types.Operator, ImportHelper):
         return f"{text}, {skipped} files skipped" if skipped else text
 
 
-class PERFANIM_OT_open_database(bpy.types.Operator, ImportHelper):
-    """Use a motion database that was made before"""
-
-    bl_idname = "perfanim.open_database"
-    bl_label = "Open Database"
-    filename_ext = ".perfdb"
-    filter_glob: bpy.props.StringProperty(default="*.perfdb;*.db", options={"HIDDEN"})
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Only while nothing runs."""
-        return common.in_scene(cls, context) and common.idle(cls)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Check the file and use it."""
-        found = states.database(self.filepath)
-        if isinstance(found, PerfanimError):
-            return common.failed(self, PANEL, found)
-        settings(context).database = self.filepath
-        running.set_message(PANEL, "")
-        return {"FINISHED"}
-
-
 class PERFANIM_OT_use_starter_database(bpy.types.Operator):
     """Use the starter motion that comes with the add-on again"""
 
@@ -108,7 +85,7 @@ class PERFANIM_OT_use_starter_database(bpy.types.Operator):
         return {"FINISHED"}
 
 
-_CLASSES = (PERFANIM_OT_build_database, PERFANIM_OT_open_database, PERFANIM_OT_use_starter_database)
+_CLASSES = (PERFANIM_OT_build_database, PERFANIM_OT_use_starter_database)
 
 
 def register() -> None:

@@ -4,13 +4,10 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy_extras.io_utils import ImportHelper
 
-from ...core.errors import PerfanimError, SubjectError
-from .. import running, states
+from ...core.errors import SubjectError
 from ..place import absolute, user_folder
 from ..properties import settings
-from . import common
 from .jobs import JobOperator
 
 PANEL = "subject"
@@ -51,30 +48,7 @@ class PERFANIM_OT_calibrate_subject(JobOperator, bpy.types.Operator):
         return f"residual {float(summary.get('residual_mm', 0.0)):.0f} mm"
 
 
-class PERFANIM_OT_open_subject(bpy.types.Operator, ImportHelper):
-    """Open a performer who was calibrated before"""
-
-    bl_idname = "perfanim.open_subject"
-    bl_label = "Open Subject"
-    filename_ext = ".toml"
-    filter_glob: bpy.props.StringProperty(default="*.toml", options={"HIDDEN"})
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Only while nothing runs."""
-        return common.in_scene(cls, context) and common.idle(cls)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Check the file and use it."""
-        found = states.subject(self.filepath)
-        if isinstance(found, PerfanimError):
-            return common.failed(self, PANEL, found)
-        settings(context).subject = self.filepath
-        running.set_message(PANEL, "")
-        return {"FINISHED"}
-
-
-_CLASSES = (PERFANIM_OT_calibrate_subject, PERFANIM_OT_open_subject)
+_CLASSES = (PERFANIM_OT_calibrate_subject,)
 
 
 def register() -> None:

@@ -82,19 +82,6 @@ def test_a_marker_set_of_the_users_own(states: Any, chosen: Any, tmp_path: Path)
     assert "mine.toml" in states.first_problem(chosen)
 
 
-def test_opening_bad_files_reports_and_keeps_the_old(chosen: Any, tmp_path: Path) -> None:
-    bad = tmp_path / "bad.toml"
-    bad.write_text("x = 1")
-    for operator, prop in (
-        ("open_calibration", "calibration"),
-        ("open_subject", "subject"),
-        ("open_database", "database"),
-    ):
-        with pytest.raises(RuntimeError, match=r"bad\.toml"):
-            getattr(bpy.ops.perfanim, operator)("EXEC_DEFAULT", filepath=str(bad))
-        assert getattr(chosen, prop) == ""
-
-
 def test_long_messages_are_cut_into_lines(extension: str, addon: ModuleType) -> None:
     panels = sys.modules[f"{extension}.perfanim_addon.panels"]
     text = "/a/very/long/path/" + "x" * 100 + " is not a motion database; build it again"

@@ -39,6 +39,8 @@ def wait_for_frames(window: BlenderWindow) -> None:
 def test_start_and_stop_with_the_mouse(desktop: Desktop, window: BlenderWindow) -> None:
     over_the_view(desktop, window)
     desktop.key("Escape")  # the splash screen
+    time.sleep(1.0)
+    over_the_view(desktop, window)
     desktop.key("x")  # the cube of Blender's first scene stands where the character will
     time.sleep(1.0)
     desktop.key("Return")
@@ -57,6 +59,7 @@ def test_start_and_stop_with_the_mouse(desktop: Desktop, window: BlenderWindow) 
     live = window.order("rates", seconds=MEASURED_S)
     desktop.click(*window.tall_button("capture-3-stop-button"))
     state = window.wait(lambda s: s["capture"]["activity"] is None, "end of the capture")
+    time.sleep(1.0)
     desktop.screenshot("capture-4-stopped")
     assert not state["capture"]["timer"]
 

@@ -1,0 +1,92 @@
+"""Long work behind the buttons: the real worker runs the command, the test plays the timer."""
+
+import sys
+import time
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import bpy
+import cv2
+import pytest
+from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.simulate.performer import perform
+from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, board_pictures
+from perfanim.core.simulate.studio.render import Renderer
+from perfanim.core.simulate.studio.rig import default_rig
+
+PATIENCE_S = 300.0
+
+
+@pytest.fixture
+def part(addon: ModuleType, extension: str) -> Any:
+    def find(name: str) -> Any:
+        return sys.modules[f"{extension}.perfanim_addon.{name}"]
+
+    return find
+
+
+def run_job(part: Any, operator: Any, played: Any) -> str:
+    """Do what the operator does between the click and the end; return its line."""
+    arguments = operator.arguments(played, bpy.context)
+    job = part("job").Job(operator.title, operator.panel, arguments, None)
+    limit = time.monotonic() + PATIENCE_S
+    try:
+        while not job.ended:
+            job.tick()
+            assert time.monotonic() < limit, job.text
+            time.sleep(0.02)
+    finally:
+        job.close()
+    return str(operator.done(played, bpy.context, job.summary))
+
+
+def test_motion_is_imported_and_used(part: Any, tmp_path: Path) -> None:
+    operator = part("operators.database").PERFANIM_OT_build_database
+    write_bvh(perform("walking", 3.0), tmp_path / "walk.bvh")
+    (tmp_path / "broken.bvh").write_text("no motion")
+    played = SimpleNamespace(
+        files=[SimpleNamespace(name="walk.bvh"), SimpleNamespace(name="broken.bvh")], directory=str(tmp_path), filepath=""
+    )
+    text = run_job(part, operator, played)
+    chosen = bpy.context.scene.perfanim
+    found = part("states").database(chosen.database)
+    assert text == f"{found.frames} frames imported, 1 files skipped"
+    assert 170 <= found.frames <= 190
+    assert part("states").motion(chosen).text == f"{found.frames} frames"
+
+
+def test_files_without_motion_are_an_error_and_leave_nothing(part: Any, extension: str, tmp_path: Path) -> None:
+    operator = part("operators.database").PERFANIM_OT_build_database
+    (tmp_path / "broken.bvh").write_text("no motion")
+    played = SimpleNamespace(files=[SimpleNamespace(name="broken.bvh")], directory=str(tmp_path), filepath="")
+    errors = sys.modules[f"{extension}.core.errors"]
+    with pytest.raises(errors.PerfanimError):
+        run_job(part, operator, played)
+    assert bpy.context.scene.perfanim.database == ""
+    assert not list(part("place").user_folder("databases").glob("*broken*"))
+    played.files = [SimpleNamespace(name="missing.bvh")]
+    with pytest.raises(errors.DatabaseError, match=r"missing\.bvh"):
+        operator.arguments(played, bpy.context)
+
+
+def test_cameras_are_calibrated_from_board_pictures(part: Any, extension: str, tmp_path: Path) -> None:
+    operator = part("operators.cameras").PERFANIM_OT_calibrate_cameras
+    chosen = bpy.context.scene.perfanim
+    chosen.source = "VIDEOS"
+    assert not bpy.ops.perfanim.calibrate_cameras.poll()
+    chosen.board_left, chosen.board_right = str(tmp_path / "left"), str(tmp_path / "right")
+    chosen.board_columns, chosen.board_rows = DEFAULT_BOARD.columns, DEFAULT_BOARD.rows
+    chosen.board_square_mm = DEFAULT_BOARD.square_m * 1000
+    errors = sys.modules[f"{extension}.core.errors"]
+    with pytest.raises(errors.CalibrationError, match="is no folder"):
+        operator.arguments(SimpleNamespace(), bpy.context)
+    for picture in board_pictures(Renderer(default_rig()), DEFAULT_BOARD, 16):
+        for side, image in zip(("left", "right"), picture.images, strict=True):
+            (tmp_path / side).mkdir(exist_ok=True)
+            assert cv2.imwrite(str(tmp_path / side / f"{picture.number:03d}.png"), image)
+    text = run_job(part, operator, SimpleNamespace())
+    assert "px" in text
+    state = part("states").cameras(SimpleNamespace(source="CAMERAS", calibration=chosen.calibration))
+    assert state.ready
+    assert "1.80 m" in state.text
