@@ -30,12 +30,16 @@ _FASTEST_WALK_M_S = 3.0
 _DEPTH_JUMP_M = 0.25
 _DEPTH_TRUST = 0.2  # of the velocity along the line of sight
 _BRIDGE_FRAMES = 2
+_FAIR_SHARE = 0.25  # of the frames: single markers are hidden more often than all are shown
 _GHOST_FRAMES = 3  # a piece of no more frames than this that fits no marker is a false marker
 _STRUCTURE_SIGMA_M = 0.012
 _CONTINUITY_M = 0.06
 _CONTINUITY_M_S = 1.5
 _COST_CAP = 16.0
 _COST_LIMIT = 10.0
+_YOUNG_COST_LIMIT = 4.0
+_LONG_FRAMES = 10
+_OVERLAP_FRAMES = 2
 
 
 @dataclass
@@ -65,7 +69,7 @@ def track_markers(
     Args:
         frames: in order of time.
         name, fps: of the take.
-        count: how many markers are worn; None: as many as are seen at most times.
+        count: how many markers are worn; None: as many as are seen at once in a quarter of the frames.
         names: of the markers, in any order; without them they are called M01, M02, ... from the highest down.
 
     Raises:
@@ -78,7 +82,8 @@ def track_markers(
     identities = [[piece] for piece in sorted(table[seed], key=lambda p: -len(pieces[p].frames))[:worn]]
     used = {piece for row in identities for piece in row}
     rest = [p for p in range(len(pieces)) if p not in used]
-    rest.sort(key=lambda p: (_distance_in_time(pieces[p], seed), -len(pieces[p].frames)))
+    # long pieces first: what is seen for a moment only must not take their place
+    rest.sort(key=lambda p: (-min(len(pieces[p].frames), _LONG_FRAMES), _distance_in_time(pieces[p], seed)))
     positions = np.full((len(frames), worn, 3), np.nan)
     for marker, row in enumerate(identities):
         _fill(positions, marker, pieces[row[0]], frames)
@@ -208,16 +213,16 @@ def _alive(pieces: Sequence[_Piece], count: int) -> list[list[int]]:
 
 
 def _usual_count(pieces: Sequence[_Piece], count: int) -> int:
-    """Markers worn: what the frames show most often, false markers of a few frames left out."""
+    """Markers worn: as many as a fair share of the frames show at once, false markers of a few frames left out."""
     longest = [piece for piece in pieces if len(piece.frames) > _GHOST_FRAMES] or list(pieces)
     shown = np.zeros(count, dtype=np.int64)
     for piece in longest:
         shown[piece.frames] += 1
-    if shown.max(initial=0) == 0:
+    if np.mean(shown > 0) <= _FAIR_SHARE:
         raise TakeError(
-            "no markers were found in any frame", advice="check the threshold, the cameras' order and the calibration"
+            "hardly any markers were found", advice="check the threshold, the cameras' order and the calibration"
         )
-    return int(np.bincount(shown)[1:].argmax()) + 1
+    return int(np.sort(shown)[::-1][int(_FAIR_SHARE * count)])
 
 
 def _seed_frame(pieces: Sequence[_Piece], table: Sequence[Sequence[int]], worn: int) -> int:
@@ -240,6 +245,9 @@ def _distance_in_time(piece: _Piece, f: int) -> int:
 
 
 def _fill(positions: Array, marker: int, piece: _Piece, frames: Sequence[MarkerFrame]) -> None:
+    """Enter a piece where the marker has no position yet; what is taken is cut off the piece."""
+    kept = [i for i, f in enumerate(piece.frames) if np.isnan(positions[f, marker, 0])]
+    piece.frames, piece.points = [piece.frames[i] for i in kept], [piece.points[i] for i in kept]
     for f, point in zip(piece.frames, piece.points, strict=True):
         positions[f, marker] = frames[f].points_m[point]
 
@@ -248,7 +256,9 @@ def _best_identity(piece: _Piece, positions: Array, frames: Sequence[MarkerFrame
     """Return the marker that a piece belongs to, None when it fits none that is free while it lasts."""
     where = np.array(piece.frames)
     own = np.array([frames[f].points_m[point] for f, point in zip(piece.frames, piece.points, strict=True)])
-    free = np.flatnonzero(np.isnan(positions[where, :, 0]).all(axis=0))
+    taken = np.isfinite(positions[where, :, 0]).sum(axis=0)
+    # a false point may have ended one piece a frame after the next began
+    free = np.flatnonzero(taken <= min(_OVERLAP_FRAMES, len(where) // 4))
     if len(free) == 0:
         return None
     costs = np.array(
@@ -256,7 +266,8 @@ def _best_identity(piece: _Piece, positions: Array, frames: Sequence[MarkerFrame
          for marker in free]
     )  # fmt: skip
     best = int(costs.argmin())
-    return int(free[best]) if costs[best] < _COST_LIMIT else None
+    limit = _COST_LIMIT if len(where) > _GHOST_FRAMES else _YOUNG_COST_LIMIT
+    return int(free[best]) if costs[best] < limit else None
 
 
 def _structure_cost(where: IntArray, own: Array, marker: int, positions: Array) -> float:
