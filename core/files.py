@@ -1,5 +1,6 @@
 """Files that are never half written, and TOML."""
 
+import errno
 import os
 import tempfile
 import tomllib
@@ -10,32 +11,47 @@ from typing import Any
 
 from .errors import FormatError
 
+_DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
+
 
 @contextmanager
 def atomic_path(target: Path | str) -> Iterator[Path]:
     """Yield a temporary path beside `target`; on success it is synced and renamed onto `target`, on error removed.
 
     Raises:
-        FormatError: the folder cannot be written.
+        FormatError: the folder cannot be written, `target` is a folder, or the disk is full.
     """
     target = Path(target)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(prefix=f".{target.stem}.", suffix=target.suffix, dir=target.parent)
     except OSError as error:
-        raise FormatError(
-            f"cannot be written ({error.strerror})", where=str(target), advice="choose a folder you may write to"
-        ) from error
+        raise _unwritable(target, error, "choose a folder you may write to") from error
     os.close(handle)
     temporary = Path(name)
     try:
         yield temporary
-        with temporary.open("rb") as written:
+        _finish(temporary, target)
+    except OSError as error:
+        if error.errno not in _DISK_ERRORS:
+            raise
+        raise _unwritable(target, error, "free some space, or choose another folder") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _finish(temporary: Path, target: Path) -> None:
+    try:
+        with temporary.open("r+b") as written:  # synced only if open for writing, on Windows
             os.fsync(written.fileno())
         temporary.chmod(0o666 & ~_umask())
         temporary.replace(target)
-    finally:
-        temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise _unwritable(target, error, "choose another name") from error
+
+
+def _unwritable(target: Path, error: OSError, advice: str) -> FormatError:
+    return FormatError(f"cannot be written ({error.strerror})", where=str(target), advice=advice)
 
 
 def _umask() -> int:
@@ -49,9 +65,7 @@ def read_bytes(path: Path | str) -> bytes:
     try:
         return Path(path).read_bytes()
     except OSError as error:
-        raise FormatError(
-            f"cannot be read ({error.strerror})", where=str(path), advice="check the path"
-        ) from error
+        raise FormatError(f"cannot be read ({error.strerror})", where=str(path), advice="check the path") from error
 
 
 def read_toml(path: Path | str) -> dict[str, Any]:

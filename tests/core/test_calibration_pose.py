@@ -1,0 +1,34 @@
+import numpy as np
+import pytest
+from perfanim.core.calibration_pose import standing, t_pose
+from perfanim.core.product_skeleton import default_skeleton
+from perfanim.core.simulate.performer.bodies import prototype_bodies
+from perfanim.core.skeleton import Skeleton, forward_kinematics
+
+BODIES = [default_skeleton(), *prototype_bodies(6)]
+
+
+@pytest.mark.parametrize("skeleton", BODIES)
+def test_legs_hang_and_arms_are_level(skeleton: Skeleton) -> None:
+    positions, _ = forward_kinematics(skeleton, t_pose(skeleton), np.zeros(3))
+    at = dict(zip(skeleton.names, positions, strict=True))
+    for side, sign in (("l", 1.0), ("r", -1.0)):
+        for upper, lower in (("femur", "tibia"), ("tibia", "foot")):
+            bone = at[side + lower] - at[side + upper]
+            assert abs(bone[0]) < 0.01 * np.linalg.norm(bone)  # straight down as seen from the front
+            assert bone[1] < 0.0
+        arm = at[side + "hand"] - at[side + "humerus"]
+        assert sign * arm[0] > 0.999 * np.linalg.norm(arm)
+        toes = at[side + "toes"] - at[side + "foot"]
+        assert toes[2] > 0.8 * np.linalg.norm(toes)
+    assert at["lfoot"][1] == pytest.approx(at["rfoot"][1], abs=0.02)
+
+
+def test_arms_hang_when_standing() -> None:
+    skeleton = default_skeleton()
+    positions, _ = forward_kinematics(skeleton, standing(skeleton), np.zeros(3))
+    at = dict(zip(skeleton.names, positions, strict=True))
+    for side in "lr":
+        arm = at[side + "hand"] - at[side + "humerus"]
+        np.testing.assert_allclose(arm / np.linalg.norm(arm), [0.0, -1.0, 0.0], atol=1e-6)
+    assert at["lhand"][0] > 0.1 > -0.1 > at["rhand"][0]

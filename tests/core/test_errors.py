@@ -1,0 +1,21 @@
+import inspect
+
+import pytest
+from perfanim.core import errors
+from perfanim.core.errors import FormatError, PerfanimError
+
+SUBCLASSES = [kind for _, kind in inspect.getmembers(errors, inspect.isclass) if kind is not PerfanimError]
+
+
+def test_message_says_where_what_and_what_to_do() -> None:
+    error = FormatError("is cut off", where="walk.bvh", advice="export it again")
+    assert str(error) == "walk.bvh: is cut off; export it again"
+    assert (error.what, error.where, error.advice) == ("is cut off", "walk.bvh", "export it again")
+    assert str(FormatError("is cut off")) == "is cut off"
+
+
+@pytest.mark.parametrize("kind", SUBCLASSES)
+def test_every_error_can_be_caught_as_one(kind: type[PerfanimError]) -> None:
+    assert issubclass(kind, PerfanimError)
+    with pytest.raises(PerfanimError, match="here: broken"):
+        raise kind("broken", where="here")

@@ -1,0 +1,97 @@
+import errno
+import math
+import os
+import stat
+from pathlib import Path
+
+import numpy as np
+import pytest
+from perfanim.core.errors import FormatError
+from perfanim.core.files import atomic_path, read_bytes, read_toml, write_toml
+
+
+def test_a_file_appears_whole_in_a_new_folder(tmp_path: Path) -> None:
+    target = tmp_path / "new" / "a.txt"
+    with atomic_path(target) as temporary:
+        assert temporary.parent == target.parent
+        assert temporary.suffix == ".txt"
+        temporary.write_text("whole")
+        assert not target.exists()
+    assert target.read_text() == "whole"
+    assert os.listdir(target.parent) == ["a.txt"]
+
+
+def test_an_error_while_writing_leaves_the_old_file(tmp_path: Path) -> None:
+    target = tmp_path / "a.txt"
+    target.write_text("old")
+    with pytest.raises(ZeroDivisionError), atomic_path(target) as temporary:
+        temporary.write_text("half of the n")
+        raise ZeroDivisionError
+    assert target.read_text() == "old"
+    assert os.listdir(tmp_path) == ["a.txt"]
+
+
+def test_permissions_are_those_of_any_new_file(tmp_path: Path) -> None:
+    (tmp_path / "plain").write_text("")
+    with atomic_path(tmp_path / "a.txt") as temporary:
+        temporary.write_text("")
+    assert stat.S_IMODE((tmp_path / "a.txt").stat().st_mode) == stat.S_IMODE((tmp_path / "plain").stat().st_mode)
+
+
+def test_a_target_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FormatError, match="cannot be written"), atomic_path(tmp_path / "file" / "a.txt"):
+        pass
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(FormatError, match="folder: cannot be written"), atomic_path(tmp_path / "folder") as temporary:
+        temporary.write_text("")
+    assert sorted(os.listdir(tmp_path)) == ["file", "folder"]
+
+
+def test_a_full_disk_is_told_in_plain_words(tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match="No space left"), atomic_path(tmp_path / "a.txt"):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    with pytest.raises(FileNotFoundError), atomic_path(tmp_path / "a.txt"):
+        (tmp_path / "source").read_text()  # another file's trouble stays its own
+    assert os.listdir(tmp_path) == []
+
+
+def test_toml_round_trip(tmp_path: Path) -> None:
+    tables = {
+        "text": 'quote " backslash \\ newline \n bell \x07 umlaut ä',
+        "whole": -3,
+        "number": 0.1,
+        "tiny": 1e-300,
+        "yes": True,
+        "odd key.ä": "kept",
+        "matrix": np.array([[1.0, 2.5], [3.0, -4.0]]),
+        "empty": [],
+        "table": {"inner": {"deep": 1}, "after": "x"},
+        "row": [{"name": "a", "at": [1, 2], "sub": {"n": 1}}, {"name": "b", "at": []}],
+        "none": {},
+    }
+    write_toml(tmp_path / "a.toml", tables)
+    assert read_toml(tmp_path / "a.toml") == tables | {"matrix": [[1.0, 2.5], [3.0, -4.0]]}
+
+
+def test_toml_keeps_numbers_exactly(tmp_path: Path) -> None:
+    values = np.random.default_rng(0).normal(size=50).tolist()
+    write_toml(tmp_path / "a.toml", {"values": values, "inf": math.inf})
+    assert read_toml(tmp_path / "a.toml") == {"values": values, "inf": math.inf}
+
+
+def test_what_toml_cannot_hold_is_refused_without_a_file(tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match="no TOML form for NoneType"):
+        write_toml(tmp_path / "a.toml", {"a": None})
+    assert os.listdir(tmp_path) == []
+
+
+def test_unreadable_files_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match=r"none: cannot be read \(No such file"):
+        read_bytes(tmp_path / "none")
+    with pytest.raises(FormatError, match="cannot be read"):
+        read_bytes(tmp_path)
+    for content in (b"a = ", b"\xff\xfe", b"[a]\n[a]"):
+        (tmp_path / "a.toml").write_bytes(content)
+        with pytest.raises(FormatError, match=r"a\.toml: is not valid TOML"):
+            read_toml(tmp_path / "a.toml")
