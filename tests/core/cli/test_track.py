@@ -1,0 +1,124 @@
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from perfanim.core.camera import WORLD_FROM_CAMERA, Camera, CameraRig, save_rig
+from perfanim.core.cli.main import main
+from perfanim.core.formats.takes import read_take
+
+SIZE = (320, 240)
+BODY = np.array([[-0.3, 0.4, 0.0], [0.3, 0.35, 0.0], [0.0, 0.0, 0.1], [-0.2, -0.4, 0.0], [0.25, -0.45, 0.05]])
+FRAMES = 20
+
+
+def studio(folder: Path) -> CameraRig:
+    """Two image folders of five markers that move, and the calibration."""
+    matrix = np.array([[300.0, 0.0, 160.0], [0.0, 300.0, 120.0], [0.0, 0.0, 1.0]])
+    rotation = WORLD_FROM_CAMERA
+    cameras = tuple(
+        Camera(name, SIZE, matrix, rotation=rotation, translation_m=-rotation @ np.array([x_m, 0.0, 0.0]))
+        for name, x_m in (("left", -0.3), ("right", 0.3))
+    )
+    rng = np.random.default_rng(0)
+    for camera in cameras:
+        (folder / camera.name).mkdir()
+        for number in range(FRAMES):
+            picture = rng.normal(8, 1.5, (SIZE[1], SIZE[0], 3)).clip(0, 255).astype(np.uint8)
+            for pixel in camera.project(where(number)):
+                centre = tuple(int(v) for v in np.round(pixel * 16))
+                cv2.circle(picture, centre, 4 * 16, (230, 230, 230), -1, cv2.LINE_AA, 4)
+            cv2.imwrite(str(folder / camera.name / f"{number:03d}.png"), picture)
+    rig = CameraRig(cameras)
+    save_rig(rig, folder / "cameras.toml")
+    return rig
+
+
+def where(number: int) -> np.ndarray:
+    return BODY + np.array([0.02 * number - 0.2, 0.005 * number, -2.5])
+
+
+@pytest.fixture
+def folder(tmp_path) -> Path:
+    studio(tmp_path)
+    return tmp_path
+
+
+def arguments(folder: Path, *more: str) -> list[str]:
+    return [
+        "track", "--cameras", f"{folder}/cameras.toml", "--left", f"{folder}/left", "--right", f"{folder}/right", *more
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["take.take.npz", "take.trc", "take.csv"])
+def test_images_become_a_take(folder, capsys, name):
+    out = folder / name
+    assert main(arguments(folder, "--out", str(out), "--fps", "25", "--json")) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert (summary["frames"], summary["markers"], summary["visible_fraction"]) == (FRAMES, 5, 1.0)
+    assert summary["reprojection_rms_px"] < 0.15
+    assert summary["frames_per_s"] > 0
+    take = read_take(out)
+    assert take.fps == pytest.approx(25.0)
+    truth = np.array([where(number) for number in range(FRAMES)])
+    distance = np.linalg.norm(take.positions_m[:, :, None] - truth[:, None], axis=3)
+    assert distance.min(axis=2).max() < 0.01
+    assert np.ptp(distance.argmin(axis=2), axis=0).max() == 0  # one marker each, all the way
+
+
+def test_distance_to_other_trajectories_is_told(folder, capsys):
+    first = folder / "first.trc"
+    assert main(arguments(folder, "--out", str(first))) == 0
+    capsys.readouterr()
+    assert main(arguments(folder, "--out", str(folder / "second.trc"), "--truth", str(first), "--json")) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["distance_median_mm"] < 0.01
+    assert summary["truth_frames"] == FRAMES
+
+
+def test_frames_without_the_performer_give_the_background(folder, capsys):
+    for side in ("left", "right"):
+        (folder / f"empty-{side}").mkdir()
+        for number in range(5):
+            picture = np.random.default_rng(number).normal(8, 1.5, (SIZE[1], SIZE[0], 3)).clip(0, 255).astype(np.uint8)
+            cv2.imwrite(str(folder / f"empty-{side}" / f"{number}.png"), picture)
+    empty = ["--background", f"{folder}/empty-left", f"{folder}/empty-right"]
+    assert main(arguments(folder, "--out", str(folder / "take.trc"), *empty, "--json")) == 0
+    assert json.loads(capsys.readouterr().out)["visible_fraction"] == 1.0
+
+
+def test_bad_input_is_one_line_and_leaves_nothing(folder, capsys):
+    out = folder / "out" / "take.trc"
+
+    def refused(*command: str) -> str:
+        assert main([*command, "--out", str(out)]) == 1
+        shown = capsys.readouterr()
+        assert shown.err.count("\n") == 1 and shown.out == ""
+        assert not out.exists() and not list(folder.glob("out/*"))
+        return shown.err
+
+    assert "not found" in refused("track", "--cameras", f"{folder}/cameras.toml", "--left", "gone", "--right", "gone")
+    assert "cannot be read" in refused("track", "--cameras", "gone.toml", "--left", f"{folder}/left", "--right", "x")
+    assert "no marker set" in refused(*arguments(folder, "--marker-set", "gone"))
+    assert "at most 5 of 9 markers" in refused(*arguments(folder, "--marker-set", "boxing"))
+    assert "--markers 0" in refused(*arguments(folder, "--markers", "0"))
+    assert "threshold" in refused(*arguments(folder, "--threshold", "900"))
+    (folder / "right" / "005.png").write_bytes(b"broken")
+    assert "005.png" in refused(*arguments(folder))
+
+
+def test_images_of_another_size_than_the_calibration_are_refused(folder, capsys):
+    for path in (folder / "left").glob("*.png"):
+        cv2.imwrite(str(path), np.zeros((480, 640, 3), np.uint8))
+    assert main(arguments(folder, "--out", str(folder / "take.trc"))) == 1
+    assert "640x480" in capsys.readouterr().err
+    assert not (folder / "take.trc").exists()
+
+
+def test_a_dark_take_is_told(folder, capsys):
+    for side in ("left", "right"):
+        for path in (folder / side).glob("*.png"):
+            cv2.imwrite(str(path), np.zeros((SIZE[1], SIZE[0], 3), np.uint8))
+    assert main(arguments(folder, "--out", str(folder / "take.trc"))) == 1
+    assert "hardly any markers" in capsys.readouterr().err

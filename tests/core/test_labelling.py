@@ -1,0 +1,115 @@
+import numpy as np
+import pytest
+from perfanim.core import rotations as rot
+from perfanim.core.calibration_pose import t_pose
+from perfanim.core.camera import WORLD_FROM_CAMERA, Camera
+from perfanim.core.labelling import Labeller
+from perfanim.core.marker_frame import MarkerFrame
+from perfanim.core.marker_set import MarkerSet, load_marker_set
+from perfanim.core.product_skeleton import default_skeleton
+from perfanim.core.skeleton import marker_positions
+
+NOISE_M = 0.003
+
+
+def markers_of(marker_set: MarkerSet, height_m: float = 1.75) -> np.ndarray:
+    skeleton = default_skeleton(height_m)
+    joints = marker_set.joint_indices(skeleton)
+    return marker_positions(skeleton, joints, marker_set.offsets_m, t_pose(skeleton), np.zeros(3))
+
+
+def spread(count: int) -> np.ndarray:
+    return np.tile(NOISE_M**2 * np.eye(3), (count, 1, 1))
+
+
+@pytest.mark.parametrize("name", ["boxing", "locomotion", "kendo"])
+@pytest.mark.parametrize("seed", range(4))
+def test_first_frame_is_labelled_with_ghosts_missing_markers_turn_and_size(name, seed):
+    rng = np.random.default_rng(seed)
+    marker_set = load_marker_set(name)
+    template = markers_of(marker_set)
+    person = markers_of(marker_set, rng.uniform(1.55, 1.9))
+    yaw = rot.from_rotation_vector(np.array([0.0, rng.uniform(-0.7, 0.7), 0.0]))
+    shown = np.delete(np.arange(len(person)), rng.integers(len(person)))
+    place = np.array([rng.uniform(-1, 1), 0.9, -3.0])
+    points = rot.rotate(yaw, person[shown]) + place + rng.normal(0, 0.01, (len(shown), 3))
+    ghosts = rng.uniform([-1.5, 0.0, -3.5], [1.5, 2.0, -2.5], (3, 3))
+    order = rng.permutation(len(shown) + 3)
+    labels = Labeller(marker_set.names).label_first(np.concatenate((points, ghosts))[order], template)
+    truth = np.concatenate((shown, [-1, -1, -1]))[order]
+    real = truth >= 0
+    np.testing.assert_array_equal(labels[real], truth[real])
+
+
+def test_too_few_points_are_not_labelled():
+    marker_set = load_marker_set("boxing")
+    template = markers_of(marker_set)
+    assert np.all(Labeller(marker_set.names).label_first(template[:4], template) == -1)
+    scattered = np.random.default_rng(0).uniform(-4, 4, (9, 3))
+    assert np.all(Labeller(marker_set.names).label_first(scattered, template) == -1)
+
+
+def moving(template: np.ndarray, time_s: float) -> np.ndarray:
+    """The markers in a walk at 1.5 m/s with arms and legs that swing."""
+    points = template + np.array([1.5 * time_s - 1.0, 0.9, -3.0])
+    points[::2, 2] += 0.25 * np.sin(2 * np.pi * time_s)
+    points[1::2, 2] -= 0.25 * np.sin(2 * np.pi * time_s)
+    return points
+
+
+def test_markers_keep_their_labels_with_occlusion_and_ghosts():
+    marker_set = load_marker_set("boxing")
+    template = markers_of(marker_set)
+    rng = np.random.default_rng(3)
+    labeller = Labeller(marker_set.names, marker_set.torso)
+    start = moving(template, 0.0)
+    labeller.label_first(start, template)
+    hidden = np.zeros(len(start), dtype=int)
+    wrong = labelled = late = 0
+    for frame in range(1, 180):
+        truth = moving(template, frame / 60)
+        hidden = np.maximum(hidden - 1, 0)
+        hidden[(rng.random(len(hidden)) < 0.02) & (hidden == 0)] = 12  # each is away about a fifth of the time
+        shown = np.flatnonzero(hidden == 0)
+        ghosts = rng.uniform(truth.min(axis=0), truth.max(axis=0), (3, 3))
+        points = np.concatenate((truth[shown] + rng.normal(0, NOISE_M, (len(shown), 3)), ghosts))
+        order = rng.permutation(len(points))
+        names = np.concatenate((shown, [-1, -1, -1]))[order]
+        # the pose of the frame before, which explains the hidden markers too
+        labels = labeller.label(points[order], spread(len(points)), moving(template, (frame - 1) / 60), 1 / 60)
+        real = names >= 0
+        wrong += int(np.sum((labels[real] != names[real]) & (labels[real] >= 0)))
+        late += int(np.sum(labels[real] < 0))
+        labelled += int(real.sum())
+    assert wrong <= 0.005 * labelled
+    assert late <= 0.005 * labelled
+
+
+def test_blobs_are_labelled_in_each_image_and_single_ones_stay_rays():
+    marker_set = load_marker_set("boxing")
+    template = markers_of(marker_set)
+    matrix = np.array([[600.0, 0.0, 320.0], [0.0, 600.0, 240.0], [0.0, 0.0, 1.0]])
+    cameras = []
+    for x_m in (-0.5, 0.5):
+        cameras.append(
+            Camera(
+                f"{x_m}",
+                (640, 480),
+                matrix,
+                rotation=WORLD_FROM_CAMERA,
+                translation_m=-WORLD_FROM_CAMERA @ [x_m, 0.9, 0],
+            )
+        )
+    points = template + np.array([0.0, 0.9, -4.0])
+    blobs = []
+    for camera, shown in zip(cameras, (np.arange(9), np.arange(1, 9)[::-1]), strict=True):
+        rows = np.tile([0.0, 0.0, 4.0, 200.0, 0.0], (len(shown), 1))
+        rows[:, :2] = camera.project(points[shown])
+        blobs.append(rows.astype(np.float32))
+    frame = MarkerFrame(0, 0.0, blobs=tuple(blobs))
+    labelled = Labeller(marker_set.names).label_blobs(frame, cameras, points + 0.01, 1 / 60)
+    np.testing.assert_array_equal(labelled.blobs[:, 0], np.arange(9))
+    np.testing.assert_array_equal(labelled.blobs[:, 1], [-1, 7, 6, 5, 4, 3, 2, 1, 0])
+    np.testing.assert_array_equal(labelled.single_cameras, [0] + [-1] * 8)
+    np.testing.assert_allclose(labelled.points_m[1:], points[1:], atol=1e-3)
+    np.testing.assert_allclose(cameras[0].to_pixels(labelled.normalised[0, 0]), blobs[0][0, :2], atol=1e-3)
