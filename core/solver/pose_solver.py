@@ -35,12 +35,14 @@ class Examples:
         distances: (K,) Eq. 2 distances, up to what all frames share.
         poses: (K, D) their poses.
         markers_m: (K, M, 3) their markers with the root at rest.
+        candidates: the frames that these were chosen from.
     """
 
     frames: IntArray
     distances: Array
     poses: Array
     markers_m: Array
+    candidates: IntArray
 
 
 @dataclass(frozen=True)
@@ -113,18 +115,24 @@ class PoseSolver:
 
     def step(self, observation: Observation) -> Solution | None:
         """Return the pose of the next frame; None when nothing tells yet where the body is."""
+        if self._last is None:
+            if self._advance(observation) is None:
+                return None
+            self._before_last = None
+        # the first frame is solved twice: the second time its own pose, not a typical one, tells where the torso is
+        return self._advance(observation)
+
+    def _advance(self, observation: Observation) -> Solution | None:
         located = self._locate(observation)
         if located is None:
             return None
         root, examples = located
         fitted = self._method(observation, root, examples)
-        local = self.subject.markers(fitted.pose.reshape(-1, 3))
-        final = self._root_under(observation, local, fitted.root) or fitted.root
-        markers = final.to_world(local)
-        self._before_last, self._last, self._root, self._last_markers = self._last, fitted.pose, final, markers
+        markers = self.subject.markers(fitted.pose.reshape(-1, 3), fitted.root)
+        self._before_last, self._last, self._root, self._last_markers = self._last, fitted.pose, fitted.root, markers
         return Solution(
             fitted.pose.reshape(-1, 3),
-            final,
+            fitted.root,
             markers,
             fitted.neighbours,
             fitted.dimensions,
@@ -152,35 +160,43 @@ class PoseSolver:
                 return None
             examples = self._examples(observation, root, continued, candidates)
             local = np.mean(examples.markers_m[:_TORSO_EXAMPLES], axis=0)
-            # the root moves little from here on while the motion is followed: the search need not start again
-            candidates = examples.frames if continued is not None else None
+            # while the motion is followed the root moves little from here on: the search need not start again
+            candidates = examples.candidates if continued is not None else None
         return root, examples
 
     def _root_under(self, observation: Observation, local: Array, previous: RootPose | None) -> RootPose | None:
         """Return z_t from the torso markers, given the pose's markers (M, 3) in the root's frame."""
         return root_from_torso(observation, local, self.subject.torso, self.subject.joints, previous)
 
+    def _settled_root(self, observation: Observation, pose: Array, root: RootPose) -> RootPose:
+        """Return z_t under the pose (D,) that has been found."""
+        return self._root_under(observation, self.subject.markers(pose.reshape(-1, 3)), root) or root
+
     def _examples(
         self, observation: Observation, root: RootPose, continued: Array | None, candidates: IntArray | None
     ) -> Examples:
         """Return the closest frames by Eq. 2, with the observed markers moved to the root's rest (T of Eq. 2)."""
         settings = self.settings
-        count = settings.best_neighbours if settings.method == "best" else settings.neighbours[-1]
+        best = settings.method == "best"
+        count = settings.best_neighbours if best else settings.neighbours[-1]
+        metres_per_radian = settings.best_query_pose_m_per_rad if best else settings.query_pose_m_per_rad
         query = Query(
             root.to_root_frame(observation.points_m),
             continued,
             settings.query_alpha,
-            (1.0 - settings.query_alpha) * settings.query_pose_m_per_rad**2,
+            (1.0 - settings.query_alpha) * metres_per_radian**2,
         )
         if candidates is None:
-            frames, distances = self._search.nearest(query, count * _SPARE_CANDIDATES)
+            candidates, distances = self._search.nearest(query, count * _SPARE_CANDIDATES)
         else:
-            frames, distances = self._search.nearest_among(query, candidates, count)
+            candidates, distances = self._search.nearest_among(query, candidates)
+        frames = candidates[:count]
         return Examples(
             frames,
-            distances,
+            distances[:count],
             self._poses[frames].astype(np.float64),
             self._markers[frames].astype(np.float64),
+            candidates,
         )
 
     def _nearest_distance(self, observation: Observation, root: RootPose, examples: Examples) -> float:
@@ -192,7 +208,8 @@ class PoseSolver:
 
     def _nearest(self, observation: Observation, root: RootPose, examples: Examples) -> _Fitted:
         """Return the closest example."""
-        return _Fitted(examples.poses[0], root, 1)
+        pose = examples.poses[0]
+        return _Fitted(pose, self._settled_root(observation, pose, root), 1)
 
     def _locally_weighted(self, observation: Observation, root: RootPose, examples: Examples) -> _Fitted:
         """Return the mean of the nearby examples by their distance (Atkeson et al. 1997, tricube kernel)."""
@@ -200,7 +217,8 @@ class PoseSolver:
         distances = np.sqrt(np.maximum(examples.distances[: count + 1], 0.0))
         weights = (1.0 - (distances[:count] / max(distances[count], 1e-12)) ** 3) ** 3
         weights += 1e-9  # all equally far: all count
-        return _Fitted(weights @ examples.poses[:count] / weights.sum(), root, count)
+        pose = weights @ examples.poses[:count] / weights.sum()
+        return _Fitted(pose, self._settled_root(observation, pose, root), count)
 
     def _local_pca(self, observation: Observation, root: RootPose, examples: Examples) -> _Fitted:
         """Return the pose of least energy in the local model (Eq. 9), and the root under it, each in turn."""
@@ -219,8 +237,7 @@ class PoseSolver:
         iterations = 0
         for fitting_pass in range(_SYNTHESIS_PASSES):
             if fitting_pass > 0:
-                local = self.subject.markers(model.pose(weights).reshape(-1, 3))
-                root = self._root_under(observation, local, root) or root
+                root = self._settled_root(observation, model.pose(weights), root)
             problem = synthesis.SynthesisProblem(
                 model,
                 self.subject,
@@ -232,7 +249,9 @@ class PoseSolver:
             )
             weights, taken = synthesis.solve(problem, weights)
             iterations += taken
-        return _Fitted(model.pose(weights), root, model.neighbours, model.dimensions, iterations)
+        pose = model.pose(weights)
+        root = self._settled_root(observation, pose, root)
+        return _Fitted(pose, root, model.neighbours, model.dimensions, iterations)
 
     def _conditional(self, observation: Observation, root: RootPose, examples: Examples) -> _Fitted:
         """Return the pose expected for the markers, fitted to them together with the root."""

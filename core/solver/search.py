@@ -49,10 +49,10 @@ class ExhaustiveSearch:
         order = np.argsort(distances[chosen], kind="stable")
         return chosen[order], distances[chosen[order]].astype(np.float64)
 
-    def nearest_among(self, query: Query, candidates: IntArray, count: int) -> tuple[IntArray, Array]:
-        """Return the `count` closest of the candidate frames (ascending) and their Eq. 2 distances."""
+    def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
+        """Return the candidate frames by their Eq. 2 distances, ascending, and these."""
         distances = self.distances(query, candidates)
-        order = np.argsort(distances, kind="stable")[:count]
+        order = np.argsort(distances, kind="stable")
         return candidates[order], distances[order].astype(np.float64)
 
     def distances(self, query: Query, frames: IntArray | slice = slice(None)) -> FloatArray:

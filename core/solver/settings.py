@@ -25,6 +25,7 @@ class SolveSettings:
         validation_examples: nearest examples that the cross-validation is scored on.
         lwr_neighbours: examples that locally weighted regression interpolates.
         best_neighbours, best_marker_sigma_m: K and the standard deviation of a marker coordinate in "best".
+        best_query_pose_m_per_rad: `query_pose_m_per_rad` of "best".
         best_pose_floor_rad: standard deviation granted to every joint angle beside what the neighbours show.
         best_momentum: share of the last change of pose that "best" expects to go on.
         best_change_rad: standard deviation of each joint angle about that expectation.
@@ -37,13 +38,14 @@ class SolveSettings:
     smoothness_beta: float = 0.2
     marker_sigma_m: float = 0.003
     pose_sigma_rad: float = 0.3
-    query_pose_m_per_rad: float = 0.2
+    query_pose_m_per_rad: float = 0.1
     neighbours: tuple[int, ...] = (30, 60, 150, 300)
     dimensions: tuple[int, ...] = (7, 12, 25, 35)
     validation_examples: int = 24
     lwr_neighbours: int = 16
     best_neighbours: int = 200
     best_marker_sigma_m: float = 0.002
+    best_query_pose_m_per_rad: float = 0.2
     best_pose_floor_rad: float = 0.03
     best_momentum: float = 0.8
     best_change_rad: float = 0.1
@@ -56,7 +58,7 @@ class SolveSettings:
         for name in ("query_alpha", "control_alpha", "smoothness_beta"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise SettingsError(f"{name} must lie between 0 and 1")
-        for name in ("marker_sigma_m", "pose_sigma_rad", "query_pose_m_per_rad", "best_marker_sigma_m"):
+        for name in ("marker_sigma_m", "pose_sigma_rad", "query_pose_m_per_rad", "best_marker_sigma_m", "best_query_pose_m_per_rad"):
             if not getattr(self, name) > 0.0:
                 raise SettingsError(f"{name} must be positive")
         for name in ("neighbours", "dimensions"):
