@@ -59,12 +59,8 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
     camera_fps: bpy.props.FloatProperty(
         name="Rate (Hz)", description="Images per second that the cameras are asked for", default=60, min=1, max=500
     )
-    left_video: bpy.props.StringProperty(
-        name="Left", description="Video of the left camera", subtype="FILE_PATH"
-    )
-    right_video: bpy.props.StringProperty(
-        name="Right", description="Video of the right camera", subtype="FILE_PATH"
-    )
+    left_video: bpy.props.StringProperty(name="Left", description="Video of the left camera", subtype="FILE_PATH")
+    right_video: bpy.props.StringProperty(name="Right", description="Video of the right camera", subtype="FILE_PATH")
     left_folder: bpy.props.StringProperty(
         name="Left", description="Folder with the left camera's numbered images", subtype="DIR_PATH"
     )
@@ -99,9 +95,7 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         name="Right", description="Folder with the right camera's images of the board", subtype="DIR_PATH"
     )
 
-    marker_set: bpy.props.EnumProperty(
-        name="Set", description="Which markers are worn", items=_marker_set_items
-    )
+    marker_set: bpy.props.EnumProperty(name="Set", description="Which markers are worn", items=_marker_set_items)
     marker_set_file: bpy.props.StringProperty(
         name="File", description="A marker set of your own (TOML); empty: the set chosen above", subtype="FILE_PATH"
     )

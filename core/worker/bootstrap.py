@@ -15,9 +15,7 @@ def main() -> int:
     start = json.loads(sys.stdin.readline())
     sys.path.extend(path for path in start["paths"] if path not in sys.path)
     root = start["root"]
-    spec = importlib.util.spec_from_file_location(
-        "perfanim", f"{root}/__init__.py", submodule_search_locations=[root]
-    )
+    spec = importlib.util.spec_from_file_location("perfanim", f"{root}/__init__.py", submodule_search_locations=[root])
     if spec is None or spec.loader is None:
         sys.stderr.write(f"no extension in {root}\n")
         return 1

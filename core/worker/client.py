@@ -203,9 +203,7 @@ class WorkerClient:
         self._log.seek(0)
         lines = self._log.read().decode("utf-8", "replace").strip().splitlines()
         reason = f": {lines[-1]}" if lines else ""
-        return CaptureError(
-            f"ended by itself (status {status}){reason}", where="worker", advice="start again"
-        )
+        return CaptureError(f"ended by itself (status {status}){reason}", where="worker", advice="start again")
 
     def confirm_taken(self, frames: int) -> None:
         """Tell the worker how many frames have been dealt with in all."""

@@ -49,9 +49,7 @@ def unpack_pose(data: bytes) -> PoseFrame:
         raise CaptureError("a pose was cut off", where=f"frame {number}")
     values = np.frombuffer(data, dtype="<f8", count=floats, offset=_HEADER.size)
     single_cameras = np.frombuffer(data, dtype="<i8", count=markers, offset=_HEADER.size + 8 * floats)
-    rotations, root, markers_m, observed_m = np.split(
-        values, np.cumsum((4 * joints, 3, 3 * markers))
-    )
+    rotations, root, markers_m, observed_m = np.split(values, np.cumsum((4 * joints, 3, 3 * markers)))
     notes = data[notes_at:].decode("utf-8")
     return PoseFrame(
         number=number,

@@ -46,7 +46,9 @@ def test_motion_is_imported_and_used(part: Any, tmp_path: Path) -> None:
     write_bvh(perform("walking", 3.0), tmp_path / "walk.bvh")
     (tmp_path / "broken.bvh").write_text("no motion")
     played = SimpleNamespace(
-        files=[SimpleNamespace(name="walk.bvh"), SimpleNamespace(name="broken.bvh")], directory=str(tmp_path), filepath=""
+        files=[SimpleNamespace(name="walk.bvh"), SimpleNamespace(name="broken.bvh")],
+        directory=str(tmp_path),
+        filepath="",
     )
     text = run_job(part, operator, played)
     chosen = bpy.context.scene.perfanim

@@ -56,9 +56,7 @@ def test_files_and_bones_that_are_missing(desktop: Desktop, opened: BlenderWindo
     still_usable(window)
 
 
-def test_a_camera_that_does_not_open(
-    desktop: Desktop, opened: BlenderWindow, calibration: Path, subject: Path
-) -> None:
+def test_a_camera_that_does_not_open(desktop: Desktop, opened: BlenderWindow, calibration: Path, subject: Path) -> None:
     window = opened
     values = {"source": "CAMERAS", "left_device": 61, "right_device": 62}
     window.order("set", values={**values, "calibration": str(calibration), "subject": str(subject)})

@@ -21,9 +21,7 @@ from perfanim.core.worker.protocol import (
 def a_frame(number: int) -> MarkerFrame:
     rng = np.random.default_rng(number)
     points = rng.normal(size=(5, 3))
-    return MarkerFrame(
-        number, number / 60, points, np.tile(np.eye(3) * 1e-6, (5, 1, 1)), notes=("left hand hidden",)
-    )
+    return MarkerFrame(number, number / 60, points, np.tile(np.eye(3) * 1e-6, (5, 1, 1)), notes=("left hand hidden",))
 
 
 @pytest.mark.parametrize("piece", [1, 7, 64, 10_000])
