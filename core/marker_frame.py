@@ -1,7 +1,9 @@
 """What the cameras tell about one moment, and its bytes on the way from the capture process to the solver."""
 
+import math
 import struct
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,7 +113,7 @@ def unpack(data: bytes) -> MarkerFrame:
     counts = reader.array((cameras,), "<u4")
     blobs = tuple(reader.array((int(count), 5), "<f4") for count in counts)
     arrays = {name: reader.array(shape, kind) for name, shape, kind in _layout(points, rays, cameras)}
-    notes = reader.bytes(note_bytes).decode("utf-8")
+    notes = reader.bytes(note_bytes).decode("utf-8", errors="replace")
     if len(data) != _HEADER.size + body_bytes or reader.position != len(data):
         raise CaptureError("a marker frame was cut off", where=f"frame {number}")
     return MarkerFrame(number, time_s, blobs=blobs, notes=tuple(notes.split("\n")) if notes else (), **arrays)
@@ -141,6 +143,6 @@ class _Reader:
         self.position += count
         return self._data[self.position - count : self.position]
 
-    def array(self, shape: tuple[int, ...], kind: str) -> NDArray[np.generic]:
-        count = int(np.prod(shape, dtype=np.int64)) * np.dtype(kind).itemsize
+    def array(self, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
+        count = math.prod(shape) * np.dtype(kind).itemsize
         return np.frombuffer(self.bytes(count), dtype=kind).reshape(shape)

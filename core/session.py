@@ -61,10 +61,7 @@ class Session:
         """Return the pose of the next marker frame."""
         observation = self._label(frame)
         solution = self._solver.step(observation)
-        if solution is None:
-            result = self._unsolved(frame, observation)
-        else:
-            result = self._solved(frame, observation, solution)
+        result = self._solved(frame, observation, solution) if solution else self._unsolved(frame, observation)
         self._watch(result)
         self._last = result
         return result
@@ -108,9 +105,7 @@ class Session:
         candidates = [self._labeller.label_first(frame.points_m, template) for template in self._templates]
         return max(candidates, key=lambda labels: int(np.sum(labels >= 0)))
 
-    def _solved(
-        self, frame: MarkerFrame, observation: Observation, solution: Solution
-    ) -> PoseFrame:
+    def _solved(self, frame: MarkerFrame, observation: Observation, solution: Solution) -> PoseFrame:
         located = observation.located
         distances = np.linalg.norm(solution.markers_m[located] - observation.points_m[located], axis=1)
         rms = float(np.sqrt(np.mean(distances**2))) if np.any(located) else float("nan")
@@ -157,7 +152,16 @@ class Session:
         position = np.array([0.0, height, 0.0])
         markers = self._markers_of(rotations) + position
         return PoseFrame(
-            frame.number, frame.time_s, rotations, position, 0.0, markers, observation.points_m, observation.cameras, float("nan"), notes=notes
+            frame.number,
+            frame.time_s,
+            rotations,
+            position,
+            0.0,
+            markers,
+            observation.points_m,
+            observation.cameras,
+            float("nan"),
+            notes=notes,
         )
 
     def _watch(self, result: PoseFrame) -> None:

@@ -145,16 +145,14 @@ def write_database(
     frames = len(rotations)
     if frames == 0:
         raise DatabaseError("there is no motion to store", where=str(path), advice="add files with motion")
-    edges = [clip.start for clip in clips] + [frames]
-    if edges[0] != 0 or [clip.stop for clip in clips] != edges[1:] or rotations.shape[1:] != (len(JOINT_NAMES), 4):
-        raise DatabaseError("clips do not cover the frames", where=str(path))
+    _check_parts(str(path), rotations, root_positions_m, clips, len(skeletons))
     step = max(1, frames // _MEAN_SAMPLES)
     mean_rotations = rot.mean(rotations[::step])
     poses = np.empty((frames, len(JOINT_NAMES) - 1, 3), dtype=np.float32)
     for start in range(0, frames, _MEAN_SAMPLES):
         part = slice(start, start + _MEAN_SAMPLES)
         poses[part] = pose_from_rotations(rotations[part], mean_rotations)
-    arrays = {
+    arrays: dict[str, NDArray[Any]] = {
         "mean_rotations": mean_rotations,
         "poses": poses,
         "root_rotations": np.asarray(rotations[:, 0], dtype=np.float32),
@@ -170,9 +168,23 @@ def write_database(
         _write_file(stream, facts, arrays)
 
 
+def _check_parts(
+    where: str, rotations: NDArray[Any], root_positions_m: NDArray[Any], clips: Sequence[Clip], skeletons: int
+) -> None:
+    if rotations.shape[1:] != (len(JOINT_NAMES), 4):
+        raise DatabaseError(f"rotations of shape {rotations.shape} are not of the product's joints", where=where)
+    if root_positions_m.shape != (len(rotations), 3):
+        raise DatabaseError(f"root positions of shape {root_positions_m.shape} do not fit", where=where)
+    edges = [clip.start for clip in clips] + [len(rotations)]
+    if edges[0] != 0 or [clip.stop for clip in clips] != edges[1:]:
+        raise DatabaseError("clips do not cover the frames", where=where)
+    if not all(0 <= clip.skeleton < skeletons for clip in clips):
+        raise DatabaseError("a clip has no skeleton", where=where)
+
+
 def _write_file(stream: BinaryIO, facts: dict[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
     position = 0
-    layout = {}
+    layout: dict[str, dict[str, Any]] = {}
     for name, array in arrays.items():
         position += -position % _ALIGNMENT
         layout[name] = {"dtype": array.dtype.str, "shape": list(array.shape), "offset": position}
@@ -207,7 +219,7 @@ def open_database(path: str | Path) -> Database:
                 raise DatabaseError(f"has version {version}, not {_VERSION}", where=str(path), advice=advice)
             if size != file_bytes:
                 raise DatabaseError(f"is cut off: {size} of {file_bytes} bytes", where=str(path), advice=advice)
-            header = stream.read(header_bytes)
+            header = stream.read(min(header_bytes, size))
     except OSError as error:
         raise DatabaseError(f"cannot be read ({error.strerror})", where=str(path), advice="check the path") from error
     if hashlib.sha256(header).digest() != digest:

@@ -113,8 +113,8 @@ def cross_validate(
     scores += np.maximum(outside[:examples], 0.0).mean()
     if np.all(np.isinf(scores)):  # one clip is all there is: nothing can be left out, the largest model is taken
         return Validation(fit(poses[: sizes[-1]], dimensions[-1]), scores)
-    row, column = np.unravel_index(np.argmin(scores), scores.shape)
-    return Validation(fit(poses[: sizes[int(row)]], dimensions[int(column)]), scores)
+    best_row, best_column = divmod(int(np.argmin(scores)), len(dimensions))
+    return Validation(fit(poses[: sizes[best_row]], dimensions[best_column]), scores)
 
 
 def _left_out_errors(

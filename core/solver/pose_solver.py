@@ -90,9 +90,7 @@ class PoseSolver:
         self._markers = subject.database_markers(database)
         self._clips = database.clip_of_frame.astype(np.int64)
         self._search = ExhaustiveSearch(self._markers, self._poses)
-        self._typical_markers = np.mean(
-            self._markers[:: max(1, len(self._markers) // 2048)], axis=0, dtype=np.float64
-        )
+        self._typical_markers = np.mean(self._markers[:: max(1, len(self._markers) // 2048)], axis=0, dtype=np.float64)
         methods: dict[str, Callable[[Observation, RootPose, Examples], _Fitted]] = {
             "best": self._conditional,
             "local-pca": self._local_pca,
@@ -152,7 +150,7 @@ class PoseSolver:
         """Find the root and the closest examples, each from the other in turn."""
         continued = self._continued_pose
         local = self._typical_markers if continued is None else self.subject.markers(continued.reshape(-1, 3))
-        root = self._root
+        root, examples = self._root, None
         candidates: IntArray | None = None
         for _ in range(_ROOT_PASSES if continued is not None else _FIRST_ROOT_PASSES):
             root = self._root_under(observation, local, root)
@@ -162,7 +160,7 @@ class PoseSolver:
             local = np.mean(examples.markers_m[:_TORSO_EXAMPLES], axis=0)
             # while the motion is followed the root moves little from here on: the search need not start again
             candidates = examples.candidates if continued is not None else None
-        return root, examples
+        return None if root is None or examples is None else (root, examples)
 
     def _root_under(self, observation: Observation, local: Array, previous: RootPose | None) -> RootPose | None:
         """Return z_t from the torso markers, given the pose's markers (M, 3) in the root's frame."""

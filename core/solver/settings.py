@@ -58,7 +58,13 @@ class SolveSettings:
         for name in ("query_alpha", "control_alpha", "smoothness_beta"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise SettingsError(f"{name} must lie between 0 and 1")
-        for name in ("marker_sigma_m", "pose_sigma_rad", "query_pose_m_per_rad", "best_marker_sigma_m", "best_query_pose_m_per_rad"):
+        for name in (
+            "marker_sigma_m",
+            "pose_sigma_rad",
+            "query_pose_m_per_rad",
+            "best_marker_sigma_m",
+            "best_query_pose_m_per_rad",
+        ):
             if not getattr(self, name) > 0.0:
                 raise SettingsError(f"{name} must be positive")
         for name in ("neighbours", "dimensions"):

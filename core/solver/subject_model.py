@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from .. import rotations as rot
 from ..database.store import Database, rotations_from_pose
+from ..errors import SubjectError
 from ..marker_set import Subject
 from ..product_skeleton import JOINT_NAMES
-from ..errors import SubjectError
 from ..skeleton import Skeleton, forward_kinematics_matrices, marker_jacobian, marker_positions
 
 Array = NDArray[np.float64]

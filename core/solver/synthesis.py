@@ -40,7 +40,7 @@ class SynthesisProblem:
     smoothness_weight: float
 
     def residual(self, weights: Array) -> Array:
-        """Return the residuals (prior, control, smoothness) whose squared sum is the energy of Eq. 9, up to a constant."""
+        """Return the residuals (prior, control, smoothness); their squared sum is Eq. 9 up to a constant."""
         markers = self.subject.markers(self.model.pose(weights).reshape(-1, 3), self.root)
         return self._stacked(weights, control_residual(self.observation, markers))
 
