@@ -2,12 +2,17 @@
 
 import sys
 import time
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import bpy
+import cv2
 import numpy as np
 import pytest
+from perfanim.core.camera import save_rig
+from perfanim.core.marker_set import save_subject
+from perfanim.core.simulate.studio.source import open_simulated
 
 PATIENCE_S = 120.0
 
@@ -103,3 +108,28 @@ def test_times_that_stand_still_are_spread(part: Any) -> None:
     times = part("live").increasing(np.array([0.0, 0.1, 0.1, 0.05, 0.2]))
     assert np.all(np.diff(times) > 0)
     np.testing.assert_allclose(times, [0.0, 0.1, 0.1, 0.1, 0.2], atol=1e-3)
+
+
+def test_image_folders_are_captured_to_their_end(part: Any, tmp_path: Path) -> None:
+    source = open_simulated({"kind": "simulated", "behaviour": "walking", "seconds": 3.0, "height_m": 1.75})
+    count = 60
+    for number in range(200, 200 + count):
+        for side, image in zip(("left", "right"), source.frame(number).images, strict=True):
+            (tmp_path / side).mkdir(exist_ok=True)
+            assert cv2.imwrite(str(tmp_path / side / f"{number}.jpg"), image)
+    save_rig(source.rig, tmp_path / "cameras.toml")
+    save_subject(source.subject, tmp_path / "subject.toml")
+    chosen = bpy.context.scene.perfanim
+    chosen.source = "IMAGES"
+    chosen.left_folder, chosen.right_folder = str(tmp_path / "left"), str(tmp_path / "right")
+    chosen.calibration, chosen.subject = str(tmp_path / "cameras.toml"), str(tmp_path / "subject.toml")
+    prepare = [] if part("states").starter_database_path().exists() else part("operators.database").starter_arguments()
+    capture = part("live").Capture(None, prepare)
+    try:
+        tick_until(capture, lambda: capture.done)
+        text = capture.keep(bpy.context)
+    finally:
+        capture.close()
+    assert capture.run.error is None
+    assert text.startswith(f"{count} frames recorded")
+    assert capture.run.statistics.handed_over == count
