@@ -177,7 +177,7 @@ def slerp(start: ArrayLike, end: ArrayLike, fraction: ArrayLike) -> Array:
 
 
 def mean(quaternions: ArrayLike, weights: ArrayLike | None = None) -> Array:
-    """Return the mean of `[N, ..., 4]` over the first axis (largest eigenvector of the outer products, Markley 2007)."""
+    """Return the mean of `[N, ..., 4]` over the first axis (largest eigenvector of q q^T summed, Markley 2007)."""
     q = np.asarray(quaternions, dtype=np.float64)
     w = np.ones(len(q)) if weights is None else np.asarray(weights, dtype=np.float64)
     outer = np.einsum("n,n...i,n...j->...ij", w, q, q)

@@ -1,4 +1,4 @@
-"""One capture of one subject: marker frames in, pose frames out. Live capture, takes, demo and benchmarks all use it."""
+"""One capture of one subject: marker frames in, pose frames out. Live capture, takes and demo all use it."""
 
 from dataclasses import replace
 
