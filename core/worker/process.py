@@ -30,6 +30,11 @@ def main(port: int, token: str) -> int:
     except PerfanimError as error:
         channel.send_error(error)
         return 1
+    except ImportError as error:
+        traceback.print_exc()
+        advice = "install the archive made for this Blender's Python and platform"
+        channel.send_error(CaptureError(f"cannot load a library: {error}", where="worker", advice=advice))
+        return 1
     except Exception as error:
         # The last resort of a process without a terminal: the whole traceback goes to its log, the user gets one line.
         traceback.print_exc()

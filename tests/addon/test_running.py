@@ -1,0 +1,95 @@
+"""Whatever runs is ended on every way out."""
+
+import sys
+from types import ModuleType
+from typing import Any
+
+import bpy
+import pytest
+
+
+class PlayedActivity:
+    """Remembers that it was closed."""
+
+    closed = 0
+
+    def close(self) -> None:
+        self.closed += 1
+
+
+@pytest.fixture
+def running(addon: ModuleType, extension: str) -> Any:
+    return sys.modules[f"{extension}.perfanim_addon.running"]
+
+
+@pytest.fixture
+def activity(running: Any) -> PlayedActivity:
+    activity = PlayedActivity()
+    running.begin(bpy.context, activity, 0.1)
+    assert running.current() is activity
+    assert running._state.timer is not None
+    return activity
+
+
+def gone(running: Any, activity: PlayedActivity) -> bool:
+    return activity.closed == 1 and running.current() is None and running._state.timer is None
+
+
+def test_ended_once(running: Any, activity: PlayedActivity) -> None:
+    running.end()
+    running.end()
+    assert gone(running, activity)
+
+
+def test_ended_when_another_file_is_loaded(running: Any, activity: PlayedActivity) -> None:
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert gone(running, activity)
+
+
+def test_ended_when_the_addon_is_switched_off(running: Any, activity: PlayedActivity, extension: str) -> None:
+    import addon_utils
+
+    addon_utils.disable(extension, default_set=True)
+    assert gone(running, activity)
+    addon_utils.enable(extension, default_set=True)
+
+
+def test_ended_when_something_else_begins(running: Any, activity: PlayedActivity) -> None:
+    other = PlayedActivity()
+    running.begin(bpy.context, other, 0.1)
+    assert activity.closed == 1
+    assert running.current() is other
+    running.end()
+
+
+def test_buttons_are_greyed_and_say_why_while_something_runs(running: Any, activity: PlayedActivity) -> None:
+    for operator in ("start_capture", "add_character", "build_database"):
+        with pytest.raises(RuntimeError, match="Something is running"):
+            getattr(bpy.ops.perfanim, operator)("EXEC_DEFAULT")
+    running.end()
+    with pytest.raises(RuntimeError, match="Nothing is being captured"):
+        bpy.ops.perfanim.stop_capture("EXEC_DEFAULT")
+    with pytest.raises(RuntimeError, match="Select an armature first"):
+        bpy.ops.perfanim.use_active_armature("EXEC_DEFAULT")
+    with pytest.raises(RuntimeError, match="T pose"):
+        bpy.ops.perfanim.calibrate_subject("EXEC_DEFAULT")
+
+
+def test_messages_are_kept_for_each_panel(running: Any) -> None:
+    assert running.message("subject") == ("", "INFO")
+    running.set_message("subject", "residual 6 mm")
+    running.set_message("cameras", "camera 1 froze", "ERROR")
+    assert running.message("subject") == ("residual 6 mm", "INFO")
+    assert running.message("cameras") == ("camera 1 froze", "ERROR")
+
+
+def test_an_armature_without_the_bones_is_refused_by_name(running: Any) -> None:
+    armature = bpy.data.objects.new("Other", bpy.data.armatures.new("Other"))
+    bpy.context.scene.collection.objects.link(armature)
+    bpy.context.view_layer.objects.active = armature
+    with pytest.raises(RuntimeError, match="lacks 29 bones: root, lfemur"):
+        bpy.ops.perfanim.use_active_armature("EXEC_DEFAULT")
+    assert bpy.context.scene.perfanim.armature is None
+    assert running.message("character")[1] == "ERROR"
+    assert bpy.ops.perfanim.add_character("EXEC_DEFAULT") == {"FINISHED"}
+    assert bpy.context.scene.perfanim.armature.name == "Performer"
