@@ -46,6 +46,12 @@ class Camera:
         for key, shape in (("matrix", (3, 3)), ("rotation", (3, 3)), ("translation_m", (3,)), ("distortion", (5,))):
             value = np.asarray(getattr(self, key), dtype=np.float64)
             if key == "distortion":
+                if np.any(value.ravel()[5:]):
+                    raise CalibrationError(
+                        "at most five distortion coefficients (k1, k2, p1, p2, k3) are supported",
+                        where=f"camera {self.name}",
+                        advice="calibrate with OpenCV's standard lens model",
+                    )
                 value = np.pad(value.ravel()[:5], (0, max(0, 5 - value.size)))
             if value.shape != shape or not np.all(np.isfinite(value)):
                 raise CalibrationError(f"{key} must be {shape} finite numbers", where=f"camera {self.name}")
@@ -162,6 +168,9 @@ def load_rig(path: str | Path) -> CameraRig:
 
     Files without `metadata.length_unit` are of another program: there anipose writes the unit of its board,
     millimetres, and a baseline above 10 tells so.
+
+    Raises:
+        CalibrationError: no camera tables, incomplete ones, fisheye lenses, or a unit other than "m" and "mm".
     """
     tables = read_toml(path)
     rows = [tables[key] for key in sorted(tables, key=_camera_order) if key.startswith("cam_")]
@@ -171,7 +180,10 @@ def load_rig(path: str | Path) -> CameraRig:
         )
     metadata = tables.get("metadata", {})
     cameras = tuple(_camera_from(row, str(path)) for row in rows)
-    if "length_unit" not in metadata and _spread(cameras) > 10.0:
+    unit = metadata.get("length_unit", "unknown") if isinstance(metadata, Mapping) else None
+    if unit not in ("m", "mm", "unknown"):
+        raise CalibrationError("metadata is not understood", where=str(path), advice='length_unit is "m" or "mm"')
+    if unit == "mm" or (unit == "unknown" and _spread(cameras) > 10.0):
         cameras = tuple(_scaled(camera, 1e-3) for camera in cameras)
     return CameraRig(cameras, metadata)
 
@@ -183,6 +195,10 @@ def _camera_order(key: str) -> tuple[int, str]:
 
 def _camera_from(row: Mapping[str, Any], where: str) -> Camera:
     try:
+        if row.get("fisheye", False):
+            raise CalibrationError(
+                "fisheye lenses are not supported", where=where, advice="calibrate with the standard lens model"
+            )
         rotation = np.asarray(row["rotation"], dtype=np.float64)
         matrix = rotation if rotation.shape == (3, 3) else rot.to_matrix(rot.from_rotation_vector(rotation))
         return Camera(
@@ -193,7 +209,7 @@ def _camera_from(row: Mapping[str, Any], where: str) -> Camera:
             rotation=matrix,
             translation_m=np.asarray(row["translation"], dtype=np.float64),
         )
-    except (KeyError, TypeError, ValueError, IndexError) as error:
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise CalibrationError(
             f"a camera table is incomplete ({error})", where=where, advice="calibrate the cameras again"
         ) from error

@@ -120,7 +120,7 @@ def load_marker_set(name_or_path: str | Path) -> MarkerSet:
 def marker_set_from(table: Mapping[str, Any], where: str) -> MarkerSet:
     """Return the marker set of a TOML table with `name` and `[[marker]]` entries."""
     rows = table.get("marker", [])
-    if not isinstance(rows, list):
+    if not isinstance(rows, list) or not all(isinstance(row, Mapping) for row in rows):
         raise MarkerSetError("has no [[marker]] entries", where=where)
     return MarkerSet(str(table.get("name", Path(where).stem)), tuple(_marker(row, where) for row in rows))
 
@@ -200,10 +200,12 @@ def load_subject(path: str | Path) -> Subject:
     """Return a subject from its TOML file."""
     table = read_toml(path)
     if table.get("kind") != "perfanim subject" or table.get("version") != 1:
-        raise SubjectError("is not a subject file of this version", where=str(path), advice="calibrate the subject again")
+        raise SubjectError(
+            "is not a subject file of this version", where=str(path), advice="calibrate the subject again"
+        )
     try:
         skeleton = _skeleton_from(table["joint"])
-        marker_set = marker_set_from(table["marker_set"], where=str(path))
+        marker_set = marker_set_from(dict(table["marker_set"]), where=str(path))
         return Subject(str(table["name"]), skeleton, marker_set, float(table["residual_m"]))
     except (KeyError, TypeError, ValueError) as error:
         raise SubjectError(f"is damaged ({error})", where=str(path), advice="calibrate the subject again") from error

@@ -1,6 +1,7 @@
 """Labelled marker trajectories: what is tracked, simulated, or read from other systems."""
 
 import zipfile
+import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,6 +15,8 @@ Array = NDArray[np.float64]
 
 _KIND = "perfanim marker take"
 _VERSION = 1
+# what numpy and zipfile raise on files that are none of theirs, or damaged ones
+_DAMAGE = (KeyError, ValueError, EOFError, TypeError, RuntimeError, zipfile.BadZipFile, zlib.error, MemoryError)
 
 
 @dataclass(frozen=True)
@@ -98,5 +101,5 @@ def load_take(path: str | Path) -> MarkerTake:
                 frame_numbers=stored["frame_numbers"],
                 times_s=stored["times_s"],
             )
-    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile, TypeError) as error:
+    except (*_DAMAGE, OSError) as error:
         raise TakeError(f"is not a marker take ({error})", where=str(path), advice="check the file") from error

@@ -75,8 +75,7 @@ def resampled(motion: Motion, fps: float) -> Motion:
         motion,
         fps=fps,
         rotations=_between_frames(motion.rotations, before, fraction),
-        root_positions_m=positions[before]
-        + fraction[:, None] * (positions[before + 1] - positions[before]),
+        root_positions_m=positions[before] + fraction[:, None] * (positions[before + 1] - positions[before]),
     )
 
 

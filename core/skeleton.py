@@ -96,9 +96,7 @@ class Skeleton:
         return result
 
 
-def forward_kinematics(
-    skeleton: Skeleton, rotations: ArrayLike, root_position_m: ArrayLike
-) -> tuple[Array, Array]:
+def forward_kinematics(skeleton: Skeleton, rotations: ArrayLike, root_position_m: ArrayLike) -> tuple[Array, Array]:
     """Return joint origins and orientations in the world.
 
     Args:
@@ -122,9 +120,7 @@ def forward_kinematics(
     return positions, world
 
 
-def forward_kinematics_matrices(
-    skeleton: Skeleton, matrices: Array, root_position_m: ArrayLike
-) -> tuple[Array, Array]:
+def forward_kinematics_matrices(skeleton: Skeleton, matrices: Array, root_position_m: ArrayLike) -> tuple[Array, Array]:
     """Return joint origins (..., J, 3) and world-from-joint matrices (..., J, 3, 3) from local matrices (..., J, 3, 3).
 
     The same as `forward_kinematics`, cheaper where matrices are at hand (the solver's inner loop).

@@ -182,9 +182,7 @@ def _pose_markers(
     return positions[joints] + rot.rotate(world[joints], offsets), rotations
 
 
-def _mixed(
-    prototypes: Sequence[Skeleton], candidates: Array, seen_local: Array, joints: NDArray[np.int64]
-) -> Skeleton:
+def _mixed(prototypes: Sequence[Skeleton], candidates: Array, seen_local: Array, joints: NDArray[np.int64]) -> Skeleton:
     """Return the mixture of prototypes whose markers come closest, each side of the body on its own."""
     names = prototypes[0].names
     sides = np.array([name[0] if mirrored_name(name) != name else "m" for name in names])

@@ -24,7 +24,9 @@ def add_parser(subparsers: Any) -> None:
     body.add_argument("--subject", metavar="FILE", help="calibrated subject (skeleton and marker offsets)")
     body.add_argument("--skeleton", metavar="FILE", help=".asf or .bvh whose bones are used; needs --marker-set")
     parser.add_argument("--marker-set", metavar="NAME", help="shipped marker set or TOML file (default: the subject's)")
-    parser.add_argument("--method", choices=("best", *METHODS), default="best", help="how poses are found (default best)")
+    parser.add_argument(
+        "--method", choices=("best", *METHODS), default="best", help="how poses are found (default best)"
+    )
     parser.add_argument("--out", required=True, metavar="MOTION.bvh", help="motion to write")
     parser.add_argument("--units", choices=("m", "cm"), default="m", help="unit of the BVH file (default m)")
     parser.set_defaults(run=run)

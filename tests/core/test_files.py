@@ -18,7 +18,7 @@ def test_a_file_appears_whole_in_a_new_folder(tmp_path: Path) -> None:
         temporary.write_text("whole")
         assert not target.exists()
     assert target.read_text() == "whole"
-    assert os.listdir(target.parent) == ["a.txt"]
+    assert [path.name for path in target.parent.iterdir()] == ["a.txt"]
 
 
 def test_an_error_while_writing_leaves_the_old_file(tmp_path: Path) -> None:
@@ -28,7 +28,7 @@ def test_an_error_while_writing_leaves_the_old_file(tmp_path: Path) -> None:
         temporary.write_text("half of the n")
         raise ZeroDivisionError
     assert target.read_text() == "old"
-    assert os.listdir(tmp_path) == ["a.txt"]
+    assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
 
 
 def test_permissions_are_those_of_any_new_file(tmp_path: Path) -> None:
@@ -45,7 +45,7 @@ def test_a_target_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     (tmp_path / "folder").mkdir()
     with pytest.raises(FormatError, match="folder: cannot be written"), atomic_path(tmp_path / "folder") as temporary:
         temporary.write_text("")
-    assert sorted(os.listdir(tmp_path)) == ["file", "folder"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder"]
 
 
 def test_a_full_disk_is_told_in_plain_words(tmp_path: Path) -> None:
@@ -53,7 +53,7 @@ def test_a_full_disk_is_told_in_plain_words(tmp_path: Path) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     with pytest.raises(FileNotFoundError), atomic_path(tmp_path / "a.txt"):
         (tmp_path / "source").read_text()  # another file's trouble stays its own
-    assert os.listdir(tmp_path) == []
+    assert not any(tmp_path.iterdir())
 
 
 def test_toml_round_trip(tmp_path: Path) -> None:
@@ -83,7 +83,7 @@ def test_toml_keeps_numbers_exactly(tmp_path: Path) -> None:
 def test_what_toml_cannot_hold_is_refused_without_a_file(tmp_path: Path) -> None:
     with pytest.raises(TypeError, match="no TOML form for NoneType"):
         write_toml(tmp_path / "a.toml", {"a": None})
-    assert os.listdir(tmp_path) == []
+    assert not any(tmp_path.iterdir())
 
 
 def test_unreadable_files_are_refused(tmp_path: Path) -> None:

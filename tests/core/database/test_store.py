@@ -1,0 +1,134 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from perfanim.core import rotations as rot
+from perfanim.core.angle_frames import with_angle_frames
+from perfanim.core.database.store import (
+    Clip,
+    Database,
+    open_database,
+    pose_from_rotations,
+    rotations_from_pose,
+    write_database,
+)
+from perfanim.core.errors import DatabaseError
+from perfanim.core.product_skeleton import JOINT_NAMES, default_skeleton, scaled
+
+FRAMES = 50
+CLIPS = (Clip("a.bvh", "walk", "1", 120.0, 0, 30, 0), Clip("b.bvh", "run", "2", 60.0, 30, 50, 1))
+SKELETONS = (default_skeleton(), with_angle_frames(scaled(default_skeleton(), 1.1)))
+
+
+def motion(frames: int = FRAMES) -> tuple[np.ndarray, np.ndarray]:
+    generator = np.random.default_rng(0)
+    usual = generator.normal(scale=1.0, size=(29, 3))
+    vectors = generator.normal(scale=0.4, size=(frames, 29, 3))
+    rotations = rot.multiply(rot.from_rotation_vector(usual), rot.from_rotation_vector(vectors))
+    return rotations, generator.normal(size=(frames, 3))
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> Path:
+    write_database(tmp_path / "m.db", 60.0, *motion(), CLIPS, SKELETONS)
+    return tmp_path / "m.db"
+
+
+def test_round_trip(written: Path) -> None:
+    database = open_database(written)
+    rotations, positions = motion()
+    # float32 rotation vectors of about 1 rad: 1e-7 rad each
+    assert rot.angle_between(database.local_rotations(slice(None)), rotations).max() < 1e-6
+    np.testing.assert_array_equal(database.root_positions_m, positions.astype(np.float32))
+    assert (database.fps, database.frames, database.clips) == (60.0, FRAMES, CLIPS)
+    assert database.joint_names == JOINT_NAMES
+    assert database.behaviours == {"walk": 30, "run": 20}
+    np.testing.assert_array_equal(database.clip_of_frame, [0] * 30 + [1] * 20)
+    for mine, theirs in zip(database.skeletons, SKELETONS, strict=True):
+        assert mine.angle_orders == theirs.angle_orders
+        for name in ("parents", "offsets_m", "tips_m", "angle_axes"):
+            np.testing.assert_array_equal(getattr(mine, name), getattr(theirs, name))
+    assert [path.name for path in written.parent.iterdir()] == ["m.db"]
+
+
+def test_arrays_are_mapped_and_cannot_be_changed(written: Path) -> None:
+    database = open_database(written)
+    for array in (database.poses, database.root_rotations, database.root_positions_m):
+        assert isinstance(array, np.memmap)
+        assert array.ctypes.data % 64 == 0
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0.0
+
+
+def test_poses_and_rotations_are_inverse() -> None:
+    rotations, _ = motion()
+    mean = rot.mean(rotations)
+    poses = pose_from_rotations(rotations, mean)
+    assert poses.shape == (FRAMES, 28, 3)
+    again = rotations_from_pose(poses, mean, rotations[:, 0])
+    assert rot.angle_between(again, rotations).max() < 1e-7
+    assert np.linalg.norm(poses.mean(axis=0), axis=1).max() < 0.4  # relative to the mean they scatter about zero
+
+
+def test_a_file_cut_off_anywhere_is_refused_with_advice(written: Path) -> None:
+    whole = written.read_bytes()
+    cut = written.with_name("cut.db")
+    lengths = np.unique(np.concatenate((np.arange(0, 80), np.linspace(80, len(whole) - 1, 60).astype(int))))
+    for length in lengths:
+        cut.write_bytes(whole[:length])
+        with pytest.raises(DatabaseError, match=r"cut\.db: is (cut off|not a motion database).*; build it again"):
+            open_database(cut)
+    cut.write_bytes(whole + b"more")
+    with pytest.raises(DatabaseError, match="build it again"):
+        open_database(cut)
+
+
+def test_a_changed_header_is_refused(written: Path) -> None:
+    whole = written.read_bytes()
+    header_bytes = int.from_bytes(whole[16:24], "little")
+    changed_file = written.with_name("changed.db")
+    positions = [*range(64), *np.linspace(64, 64 + header_bytes - 1, 60).astype(int)]
+    for position in positions:
+        changed = bytearray(whole)
+        changed[position] ^= 0x41
+        changed_file.write_bytes(changed)
+        with pytest.raises(DatabaseError, match=r"changed\.db: .*; build it again"):
+            open_database(changed_file)
+
+
+def test_missing_and_other_files_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(DatabaseError, match=r"no\.db: cannot be read \(No such file.*; check the path"):
+        open_database(tmp_path / "no.db")
+    with pytest.raises(DatabaseError, match="cannot be read"):
+        open_database(tmp_path)
+    (tmp_path / "a.bvh").write_text("HIERARCHY\n" * 50)
+    with pytest.raises(DatabaseError, match="is not a motion database"):
+        open_database(tmp_path / "a.bvh")
+
+
+def test_parts_that_do_not_fit_are_refused_without_a_file(tmp_path: Path) -> None:
+    rotations, positions = motion()
+    path = tmp_path / "m.db"
+    with pytest.raises(DatabaseError, match="no motion to store"):
+        write_database(path, 60.0, rotations[:0], positions[:0], (), SKELETONS)
+    wrong_clips = [CLIPS[:1], CLIPS[1:], CLIPS[::-1], (CLIPS[0], replace(CLIPS[1], stop=49)),
+                   (CLIPS[0], replace(CLIPS[1], skeleton=2))]  # fmt: skip
+    for clips in wrong_clips:
+        with pytest.raises(DatabaseError, match=r"m\.db: "):
+            write_database(path, 60.0, rotations, positions, clips, SKELETONS)
+    with pytest.raises(DatabaseError, match="root positions"):
+        write_database(path, 60.0, rotations, positions[:-1], CLIPS, SKELETONS)
+    with pytest.raises(DatabaseError):
+        write_database(path, 60.0, rotations[:, :5], positions, CLIPS, SKELETONS)
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_database_is_replaced_as_a_whole(written: Path) -> None:
+    opened = open_database(written)
+    before = np.array(opened.poses)
+    rotations, positions = motion(10)
+    write_database(written, 30.0, rotations, positions, (Clip("c", "", "", 30.0, 0, 10, 0),), SKELETONS[:1])
+    np.testing.assert_array_equal(opened.poses, before)  # who has the old one open keeps it
+    database: Database = open_database(written)
+    assert (database.frames, database.fps) == (10, 30.0)

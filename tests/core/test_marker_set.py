@@ -1,0 +1,136 @@
+from copy import deepcopy
+from functools import reduce
+from operator import getitem
+from pathlib import Path
+
+import numpy as np
+import pytest
+from perfanim.core.angle_frames import with_angle_frames
+from perfanim.core.errors import FormatError, MarkerSetError, PerfanimError, SkeletonError, SubjectError
+from perfanim.core.files import read_toml, write_toml
+from perfanim.core.marker_set import (
+    Marker,
+    MarkerSet,
+    Subject,
+    load_marker_set,
+    load_subject,
+    marker_set_names,
+    save_subject,
+)
+from perfanim.core.product_skeleton import default_skeleton, scaled
+
+HEADER = 'kind = "perfanim subject"\nversion = 1\nname = "a"\nresidual_m = 0.0\n'
+
+
+@pytest.mark.parametrize("name", marker_set_names())
+def test_shipped_sets_fit_the_product_skeleton(name: str) -> None:
+    marker_set = load_marker_set(name)
+    assert marker_set.name == name
+    assert marker_set.torso.sum() >= 3
+    assert len(marker_set.joint_indices(default_skeleton())) == len(marker_set)
+    # nothing is worn further from its joint than the kendo sword's marker
+    assert np.linalg.norm(marker_set.offsets_m, axis=1).max() < 0.7
+
+
+def test_locomotion_is_hands_feet_shoulders_and_waist() -> None:
+    assert "locomotion" in marker_set_names()
+    names = load_marker_set("locomotion").names
+    assert sorted(names) == ["LFOO", "LHAN", "LSHO", "LWAI", "RFOO", "RHAN", "RSHO", "RWAI"]
+    assert set(load_marker_set("boxing").names) - set(names) == {"HEAD"}
+
+
+def test_a_set_from_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text("".join(f'[[marker]]\nname = "M{i}"\njoint = "root"\ntorso = true\n' for i in range(3)))
+    marker_set = load_marker_set(path)
+    assert (marker_set.name, marker_set.names) == ("mine", ("M0", "M1", "M2"))
+    with pytest.raises(MarkerSetError, match="no offset for M0, M1, M2; calibrate the subject"):
+        _ = marker_set.offsets_m
+
+
+def test_offsets_and_subset() -> None:
+    marker_set = load_marker_set("locomotion")
+    moved = marker_set.with_offsets(np.arange(24.0).reshape(8, 3))
+    assert moved.markers[1].offset_m == (3.0, 4.0, 5.0)
+    assert moved.names == marker_set.names
+    few = marker_set.subset(["RWAI", "LSHO", "RSHO"])
+    assert few.names == ("LSHO", "RSHO", "RWAI")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "needs markers"),
+        ("marker = 5", r"no \[\[marker\]\] entries"),
+        ("marker = [1, 2]", r"no \[\[marker\]\] entries"),
+        ('[[marker]]\njoint = "root"', "lacks 'name'"),
+        ('[[marker]]\nname = "A"', "lacks 'joint'"),
+        ('[[marker]]\nname = "A"\njoint = "root"\noffset_m = [1.0]', "A: offset_m must be three numbers"),
+        ('[[marker]]\nname = "A"\njoint = "root"\noffset_m = "abc"', "three numbers"),
+        ('[[marker]]\nname = "A"\njoint = "root"\n' * 2, "unique names"),
+        ('[[marker]]\nname = "A"\njoint = "root"\ntorso = true\n', "at least 3 markers with torso"),
+        ('[[marker]]\nname = "A"\njoint = "root"\ntorso = true\noffset_m = [nan, 0, 0]', "at least 3|finite"),
+    ],
+)
+def test_bad_sets_are_refused(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "a.toml"
+    path.write_text(text)
+    with pytest.raises(MarkerSetError, match=message):
+        load_marker_set(path)
+
+
+def test_bad_offsets_and_names_are_refused(tmp_path: Path) -> None:
+    markers = [Marker(name, "root", (0.0, 0.0, 0.0), True) for name in "ABC"]
+    with pytest.raises(MarkerSetError, match="marker D: offset_m must be three finite"):
+        MarkerSet("a", (*markers, Marker("D", "root", (np.inf, 0.0, 0.0))))
+    with pytest.raises(MarkerSetError, match="no marker set or file 'dancing'; shipped sets: boxing"):
+        load_marker_set("dancing")
+    with pytest.raises(SkeletonError, match="no joint 'tail'"):
+        Subject("a", default_skeleton(), MarkerSet("a", (*markers, Marker("D", "tail", (0.0, 0.0, 0.0)))))
+    (tmp_path / "b.toml").write_text("[[")
+    with pytest.raises(FormatError, match="not valid TOML"):
+        load_marker_set(tmp_path / "b.toml")
+
+
+def test_subject_round_trip(tmp_path: Path) -> None:
+    skeleton = with_angle_frames(scaled(default_skeleton(), np.linspace(0.9, 1.1, 29)))
+    subject = Subject('Ann "A"', skeleton, load_marker_set("boxing"), 0.00213)
+    save_subject(subject, tmp_path / "s.toml")
+    again = load_subject(tmp_path / "s.toml")
+    assert (again.name, again.residual_m, again.marker_set) == (subject.name, subject.residual_m, subject.marker_set)
+    assert (again.skeleton.names, again.skeleton.angle_orders) == (skeleton.names, skeleton.angle_orders)
+    for name in ("parents", "offsets_m", "tips_m", "angle_axes"):
+        np.testing.assert_array_equal(getattr(again.skeleton, name), getattr(skeleton, name))
+    assert [path.name for path in tmp_path.iterdir()] == ["s.toml"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "not a subject file"),
+        (HEADER.replace("version = 1", "version = 2"), "not a subject file of this version; calibrate"),
+        (HEADER, "is damaged"),
+        (HEADER + "joint = 3\nmarker_set = 3\n", "is damaged"),
+        (HEADER + "joint = [1]\n[marker_set]\n", "is damaged"),
+        (HEADER + 'marker_set = "a"\n[[joint]]\nname = "a"\nparent = "b"', "is damaged"),
+    ],
+)
+def test_broken_subject_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "s.toml").write_text(text)
+    with pytest.raises(SubjectError, match=message):
+        load_subject(tmp_path / "s.toml")
+
+
+def test_a_subject_file_with_any_part_missing_is_refused(tmp_path: Path) -> None:
+    save_subject(Subject("a", default_skeleton(), load_marker_set("locomotion")), tmp_path / "s.toml")
+    places = [(), ("joint", 0), ("joint", 28), ("marker_set", "marker", 0)]
+    for place in places:
+        whole = read_toml(tmp_path / "s.toml")
+        for key in reduce(getitem, place, whole):
+            if key == "torso" and place:
+                continue  # false when it is not there
+            broken = deepcopy(whole)
+            del reduce(getitem, place, broken)[key]
+            write_toml(tmp_path / "b.toml", broken)
+            with pytest.raises(PerfanimError):
+                load_subject(tmp_path / "b.toml")
