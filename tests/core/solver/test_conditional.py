@@ -1,0 +1,134 @@
+import numpy as np
+import pytest
+from perfanim.core import rotations as rot
+from perfanim.core.database.store import pose_from_rotations
+from perfanim.core.solver.conditional import continued_prior, expected_pose, fit_to_markers, neighbours_prior
+from perfanim.core.solver.observation import Observation
+from perfanim.core.solver.subject_model import RootPose
+
+NOISE_M = 0.002
+
+
+def gaussian(seed, size=7):
+    generator = np.random.default_rng(seed)
+    poses = generator.normal(size=(40, size)) @ generator.normal(size=(size, size))
+    weights = generator.uniform(0.1, 1.0, 40)
+    return poses, weights / weights.sum()
+
+
+def test_prior_is_the_weighted_mean_and_covariance():
+    poses, weights = gaussian(0)
+    prior = neighbours_prior(poses, weights, 0.01)
+    np.testing.assert_allclose(prior.mean, np.average(poses, axis=0, weights=weights))
+    expected = np.cov(poses.T, aweights=weights, ddof=0) + 0.01 * np.eye(7)
+    np.testing.assert_allclose(prior.covariance, expected, atol=1e-12)
+
+
+def test_continued_prior_is_the_product_of_gaussians():
+    prior = neighbours_prior(*gaussian(1), 0.01)
+    expected, variance = np.random.default_rng(2).normal(size=7), 0.3
+    result = continued_prior(prior, expected, variance)
+    precision = np.linalg.inv(prior.covariance) + np.eye(7) / variance
+    covariance = np.linalg.inv(precision)
+    mean = covariance @ (np.linalg.solve(prior.covariance, prior.mean) + expected / variance)
+    np.testing.assert_allclose(result.covariance, covariance, atol=1e-10)
+    np.testing.assert_allclose(result.mean, mean, atol=1e-10)
+
+
+def test_expected_pose_is_the_regression_on_the_markers():
+    poses, weights = gaussian(3)
+    markers = poses @ np.random.default_rng(4).normal(size=(7, 4))
+    observed, variance = np.random.default_rng(5).normal(size=4), 0.05
+    joint = np.cov(np.concatenate((poses, markers), axis=1).T, aweights=weights, ddof=0)
+    gain = joint[:7, 7:] @ np.linalg.inv(joint[7:, 7:] + variance * np.eye(4))
+    by_hand = weights @ poses + gain @ (observed - weights @ markers)
+    np.testing.assert_allclose(expected_pose(poses, markers, observed, weights, variance), by_hand, atol=1e-10)
+    none = expected_pose(poses, np.empty((40, 0)), np.empty(0), weights, variance)
+    np.testing.assert_allclose(none, weights @ poses)
+
+
+@pytest.fixture(scope="module")
+def frame(model, database, truth, true_markers):
+    """Prior about a frame of the clip left out, its noisy markers, and a root that is somewhat off."""
+    poses = np.asarray(database.poses, dtype=np.float64).reshape(database.frames, -1)
+    pose = pose_from_rotations(truth.rotations[25], database.mean_rotations).ravel()
+    near = poses[np.argsort(np.linalg.norm(poses - pose, axis=1))[:100]]
+    prior = neighbours_prior(near, np.full(100, 0.01), 0.03**2)
+    root = RootPose(
+        rot.multiply(truth.rotations[25, 0], rot.from_rotation_vector([0.03, -0.04, 0.02])),
+        truth.root_positions_m[25] + np.array([0.01, -0.02, 0.01]),
+    )
+    return prior, pose, root, true_markers[25] + np.random.default_rng(6).normal(scale=NOISE_M, size=(8, 3))
+
+
+def rms(a, b):
+    return np.sqrt(np.mean(np.sum((a - b) ** 2, axis=1)))
+
+
+def fitted(model, frame, observation, steps=3):
+    prior, _, root, _ = frame
+    return fit_to_markers(prior, model, observation, prior.mean, root, NOISE_M**2, (0.03, 0.1), steps)
+
+
+def test_fit_brings_the_markers_to_within_their_noise(model, frame):
+    prior, _, root, points = frame
+    before = rms(model.markers(prior.mean.reshape(-1, 3), root), points)
+    pose, found = fitted(model, frame, Observation.of_points(points))
+    after = rms(model.markers(pose.reshape(-1, 3), found), points)
+    assert before > 5.0 * np.sqrt(3.0) * NOISE_M
+    assert after < np.sqrt(3.0) * NOISE_M  # more freedom than markers: below the noise
+
+
+def test_fit_comes_closer_to_the_true_pose_than_the_prior(model, frame, database):
+    _, true_pose, root, points = frame
+    poses = np.asarray(database.poses[::10], dtype=np.float64).reshape(-1, 84)
+    prior = neighbours_prior(poses, np.full(len(poses), 1.0 / len(poses)), 0.03**2)  # knows nothing of this moment
+    pose, _ = fit_to_markers(prior, model, Observation.of_points(points), prior.mean, root, NOISE_M**2, (0.03, 0.1), 5)
+    assert np.linalg.norm(pose - true_pose) < 0.7 * np.linalg.norm(prior.mean - true_pose)
+
+
+def test_fit_is_the_least_of_its_energy(model, frame):
+    prior, _, root, points = frame
+    pose, found = fitted(model, frame, Observation.of_points(points), steps=8)
+
+    def energy(pose, found):
+        turn = rot.to_rotation_vector(rot.multiply(rot.conjugate(root.rotation), found.rotation)) / 0.1
+        shift = (found.position_m - root.position_m) / 0.03
+        control = (model.markers(pose.reshape(-1, 3), found) - points) / NOISE_M
+        away = pose - prior.mean
+        return np.sum(turn**2) + np.sum(shift**2) + np.sum(control**2) + away @ np.linalg.solve(prior.covariance, away)
+
+    least = energy(pose, found)
+    factor = np.linalg.cholesky(prior.covariance)
+    generator = np.random.default_rng(7)
+    for _ in range(30):
+        turned = rot.multiply(found.rotation, rot.from_rotation_vector(generator.normal(scale=0.003, size=3)))
+        other = RootPose(turned, found.position_m + generator.normal(scale=0.001, size=3))
+        assert energy(pose + 0.03 * factor @ generator.normal(size=84), other) > least
+
+
+def test_without_markers_the_prior_and_the_root_stay(model, frame):
+    prior, _, root, _ = frame
+    pose, found = fitted(model, frame, Observation.of_points(np.full((8, 3), np.nan)))
+    np.testing.assert_allclose(pose, prior.mean)
+    np.testing.assert_allclose(found.position_m, root.position_m)
+
+
+def test_a_marker_on_a_ray_helps(model, frame, stage_rig, true_markers):
+    """A hand that one camera sees comes closer to the truth than one that nobody sees, and lies on its ray."""
+    _, _, _, points = frame
+    hand = 4
+    without = points.copy()
+    without[hand] = np.nan
+    cameras, image_points = np.full(8, -1), np.full((8, 2), np.nan)
+    view = stage_rig.cameras[1]
+    cameras[hand], image_points[hand] = 1, view.undistort(view.project(points[hand]))
+    blind = fitted(model, frame, Observation.of_points(without))
+    seeing = fitted(model, frame, Observation(without, cameras, image_points, stage_rig.cameras))
+    away = [
+        np.linalg.norm(model.markers(pose.reshape(-1, 3), root)[hand] - true_markers[25, hand])
+        for pose, root in (blind, seeing)
+    ]
+    assert away[1] < away[0]
+    local = view.to_camera(model.markers(seeing[0].reshape(-1, 3), seeing[1])[hand])
+    assert np.linalg.norm(local[:2] / local[2] - image_points[hand]) * local[2] < 2.0 * NOISE_M

@@ -1,0 +1,67 @@
+import numpy as np
+import pytest
+from perfanim.core.solver.observation import Observation, control_jacobian, control_residual
+from perfanim.core.solver.subject_model import ROOT_AT_REST
+
+STEP = 1e-6
+
+
+@pytest.fixture
+def mixed(true_markers, stage_rig):
+    """Of eight markers one is hidden, two are seen by one camera each, the others are located with an error."""
+    points = true_markers[0] + np.random.default_rng(0).normal(scale=0.01, size=(8, 3))
+    cameras = np.full(8, -1)
+    cameras[[2, 5]] = 0, 1
+    image_points = np.full((8, 2), np.nan)
+    for marker in (2, 5):
+        camera = stage_rig.cameras[cameras[marker]]
+        image_points[marker] = camera.undistort(camera.project(points[marker]))
+    points[[2, 5, 7]] = np.nan
+    return Observation(points, cameras, image_points, stage_rig.cameras)
+
+
+def test_what_was_seen_how(mixed):
+    np.testing.assert_array_equal(mixed.located, [1, 1, 0, 1, 1, 0, 1, 0])
+    np.testing.assert_array_equal(mixed.single, [0, 0, 1, 0, 0, 1, 0, 0])
+    points = Observation.of_points(mixed.points_m)
+    assert not points.single.any()
+    assert len(control_residual(points, np.zeros((8, 3)))) == 15
+
+
+def test_residual_is_zero_where_the_markers_are(true_markers, stage_rig, mixed):
+    exact = Observation(np.where(np.isnan(mixed.points_m), np.nan, true_markers[0]), mixed.cameras,
+                        mixed.image_points, mixed.rig)  # fmt: skip
+    assert np.abs(control_residual(exact, true_markers[0])[:15]).max() == 0.0
+    # the single-camera markers were seen a centimetre off: across the ray they differ by no more than that
+    across = control_residual(exact, true_markers[0])[15:].reshape(2, 2)
+    assert np.all(np.linalg.norm(across, axis=1) < 0.03)
+    assert len(control_residual(mixed, true_markers[0])) == 3 * 5 + 2 * 2
+
+
+def test_a_single_camera_marker_is_free_along_its_ray(true_markers, mixed):
+    camera = mixed.rig[0]
+    ray = camera.rays(mixed.image_points[2])
+    for depth in (2.0, 3.5, 6.0):
+        markers = true_markers[0].copy()
+        markers[2] = camera.centre_m + depth * ray
+        assert np.abs(control_residual(mixed, markers)[15:17]).max() < 1e-9
+        markers[2] += np.array([0.0, 0.05, 0.0])  # 5 cm upwards, nearly across the ray
+        assert np.linalg.norm(control_residual(mixed, markers)[15:17]) == pytest.approx(0.05, rel=0.1)
+
+
+def test_jacobian_is_the_derivative_of_the_residual(model, mixed):
+    pose = np.random.default_rng(1).normal(scale=0.3, size=(28, 3))
+
+    def residual(change):
+        return control_residual(mixed, model.markers(pose + change.reshape(28, 3)))
+
+    _, full = model.markers_and_jacobian(pose, ROOT_AT_REST)
+    expected = np.stack([(residual(c) - residual(-c)) / (2.0 * STEP) for c in STEP * np.eye(84)], axis=-1)
+    # values of some metres: rounding of 1e-15 over the step
+    np.testing.assert_allclose(control_jacobian(mixed, full)[:, 6:], expected, atol=1e-8)
+
+
+def test_nothing_seen_is_no_rows():
+    nothing = Observation.of_points(np.full((3, 3), np.nan))
+    assert control_residual(nothing, np.zeros((3, 3))).shape == (0,)
+    assert control_jacobian(nothing, np.zeros((3, 3, 5))).shape == (0, 5)

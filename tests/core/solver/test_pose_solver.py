@@ -1,0 +1,175 @@
+"""The whole solver on markers of a clip that is not in the database."""
+
+import numpy as np
+import pytest
+from perfanim.core import rotations as rot
+from perfanim.core.errors import DatabaseError
+from perfanim.core.marker_set import Subject, load_marker_set
+from perfanim.core.motion import sliced
+from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.solver.observation import Observation
+from perfanim.core.solver.pose_solver import PoseSolver
+from perfanim.core.solver.settings import METHODS, SolveSettings
+from perfanim.core.solver.subject_model import SubjectModel
+
+NOISE_M = 0.002
+HAND = 4  # LHAN of locomotion
+
+
+@pytest.fixture(scope="module")
+def noisy(true_markers):
+    return true_markers + np.random.default_rng(0).normal(scale=NOISE_M, size=true_markers.shape)
+
+
+def solve(model, database, observations, method="best"):
+    solver = PoseSolver(model, database, SolveSettings(method=method))
+    return [solver.step(observation) for observation in observations]
+
+
+def degrees_per_joint(model, solutions, truth, joints=slice(1, None), start=0):
+    local = np.array([model.rotations(solution.pose, solution.root) for solution in solutions])
+    return float(np.degrees(rot.angle_between(local, truth.rotations))[start:, joints].mean())
+
+
+@pytest.fixture(scope="module")
+def solved(model, database, noisy):
+    observations = [Observation.of_points(row) for row in noisy]
+    return {method: solve(model, database, observations, method) for method in METHODS}
+
+
+def errors_without(embedded_motion, name, path, database_of):
+    """Degrees per joint of every method on a clip that the database lacks."""
+    database = database_of(path, [motion for other, motion in embedded_motion.items() if other != name])
+    truth = sliced(embedded_motion[name], 20, 60)
+    subject = Subject(name, truth.skeleton, load_marker_set("locomotion"))
+    take, _ = simulate_markers(truth, subject, 1e3 * NOISE_M)
+    observations = [Observation.of_points(row) for row in take.positions_m]
+    model = SubjectModel(subject, database.mean_rotations)
+    return {m: degrees_per_joint(model, solve(model, database, observations, m), truth) for m in METHODS}
+
+
+def test_methods_stand_in_order(embedded_motion, tmp_path, database_of):
+    """Interpolating beats copying, and conditioning on the markers beats both, over people whose style nobody shares.
+
+    Where the database holds the same style again the closest frame is hard to beat, and with a single other clip of
+    the behaviour there is no neighbourhood to learn from: such clips say little about the methods.
+    """
+    clips = ("walking-02-energetic", "running-02-neutral", "boxing-02-tired")
+    rows = [errors_without(embedded_motion, name, tmp_path / "rest.db", database_of) for name in clips]
+    error = {method: np.mean([row[method] for row in rows]) for method in METHODS}
+    assert error["best"] < 0.95 * min(error["local-pca"], error["lwr"])
+    assert max(error["local-pca"], error["lwr"]) < 0.97 * error["nearest"]
+    for row in rows:
+        assert row["best"] == min(row.values())
+
+
+def test_fitting_methods_explain_the_markers_and_copies_do_not(solved, noisy):
+    def rms(method):
+        markers = np.array([solution.markers_m for solution in solved[method]])
+        return np.sqrt(np.mean(np.sum((markers - noisy) ** 2, axis=-1)))
+
+    assert rms("best") < 2.0 * np.sqrt(3.0) * NOISE_M
+    assert rms("best") < rms("local-pca") < rms("nearest")
+
+
+def test_solution_is_consistent(model, solved):
+    for method, solutions in solved.items():
+        for solution in solutions[::20]:
+            np.testing.assert_allclose(
+                model.markers(solution.pose, solution.root), solution.markers_m, atol=1e-6, err_msg=method
+            )
+            assert solution.nearest_m > 0.0
+    assert {solution.neighbours for solution in solved["nearest"]} == {1}
+    sizes = {(solution.neighbours, solution.dimensions) for solution in solved["local-pca"]}
+    assert sizes <= {(k, b) for k in SolveSettings().neighbours for b in SolveSettings().dimensions}
+    assert len(sizes) > 1  # chosen anew for every frame
+
+
+def test_the_root_is_found(solved, truth):
+    for solution, position, rotation in zip(solved["best"], truth.root_positions_m, truth.rotations, strict=True):
+        assert np.linalg.norm(solution.root.position_m - position) < 0.05
+        assert np.degrees(rot.angle_between(solution.root.rotation, rotation[0])) < 10.0
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_hidden_markers_are_borne(model, database, noisy, truth, solved, method):
+    points = noisy[:30].copy()
+    points[10:20, [HAND, 6]] = np.nan
+    points[20:, 1] = np.nan
+    points[25] = np.nan  # nothing at all
+    solutions = solve(model, database, [Observation.of_points(row) for row in points], method)
+    part = sliced(truth, 0, 30)
+    assert all(np.isfinite(solution.pose).all() for solution in solutions)
+    all_seen = degrees_per_joint(model, solved[method][:30], part)
+    assert degrees_per_joint(model, solutions, part) < all_seen + 6.0
+
+
+def test_a_marker_that_one_camera_sees_beats_one_that_none_sees(model, database, noisy, true_markers, stage_rig):
+    """The left hand is hidden from one camera, or from both, for the whole second half."""
+    view = stage_rig.cameras[0]
+    blind, seeing = [], []
+    for number, row in enumerate(noisy[:40]):
+        points = row.copy()
+        cameras, image_points = np.full(8, -1), np.full((8, 2), np.nan)
+        if number >= 15:
+            points[HAND] = np.nan
+            cameras[HAND], image_points[HAND] = 0, view.undistort(view.project(row[HAND]))
+        blind.append(Observation.of_points(points))
+        seeing.append(Observation(points, cameras, image_points, stage_rig.cameras))
+    away = [
+        np.mean([
+            np.linalg.norm(solution.markers_m[HAND] - true[HAND])
+            for solution, true in zip(solve(model, database, seen)[15:], true_markers[15:40], strict=True)
+        ])
+        for seen in (blind, seeing)
+    ]  # fmt: skip
+    solutions = solve(model, database, seeing)
+    local = view.to_camera([solution.markers_m[HAND] for solution in solutions[15:]])
+    seen = np.array([observation.image_points[HAND] for observation in seeing[15:]])
+    across = np.linalg.norm(local[:, :2] - seen * local[:, 2:], axis=1)
+    assert away[1] < away[0]
+    assert np.mean(across) < 3.0 * NOISE_M
+
+
+def test_nothing_is_solved_before_the_torso_is_seen(model, database, noisy):
+    solver = PoseSolver(model, database, SolveSettings())
+    hands_only = noisy[0].copy()
+    hands_only[model.torso] = np.nan
+    assert solver.step(Observation.of_points(hands_only)) is None
+    assert solver.predicted_markers_m() is None
+    first = solver.step(Observation.of_points(noisy[0]))
+    np.testing.assert_allclose(solver.predicted_markers_m(), first.markers_m)
+    assert solver.step(Observation.of_points(hands_only)) is not None
+    solver.reset()
+    assert solver.predicted_markers_m() is None
+
+
+def test_reset_forgets_everything(model, database, noisy):
+    solver = PoseSolver(model, database, SolveSettings())
+    fresh = [solver.step(Observation.of_points(row)).pose for row in noisy[:4]]
+    solver.step(Observation.of_points(noisy[40]))
+    solver.reset()
+    again = [solver.step(Observation.of_points(row)).pose for row in noisy[:4]]
+    np.testing.assert_array_equal(again, fresh)
+
+
+def test_a_place_elsewhere_gives_the_same_pose(model, database, noisy, solved):
+    """The body turned and moved: only the root changes."""
+    turn, shift = rot.from_rotation_vector([0.0, 2.0, 0.0]), np.array([3.0, 0.5, -7.0])
+    moved = solve(model, database, [Observation.of_points(rot.rotate(turn, row) + shift) for row in noisy[:5]])
+    for solution, original in zip(moved, solved["best"], strict=False):
+        np.testing.assert_allclose(solution.pose, original.pose, atol=1e-3)  # float32 in the search
+        expected = rot.rotate(turn, original.root.position_m) + shift
+        np.testing.assert_allclose(solution.root.position_m, expected, atol=1e-3)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_small_databases_are_enough_to_start(model, noisy, embedded_motion, tmp_path, database_of, method):
+    walk = next(motion for name, motion in embedded_motion.items() if name.startswith("walking"))
+    small = database_of(tmp_path / "two.db", [sliced(walk, 0, 2)])
+    own = type(model)(model.subject, small.mean_rotations)
+    for solution in solve(own, small, [Observation.of_points(row) for row in noisy[:3]], method):
+        assert np.isfinite(solution.pose).all()
+    single = database_of(tmp_path / "one.db", [sliced(walk, 0, 1)])
+    with pytest.raises(DatabaseError, match="fewer than two frames; import more motion"):
+        PoseSolver(own, single, SolveSettings(method=method))
