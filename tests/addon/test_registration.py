@@ -24,6 +24,7 @@ def snapshot() -> dict[str, Any]:
 def test_on_and_off_three_times_leaves_nothing(extension: str) -> None:
     import addon_utils
 
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     before = snapshot()
     assert before["operators"] == set()
     for _ in range(3):

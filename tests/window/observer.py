@@ -94,17 +94,24 @@ def remember(run):
     last_run = run
 
 
+def curves_in(action):
+    if hasattr(action, "fcurves"):
+        return list(action.fcurves)
+    strips = [strip for layer in action.layers for strip in layer.strips]
+    return [curve for strip in strips for bag in strip.channelbags for curve in bag.fcurves]
+
+
 def actions():
     found = {}
     for action in bpy.data.actions:
-        curves = list(action.fcurves)
+        curves = curves_in(action)
         keys = [len(curve.keyframe_points) for curve in curves]
         found[action.name] = {
             "curves": len(curves),
             "paths": sorted({curve.data_path.rpartition(".")[2] for curve in curves}),
             "keys_min": min(keys, default=0),
             "keys_max": max(keys, default=0),
-            "groups": len(action.groups),
+            "groups": len({curve.group.name for curve in curves if curve.group}),
         }
     return found
 
@@ -169,11 +176,12 @@ class OBSERVER_OT_bare_timer(bpy.types.Operator):  # noqa: N801
 
 def recorded_poses(obj, action):
     places = {bone.name: index for index, bone in enumerate(obj.pose.bones)}
-    keys = len(action.fcurves[0].keyframe_points)
+    curves = curves_in(action)
+    keys = len(curves[0].keyframe_points)
     rotations = np.zeros((keys, len(places), 4), dtype=np.float32)
     rotations[..., 0] = 1.0
     locations = np.zeros((keys, 3), dtype=np.float32)
-    for curve in action.fcurves:
+    for curve in curves:
         co = np.empty(2 * len(curve.keyframe_points), dtype=np.float32)
         curve.keyframe_points.foreach_get("co", co)
         bone = curve.data_path.split('"')[1]
