@@ -8,11 +8,15 @@ from typing import Any
 import numpy as np
 
 from ..assets import SKELETONS
+from ..database.store import open_database
 from ..errors import SettingsError
 from ..formats.takes import read_take
-from ..marker_set import load_marker_set, save_subject
+from ..marker_set import MarkerSet, Subject, load_marker_set, save_subject
+from ..marker_take import MarkerTake
+from ..product_skeleton import default_skeleton
 from ..simulate.performer.bodies import load_bodies
 from ..subject_calibration import POSES, calibrate_subject, calibration_points
+from ..subject_from_motion import frames_of, subject_from_motion
 
 
 def add_parser(subparsers: Any) -> None:
@@ -25,6 +29,15 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument("--pose", choices=tuple(POSES), default="t", help="the pose that is held (default t)")
     parser.add_argument("--seconds", type=float, default=1.0, metavar="S", help="how long it is held still (default 1)")
     parser.add_argument("--frames", metavar="A:B", help="look only at these frames of the take")
+    parser.add_argument(
+        "--database",
+        metavar="DB",
+        help="nobody holds a pose: fit bones and offsets to the take's motion (at most its first 300 frames) with "
+        "poses from this motion database, drawn to the marker set's usual offsets",
+    )
+    parser.add_argument(
+        "--height", type=float, metavar="M", help="with --database: of the person, metres (default 1.7)"
+    )
     parser.set_defaults(run=run)
 
 
@@ -33,13 +46,16 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
     progress(0.0, "reading")
     take = read_take(args.take)
     marker_set = load_marker_set(args.marker_set)
-    points = calibration_points(take, marker_set, args.seconds, _window(args.frames))
     name = args.name or Path(args.out).stem
-    calibration = calibrate_subject(points, marker_set, load_bodies(SKELETONS), name, args.pose)
-    subject = calibration.subject
+    if args.database:
+        subject = _from_motion(args, take, marker_set, name, progress)
+    else:
+        points = calibration_points(take, marker_set, args.seconds, _window(args.frames))
+        subject = calibrate_subject(points, marker_set, load_bodies(SKELETONS), name, args.pose).subject
     save_subject(subject, args.out)
+    lengths = np.linalg.norm(subject.skeleton.tips_m, axis=1)
     return {
-        "bones_mm": {joint: 1e3 * length for joint, length in calibration.bones_m.items()},
+        "bones_mm": {joint: 1e3 * float(n) for joint, n in zip(subject.skeleton.names, lengths, strict=True)},
         "offsets_mm": {
             marker: (1e3 * np.asarray(offset)).round(1).tolist()
             for marker, offset in zip(subject.marker_set.names, subject.marker_set.offsets_m, strict=True)
@@ -47,6 +63,18 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
         "residual_mm": 1e3 * subject.residual_m,
         "out": str(args.out),
     }
+
+
+def _from_motion(
+    args: argparse.Namespace, take: MarkerTake, marker_set: MarkerSet, name: str, progress: Callable[[float, str], None]
+) -> Subject:
+    """Return the subject fitted to the take's motion."""
+    height_m = 1.7 if args.height is None else args.height
+    if not 1.0 <= height_m <= 2.5:
+        raise SettingsError(f"--height {height_m:g} is out of range", advice="give metres, 1 to 2.5")
+    start = Subject(name, default_skeleton(height_m), marker_set)
+    part = frames_of(take, _window(args.frames))
+    return subject_from_motion(part, start, open_database(args.database), progress).subject
 
 
 def _window(text: str | None) -> slice:

@@ -9,6 +9,7 @@ from ..database.store import open_database
 from ..errors import SubjectError
 from ..formats.bvh import write_bvh
 from ..formats.takes import read_take
+from ..marker_filter import smoothed, smoothed_motion
 from ..marker_set import Subject, load_marker_set, load_subject
 from ..motion_files import read_skeleton
 from ..solve_take import solve_take
@@ -27,6 +28,12 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--method", choices=("best", *METHODS), default="best", help="how poses are found (default best)"
     )
+    parser.add_argument(
+        "--smooth",
+        type=float,
+        metavar="HZ",
+        help="low-pass markers before and motion after, without lag; 6 suits walking (default: off)",
+    )
     parser.add_argument("--out", required=True, metavar="MOTION.bvh", help="motion to write")
     parser.add_argument("--units", choices=("m", "cm"), default="m", help="unit of the BVH file (default m)")
     parser.set_defaults(run=run)
@@ -36,11 +43,14 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
     """Solve a take and write its motion."""
     progress(0.0, "reading")
     take = read_take(args.take)
+    if args.smooth is not None:
+        take = smoothed(take, args.smooth)
     subject = _subject(args)
     database = open_database(args.database)
     settings = SolveSettings() if args.method == "best" else SolveSettings(method=args.method)
     solved = solve_take(take, subject, database, settings, progress)
-    write_bvh(solved.motion, args.out, args.units)
+    motion = solved.motion if args.smooth is None else smoothed_motion(solved.motion, args.smooth)
+    write_bvh(motion, args.out, args.units)
     return solved.summary() | {"method": settings.method, "fps": take.fps, "out": str(Path(args.out))}
 
 

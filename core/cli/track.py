@@ -50,6 +50,16 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--truth", metavar="TAKE", help="trajectories to compare with, frame by frame (.trc, .c3d, .csv, .take.npz)"
     )
+    parser.add_argument(
+        "--floor",
+        choices=("camera", "feet"),
+        default="camera",
+        help="the take's world: the left camera's level (camera), or with the floor where the feet stand at y = 0 "
+        "(feet; needs --marker-set with markers on the feet) (default camera)",
+    )
+    parser.add_argument(
+        "--floor-cameras", metavar="FILE", help="with --floor feet: also write the calibration in that world"
+    )
     parser.set_defaults(run=run)
 
 
@@ -66,6 +76,10 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     marker_set = load_marker_set(args.marker_set) if args.marker_set else None
     if args.markers is not None and not 1 <= args.markers <= 200:
         raise SettingsError(f"--markers {args.markers} cannot be", advice="use 1 to 200")
+    if args.floor == "feet" and marker_set is None:
+        raise SettingsError("--floor feet needs --marker-set", advice="name the marker set that is worn")
+    if args.floor_cameras and args.floor != "feet":
+        raise SettingsError("--floor-cameras needs --floor feet", advice="add it, or leave --floor-cameras out")
     rig = load_rig(args.cameras)
     if args.ignore_distortion:
         rig = _without_distortion(rig)
@@ -79,7 +93,6 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     count = len(marker_set) if marker_set else args.markers
     tracking = track_markers(frames, _take_name(args.out), source.fps, count)
     take = named_take(tracking.take, marker_set) if marker_set else tracking.take
-    write_take(take, args.out)
     visible = take.visible
     summary: dict[str, Any] = {
         "frames": take.frames,
@@ -95,7 +108,21 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     }
     if args.truth:
         summary |= _compared(take, args.truth)
+    write_take(_on_floor(args, take, rig) if args.floor == "feet" else take, args.out)
     return summary
+
+
+def _on_floor(args: argparse.Namespace, take: Any, rig: Any) -> Any:
+    """Return the take in a world with its floor at y = 0, and write the calibration in it if wanted."""
+    from ..camera import save_rig
+    from ..floor_from_feet import floor_points, moved_to_rig
+    from ..marker_set import load_marker_set
+    from ..vision.floor import rig_on_floor
+
+    level = rig_on_floor(rig, floor_points(take, load_marker_set(args.marker_set)))
+    if args.floor_cameras:
+        save_rig(level, args.floor_cameras)
+    return moved_to_rig(take, rig, level)
 
 
 def _pipeline(args: argparse.Namespace, rig: Any, source: Any, progress: Progress) -> Any:

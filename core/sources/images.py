@@ -15,6 +15,9 @@ from .image_set import Image, ImageSet
 _TIME_OF_DAY = re.compile(r"(?<!\d)(\d{1,2})-(\d{2})-(\d{2})[~%.,](\d+)")
 
 
+_PAUSE = 4.0  # an interval longer than so many usual ones is a pause in the recording
+
+
 class ImageFileSource:
     """Image sets from files; iterate it any number of times.
 
@@ -38,7 +41,7 @@ class ImageFileSource:
         self.name = lists[0][0].parent.name
         self._times = _times_from_names([paths[0] for _, paths in self._pairs])
         if self._times is not None:
-            self.fps = float(1.0 / np.median(np.diff(self._times)))
+            self.fps = _usual_rate(self._times)
         else:
             self.fps = fps
         self._closed = False
@@ -94,6 +97,12 @@ def _times_from_names(paths: Sequence[Path]) -> list[float] | None:
     if len(times) < 2 or any(later <= earlier for earlier, later in pairwise(times)):
         return None
     return [time - times[0] for time in times]
+
+
+def _usual_rate(times_s: Sequence[float]) -> float:
+    """Return frames per second from first to last, pauses left out: programs note a frame's time late by chance."""
+    steps = np.diff(times_s)
+    return float(1.0 / np.mean(steps[steps <= _PAUSE * np.median(steps)]))
 
 
 def is_image_pattern(text: str) -> bool:

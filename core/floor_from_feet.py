@@ -1,0 +1,140 @@
+"""Where the floor is, from feet that stand on it: for recordings in which no board was laid on the floor."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import rotations as rot
+from .calibration_pose import standing
+from .camera import CameraRig
+from .errors import TakeError
+from .marker_filter import smoothed
+from .marker_set import MarkerSet
+from .marker_take import MarkerTake
+from .product_skeleton import default_skeleton
+from .rigid import kabsch, transform
+from .skeleton import Skeleton, forward_kinematics
+
+Array = NDArray[np.float64]
+
+_FOOT_JOINTS = ("lfoot", "rfoot", "ltoes", "rtoes")
+_SOLE_M = 0.02  # from the lowest joint of a standing foot down to the floor
+_SMOOTHING_HZ = 5.0
+_STILL_M_S = 0.25
+_LOW_M = 0.04  # above the foot's lowest height within a second
+_FEWEST_S = 0.5  # that one foot must stand, to tell where the floor is
+_LEAN_RAD = np.radians(3.0)  # standard deviation of a performer's mean lean from upright
+_HEIGHT_SIGMA_M = 0.01  # of a standing foot's marker above the floor
+_FRAMES_PER_STAND = 10.0  # frames of one stand repeat each other's errors
+_TRIMMED = 3.0  # heights further off than so many median deviations are no stands
+_TRIM_ROUNDS = 5
+_UPRIGHT_SAMPLES = 60
+
+
+def floor_points(take: MarkerTake, marker_set: MarkerSet) -> Array:
+    """Return four points (4, 3) of the floor, about where the performer moved.
+
+    The markers of the feet, while they rest, lie as high above the floor as on a standing person; a plane is laid
+    through them, which an upright performer's mean direction steadies where the feet stood nearly on one line.
+
+    Args:
+        take: labelled, in any world; the performer stands or walks in it.
+        marker_set: with usual offsets and markers on the feet.
+
+    Raises:
+        TakeError: no markers on the feet, or feet that never rest.
+        MarkerSetError: the set has no offsets.
+    """
+    skeleton = default_skeleton()
+    upright = _upright(take, marker_set, skeleton)
+    calm = smoothed(take, min(_SMOOTHING_HZ, 0.2 * take.fps))
+    stands = _stands(calm, marker_set, skeleton, upright)
+    if len(stands) < _FEWEST_S * take.fps:
+        raise TakeError(
+            "no foot stands long enough to find the floor", where=take.name, advice="lay the board on the floor"
+        )
+    return _plane(stands, upright)
+
+
+def moved_to_rig(take: MarkerTake, old: CameraRig, new: CameraRig) -> MarkerTake:
+    """Return the take in the world of the new rig, which has the same cameras as the old one."""
+    before, after = old.cameras[0], new.cameras[0]
+    rotation = after.rotation.T @ before.rotation
+    translation = after.rotation.T @ (before.translation_m - after.translation_m)
+    return replace(take, positions_m=transform(rotation, translation, take.positions_m))
+
+
+def _upright(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton) -> Array:
+    """Return the rotation (3, 3) from a level frame into the take's world, by the mean direction of the body."""
+    joints = marker_set.joint_indices(skeleton)
+    positions, world = forward_kinematics(skeleton, standing(skeleton), np.zeros(3))
+    template = positions[joints] + rot.rotate(world[joints], marker_set.offsets_m)
+    columns = _columns(take, marker_set)
+    up = np.zeros(3)
+    for frame in np.unique(np.linspace(0, take.frames - 1, _UPRIGHT_SAMPLES).astype(int)):
+        row = take.positions_m[frame, columns]
+        seen = np.isfinite(row[:, 0])
+        if np.sum(seen) >= 4:
+            up += kabsch(template[seen], row[seen], np.ones(int(seen.sum())))[0][:, 1]
+    if np.linalg.norm(up) < 1e-6:
+        raise TakeError("too few markers are seen at once to find the floor", where=take.name)
+    return rot.to_matrix(rot.between([0.0, 1.0, 0.0], up))
+
+
+def _columns(take: MarkerTake, marker_set: MarkerSet) -> list[int]:
+    missing = [name for name in marker_set.names if name not in take.names]
+    if missing:
+        raise TakeError(
+            "has no marker " + ", ".join(missing), where=take.name, advice="choose the marker set that was worn"
+        )
+    return [take.names.index(name) for name in marker_set.names]
+
+
+def _stands(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, upright: Array) -> Array:
+    """Return (N, 3) points of the floor in the level frame, below markers of resting feet."""
+    columns = _columns(take, marker_set)
+    heights = _usual_heights(marker_set, skeleton)
+    radius = round(take.fps)
+    found = []
+    for marker, item in enumerate(marker_set.markers):
+        if item.joint not in _FOOT_JOINTS:
+            continue
+        path = take.positions_m[:, columns[marker]] @ upright
+        speed = np.linalg.norm(np.gradient(path, axis=0), axis=1) * take.fps if len(path) > 1 else np.zeros(1)
+        height = np.where(np.isfinite(path[:, 1]), path[:, 1], np.inf)
+        padded = np.pad(height, radius, mode="edge")
+        lowest = np.lib.stride_tricks.sliding_window_view(padded, 2 * radius + 1).min(axis=1)
+        resting = (speed < _STILL_M_S) & (height < lowest + _LOW_M)  # both false where the marker is not seen
+        found.append(path[resting] - [0.0, heights[marker], 0.0])
+    if not found:
+        raise TakeError(
+            f"the marker set {marker_set.name} has no marker on the feet", advice="lay the board on the floor"
+        )
+    return np.concatenate(found)
+
+
+def _usual_heights(marker_set: MarkerSet, skeleton: Skeleton) -> Array:
+    """Return (M,) heights of the markers above the floor when a person stands."""
+    positions, world = forward_kinematics(skeleton, standing(skeleton), np.zeros(3))
+    joints = marker_set.joint_indices(skeleton)
+    markers = positions[joints] + rot.rotate(world[joints], marker_set.offsets_m)
+    floor = min(positions[skeleton.index(name), 1] for name in _FOOT_JOINTS) - _SOLE_M
+    return np.asarray(markers[:, 1] - floor)
+
+
+def _plane(stands: Array, upright: Array) -> Array:
+    """Return four points (4, 3), in the take's world, of the plane y = a x + b z + c through level-frame points."""
+    kept = np.ones(len(stands), dtype=bool)
+    for _ in range(_TRIM_ROUNDS):
+        middle = stands[kept].mean(axis=0)
+        rows = np.column_stack((stands[:, 0] - middle[0], stands[:, 2] - middle[2], np.ones(len(stands))))
+        weight = 1.0 / (_HEIGHT_SIGMA_M**2 * _FRAMES_PER_STAND)
+        normal = weight * rows[kept].T @ rows[kept] + np.diag([_LEAN_RAD**-2, _LEAN_RAD**-2, 0.0])
+        plane = np.linalg.solve(normal, weight * rows[kept].T @ stands[kept, 1])
+        error = np.abs(stands[:, 1] - rows @ plane)
+        kept = error <= _TRIMMED * max(float(np.median(error)), 1e-4)
+    corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
+    height = corners @ plane[:2] + plane[2]
+    level = np.column_stack((middle[0] + corners[:, 0], height, middle[2] + corners[:, 1]))
+    return np.asarray(level @ upright.T)

@@ -1,0 +1,87 @@
+"""Noise taken out of recorded trajectories: of markers before they are solved, of the solved motion after."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
+
+from .errors import SettingsError
+from .marker_take import MarkerTake
+from .motion import Motion
+from .rotations import normalize
+
+Array = NDArray[np.float64]
+
+_ORDER = 2  # run forwards and backwards: fourth order without lag, as is usual for gait (Winter 2009, section 3.4)
+
+
+def smoothed(take: MarkerTake, cutoff_hz: float) -> MarkerTake:
+    """Return the take with its trajectories low-passed without lag; frames without a marker stay without it.
+
+    Every unbroken stretch of a trajectory is filtered by itself; those too short for the filter stay as they are.
+
+    Args:
+        take: frames at a steady rate.
+        cutoff_hz: frequency at which half the power is left; walking keeps its shape from 6 Hz up.
+
+    Raises:
+        SettingsError: the frequency lies outside what the take's rate can show.
+    """
+    sections = _low_pass(cutoff_hz, take.fps, take.name)
+    positions = take.positions_m.copy()
+    for marker, visible in enumerate(take.visible.T):
+        for start, stop in _stretches(visible):
+            positions[start:stop, marker] = _filtered(sections, positions[start:stop, marker])
+    return replace(take, positions_m=positions)
+
+
+def smoothed_motion(motion: Motion, cutoff_hz: float) -> Motion:
+    """Return the motion with joint rotations and root path low-passed without lag.
+
+    Joints without markers follow the database's examples, which change from frame to frame.
+
+    Args:
+        motion: any motion.
+        cutoff_hz: as for `smoothed`.
+
+    Raises:
+        SettingsError: as for `smoothed`.
+    """
+    sections = _low_pass(cutoff_hz, motion.fps, motion.name)
+    steps = np.sum(motion.rotations[1:] * motion.rotations[:-1], axis=-1, keepdims=True)
+    signs = np.cumprod(np.where(steps < 0.0, -1.0, 1.0), axis=0)  # q and -q are one rotation: a path without jumps
+    rotations = np.concatenate((motion.rotations[:1], motion.rotations[1:] * signs))
+    return replace(
+        motion,
+        rotations=normalize(_filtered(sections, rotations)),
+        root_positions_m=_filtered(sections, motion.root_positions_m),
+    )
+
+
+def _low_pass(cutoff_hz: float, fps: float, name: str) -> Array | None:
+    """Return the filter's sections; None where it would let all that the rate can show pass."""
+    if not 0.0 < cutoff_hz < 0.5 * fps:
+        raise SettingsError(
+            f"smoothing at {cutoff_hz:g} Hz is out of range",
+            where=name,
+            advice=f"give more than 0 and less than half the frame rate, {0.5 * fps:.3g} Hz",
+        )
+    # two passes narrow the band: each gets a cut-off that is higher by the same factor
+    single_pass = cutoff_hz / (np.sqrt(2.0) - 1.0) ** (0.5 / _ORDER)
+    if single_pass >= 0.5 * fps:
+        return None
+    return np.asarray(butter(_ORDER, single_pass, fs=fps, output="sos"))
+
+
+def _filtered(sections: Array | None, path: Array) -> Array:
+    """Return (F, ...) filtered forwards and backwards; one too short for the filter's run-in stays as it is."""
+    if sections is None or len(path) <= 3 * (2 * len(sections) + 1):
+        return path
+    return np.asarray(sosfiltfilt(sections, path, axis=0))
+
+
+def _stretches(visible: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return (start, stop) of each unbroken run."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], visible, [False])).astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

@@ -1,0 +1,200 @@
+"""A person's skeleton and marker offsets from motion alone, for takes without a calibration pose.
+
+Poses and body are found in turn: the solver completes the poses for the body known so far, then bone lengths and
+marker offsets are fitted to all frames at once. With the joint rotations fixed the markers are linear in both, so the
+fit is one ridge regression about the usual proportions and offsets (cf. the attachment phase of O'Brien et al. 2000,
+whose joint centres are linear in the same way).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import rotations as rot
+from .database.store import Database
+from .errors import SubjectError
+from .marker_set import MarkerSet, Subject
+from .marker_take import MarkerTake
+from .session import Session
+from .skeleton import Skeleton, forward_kinematics
+from .solver.settings import SolveSettings
+from .sources.take import take_frames
+
+Array = NDArray[np.float64]
+
+_ROUNDS = 4
+_MOST_FRAMES = 300  # of the take that are looked at; more tell little new about the body
+_LARGE_M = 0.06  # a frame with a larger marker error shows no pose to learn from
+_FEWEST_FRAMES = 20
+_SIZE_SIGMA = 0.08  # standard deviation of the whole body's size about the first estimate
+_PART_SIGMA = 0.04  # of a part's share in it
+_OFFSET_SIGMA_M = 0.02  # of a marker about its usual place on the body
+_MARKER_SIGMA_M = 0.01  # of a marker about the modelled one, skin and solver together
+_INDEPENDENT_FRAMES = 30.0  # frames that follow each other repeat each other's errors: all count as so many
+
+_PARTS: dict[str, tuple[str, ...]] = {
+    "hips": ("femur",),
+    "trunk": ("lowerback", "upperback", "thorax", "lowerneck", "upperneck", "head", "clavicle", "humerus"),
+    "thighs": ("tibia",),
+    "shanks": ("foot",),
+    "feet": ("toes",),
+    "arms": ("radius", "wrist", "hand", "fingers", "thumb"),
+}
+
+
+@dataclass(frozen=True)
+class MotionFit:
+    """A subject fitted to motion.
+
+    Args:
+        subject: skeleton and offsets; its residual is the RMS marker error over the frames, metres.
+        frames: that were used.
+    """
+
+    subject: Subject
+    frames: int
+
+
+def subject_from_motion(
+    take: MarkerTake,
+    start: Subject,
+    database: Database,
+    progress: Callable[[float, str], None] = lambda fraction, text: None,
+) -> MotionFit:
+    """Return the subject whose bones and offsets explain a take best.
+
+    Args:
+        take: labelled; nobody need stand still in it.
+        start: first guess of the body with the usual offsets, to which the result is drawn.
+        database: motion of the kind that the take shows.
+        progress: told how far it is.
+
+    Raises:
+        SubjectError: too few frames could be explained.
+        TakeError: the take lacks torso markers.
+    """
+    part = frames_of(take, slice(0, _MOST_FRAMES))
+    observed = _observed(part, start.marker_set)
+    subject, used = start, 0
+    for round_ in range(_ROUNDS):
+        progress(round_ / _ROUNDS, "fitting the body")
+        rotations, good = _poses(part, subject, database)
+        used = int(good.sum())
+        if used < _FEWEST_FRAMES:
+            raise SubjectError(
+                f"only {used} frames fit a body",
+                where=take.name,
+                advice="choose the marker set that was worn, or a database with such motion",
+            )
+        subject = _fitted(rotations[good], observed[good], start)
+    return MotionFit(subject, used)
+
+
+def frames_of(take: MarkerTake, frames: slice) -> MarkerTake:
+    """Return part of a take; TakeError when nothing is left of it."""
+    return replace(
+        take,
+        positions_m=take.positions_m[frames],
+        frame_numbers=take.frame_numbers[frames],
+        times_s=take.times_s[frames],
+    )
+
+
+def _observed(take: MarkerTake, marker_set: MarkerSet) -> Array:
+    """Return (F, M, 3) positions in the set's order, NaN where the take has none."""
+    result = np.full((take.frames, len(marker_set), 3), np.nan)
+    for column, name in enumerate(marker_set.names):
+        if name in take.names:
+            result[:, column] = take.positions_m[:, take.names.index(name)]
+    return result
+
+
+def _poses(take: MarkerTake, subject: Subject, database: Database) -> tuple[Array, NDArray[np.bool_]]:
+    """Return joint rotations (F, J, 4) and which frames were solved well."""
+    session = Session(subject, database, settings=SolveSettings())
+    poses = [session.step(frame) for frame in take_frames(take, subject.marker_set)]
+    good = np.array([pose.marker_rms_m < _LARGE_M and pose.confidence > 0.0 for pose in poses])
+    return np.array([pose.rotations for pose in poses]), good
+
+
+def _fitted(rotations: Array, observed: Array, start: Subject) -> Subject:
+    """Return the subject of least marker error under given rotations (F, J, 4), drawn to the start."""
+    by_part, by_offset, modelled = _linear_model(rotations, start)
+    count, markers = observed.shape[:2]
+    seen = np.all(np.isfinite(observed), axis=-1)
+    # the root's position is free in every frame: only differences to the frame's mean marker count
+    residual = _less_mean(observed - modelled, seen).reshape(-1)
+    columns = _less_mean(np.concatenate((by_part, by_offset), axis=-1), seen).reshape(count * markers * 3, -1)
+    weight = min(1.0, _INDEPENDENT_FRAMES / count) / _MARKER_SIGMA_M**2
+    normal = weight * columns.T @ columns + _prior(by_part.shape[-1], markers)
+    solution = np.linalg.solve(normal, weight * columns.T @ residual)
+    error = (residual - columns @ solution).reshape(count, markers, 3)
+    rms = float(np.sqrt(np.sum(error**2) / seen.sum()))
+    parts = solution[: by_part.shape[-1]]
+    offsets = start.marker_set.offsets_m + solution[by_part.shape[-1] :].reshape(-1, 3)
+    return Subject(start.name, _sized(start.skeleton, parts), start.marker_set.with_offsets(offsets), rms)
+
+
+def _less_mean(values: Array, seen: NDArray[np.bool_]) -> Array:
+    """Return values (F, M, ...) less their mean over the frame's seen markers, 0 at the others."""
+    shown = seen.reshape(*seen.shape, *[1] * (values.ndim - 2))
+    share = np.maximum(shown.sum(axis=1, keepdims=True), 1)
+    mean = np.sum(values, axis=1, where=shown, keepdims=True) / share
+    return np.where(shown, values - mean, 0.0)
+
+
+def _linear_model(rotations: Array, subject: Subject) -> tuple[Array, Array, Array]:
+    """Return d marker / d part sizes (F, M, 3, P), d marker / d offsets (F, M, 3, 3 M), and the markers (F, M, 3)."""
+    skeleton, joints = subject.skeleton, subject.marker_set.joint_indices(subject.skeleton)
+    positions, world = forward_kinematics(skeleton, rotations, np.zeros(3))
+    parts = _part_of_joint(skeleton)
+    by_part = np.empty((*rotations.shape[:1], len(joints), 3, len(_PARTS)))
+    for part in range(len(_PARTS)):
+        only = np.where((parts == part)[:, None], skeleton.offsets_m, 0.0)
+        kept = replace(skeleton, offsets_m=only)
+        by_part[..., part] = forward_kinematics(kept, rotations, np.zeros(3))[0][:, joints]
+    turns = rot.to_matrix(world[:, joints])
+    by_offset = np.zeros((len(rotations), len(joints), 3, 3 * len(joints)))
+    for marker in range(len(joints)):
+        by_offset[:, marker, :, 3 * marker : 3 * marker + 3] = turns[:, marker]
+    offsets = subject.marker_set.offsets_m
+    markers = positions[:, joints] + np.einsum("fmij,mj->fmi", turns, offsets)
+    return by_part, by_offset, markers
+
+
+def _part_of_joint(skeleton: Skeleton) -> NDArray[np.int64]:
+    """Return (J,) which part's size a joint's offset from its parent belongs to; -1 for the root."""
+    result = np.full(len(skeleton), -1, dtype=np.int64)
+    for number, members in enumerate(_PARTS.values()):
+        for joint, name in enumerate(skeleton.names):
+            if name in members or (name[:1] in "lr" and name[1:] in members):
+                result[joint] = number
+    return result
+
+
+def _prior(parts: int, markers: int) -> Array:
+    """Return the inverse covariance of (part sizes, offsets): parts grow together, each a little by itself."""
+    covariance = np.full((parts, parts), _SIZE_SIGMA**2) + _PART_SIGMA**2 * np.eye(parts)
+    result = np.zeros((parts + 3 * markers, parts + 3 * markers))
+    result[:parts, :parts] = np.linalg.inv(covariance)
+    diagonal = np.arange(parts, parts + 3 * markers)
+    result[diagonal, diagonal] = _OFFSET_SIGMA_M**-2
+    return result
+
+
+def _sized(skeleton: Skeleton, parts: Array) -> Skeleton:
+    """Return the skeleton with each part's bones longer by its share."""
+    part = _part_of_joint(skeleton)
+    factors = np.where(part >= 0, 1.0 + parts[part], 1.0)
+    offsets = skeleton.offsets_m * factors[:, None]
+    tips = skeleton.tips_m.copy()
+    for joint in range(len(skeleton)):
+        followers = [
+            child
+            for child in np.flatnonzero(skeleton.parents == joint)
+            if np.allclose(skeleton.offsets_m[child], skeleton.tips_m[joint], atol=1e-6)
+        ]
+        tips[joint] = offsets[followers[0]] if followers else skeleton.tips_m[joint] * factors[joint]
+    return replace(skeleton, offsets_m=offsets, tips_m=tips)
