@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..errors import DatabaseError
 from ..formats.archive import MotionFile, motion_files
 from ..skeleton import Skeleton
+from .graph import LARGE_DATABASE, GraphSettings
 from .labels import behaviour_of, subject_of
 from .reading import ReadClip, read_files
 from .store import Clip, write_database
@@ -73,7 +74,7 @@ def build_database(
 
     Every clip is mapped onto the product's joints, brought to `fps` on the shortest arcs, and keeps its subject's
     bone lengths. A file that cannot be read is skipped with the reason; frames with missing numbers are left out, and
-    the clip goes on as another after them.
+    the clip goes on as another after them. A large database is stored with its neighbour graph.
 
     Args:
         sources: BVH and AMC files, folders and archives with such files and their ASF skeletons.
@@ -116,7 +117,8 @@ def build_database(
         progress(1.0, "writing")
     rotations, positions = np.concatenate(collected.rotations), np.concatenate(collected.positions)
     collected.rotations.clear()
-    write_database(out, fps, rotations, positions, collected.clips, collected.skeletons)
+    graph = GraphSettings() if collected.frames >= LARGE_DATABASE else None
+    write_database(out, fps, rotations, positions, collected.clips, collected.skeletons, graph)
     return _report(collected, Path(out), fps, started)
 
 

@@ -21,6 +21,7 @@ from ..errors import DatabaseError
 from ..files import atomic_path
 from ..product_skeleton import JOINT_NAMES
 from ..skeleton import Skeleton
+from .graph import GraphSettings, NeighbourGraph, build_graph
 
 Array = NDArray[np.float64]
 FloatArray = NDArray[np.float32]
@@ -68,6 +69,7 @@ class Database:
         poses: (F, J - 1, 3) float32 rotation vectors of all joints but the root: local = mean * exp(pose).
         root_rotations: (F, 4) float32 world-from-root.
         root_positions_m: (F, 3) float32.
+        graph: which frames are near each other (Eq. 4); None in a database stored without.
     """
 
     path: Path
@@ -78,6 +80,7 @@ class Database:
     poses: FloatArray
     root_rotations: FloatArray
     root_positions_m: FloatArray
+    graph: NeighbourGraph | None = None
 
     @property
     def frames(self) -> int:
@@ -130,6 +133,7 @@ def write_database(
     root_positions_m: NDArray[Any],
     clips: Sequence[Clip],
     skeletons: Sequence[Skeleton],
+    graph: GraphSettings | None = None,
 ) -> None:
     """Write a database file.
 
@@ -138,6 +142,7 @@ def write_database(
         root_positions_m: (F, 3).
         clips: cover the frames in order without gaps.
         skeletons: indexed by `Clip.skeleton`.
+        graph: how frames are joined in the neighbour graph stored with them; None stores none.
 
     Raises:
         DatabaseError: there are no frames, or the parts do not fit together.
@@ -158,6 +163,10 @@ def write_database(
         "root_rotations": np.asarray(rotations[:, 0], dtype=np.float32),
         "root_positions_m": np.asarray(root_positions_m, dtype=np.float32),
     }
+    if graph is not None:
+        clip_of_frame = np.repeat(np.arange(len(clips)), [clip.stop - clip.start for clip in clips])
+        built = build_graph(poses.reshape(frames, -1), clip_of_frame, fps, graph)
+        arrays |= {"neighbours": built.neighbours, "clusters": built.clusters}
     facts = {
         "fps": float(fps),
         "joints": list(JOINT_NAMES),
@@ -239,6 +248,7 @@ def open_database(path: str | Path) -> Database:
         poses=arrays["poses"],
         root_rotations=arrays["root_rotations"],
         root_positions_m=arrays["root_positions_m"],
+        graph=NeighbourGraph(arrays["neighbours"], arrays["clusters"]) if "neighbours" in arrays else None,
     )
 
 

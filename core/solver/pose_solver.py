@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from ..database.store import Database
 from ..errors import DatabaseError
 from . import conditional, local_model, synthesis
+from .choose_search import choose_search
 from .observation import Observation
 from .root import root_from_torso
-from .search import ExhaustiveSearch, Query
+from .search import Query
 from .settings import SolveSettings
 from .subject_model import RootPose, SubjectModel
 
@@ -89,7 +90,7 @@ class PoseSolver:
         self._poses = database.poses.reshape(database.frames, -1)
         self._markers = subject.database_markers(database)
         self._clips = database.clip_of_frame.astype(np.int64)
-        self._search = ExhaustiveSearch(self._markers, self._poses)
+        self._search = choose_search(settings.search, database, self._markers, self._poses)
         self._typical_markers = np.mean(self._markers[:: max(1, len(self._markers) // 2048)], axis=0, dtype=np.float64)
         methods: dict[str, Callable[[Observation, RootPose, Examples], _Fitted]] = {
             "best": self._conditional,
@@ -106,6 +107,12 @@ class PoseSolver:
         self._before_last: Array | None = None
         self._root: RootPose | None = None
         self._last_markers: Array | None = None
+        self._search.reset()
+
+    @property
+    def visited(self) -> int:
+        """Frames that the last search computed the distance of."""
+        return self._search.visited
 
     def predicted_markers_m(self) -> Array | None:
         """Return the markers (M, 3) of the last synthesized pose in the world, None at the start."""

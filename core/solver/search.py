@@ -1,6 +1,7 @@
 """Search for the database frames closest to the markers and the motion so far (Eq. 2)."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,25 @@ class Query:
     pose_weight: float
 
 
+class Search(Protocol):
+    """What every search offers.
+
+    Attributes:
+        visited: frames that the last `nearest` computed the distance of.
+    """
+
+    visited: int
+
+    def reset(self) -> None:
+        """Forget the last frame."""
+
+    def nearest(self, query: Query, count: int) -> tuple[IntArray, Array]:
+        """Return the `count` closest frames found (ascending) and their Eq. 2 distances."""
+
+    def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
+        """Return the candidate frames by their Eq. 2 distances, ascending, and these."""
+
+
 class ExhaustiveSearch:
     """Compares the query with every frame.
 
@@ -37,23 +57,28 @@ class ExhaustiveSearch:
     def __init__(self, markers_m: FloatArray, poses: FloatArray) -> None:
         # columns are contiguous so that a hidden marker's are simply left out
         self._markers = np.ascontiguousarray(markers_m.reshape(len(markers_m), -1))
-        self._poses = poses
-        self._pose_norms = np.einsum("fd,fd->f", poses, poses)
+        self._poses = np.asarray(poses)
+        self._pose_norms = np.einsum("fd,fd->f", self._poses, self._poses)
         self._marker_norms = self._markers**2
+        self.visited = 0
+
+    def __len__(self) -> int:
+        return len(self._markers)
+
+    def reset(self) -> None:
+        """Forget the last frame: nothing is remembered."""
 
     def nearest(self, query: Query, count: int) -> tuple[IntArray, Array]:
         """Return the `count` closest frames (ascending) and their Eq. 2 distances."""
         distances = self.distances(query)
-        count = min(count, len(distances))
-        chosen = np.argpartition(distances, count - 1)[:count]
-        order = np.argsort(distances[chosen], kind="stable")
-        return chosen[order], distances[chosen[order]].astype(np.float64)
+        self.visited = len(distances)
+        chosen, found = closest(distances, count)
+        return chosen, found
 
     def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
         """Return the candidate frames by their Eq. 2 distances, ascending, and these."""
-        distances = self.distances(query, candidates)
-        order = np.argsort(distances, kind="stable")
-        return candidates[order], distances[order].astype(np.float64)
+        order, distances = closest(self.distances(query, candidates), len(candidates))
+        return candidates[order], distances
 
     def distances(self, query: Query, frames: IntArray | slice = slice(None)) -> FloatArray:
         """Return the Eq. 2 distances of frames."""
@@ -69,3 +94,11 @@ class ExhaustiveSearch:
             between = self._pose_norms[frames] - 2.0 * (self._poses[frames] @ pose) + pose @ pose
             result += np.float32(query.pose_weight) * between
         return result
+
+
+def closest(distances: FloatArray, count: int) -> tuple[IntArray, Array]:
+    """Return the indices of the `count` smallest distances, ascending, and these."""
+    count = min(count, len(distances))
+    chosen = np.argpartition(distances, count - 1)[:count]
+    chosen = chosen[np.argsort(distances[chosen], kind="stable")]
+    return chosen, distances[chosen].astype(np.float64)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from ..errors import SettingsError
 
 METHODS = ("best", "local-pca", "lwr", "nearest")
+SEARCHES = ("auto", "exhaustive", "cells", "graph")
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,7 @@ class SolveSettings:
         best_pose_floor_rad: standard deviation granted to every joint angle beside what the neighbours show.
         best_momentum: share of the last change of pose that "best" expects to go on.
         best_change_rad: standard deviation of each joint angle about that expectation.
+        search: "auto", "exhaustive", "cells" or "graph" (the paper's), see `choose_search`.
         root_sigma_m, root_sigma_rad: how far "best" may move the root from where the torso markers put it.
     """
 
@@ -51,10 +53,13 @@ class SolveSettings:
     best_change_rad: float = 0.1
     root_sigma_m: float = 0.03
     root_sigma_rad: float = 0.1
+    search: str = "auto"
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise SettingsError(f"there is no method {self.method!r}", advice="methods: " + ", ".join(METHODS))
+        if self.search not in SEARCHES:
+            raise SettingsError(f"there is no search {self.search!r}", advice="searches: " + ", ".join(SEARCHES))
         for name in ("query_alpha", "control_alpha", "smoothness_beta"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise SettingsError(f"{name} must lie between 0 and 1")

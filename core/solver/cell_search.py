@@ -1,0 +1,60 @@
+"""Search in an inverted file: the frames lie in cells of similar poses, and only the cells closest to the query count.
+
+(Jegou, Douze and Schmid 2011 call it IVF.) Nothing is remembered from frame to frame, so there is nothing to lose.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .search import Array, ExhaustiveSearch, FloatArray, IntArray, Query, closest
+
+_PROBED = 16  # cells
+_PROBED_PER_WANTED = 4.0  # frames looked at, at least, for each one wanted
+
+
+class CellSearch:
+    """Looks into the cells whose mean frame is closest to the query.
+
+    Args:
+        markers_m: (F, M, 3) markers of the database frames with the root at rest.
+        poses: (F, D) poses of the database frames.
+        cells: (F,) cell of each frame, none empty.
+        probed: cells that are looked into; more, if they hold too few frames.
+    """
+
+    def __init__(
+        self, markers_m: FloatArray, poses: FloatArray, cells: NDArray[np.int32], probed: int = _PROBED
+    ) -> None:
+        self._order = np.argsort(cells, kind="stable")
+        counts = np.bincount(cells)
+        self._starts = np.concatenate(([0], np.cumsum(counts)))
+        # in the order of their cells, so that a cell is one stretch of memory
+        markers, poses = markers_m.reshape(len(markers_m), -1)[self._order], np.asarray(poses)[self._order]
+        self._frames = ExhaustiveSearch(markers, poses)
+        self._place = np.empty_like(self._order)
+        self._place[self._order] = np.arange(len(self._order))
+        means = [np.add.reduceat(rows, self._starts[:-1], axis=0) / counts[:, None] for rows in (markers, poses)]
+        self._cells = ExhaustiveSearch(means[0].astype(np.float32), means[1].astype(np.float32))
+        self._probed = probed
+        self.visited = 0
+
+    def reset(self) -> None:
+        """Forget the last frame: nothing is remembered."""
+
+    def nearest(self, query: Query, count: int) -> tuple[IntArray, Array]:
+        """Return the `count` closest frames found (ascending) and their Eq. 2 distances."""
+        cells, _ = self._cells.nearest(query, len(self._cells))
+        sizes = np.cumsum(self._starts[cells + 1] - self._starts[cells])
+        enough = int(np.searchsorted(sizes, min(_PROBED_PER_WANTED * count, sizes[-1]))) + 1
+        probed = np.sort(cells[: max(self._probed, enough)])
+        parts = [slice(self._starts[cell], self._starts[cell + 1]) for cell in probed]
+        distances = np.concatenate([self._frames.distances(query, part) for part in parts])
+        self.visited = len(distances)
+        chosen, found = closest(distances, count)
+        places = np.concatenate([np.arange(part.start, part.stop) for part in parts])
+        return self._order[places[chosen]], found
+
+    def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
+        """Return the candidate frames by their Eq. 2 distances, ascending, and these."""
+        order, distances = closest(self._frames.distances(query, self._place[candidates]), len(candidates))
+        return candidates[order], distances

@@ -1,0 +1,97 @@
+import numpy as np
+import pytest
+from perfanim.core import rotations as rot
+from perfanim.core.database.graph import JOINT_ANGLES, GraphSettings, build_graph, l1_distance_deg
+from perfanim.core.database.store import Clip, open_database, write_database
+from perfanim.core.errors import DatabaseError
+from perfanim.core.product_skeleton import default_skeleton
+
+FPS = 60.0
+
+
+def wandering(frames, seed=0, step=0.01, clips=4):
+    """Clips of poses (F, 84) that wander slowly within three directions, and the clip of each frame."""
+    generator = np.random.default_rng(seed)
+    directions = generator.normal(scale=0.4, size=(3, 84))
+    path = np.cumsum(generator.normal(scale=step, size=(frames, 3)), axis=0) % 1.0
+    return (np.abs(path - 0.5) @ directions).astype(np.float32), np.arange(frames) * clips // frames
+
+
+def test_distance_is_per_joint_angle():
+    a = np.zeros(84)
+    b = a.copy()
+    b[:JOINT_ANGLES] = np.radians(2.0)
+    assert l1_distance_deg(a, b) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(
+    ("fps", "control", "expected"), [(60.0, 60.0, 3.0), (120.0, 60.0, 3.5), (120.0, 30.0, 7.0), (30.0, 60.0, 3.0)]
+)
+def test_threshold_of_equation_4(fps, control, expected):
+    assert GraphSettings(control_fps=control).threshold_deg(fps) == pytest.approx(expected)
+
+
+def test_joined_are_exactly_the_frames_closer_than_the_threshold():
+    poses, clips = wandering(400)
+    graph = build_graph(poses, clips, FPS, GraphSettings(radius_deg=2.0, most=402, least=0))
+    near = l1_distance_deg(poses[:, None].astype(np.float64), poses[None]) < 2.0
+    follows = (np.abs(np.subtract.outer(np.arange(400), np.arange(400))) == 1) & (clips[:, None] == clips[None])
+    near = (near & (np.abs(np.subtract.outer(np.arange(400), np.arange(400))) > 1)) | follows
+    mine = np.zeros((400, 400), dtype=bool)
+    for frame, row in enumerate(graph.neighbours):
+        mine[frame, row[row >= 0]] = True
+    np.testing.assert_array_equal(mine, near)
+
+
+def test_number_of_neighbours_is_bounded_from_both_sides():
+    poses, clips = wandering(3000, step=0.05)
+    graph = build_graph(poses, clips, FPS, GraphSettings(radius_deg=0.01, most=10, least=4))
+    counts = np.sum(graph.neighbours[:, 2:] >= 0, axis=1)
+    assert graph.neighbours.shape == (3000, 10)
+    assert counts.min() >= 4
+    for frame in (0, 700, 2999):
+        kept = graph.neighbours[frame][graph.neighbours[frame] >= 0]
+        assert len(set(kept)) == len(kept)
+        assert frame not in kept
+
+
+def test_many_frames_are_clustered_and_nearly_the_closest_found():
+    poses, clips = wandering(12_000, step=0.02)
+    graph = build_graph(poses, clips, FPS, GraphSettings(most=18, least=16))
+    assert graph.clusters.max() + 1 == len(np.unique(graph.clusters)) > 100
+    closer = []
+    for frame in range(0, 12_000, 400):
+        distances = np.linalg.norm(poses - poses[frame], axis=1)
+        distances[max(0, frame - 1) : frame + 2] = np.inf
+        passes = (distances[1:-1] <= distances[:-2]) & (distances[1:-1] < distances[2:])
+        best = np.sort(distances[1:-1][passes])[:8]
+        mine = np.sort(distances[graph.neighbours[frame][2:]])
+        closer.append(np.mean(mine[:8]) / np.mean(best))
+    assert np.mean(closer) < 1.5  # neighbours beyond the clusters beside a frame's own are not looked for
+
+
+def test_clips_do_not_follow_each_other():
+    poses, clips = wandering(40, clips=2)
+    graph = build_graph(poses, clips, FPS, GraphSettings(most=2, least=0))
+    assert graph.neighbours[19].tolist() == [18, -1]
+    assert graph.neighbours[20].tolist() == [-1, 21]
+
+
+def test_graph_is_stored_with_the_database_and_refused_when_cut_off(tmp_path):
+    poses, _ = wandering(50)
+    rotations = np.broadcast_to(rot.identity(), (50, 29, 4)).copy()
+    rotations[:, 1:] = rot.from_rotation_vector(poses.reshape(50, 28, 3).astype(np.float64))
+    clips = [Clip("a", "walk", "1", FPS, 0, 20, 0), Clip("b", "walk", "1", FPS, 20, 50, 0)]
+    arguments = (FPS, rotations, np.zeros((50, 3)), clips, [default_skeleton()])
+    write_database(tmp_path / "with.db", *arguments, graph=GraphSettings(most=8))
+    write_database(tmp_path / "without.db", *arguments)
+    assert open_database(tmp_path / "without.db").graph is None
+    graph = open_database(tmp_path / "with.db").graph
+    assert isinstance(graph.neighbours, np.memmap)
+    assert graph.neighbours.shape == (50, 8)
+    assert graph.neighbours[20, :2].tolist() == [-1, 21]
+    data = (tmp_path / "with.db").read_bytes()
+    for size in (len(data) - 1, len(data) - 50 * 8 * 4):
+        (tmp_path / "cut.db").write_bytes(data[:size])
+        with pytest.raises(DatabaseError, match="cut off"):
+            open_database(tmp_path / "cut.db")

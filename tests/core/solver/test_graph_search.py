@@ -1,0 +1,170 @@
+"""The paper's search and the inverted file against looking at every frame."""
+
+import numpy as np
+import pytest
+from perfanim.core import rotations as rot
+from perfanim.core.database.graph import GraphSettings, build_graph
+from perfanim.core.database.store import Database
+from perfanim.core.errors import SettingsError
+from perfanim.core.solver.cell_search import CellSearch
+from perfanim.core.solver.choose_search import choose_search
+from perfanim.core.solver.graph_search import GraphSearch
+from perfanim.core.solver.observation import Observation
+from perfanim.core.solver.pose_solver import PoseSolver
+from perfanim.core.solver.search import ExhaustiveSearch, Query
+from perfanim.core.solver.settings import SolveSettings
+
+CLIPS, LENGTH, MARKERS, ANGLES = 40, 300, 8, 84
+FPS = 60.0
+WANTED = 24
+
+
+class Motions:
+    """Cyclic motions of a few parameters; markers are a smooth function of the pose."""
+
+    def __init__(self):
+        generator = np.random.default_rng(0)
+        self.to_pose = generator.normal(scale=0.15, size=(6, ANGLES))
+        self.to_markers = generator.normal(scale=0.015, size=(ANGLES, MARKERS * 3))
+        parameters = np.concatenate([self.cycle(generator.uniform(-1, 1, 2), generator) for _ in range(CLIPS)])
+        self.poses = (parameters @ self.to_pose).astype(np.float32)
+        self.markers = self.markers_of(self.poses).astype(np.float32)
+        self.clips = np.repeat(np.arange(CLIPS), LENGTH)
+
+    def cycle(self, style, generator):
+        phase = np.arange(LENGTH) * 0.08 * generator.uniform(0.8, 1.2) + generator.uniform(0, 6)
+        waves = [np.sin(phase), np.cos(phase), np.sin(2 * phase) * style[0], np.cos(2 * phase) * style[1]]
+        return np.stack([*waves, np.full(LENGTH, style[0]), np.full(LENGTH, style[1])], axis=1)
+
+    def markers_of(self, poses):
+        return np.sin(poses @ self.to_markers).reshape(-1, MARKERS, 3)
+
+    def queries(self, count=60, hidden=()):
+        poses = self.cycle(np.array([0.3, -0.2]), np.random.default_rng(7))[:count] @ self.to_pose
+        for number, (pose, markers) in enumerate(zip(poses, self.markers_of(poses), strict=True)):
+            seen = markers.copy()
+            seen[list(hidden)] = np.nan
+            yield Query(seen, pose if number else None, 0.8, 0.002)
+
+
+@pytest.fixture(scope="module")
+def motions():
+    return Motions()
+
+
+@pytest.fixture(scope="module")
+def graph(motions):
+    return build_graph(motions.poses, motions.clips, FPS)
+
+
+def worst_excess(motions, search, hidden=()):
+    """Return by how much the found distances exceed the true ones, relative to the spread among the closest."""
+    exhaustive = ExhaustiveSearch(motions.markers, motions.poses)
+    excess = []
+    for query in motions.queries(hidden=hidden):
+        found, true = (s.nearest(query, WANTED)[1] for s in (search, exhaustive))
+        excess.append((found.mean() - true.mean()) / (true[-1] - true[0]))
+    return max(excess)
+
+
+def test_a_complete_graph_finds_what_looking_at_all_frames_finds(motions):
+    few = slice(0, 900)
+    complete = build_graph(motions.poses[few], motions.clips[few], FPS, GraphSettings(radius_deg=np.inf, most=902))
+    search = GraphSearch(motions.markers[few], motions.poses[few], complete.neighbours)
+    exhaustive = ExhaustiveSearch(motions.markers[few], motions.poses[few])
+    for query in motions.queries():
+        mine, theirs = search.nearest(query, WANTED), exhaustive.nearest(query, WANTED)
+        np.testing.assert_allclose(mine[1], theirs[1], atol=1e-5)  # rounding of float32 sums in another order
+        assert search.visited == 900
+    assert search.starts == 1
+
+
+@pytest.mark.parametrize("hidden", [(), (2,), (0, 5, 7)])
+def test_graph_finds_nearly_the_closest_among_few_frames(motions, graph, hidden):
+    search = GraphSearch(motions.markers, motions.poses, graph.neighbours)
+    assert worst_excess(motions, search, hidden) < 0.5
+    visited = []
+    for query in motions.queries(hidden=hidden):
+        search.nearest(query, WANTED)
+        visited.append(search.visited)
+    assert np.mean(visited[1:]) < 0.1 * len(motions.poses)
+    assert search.starts == 2  # one for each pass over the queries: their first knows no motion
+
+
+@pytest.mark.parametrize("hidden", [(), (2,), (0, 5, 7)])
+def test_cells_find_nearly_the_closest_among_few_frames(motions, graph, hidden):
+    search = CellSearch(motions.markers, motions.poses, graph.clusters)
+    assert worst_excess(motions, search, hidden) < 0.1
+    assert 0 < search.visited < 0.4 * len(motions.poses)
+
+
+def test_all_cells_are_all_frames(motions, graph):
+    search = CellSearch(motions.markers, motions.poses, graph.clusters, probed=10_000)
+    exhaustive = ExhaustiveSearch(motions.markers, motions.poses)
+    for query in motions.queries(5):
+        np.testing.assert_allclose(search.nearest(query, WANTED)[1], exhaustive.nearest(query, WANTED)[1], atol=1e-5)
+        assert search.visited == len(motions.poses)
+
+
+def test_cells_hold_as_many_frames_as_are_wanted(motions, graph):
+    search = CellSearch(motions.markers, motions.poses, graph.clusters, probed=1)
+    query = next(iter(motions.queries(1)))
+    for count in (1, 500, len(motions.poses), len(motions.poses) + 7):
+        assert len(set(search.nearest(query, count)[0])) == min(count, len(motions.poses))
+
+
+@pytest.mark.parametrize("kind", ["cells", "graph"])
+def test_distances_belong_to_the_frames(motions, graph, kind):
+    search = (
+        CellSearch(motions.markers, motions.poses, graph.clusters)
+        if kind == "cells"
+        else GraphSearch(motions.markers, motions.poses, graph.neighbours)
+    )
+    exhaustive = ExhaustiveSearch(motions.markers, motions.poses)
+    for query in motions.queries(10):
+        frames, distances = search.nearest(query, WANTED)
+        np.testing.assert_allclose(distances, exhaustive.distances(query, frames), atol=1e-5)
+        assert np.all(np.diff(distances) >= 0.0)
+        assert len(set(frames)) == WANTED
+        mine, theirs = (s.nearest_among(query, frames[::-1].copy()) for s in (search, exhaustive))
+        np.testing.assert_allclose(mine[1], theirs[1], atol=1e-5)
+
+
+def test_a_lost_graph_search_starts_afresh(motions, graph):
+    search = GraphSearch(motions.markers, motions.poses, graph.neighbours)
+    for query in motions.queries(30):
+        search.nearest(query, WANTED)
+    assert search.starts == 1
+    target = motions.markers[5000].astype(np.float64)
+    elsewhere = Query(target, motions.poses[5000].astype(np.float64), 0.8, 0.0)
+    search._last = np.array([int(np.argmax(np.sum((motions.markers - target) ** 2, axis=(1, 2))))])
+    search._neighbours = np.full_like(search._neighbours, -1)  # no way leads there
+    assert search.nearest(elsewhere, WANTED)[0][0] == 5000
+    assert search.starts == 2
+    search.reset()
+    search.nearest(elsewhere, WANTED)
+    assert search.starts == 3
+
+
+def test_solver_chooses_by_size_and_setting(motions, graph, tmp_path):
+    database = Database(
+        tmp_path, FPS, (), (), np.zeros((29, 4)), motions.poses.reshape(-1, 28, 3), np.zeros(0), np.zeros(0), graph
+    )
+    kinds = {"auto": ExhaustiveSearch, "exhaustive": ExhaustiveSearch, "cells": CellSearch, "graph": GraphSearch}
+    for name, kind in kinds.items():
+        assert type(choose_search(name, database, motions.markers, motions.poses)) is kind
+    with pytest.raises(SettingsError, match="there is no search"):
+        SolveSettings(search="magic")
+
+
+@pytest.mark.parametrize("name", ["cells", "graph"])
+def test_poses_are_those_of_the_exhaustive_search(database, model, true_markers, truth, name):
+    solvers = [PoseSolver(model, database, SolveSettings(search=search)) for search in ("exhaustive", name)]
+    apart, visited = [], []
+    for markers in true_markers:
+        solutions = [solver.step(Observation.of_points(markers)) for solver in solvers]
+        local = [model.rotations(solution.pose, solution.root)[1:] for solution in solutions]
+        apart.append(np.degrees(rot.angle_between(*local)).mean())
+        visited.append(solvers[1].visited)
+    assert np.mean(apart) < 0.25  # the own error of the method on this clip is ten times that
+    assert 0 < np.mean(visited) < database.frames
