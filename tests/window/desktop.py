@@ -13,7 +13,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from PIL import Image
+import cv2
+import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
 OBSERVER = Path(__file__).with_name("observer.py")
@@ -163,8 +164,9 @@ class BlenderWindow:
         state = self.state()
         region = state["regions"]["UI"]
         left, top = self.from_top(region, 0, 0)
-        box = (int(left), int(top), int(left) + region[2] - 25, int(top) + region[3])
-        pixels = Image.open(picture).convert("RGB").crop(box)
+        image = cv2.imread(str(picture))
+        assert image is not None, picture
+        pixels = image[int(top) : int(top) + region[3], int(left) : int(left) + region[2] - 25, ::-1]
         return tuple(a + b for a, b in zip(tallest_area(pixels, state["button_colour"]), (left, top), strict=True))
 
     def close(self) -> None:
@@ -178,29 +180,22 @@ class BlenderWindow:
         self._log.close()
 
 
-def tallest_area(picture: Image.Image, colour: list[int], tolerance: int = 6) -> tuple[float, float]:
-    """Return the centre of the tallest area of a button's colour that spans at least 40 % of the picture's width."""
-    width, height = picture.size
-    data = picture.load()
-    assert data is not None
-    columns = range(0, width, 4)
+def tallest_area(pixels: np.ndarray, colour: list[int], tolerance: int = 6) -> tuple[float, float]:
+    """Return the centre (x, y) of the tallest area of a button's colour that spans at least 40 % of a picture.
 
-    def is_button_row(y: int) -> bool:
-        same = sum(max(abs(a - b) for a, b in zip(data[x, y], colour, strict=True)) <= tolerance for x in columns)
-        return same >= 0.4 * len(columns)
-
-    best, start = (0, 0), None
-    for y in range(height + 1):
-        inside = y < height and is_button_row(y)
-        if inside and start is None:
-            start = y
-        elif not inside and start is not None:
-            best = max(best, (y - start, start))
-            start = None
-    assert best[0] >= 24, f"no tall button, the tallest area has {best[0]} rows"
-    row = best[1] + best[0] // 2
-    same = [x for x in range(width) if max(abs(a - b) for a, b in zip(data[x, row], colour, strict=True)) <= tolerance]
-    return (min(same) + max(same)) / 2, best[1] + best[0] / 2
+    Args:
+        pixels: (height, width, 3) RGB; colour: (3) RGB, 0-255.
+    """
+    same = np.abs(pixels.astype(int) - np.array(colour)).max(axis=2) <= tolerance
+    inside = np.concatenate(([False], same.mean(axis=1) >= 0.4, [False]))
+    edges = np.flatnonzero(np.diff(inside.astype(int)))
+    starts, stops = edges[::2], edges[1::2]
+    assert len(starts), "no button"
+    tallest = int(np.argmax(stops - starts))
+    assert stops[tallest] - starts[tallest] >= 24, f"the tallest button has {stops[tallest] - starts[tallest]} rows"
+    row = (starts[tallest] + stops[tallest]) // 2
+    columns = np.flatnonzero(same[row])
+    return (columns.min() + columns.max()) / 2, float(row)
 
 
 def blender_python(wrapper: str) -> str:
