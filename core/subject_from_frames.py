@@ -32,8 +32,10 @@ def subject_from_frames(
         pose: one of `POSES`.
 
     Raises:
-        SubjectError: the markers were not recognised, not seen, or moved.
+        SubjectError: an unknown pose, or the markers were not recognised, not seen, or moved.
     """
+    if pose not in POSES:
+        raise SubjectError(f"there is no calibration pose {pose!r}", advice="poses: " + ", ".join(POSES))
     skeleton = default_skeleton()
     joints = marker_set.joint_indices(skeleton)
     template = marker_positions(skeleton, joints, marker_set.offsets_m, POSES[pose](skeleton), np.zeros(3))

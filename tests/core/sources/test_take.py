@@ -1,0 +1,41 @@
+import numpy as np
+import pytest
+from perfanim.core.errors import TakeError
+from perfanim.core.marker_set import load_marker_set
+from perfanim.core.marker_take import MarkerTake
+from perfanim.core.sources.take import take_frames
+
+SET = load_marker_set("locomotion")
+
+
+def shuffled_take(extra=("SPARE",), lacking=()):
+    """The set's markers in another order, with another marker among them."""
+    names = [*reversed(SET.names), *extra]
+    names = [name for name in names if name not in lacking]
+    positions = np.random.default_rng(0).normal(size=(6, len(names), 3))
+    positions[2, 0] = np.nan
+    positions[3] = np.nan
+    return MarkerTake("t", 30.0, names, positions, np.array([4, 5, 6, 9, 10, 11]))
+
+
+def test_frames_carry_the_sets_labels():
+    take = shuffled_take()
+    frames = list(take_frames(take, SET))
+    assert [frame.number for frame in frames] == [4, 5, 6, 9, 10, 11]
+    np.testing.assert_allclose([frame.time_s for frame in frames], take.frame_numbers / 30.0)
+    for row, frame in zip(take.positions_m, frames, strict=True):
+        for label, point in zip(frame.labels, frame.points_m, strict=True):
+            np.testing.assert_array_equal(point, row[take.names.index(SET.names[label])])
+    assert [len(frame.points_m) for frame in frames] == [8, 8, 7, 0, 8, 8]
+    assert SET.names.index(take.names[0]) not in frames[2].labels
+    assert np.all(np.linalg.eigvalsh(frames[0].covariances_m2) > 0.0)
+
+
+def test_markers_that_the_take_lacks_are_simply_not_seen():
+    frames = list(take_frames(shuffled_take(lacking=("LHAN", "RWAI")), SET))
+    assert sorted(frames[0].labels) == [i for i, name in enumerate(SET.names) if name not in ("LHAN", "RWAI")]
+
+
+def test_too_few_torso_markers_are_refused_with_both_names():
+    with pytest.raises(TakeError, match=r"t: has fewer than three of the torso markers LSHO, .*its markers are RFOO"):
+        next(take_frames(shuffled_take(lacking=("LSHO", "RSHO")), SET))

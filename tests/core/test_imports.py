@@ -1,0 +1,76 @@
+"""The core runs without Blender, and its parts depend on each other in one direction only."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import perfanim.core
+import pytest
+
+CORE = Path(perfanim.core.__file__).parent
+FILES = sorted(CORE.rglob("*.py"))
+UPPER = {"cli", "worker", "demo", "session", "solve_take"}
+IMAGES = {"cv2", "vision", "sources", "simulate"}
+# what each part must not use
+NEVER = {
+    "skeleton": UPPER | IMAGES | {"solver", "database", "formats"},
+    "camera": UPPER | IMAGES | {"solver", "database", "formats"},
+    "formats": UPPER | IMAGES | {"solver", "database"},
+    "database": UPPER | IMAGES | {"solver"},
+    "solver": UPPER | IMAGES | {"formats"},
+    "vision": UPPER | {"solver", "database", "simulate"},
+    "sources": UPPER | {"solver", "database"},
+    "session": {"cli", "worker", "demo", "cv2", "sources", "simulate"},
+    "simulate": UPPER | {"solver", "database"},
+    "worker": {"demo"},
+}
+
+
+def imported(path: Path) -> set[str]:
+    """Return what a file imports: outer packages by name, modules of the core by their place in it ("solver.root")."""
+    found = set()
+    package = path.relative_to(CORE).parts[:-1]
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            found.add(node.module or "")
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1]
+            inner = ".".join([*base, *([node.module] if node.module else [])])
+            found |= {inner} if node.module else {".".join(filter(None, [inner, alias.name])) for alias in node.names}
+    return found
+
+
+def tops_of(path: Path) -> set[str]:
+    return {name.split(".")[0] for name in imported(path)}
+
+
+def test_every_module_imports_without_blender() -> None:
+    code = (
+        "import sys, pkgutil, importlib\n"
+        "sys.modules['bpy'] = sys.modules['mathutils'] = None\n"
+        "import perfanim.core as core\n"
+        "names = [m.name for m in pkgutil.walk_packages(core.__path__, 'perfanim.core.')]\n"
+        "[importlib.import_module(name) for name in names if not name.endswith('__main__')]\n"
+        "print(len(names))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd="/", check=False)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) >= len([path for path in FILES if path.name not in ("__init__.py", "__main__.py")])
+
+
+def test_core_imports_neither_blender_nor_itself_by_name() -> None:
+    """Blender loads the package under another name: everything inside is imported relatively."""
+    for path in FILES:
+        wrong = tops_of(path) & {"bpy", "mathutils", "perfanim", "core", "pickle", "marshal", "shelve"}
+        assert not wrong, path
+
+
+@pytest.mark.parametrize(("part", "never"), NEVER.items())
+def test_parts_depend_downwards(part: str, never: set[str]) -> None:
+    files = [path for path in FILES if path.relative_to(CORE).with_suffix("").parts[0] == part]
+    assert files
+    for path in files:
+        assert not tops_of(path) & never, path

@@ -1,0 +1,60 @@
+import numpy as np
+import pytest
+from perfanim.core.errors import TakeError
+from perfanim.core.evaluate import evaluate
+from perfanim.core.marker_take import MarkerTake
+from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.solve_take import solve_take
+from perfanim.core.solver.settings import SolveSettings
+
+
+@pytest.fixture(scope="module")
+def take(truth, subject):
+    return simulate_markers(truth, subject, noise_mm=2.0, dropout=0.05, seed=1)[0]
+
+
+def test_a_take_becomes_motion_of_the_subject(take, subject, database, truth):
+    told = []
+    solved = solve_take(take, subject, database, SolveSettings(), lambda fraction, text: told.append((fraction, text)))
+    motion = solved.motion
+    assert (motion.name, motion.fps, motion.frames) == (take.name, take.fps, take.frames)
+    assert motion.skeleton is subject.skeleton
+    assert len(solved.poses) == len(solved.seconds) == take.frames
+    report = evaluate(motion, truth)
+    assert report["deg_per_joint"] < 7.0
+    assert report["root_position_mm"] < 30.0
+    assert told[0] == (0.0, f"solving {take.name}")
+    assert [fraction for fraction, _ in told] == sorted(fraction for fraction, _ in told)
+
+
+def test_summary(take, subject, database):
+    solved = solve_take(take, subject, database, SolveSettings(method="lwr"), lambda fraction, text: None)
+    summary = solved.summary()
+    squares = [pose.marker_rms_m**2 for pose in solved.poses if np.isfinite(pose.marker_rms_m)]
+    assert summary["frames"] == take.frames
+    assert summary["marker_rms_mm"] == pytest.approx(1e3 * np.sqrt(np.mean(squares)))
+    assert 0.0 < summary["confidence"] < 1.0
+    assert 0.0 < summary["ms_per_frame_median"] <= summary["ms_per_frame_p99"]
+
+
+def test_a_take_that_shows_nothing_for_a_while(take, subject, database):
+    """Frames before the first marker wait in the T pose; a gap in the middle is bridged."""
+    positions = take.positions_m[:20].copy()
+    positions[:4] = np.nan
+    positions[10:13] = np.nan
+    gaps = MarkerTake("gaps", take.fps, take.names, positions)
+    solved = solve_take(gaps, subject, database, SolveSettings(), lambda fraction, text: None)
+    confidence = np.array([pose.confidence for pose in solved.poses])
+    np.testing.assert_array_equal(confidence[[0, 1, 2, 3, 10, 11, 12]], 0.0)
+    assert np.all(confidence[4:10] > 0.3)
+    assert np.isfinite(solved.motion.rotations).all()
+    nothing = MarkerTake("nothing", take.fps, take.names, np.full((3, 8, 3), np.nan))
+    summary = solve_take(nothing, subject, database, SolveSettings(), lambda fraction, text: None).summary()
+    assert np.isnan(summary["marker_rms_mm"])
+    assert summary["confidence"] == 0.0
+
+
+def test_the_wrong_marker_set_is_refused(take, subject, database):
+    other = MarkerTake("other", 30.0, ("C7", "LSHO", "RSHO"), np.zeros((2, 3, 3)))
+    with pytest.raises(TakeError, match="other: has fewer than three of the torso markers LSHO, RSHO, LWAI, RWAI"):
+        solve_take(other, subject, database, SolveSettings(), lambda fraction, text: None)
