@@ -43,6 +43,8 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
     """Calibrate a subject and write it."""
+    if not 0.0 < args.seconds <= 60.0:
+        raise SettingsError(f"--seconds {args.seconds:g} is out of range", advice="give more than 0, up to 60")
     progress(0.0, "reading")
     take = read_take(args.take)
     marker_set = load_marker_set(args.marker_set)

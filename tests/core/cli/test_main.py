@@ -1,0 +1,212 @@
+"""Exit status, what goes to stdout and stderr, and that failed work leaves nothing behind."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from perfanim.core import __version__
+from perfanim.core.cli import main as cli
+from perfanim.core.cli.main import COMMANDS, build_parser, main, summary_text
+from perfanim.core.marker_set import save_subject
+from perfanim.core.marker_take import MarkerTake, save_take
+from perfanim.core.motion_files import read_motion
+from perfanim.core.simulate.markers import simulate_markers
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory, truth, subject, database_file):
+    """A take, its subject and the database, and broken ones of each."""
+    folder = tmp_path_factory.mktemp("inputs")
+    take = simulate_markers(truth, subject, noise_mm=1.0)[0]
+    save_take(take, folder / "good.take.npz")
+    save_subject(subject, folder / "subject.toml")
+    (folder / "cut.take.npz").write_bytes((folder / "good.take.npz").read_bytes()[:900])
+    save_take(MarkerTake("other", 30.0, ("C7", "T10"), np.zeros((4, 2, 3))), folder / "other.take.npz")
+    whole = database_file.read_bytes()
+    (folder / "good.db").write_bytes(whole)
+    (folder / "cut.db").write_bytes(whole[: len(whole) // 2])
+    (folder / "broken.csv").write_text("Frame,Time\n1,abc\n")
+    (folder / "broken.toml").write_text("kind = [")
+    return folder
+
+
+def solve_line(folder, out, take="good.take.npz", database="good.db", subject="subject.toml"):
+    return ["solve", str(folder / take), "--database", str(folder / database), "--subject", str(folder / subject),
+            "--out", str(out)]  # fmt: skip
+
+
+def test_solving_prints_only_json_and_exits_with_0(inputs, tmp_path, capsys):
+    out = tmp_path / "walk.bvh"
+    assert main([*solve_line(inputs, out), "--json"]) == 0
+    printed = capsys.readouterr()
+    summary = json.loads(printed.out)
+    assert printed.err == ""
+    assert summary["frames"] == 60
+    assert summary["out"] == str(out)
+    assert summary["marker_rms_mm"] < 10.0
+    assert [path.name for path in tmp_path.iterdir()] == ["walk.bvh"]
+    assert read_motion(out).frames == 60
+
+
+def test_summary_for_a_person(inputs, capsys):
+    assert main(["database", "info", str(inputs / "good.db")]) == 0
+    printed = capsys.readouterr().out
+    assert "frames: 3" in printed
+    assert "joints: 29" in printed  # long lists are counted
+    assert not printed.startswith("{")
+
+
+BAD_INPUT = [
+    ({"take": "none.take.npz"}, "none.take.npz", ""),
+    ({"take": "none.c3d"}, "none.c3d", ""),
+    ({"take": "cut.take.npz"}, "cut.take.npz", "check the file"),
+    ({"take": "broken.csv"}, "broken.csv", ""),
+    ({"take": "good.db"}, "good.db", "give one of .c3d"),
+    ({"take": "other.take.npz"}, "other", "choose the marker set that was worn"),
+    ({"database": "none.db"}, "none.db", "check the path"),
+    ({"database": "cut.db"}, "cut.db", "build it again"),
+    ({"database": "good.take.npz"}, "good.take.npz", "build it again"),
+    ({"subject": "none.toml"}, "none.toml", "check the path"),
+    ({"subject": "broken.toml"}, "broken.toml", "not valid TOML"),
+    ({"subject": "good.db"}, "good.db", "not valid TOML"),
+]
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+@pytest.mark.parametrize(("change", "where", "advice"), BAD_INPUT)
+def test_bad_input_is_one_line_and_leaves_nothing(inputs, tmp_path, capsys, change, where, advice, as_json):
+    out = tmp_path / "walk.bvh"
+    assert main(solve_line(inputs, out, **change) + ["--json"] * as_json) == 1
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith("perfanim: ")
+    assert printed.err.count("\n") == 1
+    assert "Traceback" not in printed.err
+    assert where in printed.err
+    assert advice in printed.err
+    assert not any(tmp_path.iterdir())
+
+
+def test_an_output_that_cannot_be_written(inputs, tmp_path, capsys):
+    (tmp_path / "folder.bvh").mkdir()
+    (tmp_path / "file").write_text("")
+    for out in (tmp_path / "folder.bvh", tmp_path / "file" / "walk.bvh"):
+        assert main(solve_line(inputs, out)) == 1
+        assert f"{out}: cannot be written" in capsys.readouterr().err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder.bvh"]
+    assert not any((tmp_path / "folder.bvh").iterdir())
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        (["database", "build", "nowhere", "--out", "{out}"], "nowhere"),
+        (["database", "build", "{inputs}", "--out", "{out}"], "no usable motion"),
+        (["database", "build", "{inputs}", "--out", "{out}", "--fps", "nan"], "--fps nan is out of range"),
+        (["database", "info", "{inputs}"], "cannot be read"),
+        (["evaluate", "a.bvh", "--truth", "b.bvh"], "a.bvh"),
+        (["simulate", "markers", "a.bvh", "--marker-set", "boxing", "--out", "{out}"], "a.bvh"),
+        (["calibrate", "subject", "{inputs}/good.take.npz", "--marker-set", "dancing", "--out", "{out}"], "dancing"),
+        (["calibrate", "subject", "{inputs}/other.take.npz", "--marker-set", "boxing", "--out", "{out}"], "no marker"),
+        (["calibrate", "subject", "{inputs}/good.take.npz", "--marker-set", "locomotion", "--out", "{out}",
+          "--seconds", "nan"], "--seconds nan"),
+        (["calibrate", "subject", "{inputs}/good.take.npz", "--marker-set", "locomotion", "--out", "{out}",
+          "--frames", "a:b"], "--frames 'a:b'"),
+    ],
+)  # fmt: skip
+def test_every_command_refuses_bad_input_in_one_line(inputs, tmp_path, capsys, line, message):
+    out = tmp_path / "out.toml"
+    assert main([part.format(inputs=inputs, out=out) for part in line]) == 1
+    printed = capsys.readouterr()
+    assert (printed.out, printed.err.count("\n")) == ("", 1)
+    assert message in printed.err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        [],
+        ["dance"],
+        ["solve"],
+        ["database"],
+        ["solve", "a.csv", "--database", "b", "--subject", "c", "--out", "d", "--method", "magic"],
+        ["solve", "a.csv", "--database", "b", "--subject", "c", "--skeleton", "e", "--out", "d"],
+        ["database", "build", "a", "--out", "b", "--fps", "many"],
+        ["--json"],
+    ],
+)
+def test_wrong_usage_exits_with_2(capsys, line):
+    with pytest.raises(SystemExit) as caught:
+        main(line)
+    assert caught.value.code == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert "usage: perfanim" in printed.err
+
+
+def test_version_and_help_exit_with_0(capsys):
+    for line in (["--version"], ["--help"], ["solve", "--help"]):
+        with pytest.raises(SystemExit) as caught:
+            main(line)
+        assert caught.value.code == 0
+    printed = capsys.readouterr().out
+    assert f"perfanim {__version__}" in printed
+    assert "--json" in printed
+
+
+def test_a_parser_of_some_commands_only(capsys):
+    assert "solve" in COMMANDS
+    with pytest.raises(SystemExit):
+        build_parser(("solve",)).parse_args(["database", "info", "x"])
+    assert "invalid choice: 'database'" in capsys.readouterr().err
+
+
+def test_an_interrupt_exits_with_130(monkeypatch, inputs, tmp_path, capsys):
+    def interrupted(*args, **settings):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("perfanim.core.cli.solve.solve_take", interrupted)
+    assert main(solve_line(inputs, tmp_path / "walk.bvh")) == 130
+    assert capsys.readouterr().err == "perfanim: interrupted\n"
+    assert not any(tmp_path.iterdir())
+
+
+def test_the_command_as_a_process(inputs, tmp_path):
+    command = [sys.executable, "-m", "perfanim.core.cli.main"]
+    environment = os.environ | {"PYTHONWARNINGS": "error::RuntimeWarning"}
+    good = subprocess.run(
+        [*command, "database", "info", str(inputs / "good.db"), "--json"],
+        capture_output=True, text=True, env=environment, check=False,
+    )  # fmt: skip
+    assert (good.returncode, good.stderr) == (0, "")
+    assert json.loads(good.stdout)["fps"] == 30.0
+    bad = subprocess.run(
+        [*command, *solve_line(inputs, tmp_path / "a.bvh", database="cut.db")],
+        capture_output=True, text=True, env=environment, check=False,
+    )  # fmt: skip
+    assert (bad.returncode, bad.stdout) == (1, "")
+    assert bad.stderr.startswith("perfanim: ") and bad.stderr.count("\n") == 1
+
+
+def test_figures_without_a_value_are_null_in_json():
+    value = cli._jsonable(
+        {"a": np.float64("nan"), "b": np.array([1.0, np.inf]), "c": (np.int64(3), Path("/x")), 4: None}
+    )
+    assert json.loads(json.dumps(value, allow_nan=False)) == {
+        "a": None,
+        "b": [1.0, None],
+        "c": [3, str(Path("/x"))],
+        "4": None,
+    }
+
+
+def test_summary_text():
+    text = summary_text(
+        {"rms_mm": 1.23456, "names": ["a", "b"], "many": list(range(20)), "parts": {"x": 0.5}, "out": "f"}
+    )
+    assert text.splitlines() == ["rms mm: 1.235", "names: a, b", "many: 20", "parts: x 0.5", "out: f"]
