@@ -23,6 +23,9 @@ COMMANDS = ("demo", "calibrate", "track", "database", "solve", "evaluate", "simu
 # Read by numpy's libraries when they are loaded, which is not before a command is chosen.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+# OpenCV and its video reader would write their own lines beside ours.
+os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 
 class Progress:
