@@ -101,5 +101,9 @@ def load_take(path: str | Path) -> MarkerTake:
                 frame_numbers=stored["frame_numbers"],
                 times_s=stored["times_s"],
             )
-    except (*_DAMAGE, OSError) as error:
+    except OSError as error:
+        raise TakeError(
+            f"cannot be read ({error.strerror or error})", where=str(path), advice="check the path"
+        ) from error
+    except _DAMAGE as error:
         raise TakeError(f"is not a marker take ({error})", where=str(path), advice="check the file") from error

@@ -18,6 +18,12 @@ from ..simulate.performer.bodies import load_bodies
 from ..subject_calibration import POSES, calibrate_subject, calibration_points
 from ..subject_from_motion import frames_of, subject_from_motion
 
+_DOUBTFUL_M = 0.015  # a body that explains its markers no better is not to be trusted
+_DOUBTFUL_ADVICE = (
+    "the markers do not lie as in this pose or set: check --pose and --marker-set, record the pose again, "
+    "or fit to motion with --database"
+)
+
 
 def add_parser(subparsers: Any) -> None:
     """Add `subject` to the `calibrate` group."""
@@ -46,16 +52,17 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
     if not 0.0 < args.seconds <= 60.0:
         raise SettingsError(f"--seconds {args.seconds:g} is out of range", advice="give more than 0, up to 60")
     progress(0.0, "reading")
-    take = read_take(args.take)
+    take = _part(read_take(args.take), args.frames)
     marker_set = load_marker_set(args.marker_set)
     name = args.name or Path(args.out).stem
     if args.database:
         subject = _from_motion(args, take, marker_set, name, progress)
     else:
-        points = calibration_points(take, marker_set, args.seconds, _window(args.frames))
+        points = calibration_points(take, marker_set, args.seconds)
         subject = calibrate_subject(points, marker_set, load_bodies(SKELETONS), name, args.pose).subject
     save_subject(subject, args.out)
     lengths = np.linalg.norm(subject.skeleton.tips_m, axis=1)
+    doubtful = subject.residual_m > _DOUBTFUL_M
     return {
         "bones_mm": {joint: 1e3 * float(n) for joint, n in zip(subject.skeleton.names, lengths, strict=True)},
         "offsets_mm": {
@@ -63,6 +70,7 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
             for marker, offset in zip(subject.marker_set.names, subject.marker_set.offsets_m, strict=True)
         },
         "residual_mm": 1e3 * subject.residual_m,
+        "advice": [_DOUBTFUL_ADVICE] if doubtful else [],
         "out": str(args.out),
     }
 
@@ -75,16 +83,22 @@ def _from_motion(
     if not 1.0 <= height_m <= 2.5:
         raise SettingsError(f"--height {height_m:g} is out of range", advice="give metres, 1 to 2.5")
     start = Subject(name, default_skeleton(height_m), marker_set)
-    part = frames_of(take, _window(args.frames))
-    return subject_from_motion(part, start, open_database(args.database), progress).subject
+    return subject_from_motion(take, start, open_database(args.database), progress).subject
 
 
-def _window(text: str | None) -> slice:
-    """Return the slice of "A:B"."""
+def _part(take: MarkerTake, text: str | None) -> MarkerTake:
+    """Return the frames "A:B" of a take."""
     if text is None:
-        return slice(None)
-    start, _, stop = text.partition(":")
+        return take
+    start, colon, stop = text.partition(":")
     try:
-        return slice(int(start) if start else None, int(stop) if stop else None)
+        frames = slice(int(start) if start else None, int(stop) if stop else None)
     except ValueError:
-        raise SettingsError(f"--frames {text!r} is not A:B", advice="for example 0:90") from None
+        colon = ""
+    if not colon:
+        raise SettingsError(f"--frames {text!r} is not A:B", advice="for example 0:90")
+    if len(range(*frames.indices(take.frames))) == 0:
+        raise SettingsError(
+            f"--frames {text} leaves nothing", where=take.name, advice=f"the take has the frames 0:{take.frames}"
+        )
+    return frames_of(take, frames)

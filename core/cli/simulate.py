@@ -8,7 +8,7 @@ from typing import Any
 
 from ..errors import SettingsError
 from ..formats.bvh import write_bvh
-from ..formats.takes import write_take
+from ..formats.takes import check_writable, write_take
 from ..marker_set import load_marker_set
 from ..motion import resampled
 from ..motion_files import read_motion
@@ -46,6 +46,7 @@ def _add_markers(commands: Any) -> None:
 def _markers(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
     if args.fps is not None and not 1.0 <= args.fps <= 1000.0:
         raise SettingsError(f"--fps {args.fps:g} is out of range", advice="give 1 to 1000 frames per second")
+    check_writable(args.out)
     progress(0.0, "reading")
     motion = read_motion(args.motion, args.skeleton)
     if args.fps is not None:

@@ -11,6 +11,7 @@ from ..formats.bvh import write_bvh
 from ..formats.takes import read_take
 from ..marker_filter import smoothed, smoothed_motion
 from ..marker_set import Subject, load_marker_set, load_subject
+from ..marker_take import MarkerTake
 from ..motion_files import read_skeleton
 from ..solve_take import solve_take
 from ..solver.settings import METHODS, SolveSettings
@@ -51,7 +52,22 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
     solved = solve_take(take, subject, database, settings, progress)
     motion = solved.motion if args.smooth is None else smoothed_motion(solved.motion, args.smooth)
     write_bvh(motion, args.out, args.units)
-    return solved.summary() | {"method": settings.method, "fps": take.fps, "out": str(Path(args.out))}
+    return solved.summary() | {
+        "method": settings.method,
+        "fps": take.fps,
+        "warnings": _differences(take, subject),
+        "out": str(Path(args.out)),
+    }
+
+
+def _differences(take: MarkerTake, subject: Subject) -> list[str]:
+    """Return what tells that the take was recorded with other markers than the subject's."""
+    worn = subject.marker_set.names
+    lacking = [name for name in worn if name not in take.names]
+    unused = [name for name in take.names if name not in worn]
+    return [f"not in the take: {', '.join(lacking)}"] * bool(lacking) + [
+        f"not in the marker set, left out: {', '.join(unused)}"
+    ] * bool(unused)
 
 
 def _subject(args: argparse.Namespace) -> Subject:

@@ -74,12 +74,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ..vision.reprojection import labelled_rms_px
 
     marker_set = load_marker_set(args.marker_set) if args.marker_set else None
-    if args.markers is not None and not 1 <= args.markers <= 200:
-        raise SettingsError(f"--markers {args.markers} cannot be", advice="use 1 to 200")
-    if args.floor == "feet" and marker_set is None:
-        raise SettingsError("--floor feet needs --marker-set", advice="name the marker set that is worn")
-    if args.floor_cameras and args.floor != "feet":
-        raise SettingsError("--floor-cameras needs --floor feet", advice="add it, or leave --floor-cameras out")
+    _check(args)
     rig = load_rig(args.cameras)
     if args.ignore_distortion:
         rig = _without_distortion(rig)
@@ -110,6 +105,26 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         summary |= _compared(take, args.truth)
     write_take(_on_floor(args, take, rig) if args.floor == "feet" else take, args.out)
     return summary
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Raise SettingsError for options that cannot be meant, before any work."""
+    from ..formats.takes import check_writable
+
+    if args.markers is not None and not 1 <= args.markers <= 200:
+        raise SettingsError(f"--markers {args.markers} cannot be", advice="use 1 to 200")
+    if args.seconds is not None and not 0.0 < args.seconds <= 86400.0:
+        raise SettingsError(f"--seconds {args.seconds:g} is out of range", advice="give more than 0, a day at most")
+    if args.fps is not None and not 1.0 <= args.fps <= 1000.0:
+        raise SettingsError(f"--fps {args.fps:g} is out of range", advice="give 1 to 1000 frames per second")
+    sources = [str(source) for source in (args.left, args.right, *args.camera)]
+    if len(set(sources)) < len(sources):
+        raise SettingsError(f"two cameras have one source, {args.right}", advice="give each camera its own pictures")
+    check_writable(args.out)
+    if args.floor == "feet" and not args.marker_set:
+        raise SettingsError("--floor feet needs --marker-set", advice="name the marker set that is worn")
+    if args.floor_cameras and args.floor != "feet":
+        raise SettingsError("--floor-cameras needs --floor feet", advice="add it, or leave --floor-cameras out")
 
 
 def _on_floor(args: argparse.Namespace, take: Any, rig: Any) -> Any:

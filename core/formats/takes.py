@@ -31,15 +31,20 @@ def read_take(path: Path | str) -> MarkerTake:
     return readers[path.suffix.lower()](path)
 
 
+def check_writable(path: Path | str) -> None:
+    """Raise FormatError when `write_take` knows no format for the file name's ending."""
+    if not Path(path).name.lower().endswith(WRITABLE):
+        raise FormatError("has an ending that cannot be written", where=str(path), advice=f"use {', '.join(WRITABLE)}")
+
+
 def write_take(take: MarkerTake, path: Path | str) -> None:
     """Write a take; the file name's ending chooses the format.
 
     Raises:
         FormatError: an ending that cannot be written, or the folder cannot be.
     """
-    name = Path(path).name.lower()
+    check_writable(path)
     for ending, write in ((".take.npz", save_take), (".csv", write_csv), (".trc", write_trc)):
-        if name.endswith(ending):
+        if Path(path).name.lower().endswith(ending):
             write(take, path)
             return
-    raise FormatError("has an ending that cannot be written", where=str(path), advice=f"use {', '.join(WRITABLE)}")
