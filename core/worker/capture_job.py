@@ -26,7 +26,7 @@ from .protocol import Message, MessageKind, SolvedPose
 
 STOP_LIMIT_S = 5.0
 _IDLE_S = 0.02
-_LOW_PRIORITY = 12
+_LOW_PRIORITY = 14
 _IN_FLIGHT = 6  # frames of a source that can wait: a tenth of a second
 
 

