@@ -98,7 +98,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(folder, capsys):
         assert not out.exists() and not list(folder.glob("out/*"))
         return shown.err
 
-    assert "not found" in refused("track", "--cameras", f"{folder}/cameras.toml", "--left", "gone", "--right", "gone")
+    assert "not found" in refused("track", "--cameras", f"{folder}/cameras.toml", "--left", "gone", "--right", "away")
     assert "cannot be read" in refused("track", "--cameras", "gone.toml", "--left", f"{folder}/left", "--right", "x")
     assert "no marker set" in refused(*arguments(folder, "--marker-set", "gone"))
     assert "at most 5 of 9 markers" in refused(*arguments(folder, "--marker-set", "boxing"))

@@ -1,0 +1,65 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from perfanim.core.errors import SubjectError, TakeError
+from perfanim.core.marker_set import Subject, load_marker_set
+from perfanim.core.product_skeleton import default_skeleton
+from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.subject_from_motion import frames_of, subject_from_motion
+
+LEGS = ("lfemur", "ltibia", "rfemur", "rtibia")
+
+
+def bones(skeleton, names=LEGS):
+    return np.array([np.linalg.norm(skeleton.tips_m[skeleton.index(name)]) for name in names])
+
+
+@pytest.fixture(scope="module")
+def worn():
+    """The marker set as it was really put on: every marker up to 15 mm off its usual place."""
+    usual = load_marker_set("two-webcams")
+    off = np.random.default_rng(3).uniform(-0.015, 0.015, (len(usual), 3))
+    return usual.with_offsets(usual.offsets_m + off)
+
+
+@pytest.fixture(scope="module")
+def take(embedded_motion, worn):
+    return simulate_markers(embedded_motion["walking-02-energetic"], worn, noise_mm=2.0, seed=5)[0]
+
+
+@pytest.fixture(scope="module")
+def wrong_start():
+    """A first guess far from the person."""
+    return Subject("walker", default_skeleton(1.9), load_marker_set("two-webcams"))
+
+
+def test_body_and_offsets_come_closer_to_the_truth(embedded_motion, take, worn, wrong_start, database):
+    truth = embedded_motion["walking-02-energetic"].skeleton
+    fit = subject_from_motion(take, wrong_start, database)
+    before, after = (
+        np.abs(bones(skeleton) - bones(truth)) for skeleton in (wrong_start.skeleton, fit.subject.skeleton)
+    )
+    assert before.mean() > 0.02  # the test would show nothing otherwise
+    assert after.mean() < 0.5 * before.mean()
+    sides = bones(fit.subject.skeleton).reshape(2, 2)
+    np.testing.assert_allclose(sides[0], sides[1], rtol=0.05)  # both legs alike
+    assert fit.subject.residual_m < 0.01
+    off = np.linalg.norm(fit.subject.marker_set.offsets_m - worn.offsets_m, axis=1)
+    assert np.median(off) < 0.025
+    assert fit.frames > 0.8 * min(take.frames, 300)
+    assert fit.subject.marker_set.names == take.names
+
+
+def test_hidden_markers_are_left_out(take, wrong_start, database):
+    gaps = take.positions_m.copy()
+    gaps[:60, take.names.index("R.E")] = np.nan
+    fit = subject_from_motion(replace(take, positions_m=gaps), wrong_start, database)
+    assert fit.subject.residual_m < 0.01
+
+
+def test_takes_that_show_no_body_are_refused(take, wrong_start, database):
+    with pytest.raises(SubjectError, match="only 5 frames"):
+        subject_from_motion(frames_of(take, slice(0, 5)), wrong_start, database)
+    with pytest.raises(TakeError, match="torso markers"):
+        subject_from_motion(replace(take, names=tuple(f"X{i}" for i in range(len(take.names)))), wrong_start, database)
