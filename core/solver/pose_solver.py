@@ -23,6 +23,7 @@ _ROOT_PASSES = 2  # the root needs the pose's torso markers and the pose needs t
 _FIRST_ROOT_PASSES = 4  # at the start nothing is known about either
 _TORSO_EXAMPLES = 8  # closest examples whose mean torso the root is laid on
 _SPARE_CANDIDATES = 2  # candidates kept, per example wanted, for the second look under a better root
+_KERNEL = 0.5  # of the median distance: where an example's weight in "best" has fallen to 1/e
 _FIT_STEPS = 2  # of Gauss-Newton: the start is already close
 _SYNTHESIS_PASSES = 2  # the same between synthesis and root
 
@@ -108,6 +109,11 @@ class PoseSolver:
         self._root: RootPose | None = None
         self._last_markers: Array | None = None
         self._search.reset()
+
+    def continue_from(self, other: "PoseSolver") -> None:
+        """Take over the motion so far of another solver of the same subject and database, but not its search."""
+        self._last, self._before_last = other._last, other._before_last
+        self._root, self._last_markers = other._root, other._last_markers
 
     @property
     def visited(self) -> int:
@@ -264,7 +270,7 @@ class PoseSolver:
         seen = observation.located
         variance = settings.best_marker_sigma_m**2
         distances = np.maximum(examples.distances, 0.0)
-        weights = np.exp(-distances / (distances[len(distances) // 2] + 1e-12))
+        weights = np.exp(-distances / (_KERNEL * distances[len(distances) // 2] + 1e-12))
         weights /= weights.sum()
         pose = conditional.expected_pose(
             examples.poses,

@@ -47,10 +47,10 @@ class SolveSettings:
     lwr_neighbours: int = 16
     best_neighbours: int = 200
     best_marker_sigma_m: float = 0.002
-    best_query_pose_m_per_rad: float = 0.2
+    best_query_pose_m_per_rad: float = 2.0
     best_pose_floor_rad: float = 0.03
     best_momentum: float = 0.8
-    best_change_rad: float = 0.1
+    best_change_rad: float = 0.2
     root_sigma_m: float = 0.03
     root_sigma_rad: float = 0.1
     search: str = "auto"

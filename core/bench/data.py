@@ -1,0 +1,84 @@
+"""The motion that benchmarks run on: test takes, and databases without them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..database.build import build_database
+from ..database.store import Clip, Database, open_database
+from ..database.subset import write_subset
+from ..errors import FormatError
+from ..formats.archive import motion_files
+from ..motion import Motion, resampled, sliced
+from ..motion_files import read_motion
+
+Progress = Callable[[float, str], None]
+
+FPS = 60.0
+CMU, BANDAI = "cmu", "bandai"
+LEFT_OUT = ("16_16", "35_01", "16_02", "09_03", "86_01")  # takes that no database of a benchmark holds
+SPLIT, SPLIT_AT = "14_02", 2 / 3  # the first two thirds of this take are in the databases, the last is a test
+
+
+@dataclass(frozen=True)
+class TestTake:
+    """A take, or the last part of one, that is solved.
+
+    Args:
+        title: what it is called in tables and plots.
+        trial: name of its file.
+        first: share of the take that is left out at its start.
+    """
+
+    title: str
+    trial: str
+    first: float = 0.0
+
+
+WALKING = TestTake("walking (16_16)", "16_16")
+BOXING = TestTake("boxing (14_02, last third)", SPLIT, SPLIT_AT)
+
+
+def data_folders(data: Path, names: tuple[str, ...]) -> list[Path]:
+    """Return the folders of motion below `data`; FormatError names the one that is missing."""
+    folders = [data / name for name in names]
+    for folder in folders:
+        if not folder.is_dir():
+            raise FormatError(
+                "there is no such folder",
+                where=str(folder),
+                advice=f"give the folder that holds {' and '.join(names)} with --data",
+            )
+    return folders
+
+
+def read_take(data: Path, take: TestTake) -> Motion:
+    """Return a test take at the rate of the databases."""
+    with motion_files(data_folders(data, (CMU,)), ()) as files:
+        for file in files:
+            if file.stem == take.trial:
+                motion = resampled(read_motion(file.path, file.skeleton), FPS)
+                return sliced(motion, int(motion.frames * take.first), motion.frames)
+    raise FormatError(f"take {take.trial} is missing", where=str(data / CMU))
+
+
+def whole_database(data: Path, out: Path, sets: tuple[str, ...], workers: int, progress: Progress) -> Database:
+    """Return the database of all motion of the sets, built in `out` if it is not there."""
+    path = out / "databases" / ("-".join(sets) + ".perfdb")
+    if not path.exists():
+        build_database(
+            data_folders(data, sets), path, FPS, workers=workers, progress=lambda f, text: progress(0.2 * f, text)
+        )
+    return open_database(path)
+
+
+def without_tests(database: Database, path: Path, chosen: Callable[[Clip], bool] = lambda clip: True) -> Database:
+    """Return a database without the test takes, of the other clips that are chosen, built if it is not there."""
+    if path.exists():
+        return open_database(path)
+    kept = [
+        (clip, 0, int((clip.stop - clip.start) * SPLIT_AT) if clip.name == SPLIT else clip.stop - clip.start)
+        for clip in database.clips
+        if clip.name not in LEFT_OUT and chosen(clip)
+    ]
+    return write_subset(database, path, kept)

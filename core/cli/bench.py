@@ -1,0 +1,35 @@
+"""`perfanim bench`: the paper's tables and figures and ours, on real data."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..bench.figure5 import figure5
+from ..bench.figure6 import figure6
+from ..bench.table1 import table1
+from ..errors import SettingsError
+
+_BENCHES = {
+    "table1": (table1, "frames that the search visits, and its error"),
+    "figure5": (figure5, "error of models of pose by their dimension"),
+    "figure6": (figure6, "nearest, lwr, local-pca and best frame by frame"),
+}
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command group."""
+    group = subparsers.add_parser("bench", help="the tables and figures of the paper on real data")
+    commands = group.add_subparsers(metavar="WHAT", required=True)
+    for name, (bench, text) in _BENCHES.items():
+        parser = commands.add_parser(name, help=text)
+        parser.add_argument("--data", required=True, metavar="DIR", help="folder that holds cmu/ and bandai/")
+        parser.add_argument("--out", required=True, metavar="DIR", help="folder to write to; databases are kept there")
+        parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes that read (default 2)")
+        parser.set_defaults(run=_run, bench=bench)
+
+
+def _run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+    if args.workers < 1:
+        raise SettingsError(f"--workers {args.workers} is out of range", advice="give 1 or more")
+    return args.bench(Path(args.data), Path(args.out), args.workers, progress)

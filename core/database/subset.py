@@ -1,0 +1,40 @@
+"""Databases made of parts of another."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import DatabaseError
+from .graph import LARGE_DATABASE, GraphSettings
+from .store import Clip, Database, open_database, write_database
+
+
+def write_subset(
+    database: Database, path: str | Path, kept: Iterable[tuple[Clip, int, int]], graph: GraphSettings | None = None
+) -> Database:
+    """Write parts of a database as another, and return that.
+
+    Args:
+        database: what is taken from.
+        path: file to write.
+        kept: clips, each with its first frame that is kept and the one after the last, counted within the clip.
+        graph: how frames are joined in the neighbour graph; default the usual way where the database is large.
+
+    Raises:
+        DatabaseError: nothing is kept.
+    """
+    clips, parts, stop = [], [], 0
+    for clip, first, last in kept:
+        parts.append(np.arange(clip.start + first, clip.start + last))
+        clips.append(replace(clip, start=stop, stop=stop + last - first))
+        stop += last - first
+    if not clips:
+        raise DatabaseError("no clip is left", where=str(database.path), advice="leave out fewer clips")
+    frames = np.concatenate(parts)
+    if graph is None and stop >= LARGE_DATABASE:
+        graph = GraphSettings()
+    rotations = np.concatenate([database.local_rotations(part).astype(np.float32) for part in parts])
+    write_database(path, database.fps, rotations, database.root_positions_m[frames], clips, database.skeletons, graph)
+    return open_database(path)

@@ -1,0 +1,147 @@
+"""The benchmarks on shipped motion that stands in for the recordings they are made for."""
+
+import csv
+import json
+import struct
+
+import numpy as np
+import pytest
+from perfanim.core.bench.data import WALKING
+from perfanim.core.bench.figure5 import DIMENSIONS, LOCAL, STRICT, figure5, reconstruction_errors
+from perfanim.core.bench.figure6 import degrees_per_joint, figure6, ratios
+from perfanim.core.bench.methods import METHODS, PAPER_RANGE
+from perfanim.core.bench.plots import Line, Panel, check_plots, write_plot
+from perfanim.core.bench.table1 import searched, table1
+from perfanim.core.cli.main import main
+from perfanim.core.database.store import open_database
+from perfanim.core.database.subset import write_subset
+from perfanim.core.errors import DatabaseError, SettingsError
+from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.motion import sliced
+
+TRIALS = {
+    "16_16": "walking-02-energetic",
+    "14_02": "boxing-02-tired",
+    "09_03": "running-02-neutral",
+    "16_02": "jumping-01-energetic",
+    "16_15": "walking-01-neutral",
+    "16_17": "walking-03-relaxed",
+    "09_01": "running-01-brisk",
+    "14_01": "boxing-01-neutral",
+}
+
+
+def silent(fraction, text):
+    pass
+
+
+@pytest.fixture(scope="module")
+def data(embedded_motion, tmp_path_factory):
+    """Folder like that of the recordings, with short shipped clips under the names of the trials."""
+    folder = tmp_path_factory.mktemp("data")
+    for trial, name in TRIALS.items():
+        motion = embedded_motion[name]
+        (folder / "cmu").mkdir(exist_ok=True)
+        write_bvh(sliced(motion, 10, min(motion.frames, 34)), folder / "cmu" / f"{trial}.bvh")
+    (folder / "bandai").mkdir()
+    for name in ("walking-04-brisk", "walking-05-neutral"):
+        write_bvh(sliced(embedded_motion[name], 10, 60), folder / "bandai" / f"dataset-1_walk_{name[8:10]}_001.bvh")
+    return folder
+
+
+def test_figure6_writes_what_it_measures(data, tmp_path):
+    figures = figure6(data, tmp_path, 1, silent)
+    assert [row["method"] for row in figures["rows"]] == 2 * list(METHODS)
+    assert all(0.1 < row["deg_per_joint"] < 40.0 for row in figures["rows"])
+    clips = {clip.name: clip for clip in open_database(tmp_path / "databases/cmu-without-tests.perfdb").clips}
+    assert not {"16_16", "09_03", "16_02"} & set(clips)
+    whole = {clip.name: clip for clip in open_database(tmp_path / "databases/cmu.perfdb").clips}["14_02"]
+    boxing = next(row for row in figures["rows"] if "14_02" in row["take"])
+    assert clips["14_02"].stop - clips["14_02"].start + boxing["frames"] == whole.stop - whole.start
+    assert boxing["paper_deg_per_angle"] == 7.67
+    with (tmp_path / "figure6-frames.csv").open() as stream:
+        frames = [row for row in csv.DictReader(stream) if row["method"] == "best" and "16_16" in row["take"]]
+    mean = np.mean([float(row["deg_per_joint"]) for row in frames])
+    assert mean == pytest.approx(figures["rows"][-1]["deg_per_joint"], abs=1e-3)
+    assert json.loads((tmp_path / "figure6.json").read_text())["rows"] == figures["rows"]
+    for suffix in ("svg", "png"):
+        assert (tmp_path / f"figure6.{suffix}").stat().st_size > 5_000
+
+
+def test_table1_counts_frames(data, tmp_path, monkeypatch):
+    monkeypatch.setattr("perfanim.core.bench.table1.TAKES", (WALKING,))
+    figures = table1(data, tmp_path, 1, silent)
+    assert {row["search"] for row in figures["rows"]} == {"graph", "cells"}
+    for row in figures["rows"]:
+        assert 0 < row["min"] <= row["mean"] <= row["max"]
+        assert row["deg_per_joint"] < 3.0
+    assert figures["paper"][1]["mean"] == 710.1
+    assert (tmp_path / "table1.csv").read_text().startswith("database,database_frames,search,method,frames,mean")
+
+
+def test_exhaustive_search_is_no_different_from_itself(model, database, true_markers):
+    row = searched(model, database, true_markers[:10], PAPER_RANGE)
+    assert row["deg_per_joint"] == 0.0
+    assert row["min"] == row["max"] == database.frames
+
+
+def test_figure5_orders_the_models(database):
+    curves = reconstruction_errors(database)
+    for curve in curves.values():
+        assert np.all(np.diff(curve) < 1e-6)  # more dimensions never hurt
+        assert len(curve) == len(DIMENSIONS)
+    at5 = {name: curve[DIMENSIONS.index(5)] for name, curve in curves.items()}
+    assert at5[LOCAL] < at5["mixture of local models"] < at5["global PCA"]
+    assert at5[LOCAL] <= at5[STRICT]
+
+
+def test_figure5_says_when_motion_for_it_is_missing(data, tmp_path):
+    with pytest.raises(DatabaseError, match="walk"):
+        figure5(data, tmp_path, 1, silent)
+
+
+def test_errors_of_frames(truth):
+    np.testing.assert_allclose(degrees_per_joint(truth, truth), 0.0, atol=1e-5)
+
+
+def test_ratios_are_of_the_same_take():
+    names = [name for name in METHODS if name != "lwr"]
+    errors = {"a": dict(zip(names, (4.0, 3.0, 2.0, 1.0), strict=True)), "b": dict.fromkeys(names, 2.0)}
+    rows = [{"take": t, "method": m, "deg_per_joint": e} for t, row in errors.items() for m, e in row.items()]
+    result = ratios(rows)
+    assert result["a"]["local-pca (tuned) / nearest"] == 0.5
+    assert result["a"]["best / local-pca (tuned)"] == 0.5
+    assert set(result["b"].values()) == {1.0}
+
+
+def test_plot_has_a_panel_each(tmp_path):
+    line = Line("error", np.arange(5), np.arange(5.0))
+    one, two = (write_plot(tmp_path / f"p{n}", [Panel("walk", [line])] * n, "frame", "degrees") for n in (1, 2))
+    sizes = [struct.unpack(">II", paths[1].read_bytes()[16:24]) for paths in (one, two)]
+    assert sizes[1][0] == 2 * sizes[0][0]
+    assert "walk" in two[0].read_text() or "<svg" in two[0].read_text()
+
+
+def test_missing_plot_library_is_told(monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(SettingsError, match=r"pip install 'perfanim\[plots\]'"):
+        check_plots()
+
+
+def test_command_names_the_missing_folder(tmp_path, capsys):
+    assert main(["bench", "table1", "--data", str(tmp_path), "--out", str(tmp_path / "out")]) == 1
+    assert "cmu: there is no such folder" in capsys.readouterr().err
+    assert main(["bench", "figure6", "--data", str(tmp_path), "--out", str(tmp_path), "--workers", "0"]) == 1
+
+
+def test_subset_keeps_the_motion_of_its_clips(database, tmp_path):
+    first, second = database.clips[:2]
+    part = write_subset(database, tmp_path / "part.db", [(second, 5, 40), (first, 0, 10)])
+    assert [(clip.name, clip.start, clip.stop) for clip in part.clips] == [(second.name, 0, 35), (first.name, 35, 45)]
+    frames = np.r_[second.start + 5 : second.start + 40, first.start : first.start + 10]
+    # float32 rotation vectors, about other means
+    np.testing.assert_allclose(
+        np.abs(np.sum(part.local_rotations(slice(None)) * database.local_rotations(frames), axis=-1)), 1.0, atol=1e-6
+    )
+    with pytest.raises(DatabaseError, match="no clip is left"):
+        write_subset(database, tmp_path / "none.db", [])
