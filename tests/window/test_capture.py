@@ -7,6 +7,7 @@ from typing import Any
 from desktop import ROOT, BlenderWindow, Desktop
 
 DISTINCT_POSES = 20
+T_POSE_FRAMES = 240  # the performer stands in the T pose, then lets the arms sink
 MEASURED_S = 10.0
 ROUNDS = 3
 
@@ -42,9 +43,7 @@ def test_start_and_stop_with_the_mouse(desktop: Desktop, window: BlenderWindow) 
     desktop.key("Escape")  # the splash screen
     time.sleep(1.0)
     over_the_view(desktop, window)
-    desktop.key("x")  # the cube of Blender's first scene stands where the character will
-    time.sleep(1.0)
-    desktop.key("Return")
+    desktop.key("Delete")  # the cube of Blender's first scene stands where the character will
     started(desktop, window, "capture")
     window.wait(lambda state: state["armature"], "character")
     over_the_view(desktop, window)
@@ -56,6 +55,7 @@ def test_start_and_stop_with_the_mouse(desktop: Desktop, window: BlenderWindow) 
         return len(poses) >= DISTINCT_POSES
 
     window.wait(moving, "movement of the bones")
+    window.wait(lambda s: s["capture"]["statistics"]["received"] > T_POSE_FRAMES, "end of the T pose")
     desktop.screenshot("capture-2-live")
     state = stop(desktop, window, "capture-3-stop-button")
     time.sleep(1.0)
