@@ -13,6 +13,7 @@ PAPER_RANGE = SolveSettings(
     marker_sigma_m=0.02,
     pose_sigma_rad=3.0,
     query_pose_m_per_rad=0.6,
+    search="exhaustive",
 )
 TUNED = SolveSettings(
     method="local-pca",
@@ -21,12 +22,14 @@ TUNED = SolveSettings(
     marker_sigma_m=0.003,
     pose_sigma_rad=10.0,
     query_pose_m_per_rad=2.0,
+    search="exhaustive",
 )
 
+# methods are compared, not searches: every one gets the truly closest frames
 METHODS: dict[str, SolveSettings] = {
-    "nearest": SolveSettings(method="nearest"),
-    "lwr": SolveSettings(method="lwr"),
+    "nearest": SolveSettings(method="nearest", search="exhaustive"),
+    "lwr": SolveSettings(method="lwr", search="exhaustive"),
     "local-pca (paper's range)": PAPER_RANGE,
     "local-pca (tuned)": TUNED,
-    "best": SolveSettings(),
+    "best": SolveSettings(search="exhaustive"),
 }
