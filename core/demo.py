@@ -119,10 +119,9 @@ def run_demo(out: Path, seconds: float, seed: int, progress: Progress) -> dict[s
 
 
 def embedded_database(path: Path, progress: Progress) -> Database:
-    """Return the database of the embedded motion, built at `path` (about a second) if it is not there yet."""
-    if not path.is_file():
-        progress(0.0, "building the embedded motion database")
-        build_database([MOTION], path)
+    """Return the database of the embedded motion, built anew at `path` (about a second)."""
+    progress(0.0, "building the embedded motion database")
+    build_database([MOTION], path)
     return open_database(path)
 
 
@@ -279,4 +278,3 @@ def write_report(path: Path, report: dict[str, Any]) -> None:
     lines += [f"| {name} | {Path(place).name} |" for name, place in report["outputs"].items()]
     with atomic_path(path) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
-

@@ -83,25 +83,26 @@ class Labeller:
         count = len(self.names)
         self._seen = _Seen(np.full((count, 3), np.nan), np.zeros((count, 3)), np.full(count, np.inf))
 
-    def label_first(self, points_m: Array, template_m: Array) -> IntArray:
-        """Return labels (N,) of points in a pose like the template's, wherever and however it is turned and sized.
+    def label_first(self, points_m: Array, *templates_m: Array) -> IntArray:
+        """Return labels (N,) of points in a pose like a template's, wherever and however it is turned and sized.
 
         Args:
             points_m: (N, 3) points in a world with y roughly up; ghosts and missing markers are borne.
-            template_m: (M, 3) markers in the calibration pose, facing +z.
+            templates_m: each (M, 3), markers in a calibration pose, facing +z; the one that fits best counts.
 
         Returns:
             All -1 when too few points fit.
         """
         labels = np.full(len(points_m), -1, dtype=np.int64)
-        needed = max(3, int(np.ceil(_FEWEST_FIRST * len(template_m))))
+        needed = max(3, int(np.ceil(_FEWEST_FIRST * len(self.names))))
         if len(points_m) < needed:
             return labels
         best_cost, best_pairs = np.inf, None
-        for placed in _rough_placements(points_m, template_m):
-            cost, pairs = _refined(points_m, template_m, placed)
-            if cost < best_cost and len(pairs[0]) >= needed:
-                best_cost, best_pairs = cost, pairs
+        for template in templates_m:
+            for placed in _rough_placements(points_m, template):
+                cost, pairs = _refined(points_m, template, placed)
+                if cost < best_cost and len(pairs[0]) >= needed:
+                    best_cost, best_pairs = cost, pairs
         if best_pairs is not None:
             labels[best_pairs[0]] = best_pairs[1]
             self._remember(points_m, labels, 0.0)

@@ -77,7 +77,8 @@ class Session:
         if np.any(frame.labels >= 0) or np.any(frame.single_labels >= 0):
             return self._known(frame)
         if predicted is None:
-            return Observation.of_points(_by_marker(frame.points_m, self._label_first(frame), count))
+            labels = self._labeller.label_first(frame.points_m, *self._templates)
+            return Observation.of_points(_by_marker(frame.points_m, labels, count))
         elapsed = frame.time_s - self._last.time_s if self._last else 0.0
         if not self._cameras or len(frame.blobs) != len(self._cameras):
             labels = self._labeller.label(frame.points_m, frame.covariances_m2, predicted, elapsed)
@@ -99,11 +100,6 @@ class Session:
         image_points[frame.single_labels[usable]] = frame.single_points[usable]
         cameras[np.isfinite(points[:, 0])] = -1
         return Observation(points, cameras, image_points, self._cameras)
-
-    def _label_first(self, frame: MarkerFrame) -> IntArray:
-        """Return labels (N,) by the calibration poses, whichever explains more points."""
-        candidates = [self._labeller.label_first(frame.points_m, template) for template in self._templates]
-        return max(candidates, key=lambda labels: int(np.sum(labels >= 0)))
 
     def _solved(self, frame: MarkerFrame, observation: Observation, solution: Solution) -> PoseFrame:
         located = observation.located

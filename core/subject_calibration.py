@@ -28,6 +28,8 @@ POSES: dict[str, Callable[[Skeleton], Array]] = {"t": t_pose, "standing": standi
 _ROUNDS = 6  # mixture and placement each need the other
 _SPREAD_PENALTY = 0.02  # metres of marker error that an uneven mixture is worth: few markers leave it open
 _SUM_WEIGHT = 100.0  # metres: makes the mixture's weights add up to one
+_FARTHEST_SWING_DEG = 35.0  # of a straight limb from the calibration pose: nobody holds it exactly
+_NOISE_M = 0.03  # by which measurement alone spreads a marker that is held still
 _STILL_M_S = 0.15  # a marker moving faster is not held still
 _LIMBS = {"humerus": ("humerus", "radius", "wrist", "hand", "fingers", "thumb"), "femur": ("femur", "tibia", "foot")}
 
@@ -82,7 +84,7 @@ def calibration_points(
 
 
 def _stillest(positions: Array, fps: float, length: int) -> tuple[int, int]:
-    """Return the first window in which every marker that is seen stays still, else the window of least motion."""
+    """Return the first window in which every marker that is seen stays still; SubjectError where there is none."""
     length = min(length, len(positions))
     speeds = np.full(len(positions), np.inf)
     for start in range(0, len(positions) - length + 1, max(1, length // 4)):
@@ -92,13 +94,16 @@ def _stillest(positions: Array, fps: float, length: int) -> tuple[int, int]:
             continue
         spread = np.nanmax(window[:, seen], axis=0) - np.nanmin(window[:, seen], axis=0)
         # markers that are hardly seen must not make a window look still
-        speeds[start] = np.linalg.norm(spread, axis=-1).max() * fps / length + 0.1 * np.mean(~np.isfinite(window))
+        moved = max(float(np.linalg.norm(spread, axis=-1).max()) - _NOISE_M, 0.0)
+        speeds[start] = moved * fps / length + 0.1 * np.mean(~np.isfinite(window))
         if speeds[start] < _STILL_M_S:
             return start, start + length
     if not np.isfinite(speeds).any():
         raise SubjectError("fewer than three markers are seen at once", advice="record the calibration pose again")
-    start = int(np.argmin(speeds))
-    return start, start + length
+    raise SubjectError(
+        f"the markers are never still for {length / fps:.1f} s",
+        advice="hold the calibration pose, name the frames in which it is held, or fit to motion with --database",
+    )
 
 
 def calibrate_subject(
@@ -161,11 +166,24 @@ def _place(
         candidates = np.array([_pose_markers(p, pose, swings, joints, usual)[0] for p in prototypes])
         skeleton = _mixed(prototypes, candidates, seen_local, joints)
         swings = _swings(skeleton, pose, swings, joints, usual, seen_local)
+    _check_pose(skeleton, swings)
     local, rotations = _pose_markers(skeleton, pose, swings, joints, usual)
     matrix, translation = kabsch(local, points_m, np.where(marker_set.torso, 2.0, 1.0))
     rotations[0] = rot.multiply(rot.from_matrix(matrix), rotations[0])
     error = transform(matrix, translation, local) - points_m
     return _Placed(skeleton, rotations, translation, float(np.sqrt(np.mean(np.sum(error**2, axis=1)))))
+
+
+def _check_pose(skeleton: Skeleton, swings: Array) -> None:
+    """Refuse a pose whose limbs are elsewhere than the calibration pose has them."""
+    for base, limb in (("humerus", "arm"), ("femur", "leg")):
+        for side, word in (("l", "left"), ("r", "right")):
+            off = float(np.degrees(rot.angle_between(rot.identity(), swings[skeleton.index(side + base)])))
+            if off > _FARTHEST_SWING_DEG:
+                raise SubjectError(
+                    f"the {word} {limb} is {off:.0f} degrees away from where the pose has it",
+                    advice="take the pose that is asked for, or name the one that was taken",
+                )
 
 
 def _usual_offsets(marker_set: MarkerSet) -> Array:

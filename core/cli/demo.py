@@ -11,6 +11,8 @@ from typing import Any
 
 from ..errors import CharacterError, SettingsError
 from ..files import atomic_path
+from .main import jsonable
+from .options import seed
 
 
 def add_parser(subparsers: Any) -> None:
@@ -20,7 +22,7 @@ def add_parser(subparsers: Any) -> None:
     )
     parser.add_argument("--out", default="out/demo", metavar="DIR", help="folder for the results (default out/demo)")
     parser.add_argument("--seconds", type=float, default=24.0, metavar="S", help="of performance (default 24)")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="another performance for every number")
+    parser.add_argument("--seed", type=seed, default=0, metavar="N", help="another performance for every number")
     parser.set_defaults(run=run)
 
 
@@ -36,7 +38,7 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
         report["outputs"]["blend"] = str(_write_blend(out, progress))
     write_report(out / "report.md", report)
     with atomic_path(out / "report.json") as temporary:
-        temporary.write_text(json.dumps(report, indent=1), encoding="utf-8")
+        temporary.write_text(json.dumps(jsonable(report), indent=1), encoding="utf-8")
     report["outputs"]["report"] = str(out / "report.md")
     return report
 

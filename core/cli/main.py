@@ -8,6 +8,7 @@ import importlib
 import json
 import math
 import os
+import signal
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -77,6 +78,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
     args = build_parser().parse_args(argv)
     progress = Progress()
+    # a polite end by the system is an end like any other: what is half written is removed on the way out
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     try:
         summary = args.run(args, progress)
     except PerfanimError as error:
@@ -88,18 +91,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stderr.write("perfanim: interrupted\n")
         return 130
     progress.clear()
-    sys.stdout.write((json.dumps(_jsonable(summary)) if args.json else summary_text(summary)) + "\n")
+    sys.stdout.write((json.dumps(jsonable(summary)) if args.json else summary_text(summary)) + "\n")
     return 0
 
 
-def _jsonable(value: Any) -> Any:
+def jsonable(value: Any) -> Any:
     """Return the value with numpy scalars and arrays as plain ones and NaN as null."""
     if isinstance(value, dict):
-        return {str(key): _jsonable(item) for key, item in value.items()}
+        return {str(key): jsonable(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_jsonable(item) for item in value]
+        return [jsonable(item) for item in value]
     if hasattr(value, "tolist"):
-        return _jsonable(value.tolist())
+        return jsonable(value.tolist())
     if isinstance(value, float) and not math.isfinite(value):
         return None
     if value is None or isinstance(value, bool | int | float | str):
@@ -110,7 +113,7 @@ def _jsonable(value: Any) -> Any:
 def summary_text(summary: dict[str, Any]) -> str:
     """Return the summary for a person: one line a figure; long lists and tables are counted, not printed."""
     lines = []
-    for key, value in _jsonable(summary).items():
+    for key, value in jsonable(summary).items():
         label = key.replace("_", " ")
         if isinstance(value, float):
             lines.append(f"{label}: {value:.4g}")

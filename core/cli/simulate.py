@@ -13,6 +13,7 @@ from ..marker_set import load_marker_set
 from ..motion import resampled
 from ..motion_files import read_motion
 from ..simulate.markers import simulate_markers
+from .options import seed
 
 
 def add_parser(subparsers: Any) -> None:
@@ -39,7 +40,7 @@ def _add_markers(commands: Any) -> None:
     parser.add_argument(
         "--dropout", type=float, default=0.0, metavar="P", help="share of positions that are missing (default 0)"
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of noise and gaps (default 0)")
+    parser.add_argument("--seed", type=seed, default=0, metavar="N", help="of noise and gaps (default 0)")
     parser.set_defaults(run=_markers)
 
 

@@ -13,6 +13,7 @@ from ..simulate.studio.rig import FPS, default_rig
 from ..simulate.studio.settings import StudioSettings
 from ..simulate.studio.source import simulated_source
 from ..simulate.studio.staging import on_stage, with_t_pose
+from .options import seed
 
 _CODECS = {"ffv1": (".mkv", "FFV1"), "mjpeg": (".avi", "MJPG"), "mpeg4": (".mp4", "mp4v")}
 
@@ -84,7 +85,7 @@ def _add_studio_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--no-clutter", action="store_true", help="bare room")
     parser.add_argument("--no-occlusion", action="store_true", help="the body hides no markers")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of noise, ghosts and dropout (default 0)")
+    parser.add_argument("--seed", type=seed, default=0, metavar="N", help="of noise, ghosts and dropout (default 0)")
 
 
 def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:

@@ -26,9 +26,7 @@ def add_parser(subparsers: Any) -> None:
     body.add_argument("--subject", metavar="FILE", help="calibrated subject (skeleton and marker offsets)")
     body.add_argument("--skeleton", metavar="FILE", help=".asf or .bvh whose bones are used; needs --marker-set")
     parser.add_argument("--marker-set", metavar="NAME", help="shipped marker set or TOML file (default: the subject's)")
-    parser.add_argument(
-        "--method", choices=("best", *METHODS), default="best", help="how poses are found (default best)"
-    )
+    parser.add_argument("--method", choices=METHODS, default="best", help="how poses are found (default best)")
     parser.add_argument(
         "--smooth",
         type=float,
@@ -48,7 +46,7 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
         take = smoothed(take, args.smooth)
     subject = _subject(args)
     database = open_database(args.database)
-    settings = SolveSettings() if args.method == "best" else SolveSettings(method=args.method)
+    settings = SolveSettings(method=args.method)
     solved = solve_take(take, subject, database, settings, progress)
     motion = solved.motion if args.smooth is None else smoothed_motion(solved.motion, args.smooth)
     write_bvh(motion, args.out, args.units)

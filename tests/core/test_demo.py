@@ -6,7 +6,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-
 from perfanim.core.cli.main import main
 from perfanim.core.formats.bvh import read_bvh
 from perfanim.core.mapping import map_motion

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core import rotations as rot
-from perfanim.core.calibration_pose import t_pose
+from perfanim.core.calibration_pose import standing, t_pose
 from perfanim.core.marker_frame import MarkerFrame
 from perfanim.core.marker_set import Subject, load_marker_set
 from perfanim.core.session import Session
@@ -217,3 +217,21 @@ def test_other_marker_sets(truth, database, record, name):
         pose = session.step(record(markers[number], number, np.arange(9)))
         assert pose.markers_m.shape == (9, 3)
         assert pose.confidence > 0.0
+
+
+@pytest.mark.parametrize("hidden", [(), (2,), (5, 7)])
+def test_a_start_with_hanging_arms_and_hidden_markers_is_labelled_right(subject, database, hidden):
+    """The T pose explains as many points there, but worse; what it made of them must not linger."""
+    skeleton = subject.skeleton
+    joints, offsets = subject.marker_set.joint_indices(skeleton), subject.marker_set.offsets_m
+    markers = marker_positions(skeleton, joints, offsets, standing(skeleton), np.array([0.3, 0.9, 0.2]))
+    generator = np.random.default_rng(0)
+    session = Session(subject, database)
+    for number in range(10):
+        kept = [m for m in generator.permutation(len(markers)) if number > 0 or m not in hidden]
+        points = markers[kept] + generator.normal(scale=NOISE_M, size=(len(kept), 3))
+        covariances = np.tile(NOISE_M**2 * np.eye(3), (len(kept), 1, 1))
+        pose = session.step(MarkerFrame(number, number / FPS, points, covariances))
+        found = np.all(np.isfinite(pose.observed_m), axis=1)
+        assert set(np.flatnonzero(~found)) == (set(hidden) if number == 0 else set())
+        assert np.linalg.norm(pose.observed_m - markers, axis=1)[found].max() < 5.0 * np.sqrt(3.0) * NOISE_M

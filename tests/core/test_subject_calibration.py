@@ -149,8 +149,9 @@ def test_the_still_second_is_found():
 
 def test_a_window_of_the_take_can_be_chosen():
     take, held = held_take()
-    moved = calibration_points(take, BOXING, 0.3, slice(0, 20))
-    assert np.abs(moved - held)[:, 0].min() > 0.1
+    with pytest.raises(SubjectError, match="never still for 0.3 s"):  # the walk up to the place
+        calibration_points(take, BOXING, 0.3, slice(0, 20))
+    assert np.abs(calibration_points(take, BOXING, 0.3, slice(20, None)) - held).max() < 5.0 * NOISE_M
     with pytest.raises(SubjectError, match="fewer than three markers are seen at once"):
         calibration_points(take, BOXING, 1.0, slice(50, 50))
 
@@ -211,3 +212,15 @@ def test_a_hand_that_waves_is_told():
         frames += frames_of(moved, 1, number)
     with pytest.raises(SubjectError, match="Ann: LHAN moved during the calibration pose; hold it still"):
         subject_from_frames(frames, BOXING, PROTOTYPES, "Ann")
+
+
+def test_hanging_arms_are_no_t_pose():
+    points = markers_of(body(1.75, 0.0, 903), standing)
+    with pytest.raises(SubjectError, match="arm is .* degrees away"):
+        calibrate_subject(points, BOXING, PROTOTYPES, "Ann", "t")
+
+
+def test_a_take_that_never_stands_still_has_no_calibration_pose(true_markers, subject):
+    take = MarkerTake("walk", 30.0, subject.marker_set.names, true_markers[30:])
+    with pytest.raises(SubjectError, match="never still"):
+        calibration_points(take, subject.marker_set)

@@ -194,7 +194,7 @@ def test_the_command_as_a_process(inputs, tmp_path):
 
 
 def test_figures_without_a_value_are_null_in_json():
-    value = cli._jsonable(
+    value = cli.jsonable(
         {"a": np.float64("nan"), "b": np.array([1.0, np.inf]), "c": (np.int64(3), Path("/x")), 4: None}
     )
     assert json.loads(json.dumps(value, allow_nan=False)) == {
