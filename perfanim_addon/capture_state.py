@@ -32,6 +32,8 @@ class Client(Protocol):
 
     def poll(self) -> list[Message]: ...  # noqa: D102
 
+    def confirm_taken(self, frames: int) -> None: ...  # noqa: D102
+
     def request_stop(self) -> None: ...  # noqa: D102
 
     def close(self) -> None: ...  # noqa: D102
@@ -110,6 +112,8 @@ class CaptureRun:
             self.error = self.error or error
             self.phase = Phase.DONE
         self._count_rate()
+        if len(self.poses) > before:
+            self._client.confirm_taken(len(self.poses))
         if self._client.ended or self._stop_overdue():
             self.phase = Phase.DONE
         return self.poses[-1] if len(self.poses) > before else None

@@ -26,8 +26,13 @@ from .protocol import Message, MessageKind, SolvedPose
 
 STOP_LIMIT_S = 5.0
 _IDLE_S = 0.02
-_LOW_PRIORITY = 14
-_IN_FLIGHT = 6  # frames of a source that can wait: a tenth of a second
+_FULL_S = 0.002
+_RECORDED_NICENESS = 14
+_SIMULATED_NICENESS = 10
+_FRAMES_AHEAD = 2  # of the solver, for sources that can wait
+# The simulated performer keeps step with the window: each redraw shows its next frame. On a machine that draws slowly,
+# what is computed for poses that nobody sees would be taken from the drawing. Recorded images do run ahead.
+_POSES_AHEAD = 1
 
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:
@@ -37,21 +42,23 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
         PerfanimError: a file is bad, or the cameras' process failed.
     """
     cameras = dict(request["cameras"])
-    if cameras["source"].get("kind") != "cameras":
-        _give_way()
-        cameras["in_flight"] = _IN_FLIGHT
+    kind = cameras["source"].get("kind")
+    if kind != "cameras":
+        _give_way(_SIMULATED_NICENESS if kind == "simulated" else _RECORDED_NICENESS)
+        cameras["in_flight"] = _FRAMES_AHEAD
     channel.send_status("opening the cameras")
     client = WorkerClient({**cameras, "job": "cameras"})
     try:
-        _Relay(client, _session(request, cameras), channel).run()
+        ahead = _POSES_AHEAD if kind == "simulated" else None
+        _Relay(client, _session(request, cameras), channel, ahead).run()
     finally:
         client.close()
 
 
-def _give_way() -> None:
+def _give_way(niceness: int) -> None:
     """Let Blender go first: recorded and simulated images can wait, a window cannot (real cameras cannot either)."""
     if hasattr(os, "nice"):
-        os.nice(_LOW_PRIORITY)
+        os.nice(niceness)
 
 
 def _session(request: Mapping[str, Any], cameras: Mapping[str, Any]) -> Session:
@@ -70,8 +77,9 @@ def _rig(cameras: Mapping[str, Any]) -> CameraRig:
 class _Relay:
     """Takes messages of the cameras' process, solves frames, hands everything on."""
 
-    def __init__(self, client: WorkerClient, session: Session, channel: Channel) -> None:
+    def __init__(self, client: WorkerClient, session: Session, channel: Channel, poses_ahead: int | None) -> None:
         self._client = client
+        self._poses_ahead = poses_ahead
         self._session = session
         self._channel = channel
         self._pending: deque[Message] = deque()
@@ -82,12 +90,18 @@ class _Relay:
         """Go on until the cameras' process has ended and all its frames are solved; raises what ended it early."""
         while self._pending or not (self._client.ended or self._error):
             self._collect()
-            if self._pending:
+            if self._pending and not self._is_far_ahead():
                 self._solve(self._pending.popleft())
             else:
-                self._client.wait(_IDLE_S)
+                self._client.wait(_FULL_S if self._pending else _IDLE_S)
         if self._error is not None:
             raise self._error
+
+    def _is_far_ahead(self) -> bool:
+        """Whether Blender has yet to take as many poses as may wait for it."""
+        if self._poses_ahead is None or self._channel.stop_requested.is_set():
+            return False
+        return self._channel.frames - self._channel.taken >= self._poses_ahead
 
     def _collect(self) -> None:
         if self._error is not None:

@@ -28,6 +28,7 @@ class PlayedWorker:
     failure: CaptureError | None = None
     ended: bool = False
     asked_to_stop: bool = False
+    taken: int = 0
     closed: bool = False
 
     def say(self, *data: bytes) -> None:
@@ -39,6 +40,9 @@ class PlayedWorker:
         taken, self.waiting = self.waiting, []
         self.ended = self.ended or any(message.kind is MessageKind.END for message in taken)
         return taken
+
+    def confirm_taken(self, frames: int) -> None:
+        self.taken = frames
 
     def request_stop(self) -> None:
         self.asked_to_stop = True
@@ -69,6 +73,7 @@ def test_every_pose_is_kept_and_the_newest_is_shown() -> None:
     assert newest.number == 2
     assert run.phase is Phase.RUNNING
     assert [pose.number for pose in run.poses] == [0, 1, 2]
+    assert worker.taken == 3
     clock.now += 0.012
     run.shown()
     figures = run.statistics

@@ -65,3 +65,28 @@ def subject(tmp_path: Path) -> Path:
     path = tmp_path / "subject.toml"
     save_subject(Subject("Anna", default_skeleton(), load_marker_set("boxing"), 0.006), path)
     return path
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Settings for image folders of both cameras, 180 moments at 60 Hz, with calibration and subject."""
+    import cv2
+    from perfanim.core.camera import save_rig
+    from perfanim.core.marker_set import save_subject
+    from perfanim.core.simulate.studio.source import open_simulated
+
+    folder = tmp_path_factory.mktemp("recorded")
+    source = open_simulated({"kind": "simulated", "behaviour": "walking", "seconds": 4.0})
+    for number in range(180, 360):
+        for side, image in zip(("left", "right"), source.frame(number).images, strict=True):
+            (folder / side).mkdir(exist_ok=True)
+            assert cv2.imwrite(str(folder / side / f"{number}.jpg"), image)
+    save_rig(source.rig, folder / "cameras.toml")
+    save_subject(source.subject, folder / "subject.toml")
+    return {
+        "source": "IMAGES",
+        "left_folder": str(folder / "left"),
+        "right_folder": str(folder / "right"),
+        "calibration": str(folder / "cameras.toml"),
+        "subject": str(folder / "subject.toml"),
+    }

@@ -86,6 +86,24 @@ def test_the_bones_change_as_often_as_a_bare_timer_changes_them(desktop: Desktop
     assert any(enough(each) for each in rounds), rounds
 
 
+def test_recorded_images_lose_nothing_while_the_viewport_draws_slowly(
+    desktop: Desktop, window: BlenderWindow, recorded: dict[str, str]
+) -> None:
+    """Frames that come faster than the viewport is drawn are all solved and keyed; the capture ends with the images."""
+    window.open_tab("Perfanim")
+    window.order("set", values=recorded)
+    desktop.click(*window.tall_button("recorded-1-start"))
+    window.wait(lambda s: s["capture"]["activity"] == "Capture", "start")
+    wait_for_frames(window)
+    desktop.screenshot("recorded-2-live")
+    state = window.wait(lambda s: s["capture"]["activity"] is None, "end of the images")
+    run = window.order("last_run")
+    check_nothing_is_lost(run)
+    check_action(state, run["poses"])
+    assert run["numbers"] == list(range(run["numbers"][0], run["numbers"][0] + 180))
+    assert state["changes"] < run["poses"], "the viewport was not slower than the images"
+
+
 def enough(measured: dict[str, Any]) -> bool:
     return bool(measured["capture"]["changes_per_s"] >= 0.9 * measured["bare_timer"]["changes_per_s"])
 

@@ -41,6 +41,7 @@ def collect(client: WorkerClient, until: Callable[[list[Message]], bool]) -> lis
     while not until(messages):
         assert time.monotonic() < limit, [(m.kind.name, m.payload[:80]) for m in messages][-5:]
         messages += client.poll()
+        client.confirm_taken(len(of(MessageKind.POSE, messages)))
         client.wait(0.05)
     return messages
 
@@ -74,6 +75,24 @@ def test_stop_ends_the_chain_and_loses_nothing(request_files: dict[str, str]) ->
     finally:
         client.close()
     assert messages[-1].json()["handed_over"] == len(of(MessageKind.POSE, messages)) >= 20
+
+
+def test_the_simulated_performer_waits_for_who_watches(request_files: dict[str, str]) -> None:
+    client = WorkerClient(request(request_files, loop=True))
+    try:
+        messages: list[Message] = []
+        limit = time.monotonic() + PATIENCE_S
+        for taken in range(4):
+            client.confirm_taken(taken)
+            while len(of(MessageKind.POSE, messages)) <= taken:
+                assert time.monotonic() < limit
+                messages += client.poll()
+                client.wait(0.05)
+            time.sleep(0.3)
+            messages += client.poll()
+            assert len(of(MessageKind.POSE, messages)) == taken + 1  # the next comes when this one is confirmed
+    finally:
+        client.close()
 
 
 def test_bad_requests_are_errors_in_plain_words(request_files: dict[str, str], tmp_path: Path) -> None:
