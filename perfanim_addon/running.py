@@ -50,11 +50,6 @@ def end() -> None:
         redraw_sidebars()
 
 
-def is_my_timer(event: bpy.types.Event, activity: Activity) -> bool:
-    """Whether an event is a tick of the running `activity`'s timer (any timer's tick will do: ticks only poll)."""
-    return event.type == "TIMER" and _state.activity is activity
-
-
 def set_message(panel: str, text: str, icon: str = "INFO") -> None:
     """Keep what a panel's last operation said, with the icon that goes before it; "" clears it."""
     _state.messages[panel] = (text, icon)

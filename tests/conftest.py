@@ -1,6 +1,8 @@
 """Fixtures shared by all tests: where the recordings of others lie, if they are there."""
 
+import os
 import subprocess
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
@@ -38,3 +40,14 @@ def cmu_dir(mocap_dir: Path) -> Path:
 def bandai_dir(mocap_dir: Path) -> Path:
     """Unpacked BVH clips."""
     return mocap_dir / "bandai"
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.CallInfo, None]:
+    """With PERFANIM_NO_SKIP set, what would be skipped fails: where everything is present, everything must run."""
+    outcome = yield
+    report = outcome.get_result()
+    if report.skipped and os.environ.get("PERFANIM_NO_SKIP"):
+        reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+        report.outcome = "failed"
+        report.longrepr = f"{item.nodeid} was skipped, but PERFANIM_NO_SKIP is set: {reason}"

@@ -78,7 +78,8 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     rig = load_rig(args.cameras)
     if args.ignore_distortion:
         rig = _without_distortion(rig)
-    source = open_image_source(args.left, args.right, *args.camera, fps=args.fps)
+    size = rig.cameras[0].image_size
+    source = open_image_source(args.left, args.right, *args.camera, fps=args.fps, size=size)
     try:
         pipeline = _pipeline(args, rig, source, progress)
         frames, seconds = _process(args, pipeline, source, progress)

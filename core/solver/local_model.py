@@ -101,15 +101,17 @@ def cross_validate(
     coordinates = (poses - space.mean) @ space.basis
     outside = np.sum((poses - space.mean) ** 2, axis=1) - np.sum(coordinates**2, axis=1)
     scores = np.full((len(sizes), len(dimensions)), np.inf)
+    tested = np.unique(groups[: min(examples, sizes[0])])
     for row, size in enumerate(sizes):
-        left_out = [
+        errors = [
             _left_out_errors(coordinates[:size], markers[:size], groups[:size] == group, dimensions,
-                             marker_variance_m2, examples)
-            for group in np.unique(groups[: min(examples, size)])
+                             marker_variance_m2, min(examples, sizes[0]))
+            for group in tested
         ]  # fmt: skip
-        errors = [error for error in left_out if error is not None]
-        if errors:
-            scores[row] = np.mean(np.concatenate(errors, axis=1), axis=1)
+        # all K are judged by the same examples: one that is too small to do without a clip is not tried
+        known = [error for error in errors if error is not None]
+        if len(known) == len(errors):
+            scores[row] = np.mean(np.concatenate(known, axis=1), axis=1)
     scores += np.maximum(outside[:examples], 0.0).mean()
     if np.all(np.isinf(scores)):  # one clip is all there is: nothing can be left out, the largest model is taken
         return Validation(fit(poses[: sizes[-1]], dimensions[-1]), scores)

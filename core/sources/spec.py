@@ -77,8 +77,12 @@ def open_source(spec: Mapping[str, Any]) -> ImageSource:
     raise SettingsError(f"unknown image source {kind!r}", advice="use simulated, videos, images or cameras")
 
 
-def open_image_source(*sources: str | Path, fps: float | None = None) -> SampledSource:
+def open_image_source(
+    *sources: str | Path, fps: float | None = None, size: tuple[int, int] | None = None
+) -> SampledSource:
     """Return a source from one text per camera: a video, a folder or pattern of images, a device number, an address.
+
+    Cameras by device number are asked for images of `size` (width, height), that of their calibration.
 
     Raises:
         CaptureError: a text is none of these, or they are not all of one kind.
@@ -92,7 +96,7 @@ def open_image_source(*sources: str | Path, fps: float | None = None) -> Sampled
             advice="give two videos, two folders or patterns of images, or two device numbers",
         )
     if kinds[0] == "cameras":
-        return CameraSource([int(text) for text in texts], None, fps)
+        return CameraSource([int(text) for text in texts], size, fps)
     if kinds[0] == "videos":
         return VideoSource(texts, fps or 30.0)
     return ImageFileSource(texts, fps or 30.0)

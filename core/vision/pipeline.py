@@ -42,7 +42,6 @@ class MarkerPipeline:
         self._detection = given * len(rig) if len(given) == 1 else given
         self._matcher = StereoMatcher(rig, self.settings.stereo)
         self._predictor = PointPredictor()
-        self._prediction: Array | None = None
         self.last_errors_px = np.empty((0, len(rig)))
         self.set_backgrounds([None] * len(rig))
 
@@ -64,10 +63,6 @@ class MarkerPipeline:
         self._check_moments(moments)
         self.set_backgrounds([background_behind(column) for column in zip(*moments, strict=True)])
 
-    def set_prediction(self, points_m: Array | None) -> None:
-        """Say where markers are expected in the next frame (P, 3), e.g. from the solved pose."""
-        self._prediction = None if points_m is None else np.asarray(points_m, dtype=np.float64)
-
     def process(self, images: ImageSetLike) -> MarkerFrame:
         """Return the markers of one image set.
 
@@ -79,8 +74,7 @@ class MarkerPipeline:
         blobs = tuple(detector.detect(image) for detector, image in zip(self.detectors, images.images, strict=True))
         time_s = float(np.mean(images.times_s))
         normalised = self._matcher.undistort(blobs)
-        expected = self._prediction if self._prediction is not None else self._predictor.predict(time_s)
-        self._prediction = None
+        expected = self._predictor.predict(time_s)
         matches = self._matcher.match(blobs, normalised, expected)
         self._predictor.update(time_s, matches.points_m)
         self.last_errors_px = matches.errors_px

@@ -149,7 +149,7 @@ def test_the_still_second_is_found():
 
 def test_a_window_of_the_take_can_be_chosen():
     take, held = held_take()
-    with pytest.raises(SubjectError, match="never still for 0.3 s"):  # the walk up to the place
+    with pytest.raises(SubjectError, match=r"never still for 0\.3 s"):  # the walk up to the place
         calibration_points(take, BOXING, 0.3, slice(0, 20))
     assert np.abs(calibration_points(take, BOXING, 0.3, slice(20, None)) - held).max() < 5.0 * NOISE_M
     with pytest.raises(SubjectError, match="fewer than three markers are seen at once"):
@@ -216,7 +216,7 @@ def test_a_hand_that_waves_is_told():
 
 def test_hanging_arms_are_no_t_pose():
     points = markers_of(body(1.75, 0.0, 903), standing)
-    with pytest.raises(SubjectError, match="arm is .* degrees away"):
+    with pytest.raises(SubjectError, match=r"arm is .* degrees away"):
         calibrate_subject(points, BOXING, PROTOTYPES, "Ann", "t")
 
 

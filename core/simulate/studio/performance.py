@@ -55,12 +55,6 @@ class Performance:
         """Return the marker centres (N, M, 3) at N times from the first frame, seconds."""
         return _sampled(self.markers_m, self.fps, np.asarray(times_s, dtype=np.float64))
 
-    def marker_velocities_at(self, time_s: float) -> Array:
-        """Return the marker velocities (M, 3), m/s, by a central difference over a millisecond."""
-        before, after = self.markers_at([time_s - 0.0005, time_s + 0.0005])
-        velocities: Array = (after - before) / 0.001
-        return velocities
-
 
 def make_performance(
     motion: Motion, marker_names: tuple[str, ...], joints: ArrayLike, offsets_m: ArrayLike
