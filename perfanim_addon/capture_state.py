@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
-from ..core.errors import PerfanimError
+from ..core.errors import CaptureError, PerfanimError
 from ..core.pose_frame import PoseFrame
 from ..core.worker.protocol import Message, MessageKind
 
@@ -114,8 +114,13 @@ class CaptureRun:
         self._count_rate()
         if len(self.poses) > before:
             self._client.confirm_taken(len(self.poses))
-        if self._client.ended or self._stop_overdue():
+        if self._client.ended:
             self.phase = Phase.DONE
+        elif self._stop_overdue():
+            self.phase = Phase.DONE
+            self.error = self.error or CaptureError(
+                "the solver did not end in time; its last frames may be missing", advice="look at the end of the action"
+            )
         return self.poses[-1] if len(self.poses) > before else None
 
     def shown(self) -> None:

@@ -89,7 +89,8 @@ class PERFANIM_OT_start_capture(bpy.types.Operator):
     def _finish(self, context: bpy.types.Context, error: PerfanimError | None = None) -> set[str]:
         """End everything, keep what was captured as one Action."""
         capture = self._capture
-        running.end()
+        if running.current() is capture:
+            running.end()
         context.workspace.status_text_set(None)
         text = ""
         try:

@@ -1,5 +1,6 @@
 """Long work in the worker process, with progress and without freezing the window."""
 
+import traceback
 from typing import Any
 
 import bpy
@@ -64,6 +65,13 @@ class JobOperator:
             running.end()
             context.workspace.status_text_set(None)
             return common.failed(self, self.panel, error)
+        except Exception as error:
+            # A defect must not leave timer and worker behind.
+            traceback.print_exc()
+            running.end()
+            context.workspace.status_text_set(None)
+            text = f"{type(error).__name__}: {error}"
+            return common.failed(self, self.panel, CaptureError(text, advice="see the console, and report this"))
         context.workspace.status_text_set(f"{job.title}: {job.fraction:.0%} {job.text}")
         running.redraw_sidebars()
         return {"PASS_THROUGH"}

@@ -1,6 +1,7 @@
 """A capture as an animator does it: install, open the sidebar, click Start Capture, click Stop."""
 
 import json
+import statistics
 import time
 from typing import Any
 
@@ -67,11 +68,11 @@ def test_start_and_stop_with_the_mouse(desktop: Desktop, window: BlenderWindow) 
 
 
 def test_the_bones_change_as_often_as_a_bare_timer_changes_them(desktop: Desktop, window: BlenderWindow) -> None:
-    """Compare rates in one window, scene and run; again, up to three times, if the machine is busy with other work."""
+    """Compare rates in one window, scene and run, three times; the middle one counts, as both vary with the machine."""
     started(desktop, window, "rate")
     rounds: list[dict[str, Any]] = []
-    while not any(enough(each) for each in rounds) and len(rounds) < ROUNDS:
-        if rounds:
+    for number in range(ROUNDS):
+        if number > 0:
             desktop.click(*window.tall_button("rate-again"))
             window.wait(lambda s: s["capture"]["activity"] == "Capture", "start")
             wait_for_frames(window)
@@ -83,7 +84,7 @@ def test_the_bones_change_as_often_as_a_bare_timer_changes_them(desktop: Desktop
         bare = window.order("bare_timer", seconds=MEASURED_S + 1.5)
         rounds.append({"capture": live, "bare_timer": bare, "statistics": run["statistics"]})
     (ROOT / "out" / "window" / "rates.json").write_text(json.dumps(rounds, indent=1))
-    assert any(enough(each) for each in rounds), rounds
+    assert statistics.median(ratio(each) for each in rounds) >= 0.9, rounds
 
 
 def test_recorded_images_lose_nothing_while_the_viewport_draws_slowly(
@@ -104,8 +105,8 @@ def test_recorded_images_lose_nothing_while_the_viewport_draws_slowly(
     assert state["changes"] < run["poses"], "the viewport was not slower than the images"
 
 
-def enough(measured: dict[str, Any]) -> bool:
-    return bool(measured["capture"]["changes_per_s"] >= 0.9 * measured["bare_timer"]["changes_per_s"])
+def ratio(measured: dict[str, Any]) -> float:
+    return float(measured["capture"]["changes_per_s"] / measured["bare_timer"]["changes_per_s"])
 
 
 def stop(desktop: Desktop, window: BlenderWindow, name: str) -> dict[str, Any]:
