@@ -278,14 +278,19 @@ def _above_skin(contrast: Float32) -> Float32:
     values = contrast[contrast > 0.0]
     level = _RIM_SHARE * float(values.max())
     middle = 0.5 * float(values.max() + values.min())
-    for _ in range(8):  # two means
-        upper, lower = values[values >= middle], values[values < middle]
-        if len(upper) == 0 or len(lower) == 0:
+    ordered = np.sort(values)
+    sums = np.cumsum(ordered)
+    below, total, count = 0, float(sums[-1]), len(ordered)
+    low = high = 0.0
+    for _ in range(8):  # two means, of the values below and above their middle
+        split = int(np.searchsorted(ordered, middle))
+        if split in (0, count, below):
             break
-        middle = 0.5 * float(upper.mean() + lower.mean())
-    else:
-        if len(lower) > 1.2 * len(upper):
-            level = float(lower.mean() + 0.35 * (upper.mean() - lower.mean()))
+        below = split
+        low, high = float(sums[below - 1]) / below, (total - float(sums[below - 1])) / (count - below)
+        middle = 0.5 * (low + high)
+    if below > 1.2 * (count - below):
+        level = low + 0.35 * (high - low)
     return np.maximum(contrast - np.float32(level), np.float32(0.0))
 
 

@@ -14,7 +14,7 @@ from .database import starter_arguments
 
 PANEL = "capture"
 TICK_S = 1 / 60
-SIDEBAR_S = 0.5  # the figures are redrawn this often, the viewport only when bones move
+SIDEBAR_S = 1.0  # the figures are redrawn this often, the viewport only when bones move
 
 
 class PERFANIM_OT_start_capture(bpy.types.Operator):
