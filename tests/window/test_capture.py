@@ -5,13 +5,14 @@ import statistics
 import time
 from typing import Any
 
+import pytest
 from desktop import ROOT, BlenderWindow, Desktop
 
 DISTINCT_POSES = 20
 T_POSE_FRAMES = 240  # the performer stands in the T pose, then lets the arms sink
 MEASURED_S = 10.0
 ROUNDS = 3
-GUARDED_RATIO = 0.8
+WANTED_RATIO = 0.9
 
 
 def started(desktop: Desktop, window: BlenderWindow, name: str) -> None:
@@ -68,11 +69,12 @@ def test_start_and_stop_with_the_mouse(desktop: Desktop, window: BlenderWindow) 
     check_action(state, run["poses"])
 
 
+@pytest.mark.benchmark
 def test_the_bones_change_as_often_as_a_bare_timer_changes_them(desktop: Desktop, window: BlenderWindow) -> None:
     """Compare rates in one window, scene and run, three times; the middle one counts, as both vary with the machine.
 
-    The goal is 0.9. On two cores the simulated cameras, vision and solver share them with the software drawing, which
-    the bare timer has for itself: 0.88 was measured there. The bound guards that figure, the file keeps the rounds.
+    A benchmark, as rates depend on the machine: `make window-bench`. On two cores without a graphics card it was missed
+    with 0.88, where simulated cameras, vision and solver share the cores with the software drawing.
     """
     started(desktop, window, "rate")
     rounds: list[dict[str, Any]] = []
@@ -89,7 +91,7 @@ def test_the_bones_change_as_often_as_a_bare_timer_changes_them(desktop: Desktop
         bare = window.order("bare_timer", seconds=MEASURED_S + 1.5)
         rounds.append({"capture": live, "bare_timer": bare, "statistics": run["statistics"]})
     (ROOT / "out" / "window" / "rates.json").write_text(json.dumps(rounds, indent=1))
-    assert statistics.median(ratio(each) for each in rounds) >= GUARDED_RATIO, rounds
+    assert statistics.median(ratio(each) for each in rounds) >= WANTED_RATIO, rounds
 
 
 def test_recorded_images_lose_nothing_while_the_viewport_draws_slowly(
