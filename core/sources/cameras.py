@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from ..errors import CaptureError
-from .image_set import Image, ImageSet
+from .image_set import Image, ImageSet, next_number
 
 _WARM_UP_READS = 5
 _LOST_AFTER = 10
@@ -17,7 +17,8 @@ _LOST_AFTER = 10
 class CameraSource:
     """Image sets from cameras, as they come.
 
-    All cameras are told to take an image (`grab`) before any is decoded, so that they differ by little time.
+    All cameras are told to take an image (`grab`) before any is decoded, so that they differ by little time. Frames are
+    numbered by the time at which they come, so that a number left out is a frame that was lost.
 
     Args:
         devices: device numbers (or stream addresses), one per camera.
@@ -58,7 +59,7 @@ class CameraSource:
     def __iter__(self) -> Iterator[ImageSet]:
         """Yield image sets until `close`."""
         start = time.perf_counter()
-        number, failures = 0, 0
+        number, last_s, failures = -1, 0.0, 0
         while not self._closed:
             taken = self._take(start)
             if taken is None:
@@ -68,8 +69,9 @@ class CameraSource:
                 continue
             failures = 0
             times_s, images = taken
+            number = next_number(number, times_s[0] - last_s, 1.0 / self.fps) if number >= 0 else 0
+            last_s = times_s[0]
             yield ImageSet(number, times_s, images)
-            number += 1
 
     def _take(self, start: float) -> tuple[tuple[float, ...], tuple[Image, ...]] | None:
         times_s = []

@@ -37,3 +37,11 @@ class ImageSet:
                     f"an image has {image.dtype} values of shape {image.shape}, not 8-bit colour",
                     where=f"frame {self.number}",
                 )
+
+
+def next_number(number: int, passed_s: float, period_s: float) -> int:
+    """Return the frame number that follows `number` after `passed_s`: further on where frames were left out.
+
+    Only a gap of more than one and a half periods counts: cameras are late by less now and then.
+    """
+    return number + (round(passed_s / period_s) if passed_s > 1.5 * period_s else 1)

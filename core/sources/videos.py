@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from ..errors import CaptureError
-from .image_set import Image, ImageSet
+from .image_set import Image, ImageSet, next_number
 
 _STREAM_PREFIXES = ("http://", "https://", "rtsp://", "rtmp://", "udp://", "tcp://")
 
@@ -21,6 +21,8 @@ def is_stream(address: str) -> bool:
 
 class VideoSource:
     """Image sets from one video per camera, frame by frame; files can be iterated any number of times.
+
+    Frames are numbered by the time stamps of the first video, so that a number left out is a frame that was lost.
 
     Args:
         paths: video files or stream addresses, one per camera.
@@ -62,13 +64,15 @@ class VideoSource:
             captures = [_open(path) for path in self._paths]
             for capture in captures:
                 stack.callback(capture.release)
-            number = 0
+            number, last_s = -1, 0.0
             while not self._closed:
-                images = self._read(captures, number)
+                images = self._read(captures, number + 1)
                 if images is None:
                     return
+                stamp_s = float(captures[0].get(cv2.CAP_PROP_POS_MSEC)) / 1000.0
+                number = next_number(number, stamp_s - last_s, 1.0 / self.fps) if number >= 0 else 0
+                last_s = stamp_s
                 yield ImageSet(number, (number / self.fps,) * len(images), images)
-                number += 1
 
     def _read(self, captures: Sequence[Any], number: int) -> tuple[Image, ...] | None:
         results = [capture.read() for capture in captures]

@@ -1,0 +1,72 @@
+"""Frames that a camera leaves out are left out of the numbering too."""
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from perfanim.core.sources import cameras, videos
+from perfanim.core.sources.cameras import CameraSource
+from perfanim.core.sources.image_set import next_number
+from perfanim.core.sources.videos import VideoSource
+
+PICTURE = np.zeros((48, 64, 3), np.uint8)
+
+
+class PlayedCapture:
+    """A camera or video of 60 Hz whose frames come at given times, and the clock that shows them."""
+
+    def __init__(self, times_s: list[float]) -> None:
+        self.times_s = times_s
+        self.now_s = 0.0
+        self.taken = 0
+
+    def perf_counter(self) -> float:
+        return self.now_s
+
+    def grab(self) -> bool:
+        if self.taken == len(self.times_s):
+            return False
+        self.now_s = self.times_s[self.taken]
+        self.taken += 1
+        return True
+
+    def retrieve(self) -> tuple[bool, Any]:
+        return True, PICTURE
+
+    def read(self) -> tuple[bool, Any]:
+        return (True, PICTURE) if self.grab() else (False, None)
+
+    def get(self, key: int) -> float:
+        return {cv2.CAP_PROP_FPS: 60.0, cv2.CAP_PROP_POS_MSEC: 1000.0 * self.now_s}.get(key, len(self.times_s))
+
+    def release(self) -> None:
+        pass
+
+
+# the camera is a little early or late each time, and leaves out 4 and 5, then 10
+KEPT = [0, 1, 2, 3, 6, 7, 8, 9, 11, 12]
+LATE_S = [0.0, 0.004, -0.003, 0.002, 0.003, -0.004, 0.0, 0.002, 0.004, -0.003]
+TIMES_S = [number / 60 + late for number, late in zip(KEPT, LATE_S, strict=True)]
+
+
+def test_a_frame_that_is_late_is_not_a_frame_that_is_lost() -> None:
+    assert [next_number(7, periods / 60, 1 / 60) for periods in (0.2, 1.0, 1.49, 1.6, 2.4, 2.6, 5.1)] == [
+        8, 8, 8, 9, 9, 10, 12
+    ]  # fmt: skip
+
+
+def test_cameras_number_their_frames_by_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    played = PlayedCapture(TIMES_S)
+    monkeypatch.setattr(cameras, "_open", lambda *_: played)
+    monkeypatch.setattr(cameras, "time", played)
+    numbers = [image_set.number for _, image_set in zip(KEPT, CameraSource([0]), strict=False)]
+    assert numbers == KEPT
+
+
+def test_videos_number_their_frames_by_their_time_stamps(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(videos, "_open", lambda _: PlayedCapture(TIMES_S))
+    sets = list(VideoSource([Path("left.mkv"), Path("right.mkv")]))
+    assert [image_set.number for image_set in sets] == KEPT
+    np.testing.assert_allclose([image_set.times_s[0] for image_set in sets], np.array(KEPT) / 60)
