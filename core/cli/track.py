@@ -13,6 +13,7 @@ from ..errors import SettingsError
 Progress = Callable[[float, str], None]
 
 _BACKGROUND_SAMPLES = 31
+_EMPTY_SAMPLES = 240  # of frames without the performer
 
 
 def add_parser(subparsers: Any) -> None:
@@ -92,6 +93,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     visible = take.visible
     summary: dict[str, Any] = {
         "frames": take.frames,
+        "lost_frames": int(take.frame_numbers[-1] - take.frame_numbers[0]) + 1 - take.frames,
         "markers": len(take.names),
         "names": list(take.names),
         "visible_fraction": float(visible.mean()),
@@ -152,7 +154,7 @@ def _pipeline(args: argparse.Namespace, rig: Any, source: Any, progress: Progres
     if args.background:
         empty = open_image_source(*args.background)
         try:
-            pipeline.learn_empty(empty.samples(10**6 if hasattr(empty, "frame") else _BACKGROUND_SAMPLES))
+            pipeline.learn_empty(empty.samples(_EMPTY_SAMPLES))
         finally:
             empty.close()
         return pipeline

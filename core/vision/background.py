@@ -60,11 +60,6 @@ class BackgroundLearner:
         self._sum: NDArray[np.float64] | None = None
         self._squares: NDArray[np.float64] | None = None
 
-    @property
-    def frames(self) -> int:
-        """Frames seen so far."""
-        return self._count
-
     def add(self, image: Image) -> None:
         """Add one frame (height, width, 3) uint8; CaptureError when its size differs from the first."""
         if self._sum is None or self._squares is None:
@@ -87,12 +82,17 @@ class BackgroundLearner:
         return Background(mean.astype(np.float32), np.sqrt(variance).astype(np.float32))
 
 
-def learn_background(images: Iterable[Image]) -> Background:
-    """Return the background of frames without the performer."""
-    learner = BackgroundLearner()
-    for image in images:
-        learner.add(image)
-    return learner.result()
+def learn_backgrounds(moments: Iterable[Sequence[Image]]) -> list[Background]:
+    """Return the background of each camera from frames without the performer: one image per camera each moment.
+
+    The images are taken one by one and not kept, so there may be any number of them.
+    """
+    learners: list[BackgroundLearner] = []
+    for images in moments:
+        learners = learners or [BackgroundLearner() for _ in images]
+        for learner, image in zip(learners, images, strict=True):
+            learner.add(image)
+    return [learner.result() for learner in learners or [BackgroundLearner()]]
 
 
 def background_behind(samples: Sequence[Image]) -> Background:

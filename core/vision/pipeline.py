@@ -10,7 +10,7 @@ from ..camera import CameraRig
 from ..errors import CaptureError
 from ..marker_frame import MarkerFrame
 from ..sources.spec import ImageSetLike
-from .background import Background, background_behind, learn_background
+from .background import Background, background_behind, learn_backgrounds
 from .coherence import PointPredictor
 from .detect import DetectionSettings, Detector
 from .stereo import Matches, StereoMatcher, StereoSettings
@@ -52,15 +52,15 @@ class MarkerPipeline:
         self.detectors = tuple(Detector(background, settings) for background, settings in pairs)
 
     def learn_empty(self, images: Iterable[tuple[Image, ...]]) -> None:
-        """Learn the backgrounds from frames without the performer: per moment one image per camera."""
-        moments = list(images)
-        self._check_moments(moments)
-        self.set_backgrounds([learn_background(column) for column in zip(*moments, strict=True)])
+        """Learn the backgrounds from frames without the performer: per moment one image per camera; none is kept."""
+        self.set_backgrounds(learn_backgrounds(images))
 
     def learn_behind(self, images: Iterable[tuple[Image, ...]]) -> None:
         """Learn the backgrounds from frames spread over a take with the performer in it."""
         moments = list(images)
-        self._check_moments(moments)
+        if not moments:
+            raise CaptureError("there are no images to learn the background from")
+        self._check_count(len(moments[0]))
         self.set_backgrounds([background_behind(column) for column in zip(*moments, strict=True)])
 
     def process(self, images: ImageSetLike) -> MarkerFrame:
@@ -113,11 +113,6 @@ class MarkerPipeline:
                 f"{count} image(s) for a calibration of {len(self.rig)} cameras",
                 advice="use a calibration of this set-up",
             )
-
-    def _check_moments(self, moments: Sequence[tuple[Image, ...]]) -> None:
-        if not moments:
-            raise CaptureError("there are no images to learn the background from")
-        self._check_count(len(moments[0]))
 
     def _check_sizes(self, images: Sequence[Image]) -> None:
         for camera, image in zip(self.rig.cameras, images, strict=True):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError, SettingsError
-from perfanim.core.vision.background import BackgroundLearner, background_behind, learn_background
+from perfanim.core.vision.background import BackgroundLearner, background_behind, learn_backgrounds
 from perfanim.core.vision.detect import DetectionSettings, Detector
 
 
@@ -9,6 +9,11 @@ def grid(seed: int, count: int = 12) -> np.ndarray:
     """Centres at least 100 px apart, at random sub-pixel places."""
     cells = np.stack(np.meshgrid(80 + 140 * np.arange(4), 90 + 140 * np.arange(3)), axis=-1).reshape(-1, 2)[:count]
     return cells + np.random.default_rng(seed).uniform(-20, 20, (count, 2))
+
+
+def learned_background(images):
+    """The background of one camera."""
+    return learn_backgrounds((image,) for image in images)[0]
 
 
 def matched(blobs: np.ndarray, centres: np.ndarray) -> np.ndarray:
@@ -19,7 +24,7 @@ def matched(blobs: np.ndarray, centres: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("radius", [2.0, 3.0, 5.5])
 def test_centres_are_exact_with_noise_of_two_grey_levels(draw, radius):
-    background = learn_background(draw(np.empty((0, 2)), radius, seed=100 + i) for i in range(20))
+    background = learned_background(draw(np.empty((0, 2)), radius, seed=100 + i) for i in range(20))
     detector = Detector(background)
     errors = []
     for seed in range(6):
@@ -36,7 +41,7 @@ def test_centres_are_exact_with_noise_of_two_grey_levels(draw, radius):
 
 def test_background_mean_and_deviation_are_those_of_every_pixel_and_channel(draw):
     shade = np.zeros((480, 640, 3)) + np.linspace(10, 90, 640)[None, :, None] * [1.0, 0.5, 0.2]
-    learned = learn_background(draw(np.empty((0, 2)), 1, background=shade, noise=3.0, seed=i) for i in range(40))
+    learned = learned_background(draw(np.empty((0, 2)), 1, background=shade, noise=3.0, seed=i) for i in range(40))
     # the mean of 40 frames is known to 3 / sqrt(40), a deviation to 3 / sqrt(80); five sigmas over all pixels
     assert np.abs(learned.mean - shade).mean() < 0.6
     assert np.abs(learned.mean - shade).max() < 5 * 3 / np.sqrt(40)
@@ -44,7 +49,7 @@ def test_background_mean_and_deviation_are_those_of_every_pixel_and_channel(draw
 
 
 def test_foreground_is_where_any_channel_differs_by_more_than_the_threshold(draw):
-    quiet = learn_background(draw(np.empty((0, 2)), 1, noise=0.0) for _ in range(3))
+    quiet = learned_background(draw(np.empty((0, 2)), 1, noise=0.0) for _ in range(3))
     detector = Detector(quiet, DetectionSettings(threshold=30.0, dilation_px=0))
     image = draw(np.empty((0, 2)), 1, noise=0.0)
     image[100, 200] = (20, 20, 51)
@@ -79,7 +84,7 @@ def test_background_is_learned_behind_markers_that_move(draw):
 
 def test_fixed_lamps_are_no_markers_but_markers_beside_them_are(draw):
     lamps = np.array([[100.0, 100.0], [400.0, 300.0]])
-    empty = learn_background(draw(lamps, 6, level=250, seed=i) for i in range(10))
+    empty = learned_background(draw(lamps, 6, level=250, seed=i) for i in range(10))
     marker = np.array([[120.0, 100.0]])
     blobs = Detector(empty).detect(draw(np.concatenate((lamps, marker)), 4, level=250, seed=50))
     near = np.linalg.norm(blobs[:, :2] - marker, axis=1)
@@ -126,10 +131,10 @@ def test_hue_and_brightness_are_those_of_the_marker(draw):
 
 
 def test_images_of_another_size_than_the_background_are_refused(draw):
-    background = learn_background(draw(np.empty((0, 2)), 1, seed=i) for i in range(2))
+    background = learned_background(draw(np.empty((0, 2)), 1, seed=i) for i in range(2))
     with pytest.raises(CaptureError, match="320x240"):
         Detector(background).detect(np.zeros((240, 320, 3), np.uint8))
     with pytest.raises(CaptureError, match="without the performer"):
-        learn_background([])
+        learned_background([])
     with pytest.raises(SettingsError, match="threshold"):
         DetectionSettings(threshold=0.0)

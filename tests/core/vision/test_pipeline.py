@@ -1,3 +1,5 @@
+import weakref
+
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
@@ -61,6 +63,25 @@ def test_a_marker_hidden_from_one_camera_is_passed_on_as_a_ray(rig, draw):
     )
     blob = frame.blobs[0][frame.single_blobs[0]]
     np.testing.assert_allclose(blob[:2], rig.cameras[0].project(points[0]), atol=0.05)
+
+
+def test_frames_without_the_performer_are_not_kept_while_the_background_is_learned(rig, draw):
+    alive, most = [], 0
+
+    def moments():
+        nonlocal most
+        for pictures in empty(rig, draw, 3) * 10:
+            moment = tuple(picture.copy() for picture in pictures)
+            alive.extend(weakref.ref(image) for image in moment)
+            most = max(most, sum(image() is not None for image in alive))
+            yield moment
+
+    pipeline = MarkerPipeline(rig)
+    pipeline.learn_empty(moments())
+    assert len(alive) == 60
+    assert most <= 2 * len(rig)  # the moment in hand and the next
+    with pytest.raises(CaptureError, match="0 frame"):
+        pipeline.learn_empty([])
 
 
 def test_wrong_number_or_size_of_images_is_refused(rig, draw):
