@@ -26,6 +26,10 @@ _EMPTY_FRAMES = 30  # of the simulated room
 _SPREAD_FRAMES = 40  # of a recorded take, which shows the performer
 
 
+class _Stopped(Exception):  # noqa: N818 - no error: somebody asked for the end
+    """A stop was asked for while the background was learned."""
+
+
 def run(request: Mapping[str, Any], channel: Channel) -> None:
     """Hand over marker frames.
 
@@ -48,6 +52,8 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
             channel.send_frame(stamp_s, pipeline.process(images))
             if in_flight is not None:
                 channel.wait_taken(int(in_flight))
+    except _Stopped:
+        return
     finally:
         source.close()
 
@@ -85,7 +91,7 @@ def _reported(
 ) -> Iterator[tuple[Image, ...]]:
     for number, images in enumerate(islice(moments, count)):
         if channel.stop_requested.is_set():
-            raise CaptureError("stopped while the background was learned")
+            raise _Stopped
         channel.send_status("learning the background" + hint, number / count)
         yield images
 

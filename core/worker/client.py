@@ -5,6 +5,7 @@ Windows alike; a random token keeps other programs of the machine out. No thread
 queues what Blender is too slow to take, so nothing is lost and nobody blocks.
 """
 
+import contextlib
 import hmac
 import importlib.util
 import json
@@ -26,6 +27,7 @@ from .protocol import Decoder, Message, MessageKind, encode, encode_json
 START_LIMIT_S = 60.0
 SILENCE_LIMIT_S = 15.0
 _CHUNK = 1 << 20
+_DYING_S = 1.0  # from a closed standard input to the end of a process
 _LIBRARIES = ("numpy", "scipy", "cv2", "ezc3d")
 
 
@@ -39,6 +41,11 @@ def library_paths() -> list[str]:
             if folder not in folders:
                 folders.append(folder)
     return folders
+
+
+def _not_started(program: str, reason: str) -> CaptureError:
+    advice = "reinstall Blender or set the worker's Python in the preferences"
+    return CaptureError(f"could not be started ({reason})", where=program, advice=advice)
 
 
 class WorkerClient:
@@ -64,20 +71,24 @@ class WorkerClient:
         self._listener = socket.create_server(("127.0.0.1", 0), backlog=4)
         self._listener.setblocking(False)
         self._last_heard = self._started = time.monotonic()
+        program = python or sys.executable
         try:
-            self._process = self._start(python or sys.executable)
+            self._process = self._start(program)
         except OSError as error:
             self._release()
-            raise CaptureError(
-                f"could not be started ({error.strerror})",
-                where=python or sys.executable,
-                advice="reinstall Blender or set the worker's Python in the preferences",
-            ) from error
+            raise _not_started(program, str(error.strerror)) from error
+        try:
+            self._send_start()
+        except OSError as error:  # it ended before it was told what to do
+            self._end_process(_DYING_S)
+            reason = f"ended at once with status {self._process.returncode}{self._last_line()}"
+            self._release()
+            raise _not_started(program, reason) from error
 
     def _start(self, python: str) -> "subprocess.Popen[bytes]":
         script = Path(__file__).with_name("bootstrap.py")
         environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-        process = subprocess.Popen(
+        return subprocess.Popen(
             [python, "-I", str(script)],
             stdin=subprocess.PIPE,
             stdout=self._log,
@@ -85,21 +96,17 @@ class WorkerClient:
             env=environment,
             creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
         )
+
+    def _send_start(self) -> None:
         start = {
             "root": str(Path(__file__).resolve().parents[2]),
             "paths": library_paths(),
             "port": self._listener.getsockname()[1],
             "token": self._token,
         }
-        if process.stdin is not None:
-            process.stdin.write(json.dumps(start).encode("utf-8") + b"\n")
-            process.stdin.flush()
-        return process
-
-    @property
-    def process_id(self) -> int:
-        """Number of the worker process."""
-        return self._process.pid
+        if self._process.stdin is not None:
+            self._process.stdin.write(json.dumps(start).encode("utf-8") + b"\n")
+            self._process.stdin.flush()
 
     @property
     def running(self) -> bool:
@@ -200,10 +207,14 @@ class WorkerClient:
 
     def _death(self) -> CaptureError:
         status = self._process.poll()
+        reason = f"ended by itself (status {status}){self._last_line()}"
+        return CaptureError(reason, where="worker", advice="start again")
+
+    def _last_line(self) -> str:
+        """Return the last line that the process printed, after a colon; "" when it printed none."""
         self._log.seek(0)
         lines = self._log.read().decode("utf-8", "replace").strip().splitlines()
-        reason = f": {lines[-1]}" if lines else ""
-        return CaptureError(f"ended by itself (status {status}){reason}", where="worker", advice="start again")
+        return f": {lines[-1]}" if lines else ""
 
     def confirm_taken(self, frames: int) -> None:
         """Tell the worker how many frames have been dealt with in all."""
@@ -217,10 +228,16 @@ class WorkerClient:
 
     def close(self, grace_s: float = 1.0) -> None:
         """End the process, kindly first, and free everything; safe to call twice."""
-        if self._process.stdin is not None:
-            self._process.stdin.close()
         self._listener.close()
         self._drop_connection()  # the worker ends when this closes
+        self._end_process(grace_s)
+        self._ended = True
+        self._release()
+
+    def _end_process(self, grace_s: float) -> None:
+        if self._process.stdin is not None:
+            with contextlib.suppress(OSError):  # what a process that is gone has not read is still in its buffer
+                self._process.stdin.close()
         try:
             self._process.wait(timeout=grace_s)
         except subprocess.TimeoutExpired:
@@ -230,8 +247,6 @@ class WorkerClient:
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
-        self._ended = True
-        self._release()
 
     def _release(self) -> None:
         self._listener.close()

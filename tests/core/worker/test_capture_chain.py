@@ -35,8 +35,11 @@ def request(files: dict[str, str], **source: Any) -> dict[str, Any]:
     return {"job": "capture", "cameras": cameras, **files}
 
 
-def collect(client: WorkerClient, until: Callable[[list[Message]], bool]) -> list[Message]:
-    messages: list[Message] = []
+def collect(
+    client: WorkerClient, until: Callable[[list[Message]], bool], earlier: list[Message] | None = None
+) -> list[Message]:
+    """Return the earlier messages and those that come until the condition holds, confirming each pose."""
+    messages = list(earlier or [])
     limit = time.monotonic() + PATIENCE_S
     while not until(messages):
         assert time.monotonic() < limit, [(m.kind.name, m.payload[:80]) for m in messages][-5:]
@@ -71,10 +74,25 @@ def test_stop_ends_the_chain_and_loses_nothing(request_files: dict[str, str]) ->
     try:
         messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= 20)
         client.request_stop()
-        messages += collect(client, lambda _: client.ended)
+        messages = collect(client, lambda _: client.ended, messages)
     finally:
         client.close()
     assert messages[-1].json()["handed_over"] == len(of(MessageKind.POSE, messages)) >= 20
+
+
+def test_stop_while_the_background_is_learned_is_a_clean_end(request_files: dict[str, str]) -> None:
+    client = WorkerClient(request(request_files, loop=True))
+    try:
+
+        def learning(messages: list[Message]) -> bool:
+            return any("background" in str(m.json().get("activity")) for m in of(MessageKind.STATUS, messages))
+
+        messages = collect(client, learning)
+        client.request_stop()
+        messages = collect(client, lambda _: client.ended, messages)
+    finally:
+        client.close()
+    assert not of(MessageKind.ERROR, messages)
 
 
 def test_the_simulated_performer_waits_for_who_watches(request_files: dict[str, str]) -> None:
@@ -135,10 +153,10 @@ def is_running(process_id: int) -> bool:
 def test_no_process_is_left_when_another_dies(request_files: dict[str, str]) -> None:
     client = WorkerClient(request(request_files, loop=True))
     try:
-        collect(client, lambda m: len(of(MessageKind.POSE, m)) >= 5)
-        (cameras,) = children(client.process_id)
+        messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= 5)
+        (cameras,) = children(client._process.pid)
         os.kill(cameras, signal.SIGKILL)
-        messages = collect(client, lambda _: client.ended)
+        messages = collect(client, lambda _: client.ended, messages)
         (error,) = of(MessageKind.ERROR, messages)
         assert "ended by itself" in str(error.error())
     finally:
@@ -147,8 +165,8 @@ def test_no_process_is_left_when_another_dies(request_files: dict[str, str]) -> 
     client = WorkerClient(request(request_files, loop=True))
     try:
         collect(client, lambda m: len(of(MessageKind.POSE, m)) >= 5)
-        (cameras,) = children(client.process_id)
-        os.kill(client.process_id, signal.SIGKILL)
+        (cameras,) = children(client._process.pid)
+        os.kill(client._process.pid, signal.SIGKILL)
         limit = time.monotonic() + PATIENCE_S
         while is_running(cameras):
             assert time.monotonic() < limit, "the cameras' process stays"

@@ -1,6 +1,7 @@
 import os
 import signal
 import socket
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -10,6 +11,7 @@ from typing import Any
 
 import pytest
 from perfanim.core.errors import CaptureError
+from perfanim.core.worker import client as client_module
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import Message, MessageKind
 
@@ -54,7 +56,7 @@ def test_poll_never_waits() -> None:
 
 def test_a_killed_worker_is_noticed() -> None:
     with worker({"job": "nonsense"}) as client:
-        os.kill(client.process_id, signal.SIGKILL)
+        os.kill(client._process.pid, signal.SIGKILL)
         with pytest.raises(CaptureError, match="ended by itself"):
             collect(client, lambda m: False)
 
@@ -62,6 +64,22 @@ def test_a_killed_worker_is_noticed() -> None:
 def test_a_missing_interpreter_is_a_clear_error(tmp_path: Path) -> None:
     with pytest.raises(CaptureError, match="could not be started"):
         WorkerClient({"job": "nonsense"}, python=str(tmp_path / "no-python"))
+
+
+def test_a_program_that_ends_before_it_is_told_what_to_do_is_named_and_gone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = tmp_path / "no-python"
+    program.write_text("#!/bin/sh\necho no such module >&2\nexit 7\n")
+    program.chmod(0o755)
+    # more than a pipe holds, so that the program is gone before all is written, on every machine
+    monkeypatch.setattr(client_module, "library_paths", lambda: ["x" * 1_000_000])
+    started: list[Any] = []
+    popen = subprocess.Popen
+    monkeypatch.setattr(subprocess, "Popen", lambda *a, **k: started.append(popen(*a, **k)) or started[-1])
+    with pytest.raises(CaptureError, match=r"no-python: could not be started \(ended at once.*no such module"):
+        WorkerClient({"job": "nonsense"}, python=str(program))
+    assert [process.returncode is not None for process in started] == [True]
 
 
 def test_a_stranger_on_the_port_is_refused() -> None:
