@@ -91,7 +91,7 @@ class Camera:
         for _ in range(_UNDISTORT_ITERATIONS):
             error = target - _distort(result, self.distortion)
             result = result + error
-            if error.size == 0 or np.nanmax(np.abs(error), initial=0.0) < 1e-12:
+            if error.size == 0 or np.nanmax(np.abs(error), initial=0.0) < 1e-9:
                 break
         return result
 
@@ -114,13 +114,10 @@ def _distort(normalised: Array, distortion: Array) -> Array:
     x, y = normalised[..., 0], normalised[..., 1]
     r2 = x * x + y * y
     radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    return np.stack(
-        (
-            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
-        ),
-        axis=-1,
-    )
+    result = np.empty_like(normalised)
+    result[..., 0] = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
+    result[..., 1] = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
+    return result
 
 
 @dataclass(frozen=True)

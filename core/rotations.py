@@ -96,16 +96,15 @@ def from_matrix(matrices: ArrayLike) -> Array:
     xx, yy, zz = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
     sx, sy, sz = m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]
     pxy, pxz, pyz = m[..., 0, 1] + m[..., 1, 0], m[..., 0, 2] + m[..., 2, 0], m[..., 1, 2] + m[..., 2, 1]
-    candidates = np.stack(
-        (
-            np.stack((1 + xx + yy + zz, sx, sy, sz), -1),
-            np.stack((sx, 1 + xx - yy - zz, pxy, pxz), -1),
-            np.stack((sy, pxy, 1 - xx + yy - zz, pyz), -1),
-            np.stack((sz, pxz, pyz, 1 - xx - yy + zz), -1),
-        ),
-        axis=-2,
-    )
-    diagonal = np.stack([candidates[..., i, i] for i in range(4)], axis=-1)
+    # symmetric; filled in place, as np.stack takes longer than the arithmetic
+    candidates = np.empty((*m.shape[:-2], 4, 4))
+    diagonal = np.empty((*m.shape[:-2], 4))
+    diagonal[..., 0], diagonal[..., 1] = 1 + xx + yy + zz, 1 + xx - yy - zz
+    diagonal[..., 2], diagonal[..., 3] = 1 - xx + yy - zz, 1 - xx - yy + zz
+    for i in range(4):
+        candidates[..., i, i] = diagonal[..., i]
+    for i, j, value in ((0, 1, sx), (0, 2, sy), (0, 3, sz), (1, 2, pxy), (1, 3, pxz), (2, 3, pyz)):
+        candidates[..., i, j] = candidates[..., j, i] = value
     best = np.argmax(diagonal, axis=-1)
     chosen = np.take_along_axis(candidates, best[..., None, None], axis=-2)[..., 0, :]
     return normalize(chosen)
@@ -115,12 +114,23 @@ def to_matrix(quaternions: ArrayLike) -> Array:
     """Return rotation matrices `[..., 3, 3]` of unit quaternions."""
     q = np.asarray(quaternions, dtype=np.float64)
     w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
-    rows = (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    result = np.empty((*q.shape[:-1], 3, 3))
+    result[..., 0, 0], result[..., 0, 1], result[..., 0, 2] = (
+        1 - 2 * (y * y + z * z),
+        2 * (x * y - w * z),
+        2 * (x * z + w * y),
     )
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    result[..., 1, 0], result[..., 1, 1], result[..., 1, 2] = (
+        2 * (x * y + w * z),
+        1 - 2 * (x * x + z * z),
+        2 * (y * z - w * x),
+    )
+    result[..., 2, 0], result[..., 2, 1], result[..., 2, 2] = (
+        2 * (x * z - w * y),
+        2 * (y * z + w * x),
+        1 - 2 * (x * x + y * y),
+    )
+    return result
 
 
 def from_euler(angles: ArrayLike, order: str) -> Array:

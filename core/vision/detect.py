@@ -1,5 +1,7 @@
 """Markers in one image: blobs in the foreground with sub-pixel centres."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -11,9 +13,7 @@ from .background import Background
 
 Image = NDArray[np.uint8]
 Float32 = NDArray[np.float32]
-Array = NDArray[np.float64]
 
-_POWER = 1.5  # of intensity in the centroid: between the plain centroid (noise at the rim) and the peak (few pixels)
 _SPLIT_LEVELS = (0.45, 0.6, 0.75)
 _NECK_LEVELS = (0.65, 0.75)
 _ROUND_ENOUGH = 0.6
@@ -114,42 +114,37 @@ class Detector:
                 f"the image is {image.shape[1]}x{image.shape[0]}, its background {self._size[0]}x{self._size[1]}",
                 advice="learn the background again",
             )
-        # 16-bit labels and this algorithm are three times as fast as the default
-        count, components, table, _ = cv2.connectedComponentsWithStatsWithAlgorithm(
-            self.foreground(image), 8, cv2.CV_16U, cv2.CCL_GRANA
-        )
-        stats = np.asarray(table, dtype=np.int32)
+        foreground = self.foreground(image)
+        x, y, width, height = cv2.boundingRect(foreground)
+        if width == 0:
+            return self._chosen([])
+        count, components, stats = _components(foreground[y : y + height, x : x + width])
         dimmest = max(self._threshold, _DIMMEST * self.settings.relative_brightness * self._usual_contrast)
         blobs: list[_Blob] = []
         for index, may_be_marker in _candidates(stats, count, self.settings):
             left, top, width, height = (int(v) for v in stats[index, :4])
+            mask = components[top : top + height, left : left + width] == index
+            left, top = left + x, top + y
             window = (slice(top, top + height), slice(left, left + width))
-            mask = components[window] == index
-            if not self._bright(image[window], window, mask, dimmest):
+            colours = image[window]
+            grey = _grey(colours)
+            contrast = np.where(mask, grey if self._grey is None else grey - self._grey[window], np.float32(0.0))
+            if contrast.max() < dimmest:
                 continue
-            found = self._measure(image[window], window, mask, left, top) if may_be_marker else []
+            found = self._measure(colours, contrast, left, top) if may_be_marker else []
             # what is no marker as a whole is the performer, or a part, who wears some
-            blobs += found or self._measure_on_body(image[window], window, mask, left, top)
+            blobs += found or self._measure_on_body(colours, grey, contrast, left, top)
         return self._chosen(blobs)
 
-    def _bright(self, colours: Image, window: tuple[slice, slice], mask: NDArray[np.bool_], dimmest: float) -> bool:
-        """Whether any pixel of a component rises as far above the background as a marker must."""
-        grey = _grey(colours)
-        if self._grey is not None:
-            grey = grey - self._grey[window]
-        return bool(grey.max(where=mask, initial=0.0) >= dimmest)
-
     def _measure_on_body(
-        self, colours: Image, window: tuple[slice, slice], mask: NDArray[np.bool_], left: int, top: int
+        self, colours: Image, grey: Float32, above_background: Float32, left: int, top: int
     ) -> "list[_Blob]":
         """Markers on a performer in a lit room: bright spots on a component too large to be a marker itself."""
-        grey = _grey(colours)
-        if self._grey is not None:  # what is no brighter than the empty room is the room beside a limb
-            mask = mask & (grey - self._grey[window] >= self._threshold)
-        contrast = np.where(mask, cv2.morphologyEx(grey, cv2.MORPH_TOPHAT, _SPOT_KERNEL), 0.0).astype(np.float32)
-        spots = cv2.dilate((contrast >= max(self._threshold, _LOWEST_SPOT_CONTRAST)).astype(np.uint8), np.ones((3, 3)))
-        count, parts, table, _ = cv2.connectedComponentsWithStats(spots, connectivity=8)
-        stats = np.asarray(table, dtype=np.int32)
+        contrast = cv2.morphologyEx(grey, cv2.MORPH_TOPHAT, _SPOT_KERNEL)
+        # what is no brighter than the empty room is the room beside a limb
+        contrast = np.where(above_background >= self._threshold, contrast, np.float32(0.0))
+        bright = (contrast >= max(self._threshold, _LOWEST_SPOT_CONTRAST)).view(np.uint8)
+        count, parts, stats = _components(np.asarray(cv2.dilate(bright, np.ones((3, 3), np.uint8)), dtype=np.uint8))
         blobs = []
         for index, _ in _candidates(stats, count, self.settings):
             x, y, width, height = (int(v) for v in stats[index, :4])
@@ -170,13 +165,8 @@ class Detector:
             if s.minimum_radius_px <= b.radius <= s.maximum_radius_px and b.roundness >= s.minimum_roundness
         ]
 
-    def _measure(
-        self, colours: Image, window: tuple[slice, slice], mask: NDArray[np.bool_], left: int, top: int
-    ) -> "list[_Blob]":
-        contrast = _grey(colours)
-        if self._grey is not None:
-            contrast = contrast - self._grey[window]
-        contrast = np.where(mask, np.maximum(contrast, 0.0), 0.0)
+    def _measure(self, colours: Image, contrast: Float32, left: int, top: int) -> "list[_Blob]":
+        contrast = np.maximum(contrast, np.float32(0.0))
         peak = float(contrast.max())
         if peak < self._threshold:
             return []
@@ -215,6 +205,13 @@ class _Blob:
     roundness: float
 
 
+def _components(mask: Image) -> tuple[int, NDArray[np.uint16], NDArray[np.int32]]:
+    """Return number, labels and boxes with areas of a mask's connected parts; the first is the background."""
+    # 16-bit labels and this algorithm are three times as fast as the default
+    count, labels, stats, _ = cv2.connectedComponentsWithStatsWithAlgorithm(mask, 8, cv2.CV_16U, cv2.CCL_GRANA)
+    return count, np.asarray(labels, dtype=np.uint16), np.asarray(stats, dtype=np.int32)
+
+
 def _candidates(stats: NDArray[np.int32], count: int, settings: DetectionSettings) -> list[tuple[int, bool]]:
     """Components to look at, and whether their box could hold a marker, or two that touch, and nothing else."""
     if count <= 1:
@@ -235,28 +232,28 @@ def _grey(colours: NDArray[np.uint8] | Float32) -> Float32:
 
 def _blob(colours: Image, contrast: Float32, left: int, top: int) -> _Blob:
     """Measure one blob from its contrast above the background (zero outside it)."""
-    rows, columns = np.nonzero(contrast)
-    values = contrast[rows, columns].astype(np.float64)
-    weights = values**_POWER
-    total = weights.sum()
-    x, y = float(weights @ columns / total), float(weights @ rows / total)
-    spread_x = float(weights @ (columns - x) ** 2 / total)
-    spread_y = float(weights @ (rows - y) ** 2 / total)
-    spread_xy = float(weights @ ((columns - x) * (rows - y)) / total)
-    mean, half = 0.5 * (spread_x + spread_y), np.hypot(0.5 * (spread_x - spread_y), spread_xy)
+    # the power of 1.5 lies between the plain centroid (noise at the rim) and the peak (few pixels)
+    weights = contrast * np.sqrt(contrast)
+    across, down = weights.sum(axis=0, dtype=np.float64), weights.sum(axis=1, dtype=np.float64)
+    columns, rows = np.arange(len(across)), np.arange(len(down))
+    total = float(across.sum())
+    x, y = float(across @ columns) / total, float(down @ rows) / total
+    from_x, from_y = columns - x, rows - y
+    spread_x, spread_y = float(across @ from_x**2) / total, float(down @ from_y**2) / total
+    spread_xy = float(from_y @ weights @ from_x) / total
+    mean, half = 0.5 * (spread_x + spread_y), math.hypot(0.5 * (spread_x - spread_y), spread_xy)
     # a pixel's own extent (1/12) keeps the ratio of the smallest blobs in bounds
-    roundness = float(np.sqrt(max(mean - half, 0.0) + 1 / 12) / np.sqrt(mean + half + 1 / 12))
-    top_values = np.sort(values)[-max(1, len(values) // 8) :]
-    plateau = float(top_values.mean())
-    radius = float(np.sqrt(values.sum() / (np.pi * plateau)))
-    core = values >= 0.5 * plateau
-    colour = colours[rows[core], columns[core]].mean(axis=0)
-    return _Blob(left + x, top + y, radius, float(colour.max()), _hue(colour), plateau, roundness)
+    roundness = math.sqrt(max(mean - half, 0.0) + 1 / 12) / math.sqrt(mean + half + 1 / 12)
+    values = np.sort(contrast[contrast > 0.0])
+    plateau = float(values[-max(1, len(values) // 8) :].mean(dtype=np.float64))
+    radius = math.sqrt(float(values.sum(dtype=np.float64)) / (math.pi * plateau))
+    colour = cv2.mean(colours, (contrast >= 0.5 * plateau).view(np.uint8))[:3]
+    return _Blob(left + x, top + y, radius, max(colour), _hue(colour), plateau, roundness)
 
 
-def _hue(bgr: Array) -> float:
+def _hue(bgr: Sequence[float]) -> float:
     """Hue of a BGR colour, 0 to 180 as in OpenCV; 0 for grey."""
-    blue, green, red = (float(value) for value in bgr)
+    blue, green, red = bgr
     high, low = max(blue, green, red), min(blue, green, red)
     if high - low < 1e-6:
         return 0.0

@@ -87,10 +87,10 @@ class StereoMatcher:
             predicted_m: (P, 3) where markers are expected; None when nothing is known.
         """
         cameras = len(self.rig)
-        points = np.empty((0, 3))
+        located = self._locate(np.empty((0, cameras), dtype=np.int64), normalised)
         table = np.empty((0, cameras), dtype=np.int64)
         for camera in range(1, cameras):
-            table = self._attach(camera, normalised, points, table)
+            table = self._attach(camera, normalised, located[0], table)
             for other in range(camera):
                 free_a = _unused(table, other, len(blobs[other]))
                 free_b = _unused(table, camera, len(blobs[camera]))
@@ -98,8 +98,7 @@ class StereoMatcher:
                 rows = np.full((len(pairs), cameras), -1, dtype=np.int64)
                 rows[:, other], rows[:, camera] = pairs[:, 0], pairs[:, 1]
                 table = np.concatenate((table, rows))
-            points = self._locate(table, normalised)[0]
-        located = self._locate(table, normalised)
+            located = self._locate(table, normalised)
         return Matches(located[0], located[1], table, located[2])
 
     def _locate(self, table: IntArray, normalised: Sequence[Array]) -> tuple[Array, Array, Array]:

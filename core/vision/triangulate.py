@@ -61,9 +61,13 @@ def inverse_3x3(matrices: Array) -> Array:
     d, e, f = matrices[:, 1, 1], matrices[:, 1, 2], matrices[:, 2, 2]
     c00, c01, c02 = d * f - e * e, c * e - b * f, b * e - c * d
     determinant = a * c00 + b * c01 + c * c02
-    c12 = b * c - a * e
-    rows = (c00, c01, c02, c01, a * f - c * c, c12, c02, c12, a * d - b * b)
-    return np.asarray(np.stack(rows, axis=1).reshape(-1, 3, 3) / determinant[:, None, None])
+    result = np.empty_like(matrices)
+    result[:, 0, 0], result[:, 1, 1], result[:, 2, 2] = c00, a * f - c * c, a * d - b * b
+    result[:, 0, 1] = result[:, 1, 0] = c01
+    result[:, 0, 2] = result[:, 2, 0] = c02
+    result[:, 1, 2] = result[:, 2, 1] = b * c - a * e
+    result /= determinant[:, None, None]
+    return result
 
 
 def _residuals(rotations: Array, shifts: Array, points: Array, observed: Array, scale: Array) -> tuple[Array, Array]:
