@@ -67,4 +67,6 @@ def draw_body(image: Image, camera: Camera, body: Body, cones: RoundCones, light
             for part in order if layer % 2 == 0 else [part for part in order if large[part]]:
                 b, g, r = COLOURS[materials[part]]
                 colour = (light * tone * b, light * tone * g, light * tone * r)
-                cv2.fillConvexPoly(image, corners[layer, part], colour, cv2.LINE_AA, _SHIFT)
+                # only the rim stands against something unlike it
+                rim = cv2.LINE_AA if layer == 0 else cv2.LINE_8
+                cv2.fillConvexPoly(image, corners[layer, part], colour, rim, _SHIFT)
