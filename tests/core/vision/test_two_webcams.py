@@ -39,7 +39,7 @@ def walk(folder, calibration):
 
 def test_calibration_from_board_points_is_the_published_one(calibration):
     assert len(calibration.used) == 32
-    assert calibration.stereo_rms_px < 0.295
+    assert calibration.stereo_rms_px <= 0.30
     assert calibration.baseline_m == pytest.approx(0.3657, abs=0.0005)
     left = calibration.rig.cameras[0].matrix
     np.testing.assert_allclose(
@@ -50,9 +50,8 @@ def test_calibration_from_board_points_is_the_published_one(calibration):
 def test_all_twelve_markers_are_tracked_all_the_way(walk, calibration):
     frames, tracking = walk
     assert tracking.take.positions_m.shape == (444, 12, 3)
-    both = np.array([min(len(frame.blobs[0]), len(frame.blobs[1])) >= 12 for frame in frames])
-    assert both.sum() > 400
-    assert tracking.take.visible[both].all(axis=1).mean() >= 0.95
+    # of all frames, not only of those in which the detection itself finds twelve in both images
+    assert tracking.take.visible.all(axis=1).mean() >= 0.95
     assert labelled_rms_px(calibration.rig, frames, tracking.labels) <= 0.6
 
 
