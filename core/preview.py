@@ -67,18 +67,6 @@ class CharacterPainter:
         self._figure.draw(image, cones, self._colours, self.style.opacity)
 
 
-def draw_character(
-    image: Image,
-    camera: Camera,
-    skeleton: Skeleton,
-    rotations: ArrayLike,
-    root_position_m: ArrayLike,
-    style: CharacterStyle = SOLVED,
-) -> None:
-    """Draw one pose once; for many frames keep a `CharacterPainter`."""
-    CharacterPainter(camera, skeleton, style).draw(image, rotations, root_position_m)
-
-
 def preview_camera(root_positions_m: ArrayLike, size: tuple[int, int] = (640, 480)) -> Camera:
     """Return a virtual camera that sees a whole motion from the front and a little from the side.
 

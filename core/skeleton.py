@@ -137,14 +137,6 @@ def forward_kinematics_matrices(skeleton: Skeleton, matrices: Array, root_positi
     return positions, world
 
 
-def local_from_world(skeleton: Skeleton, world_rotations: ArrayLike) -> Array:
-    """Return parent-from-joint quaternions (..., J, 4) from world-from-joint ones."""
-    world = np.asarray(world_rotations, dtype=np.float64)
-    local = world.copy()
-    local[..., 1:, :] = rot.multiply(rot.conjugate(world[..., skeleton.parents[1:], :]), world[..., 1:, :])
-    return local
-
-
 def marker_positions(
     skeleton: Skeleton, joints: ArrayLike, offsets_m: ArrayLike, rotations: ArrayLike, root_position_m: ArrayLike
 ) -> Array:

@@ -5,7 +5,6 @@ which every joint's axes are aligned with the world's. Blender: Z up, characters
 relative to its rest matrix, whose columns follow the bone and its roll. Pure numpy: nothing of Blender is imported.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import permutations, product
 
@@ -38,26 +37,6 @@ def points_to_blender(points_m: ArrayLike) -> Array:
     return np.asarray(points_m, dtype=np.float64) @ BLENDER_FROM_PRODUCT.T
 
 
-def points_from_blender(points_m: ArrayLike) -> Array:
-    """Return Blender points or vectors (..., 3) in the product's axes: (x, z, -y)."""
-    return np.asarray(points_m, dtype=np.float64) @ BLENDER_FROM_PRODUCT
-
-
-def rotations_to_blender(rotations: ArrayLike) -> Array:
-    """Return world rotations (..., 4) of the product as rotations of Blender's axes."""
-    return _turned(rotations, points_to_blender)
-
-
-def rotations_from_blender(rotations: ArrayLike) -> Array:
-    """Return rotations (..., 4) of Blender's axes as world rotations of the product."""
-    return _turned(rotations, points_from_blender)
-
-
-def _turned(rotations: ArrayLike, turn: Callable[[Array], Array]) -> Array:
-    q = np.asarray(rotations, dtype=np.float64)
-    return np.concatenate((q[..., :1], turn(q[..., 1:])), axis=-1)
-
-
 @dataclass(frozen=True)
 class RigRest:
     """What of a rig's rest pose matters for posing it, in the order of the skeleton's joints.
@@ -81,7 +60,7 @@ class RigRest:
 
 
 class PoseMap:
-    """Turns product poses into a rig's bone rotations and root location, and back.
+    """Turns product poses into a rig's bone rotations and root location.
 
     With the armature-from-product rotation m, the rest axes R_j and the rotation A_j that brings the rig's bone to the
     product's rest direction, a bone in the world pose G_j stands at m G_j m^-1 A_j R_j, so the rotation that Blender
@@ -99,7 +78,6 @@ class PoseMap:
         self.armature_from_product = _facing(skeleton, rest.heads)
         self.units_per_metre = _scale(skeleton, rest.heads)
         self._maps = self._joint_maps(rest)
-        self._inverse_maps = np.swapaxes(self._maps, -1, -2)
         self._root_head = rest.heads[0]
         self._root_axes = rest.axes[0].T if rest.root_location_is_local else np.eye(3)
 
@@ -122,43 +100,15 @@ class PoseMap:
             q = self._relative_to_ancestors(q)
         return np.matmul(self._maps, q[..., None])[..., 0]
 
-    def product_rotations(self, bone_rotations: ArrayLike) -> Array:
-        """Return product rotations (..., J, 4) of pose bone quaternions, `bone_rotations`'s inverse."""
-        q = np.matmul(self._inverse_maps, np.asarray(bone_rotations, dtype=np.float64)[..., None])[..., 0]
-        return q if self._same_tree else self._relative_to_parents(q)
-
     def root_location(self, root_position_m: ArrayLike) -> Array:
         """Return the root pose bone's location (..., 3) for product root positions (..., 3)."""
         scaled = self.units_per_metre * np.asarray(root_position_m, dtype=np.float64)
         return (scaled @ self.armature_from_product.T - self._root_head) @ self._root_axes.T
 
-    def root_position_m(self, location: ArrayLike) -> Array:
-        """Return product root positions (..., 3) of the root pose bone's locations."""
-        head = np.asarray(location, dtype=np.float64) @ self._root_axes + self._root_head
-        return head @ self.armature_from_product / self.units_per_metre
-
     def _relative_to_ancestors(self, rotations: Array) -> Array:
         _, world = forward_kinematics(self._skeleton, rotations, np.zeros((*rotations.shape[:-2], 3)))
         above = np.where((self._ancestors >= 0)[:, None], world[..., self._ancestors, :], rot.identity())
         return rot.multiply(rot.conjugate(above), world)
-
-    def _relative_to_parents(self, relative: Array) -> Array:
-        world = np.empty_like(relative)
-        for joint in _parents_first(self._ancestors):
-            above = self._ancestors[joint]
-            own = relative[..., joint, :]
-            world[..., joint, :] = own if above < 0 else rot.multiply(world[..., above, :], own)
-        parents = self._skeleton.parents
-        result = world.copy()
-        result[..., 1:, :] = rot.multiply(rot.conjugate(world[..., parents[1:], :]), world[..., 1:, :])
-        return result
-
-
-def _parents_first(ancestors: IntArray) -> list[int]:
-    order: list[int] = []
-    while len(order) < len(ancestors):
-        order += [j for j in range(len(ancestors)) if j not in order and (ancestors[j] < 0 or ancestors[j] in order)]
-    return order
 
 
 def _facing(skeleton: Skeleton, heads: Array) -> Array:

@@ -1,11 +1,11 @@
 """`perfanim calibrate`: cameras, the board to print, the subject."""
 
 import argparse
-import importlib.util
 from collections.abc import Callable
 from typing import Any
 
 from ..errors import SettingsError
+from . import calibrate_subject
 
 Progress = Callable[[float, str], None]
 
@@ -16,10 +16,7 @@ def add_parser(subparsers: Any) -> None:
     group = parser.add_subparsers(metavar="WHAT", required=True)
     _add_cameras(group)
     _add_board(group)
-    if importlib.util.find_spec(".calibrate_subject", __package__) is not None:
-        from . import calibrate_subject
-
-        calibrate_subject.add_parser(group)
+    calibrate_subject.add_parser(group)
 
 
 def _add_cameras(group: Any) -> None:

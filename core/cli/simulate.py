@@ -1,7 +1,6 @@
-"""`perfanim simulate markers` and, where the parts for images are, `perfanim simulate cameras`."""
+"""`perfanim simulate`: `markers` here, `cameras` beside it."""
 
 import argparse
-import importlib.util
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from ..marker_set import load_marker_set
 from ..motion import resampled
 from ..motion_files import read_motion
 from ..simulate.markers import simulate_markers
+from . import simulate_cameras
 from .options import seed
 
 
@@ -21,10 +21,7 @@ def add_parser(subparsers: Any) -> None:
     group = subparsers.add_parser("simulate", help="marker takes and camera videos made from motion")
     commands = group.add_subparsers(metavar="COMMAND", required=True)
     _add_markers(commands)
-    if importlib.util.find_spec(".simulate_cameras", __package__) is not None:
-        from . import simulate_cameras
-
-        simulate_cameras.add_parser(commands)
+    simulate_cameras.add_parser(commands)
 
 
 def _add_markers(commands: Any) -> None:

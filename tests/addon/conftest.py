@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+sys.path.insert(0, str(Path(__file__).parent))  # the tests share played.py
+
 ROOT = Path(__file__).resolve().parents[2]
 MODULE = "bl_ext.user_default.perfanim"
 

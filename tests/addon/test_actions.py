@@ -7,7 +7,8 @@ from perfanim.core import rotations as rot
 from perfanim.core.errors import CharacterError
 from perfanim.core.product_skeleton import JOINT_NAMES, default_skeleton
 from perfanim.core.skeleton import forward_kinematics
-from perfanim.perfanim_addon import actions, axes, character
+from perfanim.perfanim_addon import actions, character
+from played import key_times, played_poses, points_from_blender
 
 SKELETON = default_skeleton(1.68)
 
@@ -32,11 +33,11 @@ def test_written_poses_are_read_back(performer):
     rotations, roots = smooth_motion(240)
     frames = 10.0 + 0.4 * np.arange(240)
     name = actions.write_action(performer, frames, rotations, roots, SKELETON, name="walk-01")
-    found, found_roots = actions.read_action(performer, frames, SKELETON)
+    found, found_roots = played_poses(performer, frames, SKELETON)
     assert name == "walk-01"
     assert np.max(np.degrees(rot.angle_between(found, rotations))) < 0.01
     assert np.max(np.abs(found_roots - roots)) < 1e-4
-    assert np.allclose(actions.key_times(bpy.data.objects[performer]), frames, atol=1e-4)
+    assert np.allclose(key_times(actions.curves_of(bpy.data.objects[performer])), frames, atol=1e-4)
 
 
 def test_playing_the_action_moves_the_bones(performer):
@@ -45,7 +46,7 @@ def test_playing_the_action_moves_the_bones(performer):
     for frame in (1, 4):
         bpy.context.scene.frame_set(frame)
         obj = bpy.data.objects[performer].evaluated_get(bpy.context.evaluated_depsgraph_get())
-        heads = axes.points_from_blender([obj.pose.bones[name].head for name in JOINT_NAMES])
+        heads = points_from_blender([obj.pose.bones[name].head for name in JOINT_NAMES])
         expected, _ = forward_kinematics(SKELETON, rotations[frame - 1], roots[frame - 1])
         assert np.max(np.linalg.norm(heads - expected, axis=1)) < 1e-4
 
@@ -59,7 +60,7 @@ def test_quaternions_keep_to_one_hemisphere(performer):
     assert keys.shape == (300, 4)
     assert np.all(np.sum(keys[1:] * keys[:-1], axis=1) > 0.9)
     # half way between two keys the pose lies between them, too: no flips while playing in slow motion
-    between, _ = actions.read_action(performer, np.arange(299) + 0.5, SKELETON)
+    between, _ = played_poses(performer, np.arange(299) + 0.5, SKELETON)
     assert np.max(rot.angle_between(between, rotations[:-1])) < 0.6 * np.max(
         rot.angle_between(rotations[1:], rotations[:-1])
     )
@@ -91,7 +92,7 @@ def test_the_earlier_action_is_kept(performer, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "takes.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "takes.blend"))
     assert {first, second} <= set(bpy.data.actions.keys())
-    found, _ = actions.read_action(performer, [1, 2, 3, 4], SKELETON)
+    found, _ = played_poses(performer, [1, 2, 3, 4], SKELETON)
     assert np.max(np.degrees(rot.angle_between(found, rotations))) < 0.01
 
 
@@ -131,8 +132,3 @@ def test_bad_input_leaves_no_action(performer, frames, message):
     with pytest.raises(CharacterError, match="finite"):
         actions.write_action(performer, [1, 2, 3], rotations, roots, SKELETON)
     assert len(bpy.data.actions) == 0
-
-
-def test_reading_without_an_action_says_so(performer):
-    with pytest.raises(CharacterError, match="has no action"):
-        actions.read_action(performer, [1.0], SKELETON)

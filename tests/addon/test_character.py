@@ -11,6 +11,7 @@ from perfanim.core.skeleton import Skeleton, forward_kinematics
 from perfanim.perfanim_addon import axes, character
 from perfanim.perfanim_addon.armature_driver import ArmatureDriver
 from perfanim.perfanim_addon.character_mesh import make_body
+from played import points_from_blender
 
 SKELETON = default_skeleton()
 
@@ -43,13 +44,13 @@ def evaluated(object_name: str) -> bpy.types.Object:
 def posed_heads(object_name: str) -> np.ndarray:
     """Heads of the evaluated pose bones in the scene, product space, in the order of the joints."""
     obj = evaluated(object_name)
-    return axes.points_from_blender([obj.matrix_world @ obj.pose.bones[name].head for name in JOINT_NAMES])
+    return points_from_blender([obj.matrix_world @ obj.pose.bones[name].head for name in JOINT_NAMES])
 
 
 def body_points(object_name: str) -> np.ndarray:
     """Vertices of the evaluated body in the scene, product space."""
     obj = evaluated(f"{object_name} body")
-    return axes.points_from_blender([obj.matrix_world @ vertex.co for vertex in obj.data.vertices])
+    return points_from_blender([obj.matrix_world @ vertex.co for vertex in obj.data.vertices])
 
 
 def edit_bones(object_name: str, change) -> None:
@@ -69,7 +70,7 @@ def test_bones_stand_where_forward_kinematics_puts_the_joints(skeleton):
         expected, world = forward_kinematics(skeleton, rotations, root)
         assert np.max(np.linalg.norm(posed_heads(name) - expected, axis=1)) < 1e-4
         tips = expected + rot.rotate(world, skeleton.tips_m)
-        tails = axes.points_from_blender([evaluated(name).pose.bones[joint].tail for joint in JOINT_NAMES])
+        tails = points_from_blender([evaluated(name).pose.bones[joint].tail for joint in JOINT_NAMES])
         assert np.max(np.linalg.norm(tails - tips, axis=1)) < 1e-4
 
 
@@ -149,7 +150,7 @@ def test_the_object_places_and_scales_the_performance():
     expected, _ = forward_kinematics(SKELETON, rotations, root)
     bpy.context.view_layer.update()
     placed = [obj.matrix_world @ Vector(point) for point in axes.points_to_blender(expected).tolist()]
-    assert np.max(np.abs(posed_heads(name) - axes.points_from_blender(placed))) < 2e-4
+    assert np.max(np.abs(posed_heads(name) - points_from_blender(placed))) < 2e-4
 
 
 def test_a_rig_in_centimetres_with_y_up_is_driven_alike():

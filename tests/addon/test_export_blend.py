@@ -11,7 +11,7 @@ from perfanim.core import rotations as rot
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.motion import Motion
 from perfanim.core.product_skeleton import default_skeleton
-from perfanim.perfanim_addon import actions
+from played import played_poses
 
 SKELETON = default_skeleton(1.7)
 
@@ -39,7 +39,7 @@ def test_the_file_holds_the_motion_and_a_picture_is_made(motion, tmp_path):
     scene = bpy.context.scene
     assert (scene.frame_start, scene.frame_end, scene.render.fps / scene.render.fps_base) == (1, 25, 50.0)
     assert {obj.type for obj in scene.objects} == {"ARMATURE", "MESH", "LIGHT", "CAMERA"}
-    found, roots = actions.read_action("Performer", 1.0 + np.arange(25), SKELETON)
+    found, roots = played_poses("Performer", 1.0 + np.arange(25), SKELETON)
     assert np.max(np.degrees(rot.angle_between(found, motion.rotations))) < 0.01
     assert np.max(np.abs(roots - motion.root_positions_m)) < 1e-4
 

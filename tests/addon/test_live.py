@@ -13,6 +13,7 @@ import pytest
 from perfanim.core.camera import save_rig
 from perfanim.core.marker_set import save_subject
 from perfanim.core.simulate.studio.source import open_simulated
+from played import key_times
 
 PATIENCE_S = 600.0
 
@@ -57,7 +58,7 @@ def test_the_defaults_capture_a_new_character_into_one_action(part: Any) -> None
     assert figures.handed_over == figures.received == len(poses) >= 60
     assert f"{len(poses)} frames recorded" in text
     assert len(bpy.data.actions) == 1
-    times = part("actions").key_times(character)
+    times = key_times(part("actions").curves_of(character))
     seconds = np.array([pose.time_s for pose in poses])
     np.testing.assert_allclose(times, 11 + 24 * (seconds - seconds[0]), atol=1e-3)
     assert bpy.context.scene.frame_end >= times[-1]

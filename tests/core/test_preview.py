@@ -22,6 +22,10 @@ def camera() -> preview.Camera:
     return preview.preview_camera(ROOT)
 
 
+def draw_character(image, view, skeleton, rotations, root, style=preview.SOLVED) -> None:
+    preview.CharacterPainter(view, skeleton, style).draw(image, rotations, root)
+
+
 def test_camera_frames_a_whole_motion() -> None:
     path = np.array([[-0.8, 0.9, -0.7], [0.7, 1.4, 0.9], [0.0, 0.98, 0.0]])
     view = preview.preview_camera(path)
@@ -36,7 +40,7 @@ def test_figure_covers_what_the_body_covers() -> None:
     view = camera()
     image = np.zeros((480, 640, 3), dtype=np.uint8)
     style = preview.CharacterStyle(shadow=False)
-    preview.draw_character(image, view, SKELETON, t_pose(SKELETON), ROOT, style)
+    draw_character(image, view, SKELETON, t_pose(SKELETON), ROOT, style)
     drawn = image.any(axis=2)
     cones = make_body(SKELETON).cones(t_pose(SKELETON), ROOT)
     grid = np.stack(np.meshgrid(np.arange(0, 640, 3), np.arange(0, 480, 3)), -1).reshape(-1, 2)
@@ -49,7 +53,7 @@ def test_figure_covers_what_the_body_covers() -> None:
 def test_left_and_right_limbs_have_their_colours() -> None:
     view = camera()
     image = np.zeros((480, 640, 3), dtype=np.uint8)
-    preview.draw_character(image, view, SKELETON, t_pose(SKELETON), ROOT)
+    draw_character(image, view, SKELETON, t_pose(SKELETON), ROOT)
     positions, _ = forward_kinematics(SKELETON, t_pose(SKELETON), ROOT)
     for side, bluer in (("l", True), ("r", False)):
         for joint in ("radius", "tibia"):
@@ -64,7 +68,7 @@ def test_nearer_limbs_hide_farther_ones() -> None:
     pose[SKELETON.index("lhumerus")] = arm  # the left arm points forward, at the camera
     view = camera()
     image = np.zeros((480, 640, 3), dtype=np.uint8)
-    preview.draw_character(image, view, SKELETON, pose, ROOT)
+    draw_character(image, view, SKELETON, pose, ROOT)
     positions, _ = forward_kinematics(SKELETON, pose, ROOT)
     hand = positions[SKELETON.index("lfingers")]
     assert hand[2] > 0.5
@@ -75,10 +79,8 @@ def test_nearer_limbs_hide_farther_ones() -> None:
 def test_ghost_lets_the_image_through() -> None:
     view = camera()
     solid, ghost = (np.full((480, 640, 3), 60, dtype=np.uint8) for _ in range(2))
-    preview.draw_character(solid, view, SKELETON, t_pose(SKELETON), ROOT, preview.CharacterStyle(shadow=False))
-    preview.draw_character(
-        ghost, view, SKELETON, t_pose(SKELETON), ROOT, preview.CharacterStyle(shadow=False, opacity=0.25)
-    )
+    draw_character(solid, view, SKELETON, t_pose(SKELETON), ROOT, preview.CharacterStyle(shadow=False))
+    draw_character(ghost, view, SKELETON, t_pose(SKELETON), ROOT, preview.CharacterStyle(shadow=False, opacity=0.25))
     changed = (solid != 60).any(axis=2)
     expected = 60.0 + 0.25 * (solid[changed].astype(float) - 60.0)
     assert np.abs(ghost[changed] - expected).max() <= 1.5
@@ -88,7 +90,7 @@ def test_shadow_falls_on_the_floor_below() -> None:
     view = camera()
     floor = preview.floor_image(view)
     image = floor.copy()
-    preview.draw_character(image, view, SKELETON, t_pose(SKELETON), ROOT)
+    draw_character(image, view, SKELETON, t_pose(SKELETON), ROOT)
     darker = (floor.astype(int) - image).min(axis=2) > 15
     x, y = np.rint(view.project([ROOT[0] - 0.42 * 0.6, 0.0, -0.4 * 0.6])).astype(int)  # a thigh's shadow
     assert darker[y - 6 : y + 7, x - 6 : x + 7].any()

@@ -1,16 +1,11 @@
-"""A two-handed sword: how the hands hold it, and where it is in a motion."""
+"""A two-handed sword: how the hands hold it."""
 
 import numpy as np
 
-from ... import rotations as rot
-from ...motion import Motion
-from ...skeleton import forward_kinematics
 from .curves import Array
 from .frame import Body, outward
 from .limbs import frame_from
 
-LENGTH_M = 1.15  # pommel to tip
-POMMEL_M = 0.04  # from the middle of the left fist back to the end
 _FISTS_APART_M = 0.21  # middles of the two fists along the grip, for an arm of 0.585 m
 _ARM_M = 0.585
 _WRIST_TO_FIST = 0.12  # share of the arm's length
@@ -51,20 +46,3 @@ def sword_axes(aim: Array) -> tuple[Array, Array, Array]:
     across = np.cross(blade, down)
     edge = np.cos(turn)[:, None] * down + np.sin(turn)[:, None] * across
     return blade, edge, np.cross(blade, edge)
-
-
-def sword_ends(motion: Motion) -> tuple[Array, Array]:
-    """Return the pommel's and the tip's world positions (F, 3) of a sword fixed in the right hand of a motion."""
-    body = Body(motion.skeleton)
-    positions, world = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
-    hand = motion.skeleton.index("rhand")
-    tip, pommel = (sword_in_hand(body, along) for along in (LENGTH_M - POMMEL_M, -POMMEL_M))
-    turn = world[:, hand]
-    return positions[:, hand] + rot.rotate(turn, pommel), positions[:, hand] + rot.rotate(turn, tip)
-
-
-def sword_in_hand(body: Body, along_m: float) -> Array:
-    """Return the point of the sword `along_m` from the left fist to the tip, in the right hand's frame (3,)."""
-    wrist, hand = gripping("r", np.zeros((1, 3)), np.zeros((1, 3)), body)
-    blade, _, _ = sword_axes(np.zeros((1, 3)))
-    return np.asarray(rot.rotate(rot.conjugate(hand), along_m * blade - wrist)[0])

@@ -25,7 +25,7 @@ from perfanim.core.simulate.performer.curves import Track, ease, pendulum_filter
 from perfanim.core.simulate.performer.frame import Body
 from perfanim.core.simulate.performer.limbs import arm_rest, hanging_arm, leg_rest, two_bones
 from perfanim.core.simulate.performer.make_assets import clips, motion_of, write_clip
-from perfanim.core.simulate.performer.sword import sword_ends
+from perfanim.core.simulate.performer.sword import gripping, sword_axes
 from perfanim.core.skeleton import forward_kinematics
 
 SECONDS = 9.0
@@ -137,9 +137,19 @@ def test_flights_are_ballistic(motions: dict[tuple[str, str], Motion], behaviour
     assert np.mean(np.abs(vertical + 9.81) < 0.5) > 0.8
 
 
+def sword_in_right_hand(motion: Motion, along_m: float) -> np.ndarray:
+    """World positions (F, 3) of the sword's point that far from the left fist to the tip, by the right hand alone."""
+    still = np.zeros((1, 3))
+    wrist, hand = gripping("r", still, still, Body(motion.skeleton))
+    in_hand = rot.rotate(rot.conjugate(hand), along_m * sword_axes(still)[0] - wrist)[0]
+    positions, world = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
+    joint = motion.skeleton.index("rhand")
+    return positions[:, joint] + rot.rotate(world[:, joint], in_hand)
+
+
 def test_both_hands_hold_one_sword(motions: dict[tuple[str, str], Motion]) -> None:
     motion = motions[("kendo", "neutral")]
-    pommel, tip = sword_ends(motion)
+    pommel, tip = (sword_in_right_hand(motion, along_m) for along_m in (-0.04, 1.11))
     positions, world = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
     hand = motion.skeleton.index("lhand")
     size = Body(motion.skeleton).arm_m
