@@ -159,7 +159,7 @@ def _angle_skeleton(chosen: Skeleton, compared: Skeleton) -> Skeleton:
 
 def _errors(pair: _Pair, angles: Skeleton, estimated: tuple[Array, Array], true: tuple[Array, Array]) -> _Errors:
     difference = 1000.0 * (estimated[0] - true[0])
-    angle_deg, angle_joints = _angle_errors(angles, pair.motion.rotations, pair.truth.rotations)
+    angle_deg, angle_joints = angle_errors_deg(angles, pair.motion.rotations, pair.truth.rotations)
     mine, theirs = _bone_directions(pair.motion.skeleton), _bone_directions(pair.truth.skeleton)
     local_error = rot.multiply(rot.conjugate(pair.truth.rotations), pair.motion.rotations)
     mine_world, theirs_world = rot.rotate(estimated[1], mine), rot.rotate(true[1], theirs)
@@ -190,8 +190,16 @@ def _angles_between(a: Array, b: Array) -> Array:
     return np.degrees(2.0 * np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1)))
 
 
-def _angle_errors(skeleton: Skeleton, mine: Array, theirs: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Return (F, A) absolute differences of all angles of the joints but the root, and (A,) their joints."""
+def angle_errors_deg(skeleton: Skeleton, mine: Array, theirs: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Return (F, A) absolute differences, degrees, of all joint angles but the root's, and (A,) their joints.
+
+    Args:
+        skeleton: gives the axes of the joint angles.
+        mine, theirs: (F, J, 4) local rotations; of the two triples that mean one rotation the nearer counts.
+
+    Raises:
+        FormatError: no joint has an angle.
+    """
     columns, joints = [], []
     pairs = zip(joint_angles(skeleton, mine), joint_angles(skeleton, theirs), strict=True)
     for joint, (a, b) in enumerate(pairs):

@@ -3,11 +3,23 @@
 import csv
 import json
 import struct
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from perfanim.core.bench.data import WALKING
-from perfanim.core.bench.figure5 import DIMENSIONS, LOCAL, STRICT, figure5, reconstruction_errors
+from perfanim.core.bench.figure5 import (
+    DIMENSIONS,
+    GPLVM,
+    LOCAL,
+    MIXTURE,
+    PCA,
+    STRICT,
+    figure5,
+    gplvm_missing,
+    reconstruction_errors,
+)
 from perfanim.core.bench.figure6 import degrees_per_joint, figure6, ratios
 from perfanim.core.bench.methods import METHODS, PAPER_RANGE
 from perfanim.core.bench.plots import Line, Panel, check_plots, write_plot
@@ -88,11 +100,37 @@ def test_exhaustive_search_is_no_different_from_itself(model, database, true_mar
 def test_figure5_orders_the_models(database):
     curves = reconstruction_errors(database)
     for curve in curves.values():
-        assert np.all(np.diff(curve) < 1e-6)  # more dimensions never hurt
-        assert len(curve) == len(DIMENSIONS)
-    at5 = {name: curve[DIMENSIONS.index(5)] for name, curve in curves.items()}
-    assert at5[LOCAL] < at5["mixture of local models"] < at5["global PCA"]
+        assert curve.dimensions == DIMENSIONS
+        assert np.all(curve.rms_deg_per_angle >= curve.deg_per_angle)
+        assert curve.deg_per_angle[-1] < 0.5 < curve.deg_per_angle[0]
+    at5 = {name: curve.deg_per_angle[DIMENSIONS.index(5)] for name, curve in curves.items()}
+    assert at5[LOCAL] < at5[MIXTURE] < at5[PCA]
     assert at5[LOCAL] <= at5[STRICT]
+
+
+def test_figure5_writes_a_table_that_says_what_is_missing(data, tmp_path, monkeypatch):
+    monkeypatch.setattr("perfanim.core.bench.figure5._SMALL_FRAMES", 90)
+    monkeypatch.setattr("perfanim.core.bench.figure5._MARTIAL", ("walk",))
+    monkeypatch.setattr("perfanim.core.bench.figure5._TESTED", 50)
+    monkeypatch.setattr("perfanim.core.bench.figure5.has_gplvm", lambda: False)
+    figures = figure5(data, tmp_path, 1, silent)
+    models = {(row["database"], row["model"]): row for row in figures["needed"]}
+    assert "pip install 'perfanim[gplvm]'" in models["walking", GPLVM]["note"]
+    assert models["heterogeneous", PCA]["paper"] == 38
+    for (database, model), row in models.items():
+        if model == GPLVM:
+            continue
+        mine = [r for r in figures["rows"] if (r["database"], r["model"]) == (database, model)]
+        below = [r["dimensions"] for r in mine if r["deg_per_angle"] < 1.0]
+        assert row["dimensions"] == min(below)
+    assert json.loads((tmp_path / "figure5.json").read_text())["needed"] == figures["needed"]
+    assert all(Path(name).stat().st_size > 500 for name in figures["outputs"])
+
+
+def test_gplvm_is_learned_of_small_databases_only(database, monkeypatch):
+    monkeypatch.setattr("perfanim.core.bench.figure5.has_gplvm", lambda: True)
+    assert "cube of the frames" in gplvm_missing(database)
+    assert gplvm_missing(replace(database, poses=database.poses[:300])) is None
 
 
 def test_figure5_says_when_motion_for_it_is_missing(data, tmp_path):
