@@ -7,6 +7,7 @@ for the wrist, the twist of the forearm and of the hand goes to `wrist`, as in t
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -14,12 +15,12 @@ from numpy.typing import NDArray
 
 from . import rotations as rot
 from .angle_frames import with_angle_frames
-from .formats.source_motion import SourceMotion, frame_range, source_kinematics
+from .formats.source_motion import SourceMotion, source_kinematics
 from .joint_names import match_joints
 from .motion import Motion
 from .product_skeleton import JOINT_NAMES, default_skeleton
 from .rest_alignment import align_rest
-from .skeleton import Skeleton, forward_kinematics
+from .skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
@@ -30,7 +31,16 @@ _HIPS_ARE_TIPPED = 3.0  # how much more of the body must lie along z than along 
 
 @lru_cache(maxsize=1)
 def _default() -> Skeleton:
-    return default_skeleton()
+    return with_angle_frames(default_skeleton())
+
+
+@lru_cache(maxsize=1)
+def _default_size() -> float:
+    return _size(_default().rest_positions_m[None], {name: joint for joint, name in enumerate(JOINT_NAMES)})
+
+
+def _with_offsets(offsets_m: Array, tips_m: Array) -> Skeleton:
+    return replace(_default(), offsets_m=offsets_m, tips_m=tips_m)
 
 
 def map_motion(source: SourceMotion) -> Motion:
@@ -48,7 +58,7 @@ def map_motion(source: SourceMotion) -> Motion:
     found = {name: joint for name, joint in found.items() if name in alignment}
     positions, world = _y_up(*source_kinematics(source), found)
     product_world = {name: rot.multiply(world[:, joint], alignment[name]) for name, joint in found.items()}
-    skeleton = _skeleton(source, found, positions, product_world)
+    skeleton = _skeleton(source, found, positions, product_world, alignment)
     rotations = _local_rotations(product_world, skeleton.parents, source.frames)
     for side in "lr":
         if side + "wrist" not in found and side + "hand" in found:
@@ -72,23 +82,30 @@ def _renamed(source: SourceMotion) -> Motion:
     offsets[0] = 0.0
     default = _default()
     tips = _tips(offsets, {n: t for n, t in zip(JOINT_NAMES, source.tips_m[order], strict=True) if np.any(t)}, default)
-    skeleton = with_angle_frames(Skeleton(JOINT_NAMES, default.parents, offsets, tips))
+    skeleton = _with_offsets(offsets, tips)
     return Motion(source.name, source.fps, skeleton, source.rotations[:, order], source.translations_m[0])
 
 
 def _tips(offsets: Array, known: Mapping[str, Array], default: Skeleton) -> Array:
     """Return the bones' ends: as known, else the child joint that ends the bone in the default skeleton."""
-    tips = np.zeros((len(JOINT_NAMES), 3))
-    for joint, name in enumerate(JOINT_NAMES):
-        children = np.flatnonzero(default.parents == joint)
-        ends = [c for c in children if joint and np.allclose(default.offsets_m[c], default.tips_m[joint])]
-        if name in known:
-            tips[joint] = known[name]
-        elif ends:
-            tips[joint] = offsets[ends[0]]
-        elif joint:
-            tips[joint] = default.tips_m[joint]
+    tips = default.tips_m.copy()
+    tips[0] = 0.0
+    for joint, child in _bone_ends().items():
+        tips[joint] = offsets[child]
+    for name, tip in known.items():
+        tips[JOINT_NAMES.index(name)] = tip
     return tips
+
+
+@lru_cache(maxsize=1)
+def _bone_ends() -> dict[int, int]:
+    """Return joint -> child joint that lies at the end of its bone, the root left out."""
+    default = _default()
+    ends: dict[int, int] = {}
+    for child, joint in enumerate(default.parents):
+        if joint > 0 and np.allclose(default.offsets_m[child], default.tips_m[joint]):
+            ends.setdefault(int(joint), child)
+    return ends
 
 
 def _y_up(positions: Array, world: Array, found: Mapping[str, int]) -> tuple[Array, Array]:
@@ -127,10 +144,14 @@ def _move_twist_to_wrist(rotations: Array, skeleton: Skeleton, side: str) -> Non
 
 
 def _skeleton(
-    source: SourceMotion, found: Mapping[str, int], positions: Array, product_world: Mapping[str, Array]
+    source: SourceMotion,
+    found: Mapping[str, int],
+    positions: Array,
+    product_world: Mapping[str, Array],
+    alignment: Mapping[str, Array],
 ) -> Skeleton:
     default = _default()
-    scale = _size(positions, found) / _default_size(default)
+    scale = _size(positions, found) / _default_size()
     offsets = scale * default.offsets_m
     step = max(1, len(positions) // _SAMPLED_FRAMES)
     for name in JOINT_NAMES[1:]:
@@ -147,8 +168,8 @@ def _skeleton(
             if name.endswith("hand"):  # forearm and wrist are one straight bone
                 offsets[joint] = link * (np.linalg.norm(default.offsets_m[joint]) / usual)
         offsets[path[-1]] = link - np.sum(offsets[path[:-1]], axis=0)
-    tips = _tips(offsets, _known_tips(source, found, product_world, positions, scale), default)
-    return with_angle_frames(Skeleton(JOINT_NAMES, default.parents, offsets, tips))
+    tips = _tips(offsets, _known_tips(source, found, alignment, scale), default)
+    return _with_offsets(offsets, tips)
 
 
 def _missing_between(name: str, found: Mapping[str, int], default: Skeleton) -> list[str]:
@@ -162,7 +183,7 @@ def _missing_between(name: str, found: Mapping[str, int], default: Skeleton) -> 
 
 
 def _known_tips(
-    source: SourceMotion, found: Mapping[str, int], product_world: Mapping[str, Array], positions: Array, scale: float
+    source: SourceMotion, found: Mapping[str, int], alignment: Mapping[str, Array], scale: float
 ) -> dict[str, Array]:
     """Return the ends of the outermost bones: the file's own, else the default's by size."""
     default = _default()
@@ -172,10 +193,7 @@ def _known_tips(
             continue
         tips[name] = scale * default.tips_m[joint]
         if name in found and np.linalg.norm(source.tips_m[found[name]]) > 0.01:
-            # the tip turns with the joint as the joint's own axes do
-            _, world = source_kinematics(frame_range(source, 0, 1))
-            local = rot.multiply(rot.conjugate(product_world[name][0]), world[0, found[name]])
-            tips[name] = rot.rotate(local, source.tips_m[found[name]])
+            tips[name] = rot.rotate(rot.conjugate(alignment[name]), source.tips_m[found[name]])
     return tips
 
 
@@ -184,8 +202,3 @@ def _size(positions: Array, found: Mapping[str, int]) -> float:
     return sum(
         float(np.mean(np.linalg.norm(positions[:, found[b]] - positions[:, found[a]], axis=1))) for a, b in chains
     )
-
-
-def _default_size(default: Skeleton) -> float:
-    rest = forward_kinematics(default, rot.identity((1, len(default))), np.zeros((1, 3)))[0]
-    return _size(rest, {name: joint for joint, name in enumerate(JOINT_NAMES)})

@@ -1,20 +1,26 @@
 """Motion files of any supported format, brought onto the product's joints."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from .defects import Defect
 from .errors import FormatError
-from .formats.amc import read_amc
+from .files import read_bytes
+from .formats.amc import CMU_FPS, amc_motion, parse_amc_values
 from .formats.archive import skeleton_name
-from .formats.asf import read_asf
+from .formats.asf import AsfFile, read_asf, read_asf_file
 from .formats.bvh import read_bvh
-from .formats.source_motion import SourceMotion, frame_range, source_of_motion
+from .formats.source_motion import frame_range, source_of_motion
 from .mapping import map_motion
 from .motion import Motion
 from .product_skeleton import JOINT_NAMES
 from .skeleton import Skeleton
+
+_NOT_FINITE = "numbers that are not finite"
 
 
 def read_motion(path: Path | str, skeleton: Path | str | None = None) -> Motion:
@@ -28,47 +34,78 @@ def read_motion(path: Path | str, skeleton: Path | str | None = None) -> Motion:
         FormatError: unreadable, of another kind, or frames lack numbers.
         SkeletonError: its joints cannot be told.
     """
-    parts, notes = read_motion_parts(Path(path), None if skeleton is None else Path(skeleton))
-    gaps = [note for note in notes if "not finite" in note]
+    read = read_motion_parts(Path(path), None if skeleton is None else Path(skeleton))
+    gaps = [defect for defect in read.defects if defect.kind == _NOT_FINITE]
     if gaps:
-        raise FormatError(gaps[0], where=str(path), advice="repair the file, or cut these frames out")
-    return parts[0]
+        raise FormatError(
+            f"has numbers that are not finite, first in frame {gaps[0].first}",
+            where=str(path),
+            advice="repair the file, or cut these frames out",
+        )
+    return read.parts[0].motion
 
 
-def read_motion_parts(path: Path, skeleton: Path | None = None, name: str = "") -> tuple[list[Motion], list[str]]:
-    """Return the motion of a file in unbroken parts, and notes on what was left out or tolerated.
+@dataclass(frozen=True)
+class MotionPart:
+    """Frames of a file that follow each other.
+
+    Args:
+        motion: on the product's joints.
+        first_frame: of the file, counted from 0.
+        angle_jumps: (F,) true where an angle in the file is far from that of the frame before.
+    """
+
+    motion: Motion
+    first_frame: int
+    angle_jumps: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class MotionParts:
+    """What a file holds, and what was tolerated or left out."""
+
+    parts: tuple[MotionPart, ...]
+    defects: tuple[Defect, ...]
+
+
+def read_motion_parts(path: Path, skeleton: Path | None = None, name: str = "") -> MotionParts:
+    """Return the motion of a file in parts without gaps.
 
     Raises:
         FormatError, SkeletonError: as `read_motion`, but frames that lack numbers only split the motion.
     """
     suffix = path.suffix.lower()
     if suffix == ".amc":
-        return [_read_amc(path, skeleton, name or path.stem)], []
+        return _read_amc(path, skeleton, name or path.stem)
     if suffix != ".bvh":
         raise FormatError("is not a motion file", where=str(path), advice="give a .bvh or .amc file")
     source = read_bvh(path, unit="auto")
     source = replace(source, name=name or source.name)
-    notes = list(source.notes)
-    finite = source.finite_frames
-    if np.all(finite):
-        return [map_motion(source)], notes
-    if not np.any(finite):
-        raise FormatError("has no frame whose numbers are all finite", where=str(path))
-    bad = np.flatnonzero(~finite)
-    notes.append(f"{len(bad)} frames with numbers that are not finite left out, the first is frame {bad[0]}")
-    return [map_motion(part) for part in _finite_parts(source)], notes
-
-
-def _finite_parts(source: SourceMotion) -> list[SourceMotion]:
-    finite = np.concatenate(([False], source.finite_frames, [False]))
-    edges = np.flatnonzero(finite[1:] != finite[:-1])
+    defects = [Defect(note, 0, 0, "all frames that are there are used") for note in source.notes]
+    ranges, gaps = _finite_ranges(source.finite_frames, str(path))
     parts = []
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        parts.append(frame_range(source, start, stop, f"{source.name} from {start}"))
-    return parts
+    for start, stop in ranges:
+        part = source if stop - start == source.frames else frame_range(source, start, stop)
+        parts.append(MotionPart(map_motion(part), start, part.angle_jumps))
+    return MotionParts(tuple(parts), (*defects, *gaps))
 
 
-def _read_amc(path: Path, skeleton: Path | None, name: str) -> Motion:
+def _finite_ranges(finite: NDArray[np.bool_], where: str) -> tuple[list[tuple[int, int]], list[Defect]]:
+    """Return the ranges of frames that have all their numbers, and the gaps between."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], finite, [False]))))
+    ranges = [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
+    if not ranges:
+        raise FormatError("has no frame whose numbers are all finite", where=where)
+    bounds = [0, *(bound for pair in ranges for bound in pair), len(finite)]
+    gaps = [
+        Defect(_NOT_FINITE, start + 1, stop, "cut out")
+        for start, stop in zip(bounds[::2], bounds[1::2], strict=True)
+        if start < stop
+    ]
+    return ranges, gaps
+
+
+def _read_amc(path: Path, skeleton: Path | None, name: str) -> MotionParts:
     if skeleton is None:
         beside = [str(p) for p in path.parent.glob("*") if p.suffix.lower() == ".asf"]
         found = skeleton_name(str(path), beside)
@@ -77,10 +114,23 @@ def _read_amc(path: Path, skeleton: Path | None, name: str) -> Motion:
                 "has no skeleton: no .asf file beside it fits", where=str(path), advice="give --skeleton FILE.asf"
             )
         skeleton = Path(found)
-    motion = replace(read_amc(path, skeleton), name=name)
-    if motion.skeleton.names == JOINT_NAMES:
-        return motion
-    return map_motion(source_of_motion(motion, str(path)))
+    asf = _asf_file(skeleton, skeleton.stat().st_mtime_ns if skeleton.is_file() else 0)
+    table = parse_amc_values(read_bytes(path), str(path), asf)
+    ranges, gaps = _finite_ranges(np.all(np.isfinite(table.values), axis=1), str(path))
+    jumps = table.angle_jumps
+    parts = []
+    for start, stop in ranges:
+        motion = amc_motion(replace(table, values=table.values[start:stop]), asf, CMU_FPS, name)
+        if motion.skeleton.names != JOINT_NAMES:
+            motion = map_motion(source_of_motion(motion, str(path)))
+        parts.append(MotionPart(motion, start, jumps[start:stop]))
+    return MotionParts(tuple(parts), tuple(gaps))
+
+
+@lru_cache(maxsize=8)
+def _asf_file(path: Path, changed: int) -> AsfFile:
+    """Return a skeleton file, which many motions share; `changed` tells its versions apart."""
+    return read_asf_file(path)
 
 
 def read_skeleton(path: Path | str) -> Skeleton:

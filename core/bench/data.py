@@ -54,7 +54,7 @@ def data_folders(data: Path, names: tuple[str, ...]) -> list[Path]:
 
 def read_take(data: Path, take: TestTake) -> Motion:
     """Return a test take at the rate of the databases."""
-    with motion_files(data_folders(data, (CMU,)), ()) as files:
+    with motion_files(data_folders(data, (CMU,))) as files:
         for file in files:
             if file.stem == take.trial:
                 motion = resampled(read_motion(file.path, file.skeleton), FPS)

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..database.build import build_database
+from ..database.culling import DEFAULT_CULL_DEG
 from ..database.store import open_database
 from ..errors import SettingsError
 
@@ -18,9 +19,33 @@ def add_parser(subparsers: Any) -> None:
     build.add_argument("--out", required=True, metavar="DB", help="database file to write")
     build.add_argument("--fps", type=float, default=60.0, help="frames per second stored (default 60)")
     build.add_argument(
-        "--exclude", action="append", default=[], metavar="GLOB", help="leave out files of this name; repeatable"
+        "--include",
+        action="append",
+        default=[],
+        metavar="GLOB",
+        help="take only files of this name or behaviour; repeatable",
     )
-    build.add_argument("--workers", type=int, default=1, metavar="N", help="processes that read (default 1)")
+    build.add_argument(
+        "--exclude",
+        action="append",
+        default=[],
+        metavar="GLOB",
+        help="leave out files of this name or behaviour; repeatable",
+    )
+    build.add_argument("--mirror", action="store_true", help="add the mirror image of every clip")
+    build.add_argument(
+        "--cull",
+        type=float,
+        nargs="?",
+        const=DEFAULT_CULL_DEG,
+        default=0.0,
+        metavar="DEG",
+        help="leave out passages that an earlier clip holds within DEG degrees, root mean square over the joint "
+        f"angles (default {DEFAULT_CULL_DEG:g} when given without a number; else none are)",
+    )
+    build.add_argument(
+        "--workers", type=int, metavar="N", help="processes that read (default: one a core where it is worth it)"
+    )
     build.set_defaults(run=_build)
     info = commands.add_parser("info", help="what is in a database")
     info.add_argument("database", metavar="DB")
@@ -30,10 +55,20 @@ def add_parser(subparsers: Any) -> None:
 def _build(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
     if not 1.0 <= args.fps <= 1000.0:
         raise SettingsError(f"--fps {args.fps:g} is out of range", advice="give 1 to 1000 frames per second")
-    if args.workers < 1:
+    if args.workers is not None and args.workers < 1:
         raise SettingsError(f"--workers {args.workers} is out of range", advice="give 1 or more")
+    if not 0.0 <= args.cull <= 20.0:
+        raise SettingsError(f"--cull {args.cull:g} is out of range", advice="give 0 to 20 degrees")
     return build_database(
-        args.sources, args.out, args.fps, exclude=args.exclude, workers=args.workers, progress=progress
+        args.sources,
+        args.out,
+        args.fps,
+        include=args.include,
+        exclude=args.exclude,
+        mirror=args.mirror,
+        cull_deg=args.cull,
+        workers=args.workers,
+        progress=progress,
     )
 
 
@@ -48,4 +83,7 @@ def _info(args: argparse.Namespace, progress: Callable[[float, str], None]) -> d
         "behaviours": database.behaviours,
         "subjects": sorted({clip.subject for clip in database.clips}),
         "skeletons": len(database.skeletons),
+        "source_fps": database.source_rates,
+        "mirrored_clips": sum(clip.mirrored for clip in database.clips),
+        "culled_frames": database.culled_frames,
     }

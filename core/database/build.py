@@ -1,61 +1,84 @@
 """Building a motion database from motion files of any skeleton."""
 
+import os
+import tempfile
 import time
-from collections.abc import Callable, Sequence
-from contextlib import closing
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DatabaseError
+from ..errors import DatabaseError, FormatError
 from ..formats.archive import MotionFile, motion_files
+from ..product_skeleton import JOINT_NAMES
 from ..skeleton import Skeleton
+from .culling import kept_clips, near_duplicates
+from .frame_file import FrameFile
 from .graph import LARGE_DATABASE, GraphSettings
 from .labels import behaviour_of, subject_of
+from .mirror import mirrored_behaviour, mirrored_points, mirrored_rotations, mirrored_skeleton
 from .reading import ReadClip, read_files
-from .store import Clip, write_database
+from .selection import selected
+from .store import Clip, mean_and_poses, write_poses
 
 FloatArray = NDArray[np.float32]
 ProgressFunction = Callable[[float, str], None]
 
 _SAME_BONES_M = 2e-4  # offsets that differ by less are one body, written with other rounding
 _SHORTEST_CLIP = 4  # frames; the query metric looks at accelerations
+_WORTH_PROCESSES = 8 << 20  # bytes of motion that take longer to read than processes take to start
+_READ, _CULLED = 0.6, 0.7  # share of the whole that is done then
 
 
 @dataclass
 class _Collected:
     """What has been read so far."""
 
+    rotations: FrameFile
+    mirror: bool
     clips: list[Clip] = field(default_factory=list)
-    rotations: list[FloatArray] = field(default_factory=list)
-    positions: list[FloatArray] = field(default_factory=list)
+    root_rotations: list[FloatArray] = field(default_factory=list)
+    root_positions_m: list[FloatArray] = field(default_factory=list)
     skeletons: list[Skeleton] = field(default_factory=list)
-    skipped: list[dict[str, str]] = field(default_factory=list)
-    frames: int = 0
+    skipped: list[dict[str, Any]] = field(default_factory=list)
+    defects: list[dict[str, str]] = field(default_factory=list)
 
-    def add(self, clip: ReadClip, file: MotionFile) -> None:
-        stop = self.frames + len(clip.rotations)
-        self.clips.append(
-            Clip(
-                name=clip.name,
-                behaviour=behaviour_of(file.name, file.description),
-                subject=subject_of(file.name),
-                source_fps=clip.source_fps,
-                start=self.frames,
-                stop=stop,
-                skeleton=self._skeleton_index(clip.skeleton),
-            )
+    def add(self, read: ReadClip, file: MotionFile) -> None:
+        clip = Clip(
+            name=read.name,
+            behaviour=behaviour_of(file.name, file.description),
+            subject=subject_of(file.name),
+            source_fps=read.source_fps,
+            start=len(self.rotations),
+            stop=len(self.rotations) + len(read.rotations),
+            skeleton=self._skeleton_index(read.skeleton),
+            first_frame=read.first_frame,
         )
-        self.rotations.append(clip.rotations)
-        self.positions.append(clip.root_positions_m)
-        self.frames = stop
+        self._append(clip, read.rotations, read.root_positions_m)
+        if self.mirror:
+            image = replace(
+                clip,
+                behaviour=mirrored_behaviour(clip.behaviour),
+                start=clip.stop,
+                stop=clip.stop + len(read.rotations),
+                skeleton=self._skeleton_index(mirrored_skeleton(read.skeleton)),
+                mirrored=True,
+            )
+            self._append(image, mirrored_rotations(read.rotations), mirrored_points(read.root_positions_m))
+
+    def _append(self, clip: Clip, rotations: FloatArray, root_positions_m: FloatArray) -> None:
+        self.clips.append(clip)
+        self.rotations.append(rotations)
+        self.root_rotations.append(rotations[:, 0].copy())
+        self.root_positions_m.append(root_positions_m)
 
     def _skeleton_index(self, skeleton: Skeleton) -> int:
         for index, known in enumerate(self.skeletons):
-            if np.allclose(known.offsets_m, skeleton.offsets_m, rtol=0.0, atol=_SAME_BONES_M):
+            if float(np.max(np.abs(known.offsets_m - skeleton.offsets_m))) < _SAME_BONES_M:
                 return index
         self.skeletons.append(skeleton)
         return len(self.skeletons) - 1
@@ -65,73 +88,150 @@ def build_database(
     sources: Sequence[Path | str],
     out: Path | str,
     fps: float = 60.0,
+    include: Sequence[str] = (),
     exclude: Sequence[str] = (),
-    workers: int = 1,
+    mirror: bool = False,
+    cull_deg: float = 0.0,
+    workers: int | None = None,
     progress: ProgressFunction | None = None,
     cancelled: Callable[[], bool] | None = None,
 ) -> dict[str, Any]:
     """Read all motion of files, folders and archives into one database file.
 
     Every clip is mapped onto the product's joints, brought to `fps` on the shortest arcs, and keeps its subject's
-    bone lengths. A file that cannot be read is skipped with the reason; frames with missing numbers are left out, and
-    the clip goes on as another after them. A large database is stored with its neighbour graph.
+    bone lengths. A file that cannot be read is skipped with the reason; defects of the motion are handled as
+    `core.defects` says, and named. A large database is stored with its neighbour graph.
+
+    What is read waits in a file beside `out`: memory holds the poses (336 bytes a frame) and what the graph needs.
 
     Args:
         sources: BVH and AMC files, folders and archives with such files and their ASF skeletons.
         out: database file; written only when all is read.
-        exclude: globs on file names or stems to leave out.
-        workers: processes that read (see `read_files`).
+        include: globs on file names, stems or behaviours, one of which must fit; none for all.
+        exclude: the same, none of which may fit.
+        mirror: whether each clip is followed by its mirror image.
+        cull_deg: distance below which passages that an earlier clip holds are left out, root mean square over the
+            joint angles, degrees (see `culling`); 0 keeps all.
+        workers: processes that read (see `read_files`); None for one a core where there is enough to read.
         progress: called with the fraction done and a text.
-        cancelled: asked after every file; when true, nothing is written.
+        cancelled: asked after every file and between the steps; when true, nothing is written.
 
     Returns:
-        frames, clips, seconds, bytes, fps, behaviours (name -> frames), skipped (list of file, reason).
+        frames, clips, seconds, bytes, fps, behaviours (name -> frames), skipped (list of file, line, reason), defects
+        (list of file, frames, defect, done), mirrored_clips, culled_frames, peak_memory_mb of this process and
+        peak_reader_memory_mb of the largest that read, None where the system does not tell.
 
     Raises:
-        FormatError: a source is missing or a damaged archive.
+        FormatError: a source is missing or a damaged archive, or `out` cannot be written.
         DatabaseError: nothing readable was found, or it was cancelled.
     """
     started = time.monotonic()
-    collected = _Collected()
-    with (
-        motion_files(sources, exclude) as files,
-        closing(read_files(files, fps, _SHORTEST_CLIP, workers)) as results,
-    ):
-        for done, file in enumerate(files):
-            if cancelled is not None and cancelled():
-                raise DatabaseError("was cancelled", where=str(out))
-            if progress is not None:
-                progress(done / len(files), f"reading {file.name}")
-            result = next(results)
-            collected.skipped += [{"file": file.name, "reason": reason} for reason in result.reasons]
-            for clip in result.clips:
-                collected.add(clip, file)
-    if not collected.clips:
-        reasons = "; ".join(f"{row['file']}: {row['reason']}" for row in collected.skipped[:3])
-        raise DatabaseError(
-            f"found no usable motion ({reasons or 'no .bvh or .amc files'})",
-            where=", ".join(str(source) for source in sources),
-            advice="give folders with BVH or ASF/AMC files",
-        )
-    if progress is not None:
-        progress(1.0, "writing")
-    rotations, positions = np.concatenate(collected.rotations), np.concatenate(collected.positions)
-    collected.rotations.clear()
-    graph = GraphSettings() if collected.frames >= LARGE_DATABASE else None
-    write_database(out, fps, rotations, positions, collected.clips, collected.skeletons, graph)
-    return _report(collected, Path(out), fps, started)
+    out = Path(out)
 
+    def step(fraction: float, text: str) -> None:
+        if cancelled is not None and cancelled():
+            raise DatabaseError("was cancelled", where=str(out))
+        if progress is not None:
+            progress(fraction, text)
 
-def _report(collected: _Collected, out: Path, fps: float, started: float) -> dict[str, Any]:
-    behaviours: dict[str, int] = {}
-    for clip in collected.clips:
-        behaviours[clip.behaviour] = behaviours.get(clip.behaviour, 0) + clip.stop - clip.start
+    with _folder_beside(out) as folder, closing(FrameFile(folder / "rotations", (len(JOINT_NAMES), 4))) as rotations:
+        collected = _Collected(rotations, mirror)
+        with motion_files(sources) as found:
+            files = selected(found, include, exclude)
+            _read(files, collected, fps, workers, step)
+        if not collected.clips:
+            raise _nothing_usable(sources, collected)
+        step(_READ, "computing poses")
+        mean_rotations, poses = mean_and_poses(rotations)
+    clips = collected.clips
+    root_rotations = np.concatenate(collected.root_rotations)
+    root_positions_m = np.concatenate(collected.root_positions_m)
+    if cull_deg > 0.0:
+        step(_READ, "looking for near-duplicates")
+        culled = near_duplicates(poses.reshape(len(poses), -1), clips, fps, cull_deg)
+        clips = kept_clips(clips, culled, fps)
+        poses, root_rotations, root_positions_m = poses[~culled], root_rotations[~culled], root_positions_m[~culled]
+    step(_CULLED, "joining neighbours and writing")
+    graph = GraphSettings() if len(poses) >= LARGE_DATABASE else None
+    culled_frames = len(rotations) - len(poses)
+    write_poses(
+        out, fps, mean_rotations, poses, root_rotations, root_positions_m, clips, collected.skeletons, graph,
+        culled_frames,
+    )  # fmt: skip
+    memory_mb, reader_memory_mb = _peak_memory_mb()
     return {
-        "frames": collected.frames,
-        "clips": len(collected.clips),
+        "frames": len(poses),
+        "clips": len(clips),
         "fps": fps,
-        "skipped": collected.skipped,
         "seconds": round(time.monotonic() - started, 2),
         "bytes": out.stat().st_size,
-        "behaviours": behaviours,
+        "behaviours": _behaviours(clips),
+        "mirrored_clips": sum(clip.mirrored for clip in clips),
+        "culled_frames": culled_frames,
+        "peak_memory_mb": memory_mb,
+        "peak_reader_memory_mb": reader_memory_mb,
+        "skipped": collected.skipped,
+        "defects": collected.defects,
     }
+
+
+@contextmanager
+def _folder_beside(out: Path) -> Iterator[Path]:
+    """Yield a folder for what is needed until the database is written, where there is room for that."""
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        folder = tempfile.TemporaryDirectory(prefix=f".{out.stem}.", dir=out.parent)
+    except OSError as error:
+        raise FormatError(
+            f"cannot be written ({error.strerror})", where=str(out), advice="choose a folder you may write to"
+        ) from error
+    with folder as name:
+        yield Path(name)
+
+
+def _read(
+    files: Sequence[MotionFile],
+    collected: _Collected,
+    fps: float,
+    workers: int | None,
+    step: ProgressFunction,
+) -> None:
+    if workers is None:
+        enough = sum(file.path.stat().st_size for file in files) > _WORTH_PROCESSES
+        workers = (os.cpu_count() or 1) if enough else 1
+    with closing(read_files(files, fps, _SHORTEST_CLIP, workers)) as results:
+        for done, file in enumerate(files):
+            step(_READ * done / len(files), f"reading {file.name}")
+            result = next(results)
+            if result.reason:
+                collected.skipped.append({"file": file.name, "line": result.line or None, "reason": result.reason})
+            collected.defects += [{"file": file.name} | row for row in result.defects]
+            for clip in result.clips:
+                collected.add(clip, file)
+
+
+def _nothing_usable(sources: Sequence[Path | str], collected: _Collected) -> DatabaseError:
+    reasons = "; ".join(f"{row['file']}: {row['reason']}" for row in collected.skipped[:3])
+    return DatabaseError(
+        f"found no usable motion ({reasons or 'no .bvh or .amc files'})",
+        where=", ".join(str(source) for source in sources),
+        advice="give folders with BVH or ASF/AMC files",
+    )
+
+
+def _behaviours(clips: Sequence[Clip]) -> dict[str, int]:
+    frames: dict[str, int] = {}
+    for clip in clips:
+        frames[clip.behaviour] = frames.get(clip.behaviour, 0) + clip.stop - clip.start
+    return frames
+
+
+def _peak_memory_mb() -> tuple[float | None, float | None]:
+    """Return the most memory that this process and the largest of its children have held."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None, None
+    unit = 1.0 if os.uname().sysname == "Darwin" else 1024.0  # of the system's answer, bytes
+    own, children = (resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return round(own * unit / 1e6, 1), round(children * unit / 1e6, 1)

@@ -1,17 +1,22 @@
 """Reading many motion files, in this process or in several, into clips at the database's rate.
 
 Other processes run this file as a script: they have no package, so they make the one they belong to importable by its
-place (in Blender it is called bl_ext.<repository>.perfanim, which only Blender can import). They get their files as one
-line of JSON and answer each with a JSON header and arrays, never pickles.
+place (in Blender it is called bl_ext.<repository>.perfanim, which only Blender can import). They get each file as a
+line of JSON and answer with a JSON header and arrays, never pickles.
 """
 
 import importlib
 import importlib.util
 import json
+import queue
+import re
 import struct
 import subprocess
 import sys
+from collections import deque
 from collections.abc import Generator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -21,18 +26,25 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from ..defects import Defect
     from ..formats.archive import MotionFile
     from ..skeleton import Skeleton
 
 _LENGTH = struct.Struct("<I")
+_SKELETON_ARRAYS = ("parents", "offsets_m", "tips_m", "angle_axes")
+_AHEAD = 8  # files per process that may be read before they are taken
 _ROOT = Path(__file__).resolve().parents[2]
 
 
 @dataclass(frozen=True)
 class ReadClip:
-    """One unbroken part of a file: rotations (F, J, 4) and root positions (F, 3), float32, at the database's rate."""
+    """One unbroken part of a file: rotations (F, J, 4) and root positions (F, 3), float32, at the database's rate.
+
+    `first_frame` is that of the file at which it begins, counted from 0.
+    """
 
     name: str
+    first_frame: int
     source_fps: float
     skeleton: "Skeleton"
     rotations: "NDArray[np.float32]"
@@ -41,10 +53,16 @@ class ReadClip:
 
 @dataclass(frozen=True)
 class ReadFile:
-    """What reading one file gave: its clips, and the reasons why it or parts of it were left out."""
+    """What reading one file gave: its clips and the rows of its defects, or why it could not be read.
+
+    A row holds frames of the file ("12" or "12-15", counted from 1, "" when it is not about frames), defect and done;
+    `line` is where the reason lies, 0 when in no line.
+    """
 
     clips: tuple[ReadClip, ...]
-    reasons: tuple[str, ...]
+    defects: tuple[dict[str, str], ...]
+    reason: str
+    line: int
 
 
 def read_files(
@@ -60,113 +78,181 @@ def read_files(
     Raises:
         DatabaseError: a reading process died.
     """
+    tasks = [(str(file.path), str(file.skeleton or ""), file.stem, fps, shortest) for file in files]
     if workers < 2 or len(files) < 2 or not Path(sys.executable).name.lower().startswith("python"):
-        for file in files:
-            yield read_file(str(file.path), str(file.skeleton or ""), file.stem, fps, shortest)
+        for task in tasks:
+            yield read_file(*task)
         return
-    processes = [_start(files[i::workers], fps, shortest) for i in range(min(workers, len(files)))]
+    readers = [_Reader() for _ in range(min(workers, len(files)))]
+    free: queue.SimpleQueue[_Reader] = queue.SimpleQueue()
+    for reader in readers:
+        free.put(reader)
+
+    def read(task: Sequence[Any]) -> ReadFile:
+        reader = free.get()
+        try:
+            return reader.read(task)
+        finally:
+            free.put(reader)
+
+    # A thread for each process hands it one file after another, so none waits for the others' long files.
+    pool = ThreadPoolExecutor(len(readers))
+    ahead: deque[Future[ReadFile]] = deque()
     try:
-        for i in range(len(files)):
-            yield _receive(processes[i % len(processes)])
+        for task in tasks:
+            ahead.append(pool.submit(read, task))
+            if len(ahead) > _AHEAD * len(readers):
+                yield ahead.popleft().result()
+        while ahead:
+            yield ahead.popleft().result()
     finally:
-        for process in processes:
-            process.kill()
-            process.communicate()
+        for reader in readers:
+            reader.kill()
+        pool.shutdown(cancel_futures=True)
+        for reader in readers:
+            reader.close()
+
+
+class _Reader:
+    """A process that reads files."""
+
+    def __init__(self) -> None:
+        self._skeletons: list[Skeleton] = []
+        self._process = subprocess.Popen(
+            [sys.executable, str(Path(__file__).resolve())], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
+        self._send({"root": str(_ROOT), "paths": sys.path})
+
+    def _send(self, message: Any) -> None:
+        assert self._process.stdin is not None  # noqa: S101  # it was asked for
+        try:
+            self._process.stdin.write(json.dumps(message).encode() + b"\n")
+            self._process.stdin.flush()
+        except OSError:
+            raise _died() from None
+
+    def _receive(self, count: int) -> bytearray:
+        assert self._process.stdout is not None  # noqa: S101  # it was asked for
+        data = bytearray(count)
+        if self._process.stdout.readinto(data) != count:  # type: ignore[attr-defined]  # a BufferedReader has it
+            raise _died()
+        return data
+
+    def read(self, task: Sequence[Any]) -> ReadFile:
+        """Return what one file gives."""
+        from ..skeleton import Skeleton
+
+        self._send(task)
+        header = json.loads(self._receive(_LENGTH.unpack(self._receive(_LENGTH.size))[0]))
+        for row in header["new_skeletons"]:
+            parents, offsets_m, tips_m, axes = (np.array(row[name]) for name in _SKELETON_ARRAYS)
+            self._skeletons.append(
+                Skeleton(tuple(row["names"]), parents, offsets_m, tips_m, axes, tuple(row["angle_orders"]))
+            )
+        clips = []
+        for row in header["clips"]:
+            skeleton = self._skeletons[row["skeleton"]]
+            frames, joints = row["frames"], len(skeleton)
+            rotations = np.frombuffer(self._receive(frames * joints * 16), np.float32).reshape(frames, joints, 4)
+            positions = np.frombuffer(self._receive(frames * 12), np.float32).reshape(frames, 3)
+            clips.append(ReadClip(row["name"], row["first_frame"], row["source_fps"], skeleton, rotations, positions))
+        return ReadFile(tuple(clips), tuple(header["defects"]), header["reason"], header["line"])
+
+    def kill(self) -> None:
+        """End the process, whatever it is doing."""
+        self._process.kill()
+
+    def close(self) -> None:
+        """Forget the process, once nobody reads from it."""
+        with suppress(OSError):  # a request that was not taken
+            self._process.communicate()
+
+
+def _died() -> Exception:
+    from ..errors import DatabaseError
+
+    return DatabaseError("a process that reads motion files died", advice="build with --workers 1")
 
 
 def read_file(path: str, skeleton: str, name: str, fps: float, shortest: int) -> ReadFile:
     """Return the clips of one file; a file that cannot be read gives none and the reason."""
     from .. import rotations as rot
+    from ..defects import clean
     from ..errors import PerfanimError
     from ..motion import resampled
     from ..motion_files import read_motion_parts
 
     try:
-        parts, notes = read_motion_parts(Path(path), Path(skeleton) if skeleton else None, name=name)
+        read = read_motion_parts(Path(path), Path(skeleton) if skeleton else None, name=name)
     except PerfanimError as error:
-        return ReadFile((), (str(error).removeprefix(f"{path}: ").replace(path, Path(path).name),))
-    clips, reasons = [], list(notes)
-    for part in parts:
-        motion = resampled(part, fps)
-        if motion.frames < shortest:
-            reasons.append(f"{part.name} has only {motion.frames} frames at {fps:g} frames per second")
-            continue
-        rotations = rot.continuous(motion.rotations).astype(np.float32)
-        positions = motion.root_positions_m.astype(np.float32)
-        clips.append(ReadClip(part.name, part.fps, part.skeleton, rotations, positions))
-    return ReadFile(tuple(clips), tuple(reasons))
+        line = re.search(r", line (\d+)$", error.where)
+        reason = f"{error.what}; {error.advice}" if error.advice else error.what
+        return ReadFile((), (), reason.replace(path, Path(path).name), int(line[1]) if line else 0)
+    clips, rows = [], [_row(defect, 0) for defect in read.defects]
+    for part in read.parts:
+        cleaned = clean(part.motion, part.angle_jumps)
+        rows += [_row(defect, part.first_frame) for defect in cleaned.defects]
+        for start, sound in cleaned.parts:
+            motion = resampled(sound, fps)
+            first = part.first_frame + start
+            if motion.frames < shortest:
+                frames = _frames(first + 1, first + sound.frames)
+                rows.append({"frames": frames, "defect": f"only {motion.frames} frames to keep", "done": "left out"})
+                continue
+            rotations = np.ascontiguousarray(rot.continuous(motion.rotations), dtype=np.float32)
+            positions = np.ascontiguousarray(motion.root_positions_m, dtype=np.float32)
+            clips.append(ReadClip(name, first, sound.fps, sound.skeleton, rotations, positions))
+    return ReadFile(tuple(clips), tuple(rows), "", 0)
 
 
-def _start(files: "Sequence[MotionFile]", fps: float, shortest: int) -> "subprocess.Popen[bytes]":
-    tasks = [[str(file.path), str(file.skeleton or ""), file.stem, fps, shortest] for file in files]
-    process = subprocess.Popen(
-        [sys.executable, str(Path(__file__).resolve())], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    )
-    assert process.stdin is not None  # noqa: S101  # it was asked for
-    order = {"root": str(_ROOT), "paths": sys.path, "tasks": tasks}
-    process.stdin.write(json.dumps(order).encode() + b"\n")
-    process.stdin.close()
-    process.stdin = None
-    return process
+def _row(defect: "Defect", before: int) -> dict[str, str]:
+    frames = _frames(before + defect.first, before + defect.last) if defect.first else ""
+    return {"frames": frames, "defect": defect.kind, "done": defect.done}
 
 
-def _receive(process: "subprocess.Popen[bytes]") -> ReadFile:
-    from ..skeleton import Skeleton
-
-    assert process.stdout is not None  # noqa: S101  # it was asked for
-    (length,) = _LENGTH.unpack(_exactly(process.stdout, _LENGTH.size))
-    header = json.loads(_exactly(process.stdout, length))
-    clips = []
-    for row in header["clips"]:
-        skeleton = Skeleton(
-            tuple(row["names"]), np.array(row["parents"]), np.array(row["offsets_m"]), np.array(row["tips_m"]),
-            np.array(row["angle_axes"]), tuple(row["angle_orders"]),
-        )  # fmt: skip
-        frames, joints = row["frames"], len(skeleton)
-        rotations = np.frombuffer(_exactly(process.stdout, frames * joints * 16), np.float32)
-        positions = np.frombuffer(_exactly(process.stdout, frames * 12), np.float32)
-        clips.append(
-            ReadClip(
-                row["name"], row["source_fps"], skeleton, rotations.reshape(frames, joints, 4), positions.reshape(-1, 3)
-            )
-        )
-    return ReadFile(tuple(clips), tuple(header["reasons"]))
+def _frames(first: int, last: int) -> str:
+    return str(first) if first == last else f"{first}-{last}"
 
 
-def _exactly(stream: IO[bytes], count: int) -> bytes:
-    from ..errors import DatabaseError
+class _Sender:
+    """The other end of a `_Reader`: writes what files give to a stream, each skeleton once."""
 
-    data = stream.read(count)
-    if len(data) != count:
-        raise DatabaseError("a process that reads motion files died", advice="build with --workers 1")
-    return data
+    def __init__(self, stream: IO[bytes]) -> None:
+        self._stream = stream
+        self._known: dict[bytes, int] = {}
 
+    def send(self, result: Any) -> None:
+        """Write what one file gives."""
+        new: list[dict[str, Any]] = []
+        rows = [
+            {
+                "name": clip.name,
+                "first_frame": clip.first_frame,
+                "source_fps": clip.source_fps,
+                "frames": len(clip.rotations),
+                "skeleton": self._skeleton(clip.skeleton, new),
+            }
+            for clip in result.clips
+        ]
+        facts = {"clips": rows, "new_skeletons": new, "defects": result.defects}
+        header = json.dumps(facts | {"reason": result.reason, "line": result.line}).encode()
+        self._stream.write(_LENGTH.pack(len(header)) + header)
+        for clip in result.clips:
+            self._stream.write(clip.rotations.data)
+            self._stream.write(clip.root_positions_m.data)
+        self._stream.flush()
 
-def _send(stream: IO[bytes], result: Any) -> None:
-    rows = [
-        {
-            "name": clip.name,
-            "source_fps": clip.source_fps,
-            "frames": len(clip.rotations),
-            "names": clip.skeleton.names,
-            "parents": clip.skeleton.parents.tolist(),
-            "offsets_m": clip.skeleton.offsets_m.tolist(),
-            "tips_m": clip.skeleton.tips_m.tolist(),
-            "angle_axes": clip.skeleton.angle_axes.tolist(),
-            "angle_orders": clip.skeleton.angle_orders,
-        }
-        for clip in result.clips
-    ]
-    header = json.dumps({"clips": rows, "reasons": result.reasons}).encode()
-    stream.write(_LENGTH.pack(len(header)) + header)
-    for clip in result.clips:
-        stream.write(clip.rotations.tobytes())
-        stream.write(clip.root_positions_m.tobytes())
-    stream.flush()
+    def _skeleton(self, skeleton: "Skeleton", new: list[dict[str, Any]]) -> int:
+        key = skeleton.offsets_m.tobytes() + skeleton.tips_m.tobytes()
+        if key not in self._known:
+            self._known[key] = len(self._known)
+            row: dict[str, Any] = {name: getattr(skeleton, name).tolist() for name in _SKELETON_ARRAYS}
+            new.append(row | {"names": skeleton.names, "angle_orders": skeleton.angle_orders})
+        return self._known[key]
 
 
 def _serve() -> None:
-    """Read the files that standard input names and send what they give to standard output."""
+    """Read the files that standard input names and send what they give to standard output, until it ends."""
     order = json.loads(sys.stdin.readline())
     sys.path.extend(path for path in order["paths"] if path not in sys.path)
     root = order["root"]
@@ -177,8 +263,9 @@ def _serve() -> None:
     sys.modules["perfanim"] = package
     spec.loader.exec_module(package)
     reading = importlib.import_module("perfanim.core.database.reading")
-    for task in order["tasks"]:
-        _send(sys.stdout.buffer, reading.read_file(*task))
+    sender = _Sender(sys.stdout.buffer)
+    for line in sys.stdin:
+        sender.send(reading.read_file(*json.loads(line)))
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ import hashlib
 import json
 import struct
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -21,6 +21,7 @@ from ..errors import DatabaseError
 from ..files import atomic_path
 from ..product_skeleton import JOINT_NAMES
 from ..skeleton import Skeleton
+from .frame_file import FrameFile
 from .graph import GraphSettings, NeighbourGraph, build_graph
 
 Array = NDArray[np.float64]
@@ -31,6 +32,7 @@ _VERSION = 1
 _PREAMBLE = struct.Struct("<12sIQQ32s")
 _ALIGNMENT = 64
 _MEAN_SAMPLES = 20_000  # frames that the mean rotations are taken over
+_CHUNK = 4096  # frames computed at once
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,9 @@ class Clip:
         source_fps: rate of the source file.
         start, stop: frames of the database.
         skeleton: index of its skeleton in the database.
+        first_frame: frame of the source file, counted from 0, at which it begins; a file with gaps or jumps gives
+            several clips of its name.
+        mirrored: whether it is the mirror image of what was recorded.
     """
 
     name: str
@@ -53,6 +58,13 @@ class Clip:
     start: int
     stop: int
     skeleton: int
+    first_frame: int = 0
+    mirrored: bool = False
+
+    def part(self, first: int, stop: int, start: int, fps: float) -> "Clip":
+        """Return its frames `first` up to `stop`, counted within it, as a clip that begins at frame `start`."""
+        before = round(first * self.source_fps / fps)
+        return replace(self, start=start, stop=start + stop - first, first_frame=self.first_frame + before)
 
 
 @dataclass(frozen=True)
@@ -70,6 +82,7 @@ class Database:
         root_rotations: (F, 4) float32 world-from-root.
         root_positions_m: (F, 3) float32.
         graph: which frames are near each other (Eq. 4); None in a database stored without.
+        culled_frames: near-duplicates that were left out when it was built.
     """
 
     path: Path
@@ -81,6 +94,7 @@ class Database:
     root_rotations: FloatArray
     root_positions_m: FloatArray
     graph: NeighbourGraph | None = None
+    culled_frames: int = 0
 
     @property
     def frames(self) -> int:
@@ -98,6 +112,15 @@ class Database:
         counts: dict[str, int] = {}
         for clip in self.clips:
             counts[clip.behaviour] = counts.get(clip.behaviour, 0) + clip.stop - clip.start
+        return counts
+
+    @property
+    def source_rates(self) -> dict[str, int]:
+        """Frames by the rate of the files that they come from, frames per second."""
+        counts: dict[str, int] = {}
+        for clip in self.clips:
+            rate = f"{clip.source_fps:g}"
+            counts[rate] = counts.get(rate, 0) + clip.stop - clip.start
         return counts
 
     @cached_property
@@ -126,6 +149,17 @@ def pose_from_rotations(rotations: Any, mean_rotations: Array) -> Array:
     return rot.to_rotation_vector(rot.multiply(rot.conjugate(mean_rotations[1:]), local))
 
 
+def mean_and_poses(rotations: NDArray[Any] | FrameFile) -> tuple[Array, FloatArray]:
+    """Return the mean rotations (J, 4) of frames (F, J, 4) and their poses (F, J - 1, 3) relative to them."""
+    frames = len(rotations)
+    mean_rotations = rot.mean(rotations[:: max(1, frames // _MEAN_SAMPLES)])
+    poses = np.empty((frames, len(JOINT_NAMES) - 1, 3), dtype=np.float32)
+    for start in range(0, frames, _CHUNK):
+        part = slice(start, start + _CHUNK)
+        poses[part] = pose_from_rotations(rotations[part], mean_rotations)
+    return mean_rotations, poses
+
+
 def write_database(
     path: str | Path,
     fps: float,
@@ -147,20 +181,37 @@ def write_database(
     Raises:
         DatabaseError: there are no frames, or the parts do not fit together.
     """
-    frames = len(rotations)
-    if frames == 0:
+    if len(rotations) == 0:
         raise DatabaseError("there is no motion to store", where=str(path), advice="add files with motion")
-    _check_parts(str(path), rotations, root_positions_m, clips, len(skeletons))
-    step = max(1, frames // _MEAN_SAMPLES)
-    mean_rotations = rot.mean(rotations[::step])
-    poses = np.empty((frames, len(JOINT_NAMES) - 1, 3), dtype=np.float32)
-    for start in range(0, frames, _MEAN_SAMPLES):
-        part = slice(start, start + _MEAN_SAMPLES)
-        poses[part] = pose_from_rotations(rotations[part], mean_rotations)
+    if rotations.shape[1:] != (len(JOINT_NAMES), 4):
+        raise DatabaseError(f"rotations of shape {rotations.shape} are not of the product's joints", where=str(path))
+    mean_rotations, poses = mean_and_poses(rotations)
+    write_poses(path, fps, mean_rotations, poses, rotations[:, 0], root_positions_m, clips, skeletons, graph)
+
+
+def write_poses(
+    path: str | Path,
+    fps: float,
+    mean_rotations: Array,
+    poses: FloatArray,
+    root_rotations: NDArray[Any],
+    root_positions_m: NDArray[Any],
+    clips: Sequence[Clip],
+    skeletons: Sequence[Skeleton],
+    graph: GraphSettings | None = None,
+    culled_frames: int = 0,
+) -> None:
+    """Write a database file of poses; arguments as in `Database` and `write_database`.
+
+    Raises:
+        DatabaseError: the parts do not fit together.
+    """
+    frames = len(poses)
+    _check_parts(str(path), frames, root_positions_m, clips, len(skeletons))
     arrays: dict[str, NDArray[Any]] = {
         "mean_rotations": mean_rotations,
         "poses": poses,
-        "root_rotations": np.asarray(rotations[:, 0], dtype=np.float32),
+        "root_rotations": np.asarray(root_rotations, dtype=np.float32),
         "root_positions_m": np.asarray(root_positions_m, dtype=np.float32),
     }
     if graph is not None:
@@ -172,19 +223,18 @@ def write_database(
         "joints": list(JOINT_NAMES),
         "clips": [asdict(clip) for clip in clips],
         "skeletons": [_skeleton_facts(skeleton) for skeleton in skeletons],
+        "culled_frames": culled_frames,
     }
     with atomic_path(path) as temporary, temporary.open("wb") as stream:
         _write_file(stream, facts, arrays)
 
 
 def _check_parts(
-    where: str, rotations: NDArray[Any], root_positions_m: NDArray[Any], clips: Sequence[Clip], skeletons: int
+    where: str, frames: int, root_positions_m: NDArray[Any], clips: Sequence[Clip], skeletons: int
 ) -> None:
-    if rotations.shape[1:] != (len(JOINT_NAMES), 4):
-        raise DatabaseError(f"rotations of shape {rotations.shape} are not of the product's joints", where=where)
-    if root_positions_m.shape != (len(rotations), 3):
+    if root_positions_m.shape != (frames, 3):
         raise DatabaseError(f"root positions of shape {root_positions_m.shape} do not fit", where=where)
-    edges = [clip.start for clip in clips] + [len(rotations)]
+    edges = [clip.start for clip in clips] + [frames]
     if edges[0] != 0 or [clip.stop for clip in clips] != edges[1:]:
         raise DatabaseError("clips do not cover the frames", where=where)
     if not all(0 <= clip.skeleton < skeletons for clip in clips):
@@ -206,7 +256,7 @@ def _write_file(stream: BinaryIO, facts: dict[str, Any], arrays: Mapping[str, ND
     stream.write(header)
     for name, array in arrays.items():
         stream.write(b"\0" * (start + layout[name]["offset"] - stream.tell()))
-        stream.write(np.ascontiguousarray(array).tobytes())
+        stream.write(np.ascontiguousarray(array).data)
 
 
 def open_database(path: str | Path) -> Database:
@@ -249,6 +299,7 @@ def open_database(path: str | Path) -> Database:
         root_rotations=arrays["root_rotations"],
         root_positions_m=arrays["root_positions_m"],
         graph=NeighbourGraph(arrays["neighbours"], arrays["clusters"]) if "neighbours" in arrays else None,
+        culled_frames=facts.get("culled_frames", 0),
     )
 
 

@@ -1,7 +1,6 @@
 """Databases made of parts of another."""
 
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +27,7 @@ def write_subset(
     clips, parts, stop = [], [], 0
     for clip, first, last in kept:
         parts.append(np.arange(clip.start + first, clip.start + last))
-        clips.append(replace(clip, start=stop, stop=stop + last - first))
+        clips.append(clip.part(first, last, stop, database.fps))
         stop += last - first
     if not clips:
         raise DatabaseError("no clip is left", where=str(database.path), advice="leave out fewer clips")

@@ -5,6 +5,7 @@ ASF file gives for each bone: the joint's rotation relative to rest is C R(value
 """
 
 import re
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -21,7 +22,30 @@ from .numbers import parse_numbers
 Array = NDArray[np.float64]
 
 CMU_FPS = 120.0
-_NAMED = re.compile(rb"\n[ \t]*([A-Za-z][^\s]*)")
+_ANGLE_JUMP = np.radians(150.0)  # between frames; the two forms of one Euler rotation lie 180 or 360 degrees apart
+_SPACE, _TAB, _NEWLINE = b" \t\n"
+
+
+@dataclass(frozen=True)
+class AmcValues:
+    """The numbers of an AMC file.
+
+    Args:
+        layout: bones of each frame, in the file's order.
+        values: (F, D) in that order, in the file's units; NaN where the file says so.
+        factor: radians of one unit of an angle.
+    """
+
+    layout: tuple[AsfBone, ...]
+    values: Array
+    factor: float
+
+    @property
+    def angle_jumps(self) -> NDArray[np.bool_]:
+        """(F,) true where an angle is more than 150 degrees from that of the frame before."""
+        turning = [channel[0] == "r" for bone in self.layout for channel in bone.channels]
+        steps = np.abs(np.diff(self.values[:, turning], axis=0))
+        return np.concatenate(([False], np.any(steps * self.factor > _ANGLE_JUMP, axis=1)))
 
 
 def read_amc(path: Path | str, skeleton: AsfFile | Path | str, fps: float = CMU_FPS) -> Motion:
@@ -39,19 +63,24 @@ def read_amc(path: Path | str, skeleton: AsfFile | Path | str, fps: float = CMU_
 
 def parse_amc(content: bytes, where: str, asf: AsfFile, fps: float = CMU_FPS) -> Motion:
     """Return the motion held in the bytes of an AMC file; `where` names it in errors."""
-    content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    return amc_motion(parse_amc_values(content, where, asf), asf, fps, Path(where).stem)
+
+
+def parse_amc_values(content: bytes, where: str, asf: AsfFile) -> AmcValues:
+    """Return the numbers held in the bytes of an AMC file; errors as `read_amc`."""
+    if b"\r" in content:
+        content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     start = _first_frame(content, where)
-    degrees = asf.degrees
-    header = content[:start].upper()
-    if b":RADIANS" in header:
-        degrees = False
-    elif b":DEGREES" in header:
-        degrees = True
-    layout = _layout(content[start:], where, asf, header.count(b"\n"))
-    values = _values(content[start:], layout)
+    header, body = content[:start].upper(), content[start:]
+    degrees = b":RADIANS" not in header and (asf.degrees or b":DEGREES" in header)
+    layout = _layout(body, where, asf, header.count(b"\n"))
+    values = _values(body, layout)
     if values is None:
-        raise _first_fault(content[start:], where, layout, header.count(b"\n"))
-    return _motion(values, layout, asf, degrees, fps, Path(where).stem)
+        # indented, with blank lines, or damaged
+        values = _values(re.sub(rb"[ \t]*\n\s*", b"\n", body.strip()), layout)
+    if values is None:
+        raise _first_fault(body, where, layout, header.count(b"\n"))
+    return AmcValues(tuple(layout), values, np.pi / 180.0 if degrees else 1.0)
 
 
 def _first_frame(content: bytes, where: str) -> int:
@@ -91,20 +120,33 @@ def _layout(body: bytes, where: str, asf: AsfFile, line: int) -> list[AsfBone]:
 
 
 def _values(body: bytes, layout: list[AsfBone]) -> Array | None:
-    """Return (F, D) values in the layout's order, or None when any frame departs from the layout."""
-    names = [bone.name.encode() for bone in layout]
-    body = b"\n" + body
-    found = _NAMED.findall(body)
-    frames = len(found) // len(names)
-    if frames == 0 or found != names * frames:
+    """Return (F, D) values in the layout's order, or None when any frame departs from the layout.
+
+    Every frame has the same names on the same lines, so they are compared and blanked out in one go for all frames,
+    and what is left is a table of numbers.
+    """
+    text = np.frombuffer(body if body.endswith(b"\n") else body + b"\n", dtype=np.uint8)
+    ends = np.flatnonzero(text == _NEWLINE)
+    if len(ends) % (len(layout) + 1):
         return None
+    lines = np.concatenate(([0], ends[:-1] + 1)).reshape(-1, len(layout) + 1)
+    numbers = text.copy()
+    for bone, starts in zip(layout, lines.T[1:], strict=True):
+        name = np.frombuffer(bone.name.encode(), dtype=np.uint8)
+        places = starts[:, None] + np.arange(len(name) + 1)
+        if places[-1, -1] >= len(text):
+            return None
+        found = text[places]
+        spaced = (found[:, -1] == _SPACE) | (found[:, -1] == _TAB) | (found[:, -1] == _NEWLINE)
+        if not (np.array_equal(found[:, :-1], np.broadcast_to(name, found[:, :-1].shape)) and np.all(spaced)):
+            return None
+        numbers[places] = _SPACE
     width = 1 + sum(len(bone.channels) for bone in layout)
-    table = parse_numbers(_NAMED.sub(b"\n", body))
-    if table is None or table.size != frames * width:
+    table = parse_numbers(numbers.tobytes())
+    if table is None or table.size != len(lines) * width or np.any(np.isinf(table)):
         return None
-    table = table.reshape(frames, width)
-    counted = np.array_equal(table[:, 0], table[0, 0] + np.arange(frames))
-    return table[:, 1:] if counted and np.all(np.isfinite(table)) else None
+    table = table.reshape(len(lines), width)
+    return table[:, 1:] if np.array_equal(table[:, 0], table[0, 0] + np.arange(len(lines))) else None
 
 
 def _first_fault(body: bytes, where: str, layout: list[AsfBone], line: int) -> FormatError:
@@ -133,23 +175,23 @@ def _line_fault(words: list[str], expected: list[str]) -> str:
         return f"expected {len(expected) - 1} values of {expected[0]!r}, found {len(words) - 1}"
     for word in words[1:]:
         try:
-            if not np.isfinite(float(word)):
+            if np.isinf(float(word)):
                 return f"has a value of {expected[0]!r} that is not finite"
         except ValueError:
             return f"{word!r} is not a number"
     return ""
 
 
-def _motion(values: Array, layout: list[AsfBone], asf: AsfFile, degrees: bool, fps: float, name: str) -> Motion:
-    skeleton = asf.skeleton
+def amc_motion(table: AmcValues, asf: AsfFile, fps: float, name: str) -> Motion:
+    """Return the motion of an AMC file's numbers; frames with NaN keep it."""
+    skeleton, values = asf.skeleton, table.values
     rotations = rot.identity((len(values), len(skeleton)))
     positions = np.tile(asf.root_position, (len(values), 1))
-    factor = np.pi / 180.0 if degrees else 1.0
-    ends = np.cumsum([0, *(len(bone.channels) for bone in layout)])
-    for bone, (start, stop) in zip(layout, pairwise(ends), strict=True):
+    ends = np.cumsum([0, *(len(bone.channels) for bone in table.layout)])
+    for bone, (start, stop) in zip(table.layout, pairwise(ends), strict=True):
         columns = dict(zip(bone.channels, values[:, start:stop].T, strict=True))
         if bone.name in skeleton.names:
-            rotations[:, skeleton.index(bone.name)] = _bone_rotation(bone, columns, factor)
+            rotations[:, skeleton.index(bone.name)] = _bone_rotation(bone, columns, table.factor)
         if bone is asf.root:
             for axis, channel in enumerate(("tx", "ty", "tz")):
                 positions[:, axis] += columns.get(channel, 0.0)

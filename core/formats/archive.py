@@ -1,6 +1,5 @@
 """Motion files in files, folders and archives, with the skeleton that belongs to each AMC file."""
 
-import fnmatch
 import lzma
 import shutil
 import tarfile
@@ -46,11 +45,10 @@ class MotionFile:
 
 
 @contextmanager
-def motion_files(sources: Sequence[Path | str], exclude: Sequence[str] = ()) -> Iterator[list[MotionFile]]:
+def motion_files(sources: Sequence[Path | str]) -> Iterator[list[MotionFile]]:
     """Yield all BVH and AMC files of files, folders, .zip and .tar archives, sorted by source and name.
 
-    Archives are unpacked to a temporary folder that goes when the context ends. `exclude` are globs on the whole
-    name, the file name or the stem.
+    Archives are unpacked to a temporary folder that goes when the context ends.
 
     Raises:
         FormatError: a source is missing, of another kind, or a damaged archive.
@@ -61,7 +59,7 @@ def motion_files(sources: Sequence[Path | str], exclude: Sequence[str] = ()) -> 
             for name, path in _members(Path(source), Path(scratch) / str(number)).items():
                 taken = found.get(name, path) != path  # two folders or files of one name
                 found[f"{Path(source).parent.as_posix()}/{name}" if taken else name] = path
-        yield _paired(found, exclude)
+        yield _paired(found)
 
 
 def _members(source: Path, scratch: Path) -> dict[str, Path]:
@@ -122,7 +120,7 @@ def _target(scratch: Path, number: int, name: str) -> Path:
     return scratch / f"{number}{PurePosixPath(name).suffix.lower()}"
 
 
-def _paired(found: dict[str, Path], exclude: Sequence[str]) -> list[MotionFile]:
+def _paired(found: dict[str, Path]) -> list[MotionFile]:
     skeletons = {name: path for name, path in found.items() if name.lower().endswith(".asf")}
     descriptions: dict[str, str] = {}
     for name, path in found.items():
@@ -132,17 +130,12 @@ def _paired(found: dict[str, Path], exclude: Sequence[str]) -> list[MotionFile]:
     seen: set[Path] = set()
     for name, path in found.items():
         pure = PurePosixPath(name)
-        if pure.suffix.lower() not in MOTION_SUFFIXES or _is_excluded(pure, exclude) or path.resolve() in seen:
+        if pure.suffix.lower() not in MOTION_SUFFIXES or path.resolve() in seen:
             continue
         seen.add(path.resolve())
         skeleton = skeleton_name(name, list(skeletons)) if pure.suffix.lower() == ".amc" else None
         files.append(MotionFile(name, path, skeletons[skeleton] if skeleton else None, descriptions.get(pure.stem, "")))
     return files
-
-
-def _is_excluded(name: PurePosixPath, patterns: Sequence[str]) -> bool:
-    texts = (str(name), name.name, name.stem)
-    return any(fnmatch.fnmatch(text, pattern) for text in texts for pattern in patterns)
 
 
 def skeleton_name(motion: str, skeletons: Sequence[str]) -> str | None:

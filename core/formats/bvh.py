@@ -32,6 +32,7 @@ UNITS: dict[str, float] = {
 }
 WRITTEN_ORDER = "ZXY"
 _LONGEST_LIMB_M = 1.25  # pelvis to finger tips of an adult; decides between units, which lie a factor of two apart
+_ANGLE_JUMP_DEG = 150.0  # between frames; the two forms of one Euler rotation lie 180 or 360 degrees apart
 _STILL = 1e-4  # position channels that move a joint by less than this (file units) only repeat its offset
 
 
@@ -72,7 +73,9 @@ def read_bvh(content: Path | str | bytes, name: str = "", unit: str = "auto") ->
 
 def _split(data: bytes, where: str) -> tuple[str, bytes, int]:
     """Return hierarchy text, motion bytes and the line number of the MOTION line."""
-    data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    if b"\r" in data:
+        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if b"\x00" in data[:4096] or not data[:4096].lstrip().upper().startswith(b"HIERARCHY"):
         raise FormatError("is not a BVH file (it does not begin with HIERARCHY)", where=where)
     match = re.search(rb"(?mi)^[ \t]*MOTION[ \t]*$", data)
@@ -214,29 +217,15 @@ def _first_fault(body: bytes, width: int, where: str, line: int) -> FormatError:
 def _assemble(
     joints: list[_Joint], rows: Array, fps: float, unit: str, name: str, where: str, notes: list[str]
 ) -> SourceMotion:
+    channels = [(index, channel) for index, joint in enumerate(joints) for channel in joint.channels]
+    orders = ["".join(c[0].upper() for c in joint.channels if c.endswith("rotation")) for joint in joints]
     offsets = np.array([joint.offset for joint in joints])
-    rotations = rot.identity((len(rows), len(joints)))
-    translations: dict[int, Array] = {}
-    orders: list[str] = []
-    column = 0
-    for index, joint in enumerate(joints):
-        values = rows[:, column : column + len(joint.channels)]
-        column += len(joint.channels)
-        turning = [i for i, channel in enumerate(joint.channels) if channel.endswith("rotation")]
-        orders.append("".join(joint.channels[i][0].upper() for i in turning))
-        if turning:
-            rotations[:, index] = rot.from_euler(np.radians(values[:, turning]), orders[-1])
-        path = _path_of(joint, values)
-        if path is None:
-            continue
-        if index == 0 or np.nanmax(np.ptp(path, axis=0)) > _STILL or not np.all(np.isfinite(path)):
-            translations[index] = path
-        else:
-            offsets[index] = path[0]
     tips = np.array([joint.tip for joint in joints])
     parents = np.array([joint.parent for joint in joints], dtype=np.int64)
-    translations.setdefault(0, np.tile(offsets[0], (len(rows), 1)))
+    translations = _translations(channels, rows, offsets)
     metres = UNITS[unit] if unit != "auto" else _likely_unit(parents, offsets, tips)
+    turning = [column for column, (_, channel) in enumerate(channels) if channel.endswith("rotation")]
+    steps = np.abs(np.diff(rows[:, turning], axis=0))
     return SourceMotion(
         name=name,
         where=where,
@@ -245,22 +234,45 @@ def _assemble(
         parents=parents,
         offsets_m=offsets * metres,
         tips_m=tips * metres,
-        rotations=rot.continuous(rotations),
+        rotations=rot.continuous(_rotations(channels, orders, rows)),
         translations_m={joint: path * metres for joint, path in translations.items()},
         euler_orders=tuple(orders),
         metres_per_unit=metres,
+        angle_jumps=np.concatenate(([False], np.any(steps > _ANGLE_JUMP_DEG, axis=1))),
         notes=tuple(notes),
     )
 
 
-def _path_of(joint: _Joint, values: Array) -> Array | None:
-    moving = [i for i, channel in enumerate(joint.channels) if channel.endswith("position")]
-    if not moving:
-        return None
-    path = np.tile(joint.offset, (len(values), 1))
-    for i in moving:
-        path[:, "xyz".index(joint.channels[i][0])] = values[:, i]
-    return path
+def _rotations(channels: list[tuple[int, str]], orders: list[str], rows: Array) -> Array:
+    """Return (F, J, 4); joints with the same order of channels are computed together."""
+    rotations = rot.identity((len(rows), len(orders)))
+    for order in set(orders) - {""}:
+        turned = [joint for joint, own in enumerate(orders) if own == order]
+        columns = [
+            [c for c, (owner, channel) in enumerate(channels) if owner == joint and channel.endswith("rotation")]
+            for joint in turned
+        ]
+        rotations[:, turned] = rot.from_euler(np.radians(rows[:, columns]), order)
+    return rotations
+
+
+def _translations(channels: list[tuple[int, str]], rows: Array, offsets: Array) -> dict[int, Array]:
+    """Return the paths (F, 3) of the joints that position channels move, in file units.
+
+    Those of other joints only repeat an offset, which they write into `offsets`.
+    """
+    paths = {0: np.tile(offsets[0], (len(rows), 1))}
+    columns = [c for c, (_, channel) in enumerate(channels) if channel.endswith("position")]
+    values = rows[:, columns]
+    lowest, highest = np.min(values, axis=0), np.max(values, axis=0)
+    moving = {channels[c][0] for c in np.array(columns)[~(highest - lowest <= _STILL)]}  # NaN counts as moving
+    for value, column in zip(values.T, columns, strict=True):
+        joint, axis = channels[column][0], "xyz".index(channels[column][1][0])
+        if joint in moving or joint == 0:
+            paths.setdefault(joint, np.tile(offsets[joint], (len(rows), 1)))[:, axis] = value
+        else:
+            offsets[joint, axis] = value[0]
+    return paths
 
 
 def _likely_unit(parents: NDArray[np.int64], offsets: Array, tips: Array) -> float:

@@ -1,6 +1,7 @@
 """Motion as a file holds it: any joint names, any rest pose, before it is mapped onto the product's skeleton."""
 
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,8 @@ class SourceMotion:
             position channels move it; other joints stay at their offset.
         euler_orders: (J) rotation channels in the file's order, e.g. "ZXY"; "" for a joint that has none.
         metres_per_unit: length of the file's unit.
+        angle_jumps: (F,) true where a rotation channel is more than 150 degrees from that of the frame before, which
+            the rotation itself need not be; left out for none.
         notes: what was tolerated while reading.
     """
 
@@ -44,6 +47,7 @@ class SourceMotion:
     translations_m: dict[int, Array]
     euler_orders: tuple[str, ...]
     metres_per_unit: float
+    angle_jumps: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=np.bool_))
     notes: tuple[str, ...] = field(default=())
 
     def __post_init__(self) -> None:
@@ -51,6 +55,8 @@ class SourceMotion:
         shapes = (self.parents.shape, self.offsets_m.shape, self.tips_m.shape, self.rotations.shape)
         if shapes != ((count,), (count, 3), (count, 3), (frames, count, 4)) or len(self.euler_orders) != count:
             raise FormatError(f"arrays of {count} joints have shapes {shapes}", where=self.where)
+        if len(self.angle_jumps) == 0:
+            object.__setattr__(self, "angle_jumps", np.zeros(frames, dtype=np.bool_))
         if frames == 0 or not self.fps > 0.0:
             raise FormatError(f"has {frames} frames at {self.fps} frames per second", where=self.where)
 
@@ -70,17 +76,28 @@ class SourceMotion:
 
 def source_kinematics(source: SourceMotion) -> tuple[Array, Array]:
     """Return world positions (F, J, 3) and world-from-joint quaternions (F, J, 4) of a file's joints."""
-    positions = np.empty((*source.rotations.shape[:2], 3))
-    world = np.empty_like(source.rotations)
-    for joint, parent in enumerate(source.parents):
-        local = source.translations_m.get(joint, np.broadcast_to(source.offsets_m[joint], positions[:, 0].shape))
-        if parent < 0:
-            positions[:, joint] = local
-            world[:, joint] = source.rotations[:, joint]
-        else:
-            positions[:, joint] = positions[:, parent] + rot.rotate(world[:, parent], local)
-            world[:, joint] = rot.multiply(world[:, parent], source.rotations[:, joint])
+    local = np.tile(source.offsets_m, (source.frames, 1, 1))
+    for joint, path in source.translations_m.items():
+        local[:, joint] = path
+    positions, world = np.empty_like(local), np.empty_like(source.rotations)
+    for level in _levels(tuple(source.parents.tolist())):
+        above = source.parents[level]
+        if above[0] < 0:
+            positions[:, level], world[:, level] = local[:, level], source.rotations[:, level]
+            continue
+        turn = world[:, above]
+        positions[:, level] = positions[:, above] + rot.rotate(turn, local[:, level])
+        world[:, level] = rot.multiply(turn, source.rotations[:, level])
     return positions, world
+
+
+@lru_cache(maxsize=64)
+def _levels(parents: tuple[int, ...]) -> tuple[IntArray, ...]:
+    """Return the joints by their depth, the root first: those of one level can be computed together."""
+    depth: list[int] = []
+    for parent in parents:
+        depth.append(depth[parent] + 1 if parent >= 0 else 0)
+    return tuple(np.flatnonzero(np.array(depth) == level) for level in range(max(depth) + 1))
 
 
 def zero_pose_positions(parents: IntArray, offsets_m: Array) -> Array:
@@ -99,6 +116,7 @@ def frame_range(source: SourceMotion, start: int, stop: int, name: str | None = 
         name=source.name if name is None else name,
         rotations=source.rotations[start:stop],
         translations_m={joint: path[start:stop] for joint, path in source.translations_m.items()},
+        angle_jumps=source.angle_jumps[start:stop],
     )
 
 

@@ -79,11 +79,12 @@ def test_frames_without_numbers_split_the_clip(folder: Path, tmp_path: Path) -> 
     report = build_database([path], tmp_path / "a.db", fps=30.0)
     assert report["frames"] == 30
     assert report["clips"] == 2
-    assert report["skipped"] == [
-        {
-            "file": "walk_01.bvh",
-            "reason": "1 frames with numbers that are not finite left out, the first is frame 11",
-        }
+    row = {"file": "walk_01.bvh", "frames": "12", "defect": "numbers that are not finite", "done": "cut out"}
+    assert (report["skipped"], report["defects"]) == ([], [row])
+    clips = open_database(tmp_path / "a.db").clips
+    assert [(clip.name, clip.first_frame, clip.stop - clip.start) for clip in clips] == [
+        ("walk_01", 0, 11),
+        ("walk_01", 12, 19),
     ]
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from perfanim.core import rotations as rot
 from perfanim.core.errors import FormatError
-from perfanim.core.formats.amc import parse_amc, read_amc
+from perfanim.core.formats.amc import parse_amc, parse_amc_values, read_amc
 from perfanim.core.formats.asf import parse_asf, read_asf
 from perfanim.core.product_skeleton import JOINT_NAMES
 from perfanim.core.skeleton import forward_kinematics, joint_angles
@@ -101,11 +101,29 @@ def test_joint_angles_give_the_values_back() -> None:
     np.testing.assert_allclose(angles[2][:, 0], [40, 41], atol=1e-9)
 
 
-def test_radians_windows_lines_and_tabs() -> None:
+def test_nan_stays() -> None:
+    asf = parse_asf(ASF.encode(), "a.asf")
+    motion = parse_amc(AMC.replace("ltibia 41", "ltibia nan").encode(), "a.amc", asf)
+    assert np.all(np.isnan(motion.rotations[1, 2]))
+    np.testing.assert_array_equal(motion.rotations[0], parse_amc(AMC.encode(), "a.amc", asf).rotations[0])
+
+
+def test_angles_that_jump_are_told_though_the_rotation_does_not() -> None:
+    asf = parse_asf(ASF.encode(), "a.asf")
+    jumping = AMC.replace("lfemur 5 15 25\nltibia 41", "lfemur -175 165 205\nltibia 41").encode()  # the same rotation
+    assert parse_amc_values(jumping, "a.amc", asf).angle_jumps.tolist() == [False, True]
+    assert parse_amc_values(AMC.encode(), "a.amc", asf).angle_jumps.tolist() == [False, False]
+    plain, other = (parse_amc(text, "a.amc", asf) for text in (AMC.encode(), jumping))
+    np.testing.assert_allclose(rot.angle_between(plain.rotations, other.rotations), 0.0, atol=1e-7)
+
+
+def test_radians_windows_lines_tabs_and_blank_lines() -> None:
     asf = parse_asf(ASF.encode(), "a.asf")
     plain = parse_amc(AMC.encode(), "a.amc", asf)
     other = parse_amc(AMC.replace("\n", "\r\n").replace("root ", "root\t").encode(), "a.amc", asf)
     np.testing.assert_array_equal(plain.rotations, other.rotations)
+    spaced = parse_amc(AMC.replace("\nlfemur", " \n\n   lfemur").rstrip().encode(), "a.amc", asf)
+    np.testing.assert_array_equal(plain.rotations, spaced.rotations)
     radians = parse_amc(AMC.replace(":DEGREES", ":RADIANS").replace(" 41", " 0.5").encode(), "a.amc", asf)
     assert rot.angle_between(radians.rotations[1, 2], rot.identity()) == pytest.approx(0.5)
 
@@ -125,7 +143,9 @@ def test_bones_that_a_motion_leaves_out_stay_at_rest() -> None:
         (AMC.replace("lfemur", "lthigh"), "a.amc, line 6: moves the bone 'lthigh'"),
         (AMC.replace("ltibia 40", "ltibia 40 3"), "a.amc, line 7: has 2 values for 'ltibia'"),
         (AMC.replace("ltibia 41", "ltibia x"), "a.amc, line 11: 'x' is not a number"),
-        (AMC.replace("ltibia 41", "ltibia nan"), "a.amc, line 11: has a value of 'ltibia' that is not finite"),
+        (AMC.replace("ltibia 41", "ltibia inf"), "a.amc, line 11: has a value of 'ltibia' that is not finite"),
+        (AMC.replace("ltibia 41", "ltibia"), "a.amc, line 11: expected 1 values of 'ltibia', found 0"),
+        (AMC.replace("lfemur 5 15 25\nltibia 41", "lfemurs 5 15 25\nltibia 41"), "line 10: expected the values of"),
         (AMC.replace("lfemur 5 15 25\nltibia 41", "ltibia 41"), "a.amc, line 10: expected the values of 'lfemur'"),
         (AMC[: AMC.rindex("ltibia")], "ends within a frame"),
         (AMC.replace("\n2\n", "\n3\n"), "out of sequence"),

@@ -1,0 +1,65 @@
+"""Frames on disk while a database is built, so that memory does not grow with what is read."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import FormatError
+
+_CHUNK = 8192  # frames read at once
+
+
+class FrameFile:
+    """A float32 array (F, ...) that grows at its end and is read by slices of its first axis.
+
+    Args:
+        path: scratch file to create.
+        shape: of one frame.
+    """
+
+    def __init__(self, path: Path, shape: tuple[int, ...]) -> None:
+        self._path = path
+        self._frame = shape
+        self._count = int(np.prod(shape))
+        self._frames = 0
+        self._stream = path.open("wb")
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the whole array."""
+        return (self._frames, *self._frame)
+
+    def __len__(self) -> int:
+        return self._frames
+
+    def append(self, frames: NDArray[Any]) -> None:
+        """Add frames (n, ...); FormatError when the disk is full."""
+        try:
+            self._stream.write(np.ascontiguousarray(frames, dtype=np.float32).data)
+        except OSError as error:
+            raise FormatError(
+                f"cannot be written ({error.strerror})", where=str(self._path.parent.parent), advice="free some space"
+            ) from error
+        self._frames += len(frames)
+
+    def __getitem__(self, wanted: slice) -> NDArray[np.float32]:
+        """Return a slice with a positive step, read anew."""
+        self._stream.flush()
+        start, stop, step = wanted.indices(self._frames)
+        parts = [np.empty((0, *self._frame), dtype=np.float32)]
+        rows = _CHUNK - _CHUNK % step or step
+        for first in range(start, stop, rows):
+            part = np.fromfile(
+                self._path,
+                dtype=np.float32,
+                count=(min(first + rows, stop) - first) * self._count,
+                offset=first * self._count * 4,
+            )
+            parts.append(part.reshape(-1, *self._frame)[::step])
+        return np.concatenate(parts)
+
+    def close(self) -> None:
+        """Close the file; it is the folder's owner who removes it."""
+        self._stream.close()

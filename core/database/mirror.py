@@ -1,0 +1,46 @@
+"""Mirrored copies: the same motion with left and right swapped, by the plane x = 0.
+
+In the rest pose all joint axes are the world's, so the mirror image of a rotation is the one of the other side's joint
+with the axis reflected: (w, x, y, z) becomes (w, x, -y, -z). Points and offsets change the sign of x.
+"""
+
+import re
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..product_skeleton import JOINT_NAMES, mirrored_name
+from ..skeleton import Skeleton
+
+_OTHER_SIDE = np.array([JOINT_NAMES.index(mirrored_name(name)) for name in JOINT_NAMES])
+_QUATERNION_SIGNS = np.array([1.0, 1.0, -1.0, -1.0], dtype=np.float32)
+_POINT_SIGNS = np.array([-1.0, 1.0, 1.0], dtype=np.float32)
+_SIDES = {"left": "right", "right": "left"}
+
+
+def mirrored_rotations(rotations: NDArray[Any]) -> NDArray[Any]:
+    """Return the mirror image of rotations (..., J, 4) of the product's joints, the root's world-from-root included."""
+    return rotations[..., _OTHER_SIDE, :] * _QUATERNION_SIGNS
+
+
+def mirrored_points(points_m: NDArray[Any]) -> NDArray[Any]:
+    """Return the mirror image of points (..., 3)."""
+    return points_m * _POINT_SIGNS
+
+
+def mirrored_skeleton(skeleton: Skeleton) -> Skeleton:
+    """Return the body with the product's joints whose left side is this one's right."""
+    return replace(
+        skeleton,
+        offsets_m=mirrored_points(skeleton.offsets_m[_OTHER_SIDE]),
+        tips_m=mirrored_points(skeleton.tips_m[_OTHER_SIDE]),
+        angle_axes=skeleton.angle_axes[_OTHER_SIDE] * _QUATERNION_SIGNS,
+        angle_orders=tuple(skeleton.angle_orders[joint] for joint in _OTHER_SIDE),
+    )
+
+
+def mirrored_behaviour(behaviour: str) -> str:
+    """Return the name of what is done the other way round: "walk-turn-left" becomes "walk-turn-right"."""
+    return re.sub(r"(?<![a-z])(left|right)(?![a-z])", lambda match: _SIDES[match[1]], behaviour)

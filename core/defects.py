@@ -1,0 +1,250 @@
+"""Defects of recorded motion: where a body moves as none can, and what is done about it.
+
+A capture system that confuses markers, or a solver that finds the other of two solutions, makes a joint jump between
+two frames and, mostly, back some frames later. What tells a jump from a fast motion is that the frames before and
+after show nothing of it: a joint that stands still, turns by e between two frames and stands still again has to speed
+up for half of the time between them and to brake for the other half, which takes an acceleration of 4 e / dt^2. So the
+step of every joint is compared with the steps beside it, and is a jump where it differs from both by more than the
+strongest accelerations of athletes allow (`_ANGULAR_ACCELERATION`, `_ROOT_ACCELERATION`), or where the speed itself is
+above theirs. At high rates these limits come below the noise of solved recordings, so there are least steps as well.
+
+What is done, per defect:
+
+- A root jump leaves the poses on both sides as they are, but speed and place are wrong at the jump: the clip is cut
+  there, and goes on as another clip.
+- A limb pop (`_LIMBS`: what moves markers) is not repaired: when a marker is confused, the other joints of the limb
+  are wrong as well. Frames between two jumps that lie at most `_LONGEST_POP_S` apart are cut out, and the clip goes on
+  as another; between jumps that lie further apart nobody knows which side is right, so both are kept, as clips of
+  their own.
+- Hands, fingers, thumbs and toes (`_ENDS`) flip far more often, by half a turn, without anything else being wrong:
+  over at most `_LONGEST_POP_S` their rotation is interpolated from the frames beside. Longer ones are kept: a pose
+  with a turned thumb is worth more than none.
+- A T pose put before the motion as first frame is cut off.
+- Angles that jump while the rotation does not (the two Euler forms of one rotation) are no defect of the motion: they
+  are kept, and named only because other programs stumble over them.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import rotations as rot
+from .motion import Motion, sliced
+from .product_skeleton import JOINT_NAMES
+from .skeleton import forward_kinematics
+
+Array = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+# Shoulders and elbows of pitchers reach 130 rad/s and some 5,000 rad/s^2; nothing in everyday motion is near.
+_ANGULAR_SPEED = 130.0
+_ANGULAR_ACCELERATION = 5000.0
+# A marker that is 3 to 5 cm off turns a bone by as much as these, the more the shorter it is.
+_LEAST_STEP_DEG = {"foot": 45.0, "wrist": 60.0, "hand": 60.0, "fingers": 60.0, "thumb": 60.0, "toes": 60.0}
+_LEAST_LIMB_STEP_DEG = 30.0
+# The fastest sprinters run 12.5 m/s; landings from jumps load the pelvis with 10 to 20 g.
+_ROOT_SPEED = 13.0
+_ROOT_ACCELERATION = 1000.0
+_LEAST_ROOT_STEP_M = 0.05
+_LONGEST_POP_S = 0.25
+
+_END_NAMES = ("wrist", "hand", "fingers", "thumb", "toes")
+_ENDS = np.array([name[1:] in _END_NAMES for name in JOINT_NAMES])
+_LEAST_STEPS = np.radians([_LEAST_STEP_DEG.get(name[1:], _LEAST_LIMB_STEP_DEG) for name in JOINT_NAMES])
+
+_T_STEP = np.radians(25.0)  # by which both arms leave an added T pose at once
+_STRAIGHT = np.radians(20.0)
+_RAISED = np.radians(30.0)  # upper arms from hanging, in a T or A pose
+
+
+@dataclass(frozen=True)
+class Defect:
+    """One defect of a file.
+
+    Args:
+        kind: what it is ("limb pop of lfoot").
+        first, last: frames of the file, counted from 1; 0 when it is not about frames.
+        done: what was done about it ("kept", "cut out", ...).
+    """
+
+    kind: str
+    first: int
+    last: int
+    done: str
+
+
+@dataclass(frozen=True)
+class Cleaned:
+    """Unbroken parts of a motion, each with its first frame counted from 0, and the defects found."""
+
+    parts: tuple[tuple[int, Motion], ...]
+    defects: tuple[Defect, ...]
+
+
+def clean(motion: Motion, angle_jumps: BoolArray) -> Cleaned:
+    """Return the sound parts of a motion on the product's joints, all its numbers finite.
+
+    Args:
+        motion: at the rate it was recorded with.
+        angle_jumps: (F,) true where an angle in the file is far from that of the frame before.
+    """
+    defects: list[Defect] = []
+    start = 0
+    if _starts_with_added_pose(motion):
+        defects.append(Defect("T pose added as first frame", 1, 1, "cut off"))
+        start = 1
+    jumps = _joint_jumps(motion)
+    moved = _root_jumps(motion)
+    jumps[: start + 1] = False
+    moved[: start + 1] = False
+    turned = angle_jumps & ~np.any(jumps, axis=1)
+    turned[: start + 1] = False
+    if np.any(turned):
+        at = np.flatnonzero(turned)
+        kind = f"Euler angles flip {len(at)} times, the rotation does not"
+        defects.append(Defect(kind, int(at[0]) + 1, int(at[-1]) + 1, "kept"))
+    motion = _ends_repaired(motion, jumps, start, defects)
+    parts = _sound_parts(motion, jumps, moved, start, defects)
+    return Cleaned(tuple(parts), tuple(sorted(defects, key=lambda defect: defect.first)))
+
+
+def _isolated(steps: Array) -> Array:
+    """Return (F - 1, ...) by how much each step (F - 1, ..., D) differs from the one beside it that is more like it."""
+    change = np.linalg.norm(np.diff(steps, axis=0), axis=-1)
+    edge = np.full_like(change[:1], np.inf)
+    return np.minimum(np.concatenate((edge, change)), np.concatenate((change, edge)))
+
+
+def _joint_jumps(motion: Motion) -> BoolArray:
+    """Return (F, J) true at the first frame after a jump of a joint's rotation."""
+    jumps = np.zeros(motion.rotations.shape[:2], dtype=np.bool_)
+    if motion.frames < 3:
+        return jumps
+    # twice the chord between unit quaternions: the angle of the rotation between them, but for large ones
+    steps = 2.0 * np.diff(rot.continuous(motion.rotations), axis=0)
+    needed = _ANGULAR_ACCELERATION / (4.0 * motion.fps**2)
+    limits = np.maximum(needed, _LEAST_STEPS)
+    fastest = np.maximum(limits, _ANGULAR_SPEED / motion.fps)
+    jumps[1:] = (_isolated(steps) > limits) | (np.linalg.norm(steps, axis=-1) > fastest)
+    return jumps
+
+
+def _root_jumps(motion: Motion) -> BoolArray:
+    """Return (F,) true at the first frame after a jump of the root."""
+    jumps = np.zeros(motion.frames, dtype=np.bool_)
+    if motion.frames < 3:
+        return jumps
+    steps = np.diff(motion.root_positions_m, axis=0)
+    limit = max(_ROOT_ACCELERATION / (4.0 * motion.fps**2), _LEAST_ROOT_STEP_M)
+    fastest = max(limit, _ROOT_SPEED / motion.fps)
+    jumps[1:] = (_isolated(steps) > limit) | (np.linalg.norm(steps, axis=-1) > fastest)
+    return jumps
+
+
+def _runs(jumps: BoolArray, start: int, stop: int, longest: int) -> list[tuple[int, int]]:
+    """Return the runs [first, stop) of at most `longest` frames that lie between jumps, or a jump and an end.
+
+    Jumps that follow each other closely make one run.
+    """
+    edges = [start, *(int(at) for at in np.flatnonzero(jumps) if start < at < stop), stop]
+    runs: list[tuple[int, int]] = []
+    for first, last in pairwise(edges):
+        if len(edges) == 2 or last - first > longest:
+            continue
+        if runs and runs[-1][1] == first:
+            runs[-1] = (runs[-1][0], last)
+        else:
+            runs.append((first, last))
+    return runs
+
+
+def _ends_repaired(motion: Motion, jumps: BoolArray, start: int, defects: list[Defect]) -> Motion:
+    """Return the motion with the short flips of hands, fingers, thumbs and toes bridged."""
+    longest = int(_LONGEST_POP_S * motion.fps)
+    rotations = motion.rotations.copy()
+    for joint in np.flatnonzero(_ENDS & np.any(jumps, axis=0)):
+        name = JOINT_NAMES[joint]
+        bridged = np.zeros(motion.frames, dtype=np.bool_)
+        for first, stop in _runs(jumps[:, joint], start, motion.frames, longest):
+            if first == start and stop == motion.frames:
+                continue
+            bridged[first:stop] = True
+            rotations[first:stop, joint] = _bridge(motion.rotations[:, joint], first, stop, start)
+            defects.append(Defect(f"flip of {name}", first + 1, stop, "rotation interpolated"))
+        kept = [at for at in np.flatnonzero(jumps[:, joint]) if not (bridged[at] or bridged[at - 1])]
+        if kept:
+            kind = f"flip of {name}, too long to interpolate"
+            defects.append(Defect(kind, int(kept[0]) + 1, int(kept[-1]) + 1, "kept"))
+    return replace(motion, rotations=rotations)
+
+
+def _bridge(rotations: Array, first: int, stop: int, start: int) -> Array:
+    """Return the rotations (stop - first, 4) between the frames beside a run; at an end, that of the one there is."""
+    if first == start:
+        return np.tile(rotations[stop], (stop - first, 1))
+    if stop == len(rotations):
+        return np.tile(rotations[first - 1], (stop - first, 1))
+    share = np.arange(1, stop - first + 1) / (stop - first + 1)
+    before, after = (np.broadcast_to(rotations[at], (stop - first, 4)) for at in (first - 1, stop))
+    return rot.slerp(before, after, share)
+
+
+def _sound_parts(
+    motion: Motion, jumps: BoolArray, moved: BoolArray, start: int, defects: list[Defect]
+) -> list[tuple[int, Motion]]:
+    """Return the parts between jumps of root and limbs, without the frames of pops."""
+    limbs = jumps & ~_ENDS
+    at_jump = moved | np.any(limbs, axis=1)
+    longest = int(_LONGEST_POP_S * motion.fps)
+    runs = _runs(at_jump, start, motion.frames, longest)
+    out = np.zeros(motion.frames, dtype=np.bool_)
+    out[:start] = True
+    for first, stop in runs:
+        out[first:stop] = True
+        edges = [at for at in range(first, min(stop + 1, motion.frames)) if at_jump[at]]
+        defects.append(Defect(_kind(limbs, moved, edges), first + 1, stop, "cut out"))
+    for at in np.flatnonzero(at_jump):
+        if not (out[at] or out[at - 1]):
+            kind = _kind(limbs, moved, [int(at)])
+            defects.append(Defect(kind, int(at) + 1, int(at) + 1, "cut, goes on as another clip"))
+    edges = [start, *(int(at) for at in np.flatnonzero(at_jump) if at > start), motion.frames]
+    bounds = sorted({*edges, *(bound for run in runs for bound in run)})
+    return [(first, sliced(motion, first, stop)) for first, stop in pairwise(bounds) if not np.any(out[first:stop])]
+
+
+def _kind(limbs: BoolArray, moved: BoolArray, edges: list[int]) -> str:
+    if np.any(moved[edges]) or np.any(limbs[edges, 0]):
+        return "root jump"
+    names = [JOINT_NAMES[joint] for joint in np.flatnonzero(np.any(limbs[edges], axis=0))]
+    return "limb pop of " + ", ".join(names)
+
+
+def _starts_with_added_pose(motion: Motion) -> bool:
+    """Tell whether the first frame is a T or A pose that both arms leave at once, and the second one is not on its way.
+
+    Arms that stand cannot turn by 25 degrees until the next frame and stand again, at 60 frames per second or more.
+    At 30 they could, but nobody moves so who holds a T pose.
+    """
+    if motion.frames < 3:
+        return False
+    steps = rot.angle_between(motion.rotations[:2], motion.rotations[1:3])
+    arms = [JOINT_NAMES.index(side + "humerus") for side in "lr"]
+    if np.any(steps[0, arms] < _T_STEP) or np.any(steps[1, arms] > 0.5 * steps[0, arms]):
+        return False
+    positions, _ = forward_kinematics(motion.skeleton, motion.rotations[:1], motion.root_positions_m[:1])
+    place = {name: positions[0, joint] for joint, name in enumerate(JOINT_NAMES)}
+    down = place["lowerback"] - place["thorax"]
+    angles = []
+    for side in "lr":
+        upper, lower = (place[side + b] - place[side + a] for a, b in (("humerus", "radius"), ("radius", "wrist")))
+        thigh, shank = (place[side + b] - place[side + a] for a, b in (("femur", "tibia"), ("tibia", "foot")))
+        if _angle(upper, lower) > _STRAIGHT or _angle(thigh, shank) > _STRAIGHT:
+            return False
+        angles.append(_angle(upper, down))
+    return min(angles) > _RAISED and abs(angles[0] - angles[1]) < _STRAIGHT
+
+
+def _angle(a: Array, b: Array) -> float:
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
