@@ -28,12 +28,14 @@ class Marker:
         offset_m: (3) joint origin to marker in the rest pose in the joint's axes (x left, y up, z forward), metres;
             None until the subject is calibrated.
         torso: whether it serves to find the root.
+        text: what it is called in messages ("left foot"); empty: its name.
     """
 
     name: str
     joint: str
     offset_m: tuple[float, float, float] | None = None
     torso: bool = False
+    text: str = ""
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,11 @@ class MarkerSet:
     def names(self) -> tuple[str, ...]:
         """Marker names in order."""
         return tuple(marker.name for marker in self.markers)
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """What the markers are called in messages, in order."""
+        return tuple(marker.text or marker.name for marker in self.markers)
 
     @property
     def torso(self) -> NDArray[np.bool_]:
@@ -136,7 +143,7 @@ def _marker(row: Mapping[str, Any], where: str) -> Marker:
         except (TypeError, ValueError):
             raise MarkerSetError("offset_m must be three numbers", where=f"{where}, {row['name']}") from None
         offset = (x, y, z)
-    return Marker(row["name"], row["joint"], offset, bool(row.get("torso", False)))
+    return Marker(row["name"], row["joint"], offset, bool(row.get("torso", False)), str(row.get("text", "")))
 
 
 def marker_set_table(marker_set: MarkerSet) -> dict[str, Any]:
@@ -144,6 +151,8 @@ def marker_set_table(marker_set: MarkerSet) -> dict[str, Any]:
     rows = []
     for marker in marker_set.markers:
         row: dict[str, Any] = {"name": marker.name, "joint": marker.joint}
+        if marker.text:
+            row["text"] = marker.text
         if marker.offset_m is not None:
             row["offset_m"] = list(marker.offset_m)
         rows.append(row | {"torso": marker.torso})

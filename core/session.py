@@ -110,7 +110,7 @@ class Session:
         confidence = seen / len(located)
         if np.any(located):
             confidence *= np.exp(-((rms / _EXPLAINED_M) ** 2)) * np.exp(-((nearest / _FAMILIAR_M) ** 2))
-        hidden = [name for name, there in zip(self.subject.marker_set.names, located, strict=True) if not there]
+        hidden = [text for text, there in zip(self.subject.marker_set.texts, located, strict=True) if not there]
         notes = list(frame.notes)
         notes += [", ".join(hidden) + " hidden"] if hidden else []
         notes += ["this motion is unlike the database"] if nearest > _FAMILIAR_M else []

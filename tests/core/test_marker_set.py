@@ -92,6 +92,12 @@ def test_bad_offsets_and_names_are_refused(tmp_path: Path) -> None:
         load_marker_set(tmp_path / "b.toml")
 
 
+def test_markers_are_called_by_words_where_the_set_has_them(tmp_path: Path) -> None:
+    assert load_marker_set("boxing").texts[-2:] == ("left foot", "right foot")
+    assert [marker.name for marker in load_marker_set("kendo").markers if not marker.text] == []
+    assert MarkerSet("a", tuple(Marker(name, "root", torso=True) for name in "ABC")).texts == ("A", "B", "C")
+
+
 def test_subject_round_trip(tmp_path: Path) -> None:
     skeleton = with_angle_frames(scaled(default_skeleton(), np.linspace(0.9, 1.1, 29)))
     subject = Subject('Ann "A"', skeleton, load_marker_set("boxing"), 0.00213)
@@ -127,8 +133,8 @@ def test_a_subject_file_with_any_part_missing_is_refused(tmp_path: Path) -> None
     for place in places:
         whole = read_toml(tmp_path / "s.toml")
         for key in reduce(getitem, place, whole):
-            if key == "torso" and place:
-                continue  # false when it is not there
+            if key in ("torso", "text") and place:
+                continue  # false and empty when they are not there
             broken = deepcopy(whole)
             del reduce(getitem, place, broken)[key]
             write_toml(tmp_path / "b.toml", broken)

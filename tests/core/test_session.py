@@ -61,7 +61,7 @@ def test_a_hidden_marker_is_told_and_lowers_confidence(subject, database, record
     points = noisy[1].copy()
     points[[4, 6]] = np.nan
     pose = session.step(record(points, 1, KNOWN))
-    assert pose.notes == ("LHAN, LFOO hidden",)
+    assert pose.notes == ("left hand, left foot hidden",)
     assert pose.confidence <= 6 / 8 < whole.confidence
     assert np.isfinite(pose.markers_m).all()
     np.testing.assert_array_equal(np.isnan(pose.observed_m[:, 0]), [0, 0, 0, 0, 1, 0, 1, 0])
