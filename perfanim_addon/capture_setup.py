@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import CaptureError, PerfanimError
-from ..core.marker_set import MarkerSet, Subject, save_subject
+from ..core.marker_set import Subject, save_subject
 from ..core.product_skeleton import default_skeleton
 from ..core.skeleton import Skeleton
 from ..core.worker.client import WorkerClient
@@ -44,9 +44,13 @@ def make(settings: Any) -> Setup:
     if not simulated:
         _good(states.rig(absolute(settings.calibration)))
     database_path = str(states.database_path(settings))
-    _good(states.database(database_path))
-    subject_path = absolute(settings.subject) or _simulated_subject(marker_set)
-    subject: Subject = _good(states.subject(subject_path))
+    _good(states.database_frames(database_path))
+    if settings.subject:
+        subject: Subject = _good(states.worn_subject(settings))
+    else:  # the simulated performer's true body and markers
+        subject = Subject("Simulated performer", default_skeleton(SIMULATED_HEIGHT_M), marker_set)
+    subject_path = str(user_folder("subjects") / ".captured.toml")
+    save_subject(subject, subject_path)
     cameras = {
         "source": source(settings),
         "rig": None if simulated else absolute(settings.calibration),
@@ -61,13 +65,6 @@ def _good(found: Any) -> Any:
     if isinstance(found, PerfanimError):
         raise found
     return found
-
-
-def _simulated_subject(marker_set: MarkerSet) -> str:
-    """Write the simulated performer's true body and markers; return the file."""
-    path = user_folder("subjects") / f"simulated-{marker_set.name}.toml"
-    save_subject(Subject("Simulated performer", default_skeleton(SIMULATED_HEIGHT_M), marker_set), path)
-    return str(path)
 
 
 def source(settings: Any) -> dict[str, Any]:

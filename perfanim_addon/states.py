@@ -1,15 +1,15 @@
 """What each step of the work still needs: one line a panel, and the reason why Start Capture is greyed."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import bpy
 
 from ..core.camera import CameraRig, load_rig
-from ..core.database.store import Database, open_database
-from ..core.errors import PerfanimError
+from ..core.database.store import open_database
+from ..core.errors import PerfanimError, SubjectError
 from ..core.marker_set import MarkerSet, Subject, load_marker_set, load_subject
 from .character import check_armature
 from .place import absolute, user_folder
@@ -62,15 +62,34 @@ def subject(path: str) -> Subject | PerfanimError:
     return _loaded("subject", path, load_subject)
 
 
-def database(path: str) -> Database | PerfanimError:
-    """Return the database of a file, or what is wrong with it."""
-    return _loaded("database", path, open_database)
+def database_frames(path: str) -> int | PerfanimError:
+    """Return how many frames the database of a file has, or what is wrong with it."""
+    return _loaded("database", path, _count_frames)
+
+
+def _count_frames(path: str) -> int:
+    return open_database(path).frames  # the database itself is not kept: an open file cannot be replaced on Windows
 
 
 def marker_set(settings: Any) -> MarkerSet | PerfanimError:
     """Return the chosen marker set, or what is wrong with it."""
     file = absolute(settings.marker_set_file)
     return _loaded("marker set", file or settings.marker_set, load_marker_set)
+
+
+def worn_subject(settings: Any) -> Subject | PerfanimError:
+    """Return the chosen subject with the chosen markers, or why the two do not go together."""
+    found, chosen = subject(absolute(settings.subject)), marker_set(settings)
+    if isinstance(found, PerfanimError) or isinstance(chosen, PerfanimError):
+        return found if isinstance(found, PerfanimError) else chosen
+    unknown = [marker.text or marker.name for marker in chosen.markers if marker.name not in found.marker_set.names]
+    if not unknown:
+        return replace(found, marker_set=found.marker_set.subset(chosen.names))
+    return SubjectError(
+        f"calibrated with the markers {found.marker_set.name}, without {', '.join(unknown)} of {chosen.name}",
+        where=found.name,
+        advice=f"choose {found.marker_set.name} under Markers, or calibrate the performer with {chosen.name}",
+    )
 
 
 def starter_database_path() -> Path:
@@ -136,6 +155,9 @@ def performer(settings: Any) -> State:
     found = subject(absolute(settings.subject))
     if isinstance(found, PerfanimError):
         return _problem(found, "bad file")
+    worn = worn_subject(settings)
+    if isinstance(worn, PerfanimError) and markers(settings).ready:
+        return _problem(worn, "other markers")
     return State(True, f"{found.name}, {found.residual_m * 1000:.0f} mm")
 
 
@@ -144,10 +166,10 @@ def motion(settings: Any) -> State:
     path = database_path(settings)
     if not settings.database and not path.exists():
         return State(True, "starter")
-    found = database(str(path))
-    if isinstance(found, PerfanimError):
-        return _problem(found, "bad database")
-    return State(True, f"{found.frames / 1000:.0f}k frames" if found.frames >= 10_000 else f"{found.frames} frames")
+    frames = database_frames(str(path))
+    if isinstance(frames, PerfanimError):
+        return _problem(frames, "bad database")
+    return State(True, f"{frames / 1000:.0f}k frames" if frames >= 10_000 else f"{frames} frames")
 
 
 def character(settings: Any) -> State:

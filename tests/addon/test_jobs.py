@@ -52,10 +52,10 @@ def test_motion_is_imported_and_used(part: Any, tmp_path: Path) -> None:
     )
     text = run_job(part, operator, played)
     chosen = bpy.context.scene.perfanim
-    found = part("states").database(chosen.database)
-    assert text == f"{found.frames} frames imported, 1 files skipped"
-    assert 170 <= found.frames <= 190
-    assert part("states").motion(chosen).text == f"{found.frames} frames"
+    frames = part("states").database_frames(chosen.database)
+    assert text == f"{frames} frames imported, 1 files skipped"
+    assert 170 <= frames <= 190
+    assert part("states").motion(chosen).text == f"{frames} frames"
 
 
 def test_files_without_motion_are_an_error_and_leave_nothing(part: Any, extension: str, tmp_path: Path) -> None:

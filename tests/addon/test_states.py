@@ -8,8 +8,11 @@ from typing import Any
 import bpy
 import pytest
 from perfanim.core.camera import save_rig
-from perfanim.core.marker_set import Subject, load_marker_set, save_subject
+from perfanim.core.database.build import build_database
+from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.marker_set import Subject, load_marker_set, load_subject, save_subject
 from perfanim.core.product_skeleton import default_skeleton
+from perfanim.core.simulate.performer import perform
 from perfanim.core.simulate.studio.rig import default_rig
 
 
@@ -56,6 +59,43 @@ def test_files_that_are_missing_or_bad_are_named(states: Any, chosen: Any, tmp_p
     empty.touch()
     chosen.database = str(empty)
     assert "not a motion database" in states.first_problem(chosen)
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Path:
+    write_bvh(perform("walking", 3.0), tmp_path / "walk.bvh")
+    build_database([str(tmp_path / "walk.bvh")], tmp_path / "mine.perfdb", 60.0)
+    return tmp_path / "mine.perfdb"
+
+
+def test_the_chosen_markers_must_be_the_subjects(
+    states: Any, chosen: Any, extension: str, database: Path, tmp_path: Path
+) -> None:
+    chosen.database = str(database)
+    setup = sys.modules[f"{extension}.perfanim_addon.capture_setup"]
+    path = tmp_path / "anna.toml"
+    save_subject(Subject("Anna", default_skeleton(), load_marker_set("locomotion"), 0.006), path)
+    chosen.subject = str(path)
+    chosen.marker_set = "boxing"
+    problem = states.first_problem(chosen)
+    assert problem.startswith("Anna: calibrated with the markers locomotion, without head of boxing; choose locomotion")
+    chosen.marker_set = "locomotion"
+    assert states.first_problem(chosen) == ""
+    # fewer markers than calibrated may be worn: the choice decides
+    save_subject(Subject("Anna", default_skeleton(), load_marker_set("boxing"), 0.006), path)
+    assert states.first_problem(chosen) == ""
+    captured = load_subject(setup.make(chosen).request["subject"])
+    assert captured.marker_set.names == load_marker_set("locomotion").names
+
+
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="looks at /proc")
+def test_no_database_is_kept_open(states: Any, chosen: Any, database: Path) -> None:
+    chosen.database = str(database)
+    assert states.motion(chosen).ready
+    assert "mine.perfdb" not in Path("/proc/self/maps").read_text()
+    before = states.motion(chosen).text
+    build_database([str(database.with_name("walk.bvh"))], database, 30.0)
+    assert states.motion(chosen).text != before
 
 
 def test_missing_bones_are_named(states: Any, chosen: Any) -> None:
