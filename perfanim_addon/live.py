@@ -13,14 +13,19 @@ from .capture_state import CaptureRun, Phase
 from .character import create_character
 from .job import Job
 from .properties import settings
+from .stage import free_place, look_at
 
 LEAST_STEP_S = 1e-4
 
 
 def add_character(context: bpy.types.Context, skeleton: Skeleton) -> str:
-    """Add a character of these proportions, choose it for the capture, and return its name."""
+    """Add a character of these proportions beside what stands in the scene, choose it, show it, return its name."""
+    place = free_place(context)
     name = create_character(context, skeleton)
-    settings(context).armature = bpy.data.objects[name]
+    character = bpy.data.objects[name]
+    character.location = place
+    settings(context).armature = character
+    look_at(context, place)
     return name
 
 
@@ -43,6 +48,7 @@ class Capture:
         self._start_frame = 1.0
         self._held_action = ""
         self._stop_asked = False
+        self._kept: str | None = None
 
     @property
     def line(self) -> str:
@@ -110,18 +116,25 @@ class Capture:
             self.run.stop()
 
     def close(self) -> None:
-        """End the worker processes."""
+        """Take what has arrived, and end the worker processes."""
         if self.job is not None:
             self.job.close()
         if self.run is not None:
+            self.run.tick()
             self.run.close()
 
     def keep(self, context: bpy.types.Context) -> str:
-        """Write all poses as one Action; return the line that says so, "" when there is nothing to keep.
+        """Write all poses as one Action, once; return the line that says so, "" when there is nothing to keep.
 
         A frame captured t seconds after the first stands at the start frame + t * the scene's frames per second, so a
         60 Hz capture in a 24 fps scene has keys between the scene's frames and plays at its true speed.
         """
+        if self._kept is None:
+            self._kept = ""  # a second try would fail alike
+            self._kept = self._write(context)
+        return self._kept
+
+    def _write(self, context: bpy.types.Context) -> str:
         poses = self.run.poses if self.run else []
         if not poses or self._skeleton is None or self._driver is None:
             self._restore_action()

@@ -1,13 +1,16 @@
 """What runs at the moment: at most one capture or one job, and the last message of each panel.
 
 Nothing of Blender's data is kept here, only names and the timers, which are removed on every way out: the operator's
-own end, loading a file, and switching the extension off.
+own end, loading a file, closing the window and switching the extension off.
 """
 
+import contextlib
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import bpy
+
+from ..core.errors import PerfanimError
 
 
 class Activity(Protocol):
@@ -15,6 +18,9 @@ class Activity(Protocol):
 
     def close(self) -> None:
         """End the worker process."""
+
+    def keep(self, context: bpy.types.Context) -> str:
+        """Write what is to be kept of it, once; return the line that says so, "" when there is nothing."""
 
 
 @dataclass
@@ -50,6 +56,13 @@ def end() -> None:
         redraw_sidebars()
 
 
+def finish(context: bpy.types.Context) -> str:
+    """End whatever runs and keep what it has, as `Activity.keep` does."""
+    activity = _state.activity
+    end()
+    return activity.keep(context) if activity is not None else ""
+
+
 def set_message(panel: str, text: str, icon: str = "INFO") -> None:
     """Keep what a panel's last operation said, with the icon that goes before it; "" clears it."""
     _state.messages[panel] = (text, icon)
@@ -72,7 +85,9 @@ def redraw_sidebars() -> None:
 
 @bpy.app.handlers.persistent
 def _before_load(*_: object) -> None:
-    end()
+    # the recording is in the data should the file not load; should it load, this data is gone with all else
+    with contextlib.suppress(PerfanimError):
+        finish(bpy.context)
 
 
 def register() -> None:
@@ -82,6 +97,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """End everything and remove the handler."""
-    end()
+    """End everything, keep what is recorded, and remove the handler."""
+    with contextlib.suppress(PerfanimError):
+        finish(bpy.context)
     bpy.app.handlers.load_pre.remove(_before_load)

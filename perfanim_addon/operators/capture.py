@@ -107,9 +107,17 @@ class PERFANIM_OT_start_capture(bpy.types.Operator):
         return {"FINISHED"} if capture.run is not None and capture.run.poses else {"CANCELLED"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Blender takes the operator down (the window is closed, the add-on switched off)."""
-        if running.current() is self._capture:
-            running.end()
+        """Blender takes the operator down (its window is closed): keep what was captured."""
+        if running.current() is not self._capture:
+            return  # loading a file and switching the add-on off have done so
+        try:
+            text = running.finish(context)
+        except PerfanimError as error:
+            common.failed(self, PANEL, error)
+            return
+        running.set_message(PANEL, text)
+        if text and bpy.ops.ed.undo_push.poll():
+            bpy.ops.ed.undo_push(message=self.bl_label)
 
 
 class PERFANIM_OT_stop_capture(bpy.types.Operator):

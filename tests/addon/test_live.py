@@ -3,7 +3,7 @@
 import sys
 import time
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import bpy
@@ -85,6 +85,35 @@ def test_stop_before_the_first_frame_leaves_the_old_action(part: Any) -> None:
     finally:
         capture.close()
     assert armature.animation_data.action is old
+
+
+@pytest.mark.parametrize("way_out", ["closed window", "file load"])
+def test_what_is_recorded_is_kept_when_blender_takes_the_capture_down(part: Any, way_out: str) -> None:
+    prepare = [] if part("states").starter_database_path().exists() else part("operators.database").starter_arguments()
+    running, operator = part("running"), part("operators.capture").PERFANIM_OT_start_capture
+    capture = part("live").Capture(None, prepare)
+    running.begin(bpy.context, capture, 1.0)
+    tick_until(capture, lambda: capture.run is not None and len(capture.run.poses) >= 10)
+    keys: list[int] = []
+
+    def count_keys(*_: object) -> None:
+        for action in bpy.data.actions:
+            animated = next(obj for obj in bpy.data.objects if obj.animation_data and obj.animation_data.action)
+            assert animated.animation_data.action is action
+            keys.extend({len(curve.keyframe_points) for curve in part("actions").curves_of(animated)})
+
+    if way_out == "closed window":
+        operator.cancel(SimpleNamespace(_capture=capture, bl_label="Capture"), bpy.context)
+        count_keys()
+    else:
+        bpy.app.handlers.load_pre.append(count_keys)  # after the add-on's own, while the data is still there
+        try:
+            bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        finally:
+            if count_keys in bpy.app.handlers.load_pre:  # loading removes handlers that are not persistent
+                bpy.app.handlers.load_pre.remove(count_keys)
+    assert keys == [len(capture.run.poses)]
+    assert running.current() is None
 
 
 def test_a_character_deleted_while_capturing_does_not_lose_the_take(part: Any) -> None:

@@ -12,9 +12,14 @@ class PlayedActivity:
     """Remembers that it was closed."""
 
     closed = 0
+    kept = 0
 
     def close(self) -> None:
         self.closed += 1
+
+    def keep(self, context: bpy.types.Context) -> str:
+        self.kept += 1
+        return "kept"
 
 
 @pytest.fixture
@@ -44,6 +49,7 @@ def test_ended_once(running: Any, activity: PlayedActivity) -> None:
 def test_ended_when_another_file_is_loaded(running: Any, activity: PlayedActivity) -> None:
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert gone(running, activity)
+    assert activity.kept == 1
 
 
 def test_ended_when_the_addon_is_switched_off(running: Any, activity: PlayedActivity, extension: str) -> None:
@@ -51,6 +57,7 @@ def test_ended_when_the_addon_is_switched_off(running: Any, activity: PlayedActi
 
     addon_utils.disable(extension, default_set=True)
     assert gone(running, activity)
+    assert activity.kept == 1
     addon_utils.enable(extension, default_set=True)
 
 

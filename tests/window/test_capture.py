@@ -42,15 +42,7 @@ def wait_for_frames(window: BlenderWindow) -> None:
 
 
 def test_start_and_stop_with_the_mouse(desktop: Desktop, window: BlenderWindow) -> None:
-    over_the_view(desktop, window)
-    desktop.key("Escape")  # the splash screen
-    time.sleep(1.0)
-    over_the_view(desktop, window)
-    desktop.key("Delete")  # the cube of Blender's first scene stands where the character will
-    started(desktop, window, "capture")
-    window.wait(lambda state: state["armature"], "character")
-    over_the_view(desktop, window)
-    desktop.key("KP_Decimal")  # look at the character
+    started(desktop, window, "capture")  # in Blender's first scene, with its cube
     poses: set[str] = set()
 
     def moving(state: dict[str, Any]) -> bool:
