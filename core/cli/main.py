@@ -28,6 +28,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
+_MOST_ROWS = 60  # of a report that are printed
+
 
 class Progress:
     """Shows how far long work is, on stderr and only on a terminal."""
@@ -111,7 +113,10 @@ def jsonable(value: Any) -> Any:
 
 
 def summary_text(summary: dict[str, Any]) -> str:
-    """Return the summary for a person: one line a figure; long lists and tables are counted, not printed."""
+    """Return the summary for a person: one line a figure; long lists and tables are counted, not printed.
+
+    Rows of a report (lists of dicts) get a line each, up to `_MOST_ROWS`.
+    """
     lines = []
     for key, value in jsonable(summary).items():
         label = key.replace("_", " ")
@@ -119,6 +124,11 @@ def summary_text(summary: dict[str, Any]) -> str:
             lines.append(f"{label}: {value:.4g}")
         elif isinstance(value, dict) and value:
             lines.append(f"{label}: " + ", ".join(f"{k} {_short(v)}" for k, v in list(value.items())[:40]))
+        elif isinstance(value, list) and value and all(isinstance(row, dict) for row in value):
+            lines.append(f"{label}: {len(value)}")
+            lines += ["  " + ", ".join(str(item) for item in row.values() if item) for row in value[:_MOST_ROWS]]
+            if len(value) > _MOST_ROWS:
+                lines.append(f"  and {len(value) - _MOST_ROWS} more, which --json tells")
         elif isinstance(value, list):
             lines.append(f"{label}: {len(value)}" if len(value) > 12 else f"{label}: {', '.join(map(_short, value))}")
         else:

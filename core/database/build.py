@@ -118,8 +118,9 @@ def build_database(
 
     Returns:
         frames, clips, seconds, bytes, fps, behaviours (name -> frames), skipped (list of file, line, reason), defects
-        (list of file, frames, defect, done), mirrored_clips, culled_frames, peak_memory_mb of this process and
-        peak_reader_memory_mb of the largest that read, None where the system does not tell.
+        (list of file, frames, defect, done; what is kept as it is comes last), mirrored_clips, culled_frames,
+        peak_memory_mb of this process and peak_reader_memory_mb of the largest that read, None where the system does
+        not tell.
 
     Raises:
         FormatError: a source is missing or a damaged archive, or `out` cannot be written.
@@ -171,7 +172,7 @@ def build_database(
         "peak_memory_mb": memory_mb,
         "peak_reader_memory_mb": reader_memory_mb,
         "skipped": collected.skipped,
-        "defects": collected.defects,
+        "defects": sorted(collected.defects, key=lambda row: row["done"] == "kept"),
     }
 
 

@@ -210,3 +210,10 @@ def test_summary_text():
         {"rms_mm": 1.23456, "names": ["a", "b"], "many": list(range(20)), "parts": {"x": 0.5}, "out": "f"}
     )
     assert text.splitlines() == ["rms mm: 1.235", "names: a, b", "many: 20", "parts: x 0.5", "out: f"]
+
+
+def test_rows_of_a_report_get_a_line_each():
+    rows = [{"file": "a.bvh", "line": 3, "reason": "cut off"}, {"file": "b.bvh", "line": None, "reason": "empty"}]
+    assert summary_text({"skipped": rows}).splitlines() == ["skipped: 2", "  a.bvh, 3, cut off", "  b.bvh, empty"]
+    lines = summary_text({"skipped": rows * 100}).splitlines()
+    assert (lines[0], lines[-1], len(lines)) == ("skipped: 200", "  and 140 more, which --json tells", 62)

@@ -1,8 +1,10 @@
 import io
 import json
+import os
 import shutil
 import tarfile
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ from perfanim.core import rotations as rot
 from perfanim.core.cli.main import main
 from perfanim.core.database.build import build_database
 from perfanim.core.database.labels import behaviour_of, subject_of
+from perfanim.core.database.mirror import mirrored_rotations
 from perfanim.core.database.store import open_database
 from perfanim.core.errors import DatabaseError, FormatError
 from perfanim.core.formats.archive import skeleton_name
@@ -69,6 +72,98 @@ def test_exclude_by_name_stem_or_folder(folder: Path, tmp_path: Path) -> None:
         report = build_database([folder], tmp_path / "a.db", exclude=[pattern])
         assert report["clips"] == 1
         assert report["behaviours"] == {"walk": 61}
+
+
+def test_include_and_exclude_by_name_and_behaviour(folder: Path, tmp_path: Path) -> None:
+    (folder / "index.tsv").write_text("trial\tdescription\nrun_02\tSprint - fast\nwalk_01\tstroll\n")
+
+    def names(**chosen: list[str]) -> list[str]:
+        build_database([folder], tmp_path / "a.db", **chosen)
+        return [clip.name for clip in open_database(tmp_path / "a.db").clips]
+
+    assert names(include=["stroll"]) == names(include=["walk_*"]) == names(exclude=["sprint"]) == ["walk_01"]
+    assert names(include=["stroll", "run_02.bvh"]) == ["run_02", "walk_01"]
+    assert names(include=["*_0*"], exclude=["stroll"]) == ["run_02"]
+    with pytest.raises(DatabaseError, match=r"no behaviour fits 'swim'; behaviours: broken, sprint, stroll"):
+        names(include=["swim"])
+    with pytest.raises(DatabaseError, match="no usable motion"):
+        names(exclude=["*"])
+
+
+def test_mirrored_copies_follow_their_originals(folder: Path, tmp_path: Path) -> None:
+    plain = build_database([folder], tmp_path / "a.db")
+    report = build_database([folder], tmp_path / "b.db", mirror=True)
+    database = open_database(tmp_path / "b.db")
+    assert (report["frames"], report["mirrored_clips"]) == (2 * plain["frames"], 2)
+    assert [(clip.name, clip.mirrored) for clip in database.clips] == [
+        ("run_02", False),
+        ("run_02", True),
+        ("walk_01", False),
+        ("walk_01", True),
+    ]
+    motion = waving("walk_01")
+    original, image = (database.local_rotations(slice(clip.start, clip.stop)) for clip in database.clips[2:])
+    assert np.degrees(rot.angle_between(original, resampled(motion, 60.0).rotations)).max() < 1e-3
+    assert np.degrees(rot.angle_between(image, mirrored_rotations(original))).max() < 1e-3
+    # an even body is its own mirror image
+    assert len(database.skeletons) == 2
+
+
+def test_near_duplicates_are_culled_and_counted(folder: Path, tmp_path: Path) -> None:
+    write_bvh(waving("again", 31, 30.0, 1.6), folder / "x_again.bvh")
+    plain = build_database([folder], tmp_path / "a.db")
+    report = build_database([folder], tmp_path / "b.db", cull_deg=0.5)
+    assert report["culled_frames"] == plain["frames"] - report["frames"] >= 61
+    database = open_database(tmp_path / "b.db")
+    assert database.culled_frames == report["culled_frames"]
+    assert "x_again" not in [clip.name for clip in database.clips]
+    assert plain["culled_frames"] == open_database(tmp_path / "a.db").culled_frames == 0
+
+
+def _with_limb_pop(motion: Motion, at: int) -> Motion:
+    rotations = motion.rotations.copy()
+    turn = rot.from_rotation_vector(np.radians([0.0, 120.0, 0.0]))
+    rotations[at : at + 2, 1] = rot.multiply(rotations[at : at + 2, 1], turn)
+    return replace(motion, rotations=rotations)
+
+
+def test_defects_are_named_and_the_rest_is_imported(folder: Path, tmp_path: Path) -> None:
+    """A limb pop after frames without numbers, and a wrong frame count: frames are those of the file, from 1."""
+    path = folder / "b" / "run_02.bvh"
+    write_bvh(_with_limb_pop(waving("run_02", 61, 60.0), 40), path)
+    lines = path.read_text().replace("Frames: 61", "Frames: 70").splitlines()
+    lines[-61 + 10] = "nan " + lines[-61 + 10].split(" ", 1)[1]
+    path.write_text("\n".join(lines) + "\n")
+    (folder / "binary.bvh").write_bytes(bytes(range(256)) * 20)
+    (folder / "cut.bvh").write_bytes((folder / "walk_01.bvh").read_bytes()[:-100])
+    (folder / "binary.amc").write_bytes(bytes(range(256)) * 20)
+    report = build_database([folder], tmp_path / "a.db")
+    name = "motion/b/run_02.bvh"
+    assert report["defects"] == [
+        {
+            "file": name,
+            "frames": "",
+            "defect": "declares 70 frames, has 61",
+            "done": "all frames that are there are used",
+        },
+        {"file": name, "frames": "11", "defect": "numbers that are not finite", "done": "cut out"},
+        {"file": name, "frames": "41-42", "defect": "limb pop of lfemur", "done": "cut out"},
+    ]
+    database = open_database(tmp_path / "a.db")
+    assert [(clip.first_frame, clip.stop - clip.start) for clip in database.clips if clip.name == "run_02"] == [
+        (0, 10),
+        (11, 29),
+        (42, 19),
+    ]
+    assert "walk_01" in [clip.name for clip in database.clips]
+    skipped = {row["file"]: (row["line"], row["reason"]) for row in report["skipped"]}
+    assert set(skipped) == {"motion/b/broken.bvh", "motion/binary.bvh", "motion/cut.bvh", "motion/binary.amc"}
+    last = (folder / "walk_01.bvh").read_text().count("\n")
+    assert skipped["motion/cut.bvh"][0] == last
+    assert "values in its last row" in skipped["motion/cut.bvh"][1]
+    assert "is not a BVH file" in skipped["motion/binary.bvh"][1]
+    assert "has no skeleton" in skipped["motion/binary.amc"][1]
+    assert not any("\n" in reason for _, reason in skipped.values())
 
 
 def test_frames_without_numbers_split_the_clip(folder: Path, tmp_path: Path) -> None:
@@ -169,6 +264,31 @@ def test_several_processes_give_the_same(folder: Path, tmp_path: Path) -> None:
     two = build_database([folder], tmp_path / "b.db", workers=2)
     assert (tmp_path / "a.db").read_bytes() == (tmp_path / "b.db").read_bytes()
     assert one["skipped"] == two["skipped"]
+    assert one["defects"] == two["defects"]
+
+
+def test_a_cancelled_build_ends_its_processes(folder: Path, tmp_path: Path) -> None:
+    steps: list[float] = []
+    with pytest.raises(DatabaseError, match="cancelled"):
+        build_database(
+            [folder],
+            tmp_path / "a.db",
+            workers=2,
+            progress=lambda fraction, _: steps.append(fraction),
+            cancelled=lambda: len(steps) == 2,  # when the first file has been read
+        )
+    own = Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children")
+    if own.is_file():
+        assert not any("reading.py" in Path(f"/proc/{child}/cmdline").read_text() for child in own.read_text().split())
+    assert [path for path in tmp_path.iterdir() if path != folder] == []
+
+
+def test_an_unwritable_target_is_told_before_any_work(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    steps: list[str] = []
+    with pytest.raises(FormatError, match="cannot be written"):
+        build_database([folder], tmp_path / "file" / "a.db", progress=lambda _, text: steps.append(text))
+    assert steps == []
 
 
 def test_skeleton_of_an_amc_file() -> None:
@@ -218,9 +338,18 @@ def test_command_line(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixtur
     assert main(["database", "info", str(tmp_path / "a.db"), "--json"]) == 0
     info = json.loads(capsys.readouterr().out)
     assert info["behaviours"] == {"run": 61, "walk": 61}
+    assert info["source_fps"] == {"60": 61, "30": 61}
+    assert (info["mirrored_clips"], info["culled_frames"]) == (0, 0)
     assert len(info["joints"]) == 29
     assert main(["database", "build", str(tmp_path / "none"), "--out", str(tmp_path / "b.db")]) == 1
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert "is not there" in error
     assert main(["database", "info", str(folder / "walk_01.bvh")]) == 1
+    capsys.readouterr()
+    options = ["--mirror", "--cull", "0.5", "--include", "walk", "--workers", "2", "--json"]
+    assert main(["database", "build", str(folder), "--out", str(tmp_path / "b.db"), *options]) == 0
+    assert json.loads(capsys.readouterr().out)["mirrored_clips"] == 1
+    for wrong in (["--cull", "-1"], ["--cull", "nan"], ["--workers", "0"], ["--fps", "0"]):
+        assert main(["database", "build", str(folder), "--out", str(tmp_path / "c.db"), *wrong]) == 1
+        assert "out of range" in capsys.readouterr().err
