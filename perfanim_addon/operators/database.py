@@ -39,6 +39,14 @@ class PERFANIM_OT_build_database(JobOperator, bpy.types.Operator, ImportHelper):
     filter_glob: bpy.props.StringProperty(default="*.bvh;*.amc;*.asf;*.zip;*.tar;*.gz;*.tgz", options={"HIDDEN"})
     files: bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
     directory: bpy.props.StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
+    mirror: bpy.props.BoolProperty(
+        name="Mirrored Copies", description="Add every clip with left and right swapped", default=False
+    )
+    cull: bpy.props.BoolProperty(
+        name="Leave Out Near-Duplicates",
+        description="Leave out passages that an earlier clip holds already, within a degree per joint angle",
+        default=False,
+    )
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         """Return the command."""
@@ -52,14 +60,17 @@ class PERFANIM_OT_build_database(JobOperator, bpy.types.Operator, ImportHelper):
         folder = Path(sources[0]) if len(sources) == 1 else Path(self.directory)
         self._target = str(user_folder("databases") / f"{folder.stem or 'motion'}.perfdb")
         fps = settings(context).database_fps
-        return ["database", "build", *sources, "--out", self._target, "--fps", f"{fps:g}"]
+        chosen = [*(["--mirror"] if self.mirror else []), *(["--cull"] if self.cull else [])]
+        return ["database", "build", *sources, "--out", self._target, "--fps", f"{fps:g}", *chosen]
 
     def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         """Use the new database."""
         settings(context).database = self._target
         skipped = len(summary.get("skipped") or ())
         text = f"{int(summary.get('frames', 0)):,} frames imported"
-        return f"{text}, {skipped} files skipped" if skipped else text
+        text = f"{text}, {skipped} files skipped" if skipped else text
+        mended = sum(row["done"] != "kept" for row in summary.get("defects") or ())
+        return f"{text}, {mended} defects cut out or mended" if mended else text
 
 
 class PERFANIM_OT_use_starter_database(bpy.types.Operator):

@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 import cv2
 import pytest
+from perfanim.core.database.store import open_database
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.simulate.performer import perform
 from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, board_pictures
@@ -49,6 +50,8 @@ def test_motion_is_imported_and_used(part: Any, tmp_path: Path) -> None:
         files=[SimpleNamespace(name="walk.bvh"), SimpleNamespace(name="broken.bvh")],
         directory=str(tmp_path),
         filepath="",
+        mirror=False,
+        cull=False,
     )
     text = run_job(part, operator, played)
     chosen = bpy.context.scene.perfanim
@@ -56,12 +59,19 @@ def test_motion_is_imported_and_used(part: Any, tmp_path: Path) -> None:
     assert text == f"{frames} frames imported, 1 files skipped"
     assert 170 <= frames <= 190
     assert part("states").motion(chosen).text == f"{frames} frames"
+    played.mirror = played.cull = True
+    run_job(part, operator, played)
+    mirrored = open_database(chosen.database)
+    assert [clip.mirrored for clip in mirrored.clips][:2] == [False, True]
+    assert mirrored.frames + mirrored.culled_frames == 2 * frames
 
 
 def test_files_without_motion_are_an_error_and_leave_nothing(part: Any, extension: str, tmp_path: Path) -> None:
     operator = part("operators.database").PERFANIM_OT_build_database
     (tmp_path / "broken.bvh").write_text("no motion")
-    played = SimpleNamespace(files=[SimpleNamespace(name="broken.bvh")], directory=str(tmp_path), filepath="")
+    played = SimpleNamespace(
+        files=[SimpleNamespace(name="broken.bvh")], directory=str(tmp_path), filepath="", mirror=False, cull=False
+    )
     errors = sys.modules[f"{extension}.core.errors"]
     with pytest.raises(errors.PerfanimError):
         run_job(part, operator, played)
