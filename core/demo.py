@@ -16,7 +16,6 @@ from .assets import MOTION, SKELETONS
 from .camera import CameraRig, save_rig
 from .database.build import build_database
 from .database.store import Database, open_database
-from .errors import CaptureError
 from .evaluate import evaluate
 from .files import atomic_path
 from .formats.bvh import write_bvh
@@ -39,31 +38,24 @@ from .preview import (
 from .session import Session
 from .simulate.performer import demo_performance
 from .simulate.performer.bodies import load_bodies
-from .simulate.studio.boards import DEFAULT_BOARD, BoardPose, board_pictures, draw_board
 from .simulate.studio.render import Renderer
 from .simulate.studio.rig import default_rig
 from .simulate.studio.source import SimulatedSource, simulated_source
 from .solve_take import motion_of
 from .solver.settings import SolveSettings
+from .studio_setup import calibrate_studio, studio_on_floor
 from .subject_from_frames import subject_from_frames
-from .vision.board import find_board
-from .vision.calibrate import CalibrationResult, calibrate_from_points
-from .vision.floor import rig_on_floor
 from .vision.pipeline import MarkerPipeline
-from .vision.rig_fit import CameraViews
-from .vision.triangulate import triangulate
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 Progress = Callable[[float, str], None]
 
 MARKER_SET = "boxing"
-_BOARD_VIEWS = 24
 _EMPTY_FRAMES = 60
 _VIDEO_EVERY = 2  # of 60 frames a second every second one is drawn
 _SHEET_PICTURES = 12
 _T_POSE_S = 2.0
-_BOARD_BEFORE_M = 0.6  # the board lies a little before the performer, where both cameras see all of it
 
 
 @dataclass(frozen=True)
@@ -94,8 +86,8 @@ def run_demo(out: Path, seconds: float, seed: int, progress: Progress) -> dict[s
     motion = demo_performance(seed, seconds)
     source = simulated_source(motion, MARKER_SET, Renderer(default_rig()))
     progress(0.05, "calibrating the cameras")
-    calibration = _calibrate(source)
-    rig = _find_floor(calibration.rig, source)
+    calibration = calibrate_studio(source)
+    rig = studio_on_floor(calibration.rig, source)
     recording = _record(source, rig, progress)
     progress(0.5, "calibrating the subject")
     subject = subject_from_frames(
@@ -123,41 +115,6 @@ def embedded_database(path: Path, progress: Progress) -> Database:
     progress(0.0, "building the embedded motion database")
     build_database([MOTION], path)
     return open_database(path)
-
-
-def _calibrate(source: SimulatedSource) -> CalibrationResult:
-    """Calibrate from pictures of the board as the simulated cameras take them."""
-    board = DEFAULT_BOARD
-    names = [camera.name for camera in source.rig.cameras]
-    views: list[dict[str, Any]] = [{} for _ in names]
-    for picture in board_pictures(source.renderer, board, _BOARD_VIEWS):
-        for i, image in enumerate(picture.images):
-            view = find_board(image, board)
-            if view is not None:
-                views[i][f"{picture.number:06d}"] = view
-    sizes = [camera.image_size for camera in source.rig.cameras]
-    cameras = [CameraViews(name, size, seen) for name, size, seen in zip(names, sizes, views, strict=True)]
-    return calibrate_from_points(board.points_m, cameras)
-
-
-def _find_floor(rig: CameraRig, source: SimulatedSource) -> CameraRig:
-    """Lay the board on the simulated floor and put the world there."""
-    board = DEFAULT_BOARD
-    middle = board.points_m.mean(axis=0)
-    flat = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-    pose = BoardPose(flat, np.array([0.0, 0.0, _BOARD_BEFORE_M]) - flat @ middle)
-    corners = []
-    for i, camera in enumerate(source.rig.cameras):
-        image = source.renderer.lit_room(i)
-        draw_board(image, camera, board, pose)
-        source.renderer.add_noise(image, i, 0)
-        view = find_board(image, board)
-        if view is None:
-            raise CaptureError("the board on the floor was not found", where=f"camera {camera.name}")
-        corners.append(rig.cameras[i].undistort(view.pixels))
-    seen = np.stack(corners, axis=1)
-    points, _, _ = triangulate(rig.cameras, seen, np.ones(seen.shape[:2]), 0.3)
-    return rig_on_floor(rig, points, _BOARD_BEFORE_M)
 
 
 def _record(source: SimulatedSource, rig: CameraRig, progress: Progress) -> Recording:

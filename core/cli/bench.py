@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ..bench.end_to_end import end_to_end
 from ..bench.figure5 import figure5
 from ..bench.figure6 import figure6
 from ..bench.table1 import table1
@@ -13,6 +14,7 @@ from ..errors import SettingsError
 _BENCHES = {
     "table1": (table1, "frames that the search visits, and its error"),
     "figure5": (figure5, "error of models of pose by their dimension"),
+    "end-to-end": (end_to_end, "recorded motion filmed by simulated cameras, tracked and solved, beside true markers"),
     "figure6": (figure6, "nearest, lwr, local-pca and best frame by frame"),
 }
 

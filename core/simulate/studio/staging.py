@@ -18,8 +18,8 @@ _ARRIVAL_S = 1.0  # time from the T pose to the motion's first pose
 
 
 def on_stage(motion: Motion) -> Motion:
-    """Return the motion turned to face the cameras (+z) at its start, its path centred, its lowest sole on y = 0."""
-    forward = rot.rotate(motion.rotations[0, 0], np.array([0.0, 0.0, 1.0]))
+    """Return the motion turned to face the cameras (+z) on the whole, its path centred, its lowest sole on y = 0."""
+    forward = rot.rotate(motion.rotations[:, 0], np.array([0.0, 0.0, 1.0])).mean(axis=0)
     turn = rot.from_rotation_vector(np.array([0.0, -np.arctan2(forward[0], forward[2]), 0.0]))
     rotations = motion.rotations.copy()
     rotations[:, 0] = rot.multiply(turn, rotations[:, 0])
@@ -27,6 +27,14 @@ def on_stage(motion: Motion) -> Motion:
     middle = 0.5 * (path.min(axis=0) + path.max(axis=0))
     lowest = lowest_point_m(motion)
     return replace(motion, rotations=rotations, root_positions_m=path - np.array([middle[0], lowest, middle[2]]))
+
+
+def on_treadmill(motion: Motion) -> Motion:
+    """Return the motion without its mean horizontal speed, as on a treadmill: the path stays before the cameras."""
+    drift = motion.root_positions_m[-1] - motion.root_positions_m[0]
+    drift[1] = 0.0
+    passed = np.linspace(0.0, 1.0, motion.frames)[:, None]
+    return replace(motion, root_positions_m=motion.root_positions_m - passed * drift)
 
 
 def with_t_pose(motion: Motion, seconds: float) -> Motion:

@@ -1,0 +1,57 @@
+"""The simulated cameras set up as a user sets up real ones: calibrated from pictures of a board, floor included."""
+
+from typing import Any
+
+import numpy as np
+
+from .camera import CameraRig
+from .errors import CaptureError
+from .simulate.studio.boards import DEFAULT_BOARD, BoardPose, board_pictures, draw_board
+from .simulate.studio.source import SimulatedSource
+from .vision.board import find_board
+from .vision.calibrate import CalibrationResult, calibrate_from_points
+from .vision.floor import rig_on_floor
+from .vision.rig_fit import CameraViews
+from .vision.triangulate import triangulate
+
+_BOARD_VIEWS = 24
+_BOARD_BEFORE_M = 0.6  # the board lies a little before the performer, where both cameras see all of it
+
+
+def calibrate_studio(source: SimulatedSource) -> CalibrationResult:
+    """Return the cameras calibrated from pictures of the board as the simulated cameras take them."""
+    board = DEFAULT_BOARD
+    names = [camera.name for camera in source.rig.cameras]
+    views: list[dict[str, Any]] = [{} for _ in names]
+    for picture in board_pictures(source.renderer, board, _BOARD_VIEWS):
+        for i, image in enumerate(picture.images):
+            view = find_board(image, board)
+            if view is not None:
+                views[i][f"{picture.number:06d}"] = view
+    sizes = [camera.image_size for camera in source.rig.cameras]
+    cameras = [CameraViews(name, size, seen) for name, size, seen in zip(names, sizes, views, strict=True)]
+    return calibrate_from_points(board.points_m, cameras)
+
+
+def studio_on_floor(rig: CameraRig, source: SimulatedSource) -> CameraRig:
+    """Return the cameras with the world on the floor, where the board lies in one picture of each.
+
+    Raises:
+        CaptureError: a camera does not show the board.
+    """
+    board = DEFAULT_BOARD
+    middle = board.points_m.mean(axis=0)
+    flat = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    pose = BoardPose(flat, np.array([0.0, 0.0, _BOARD_BEFORE_M]) - flat @ middle)
+    corners = []
+    for i, camera in enumerate(source.rig.cameras):
+        image = source.renderer.lit_room(i)
+        draw_board(image, camera, board, pose)
+        source.renderer.add_noise(image, i, 0)
+        view = find_board(image, board)
+        if view is None:
+            raise CaptureError("the board on the floor was not found", where=f"camera {camera.name}")
+        corners.append(rig.cameras[i].undistort(view.pixels))
+    seen = np.stack(corners, axis=1)
+    points, _, _ = triangulate(rig.cameras, seen, np.ones(seen.shape[:2]), 0.3)
+    return rig_on_floor(rig, points, _BOARD_BEFORE_M)
