@@ -7,6 +7,7 @@ because files have any number of them.
 
 import re
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,6 +91,7 @@ def _by_words(names: Sequence[str]) -> tuple[dict[tuple[str, str], int], dict[st
     return sided, middle
 
 
+@lru_cache(maxsize=4096)  # files of one data set share their names
 def split_name(name: str) -> tuple[str, str]:
     """Return ("l", "r" or "", the words run together in lower case): "mixamorig:LeftUpLeg" -> ("l", "upleg")."""
     bare = _PREFIX.sub("", re.split(r"[:|]", name)[-1])

@@ -24,6 +24,7 @@ from .skeleton import Skeleton
 
 Array = NDArray[np.float64]
 
+_SIZED = ("ltibia", "rtibia", "lradius", "rradius")  # thighs and upper arms, which all files have, give the body's size
 _SAMPLED_FRAMES = 200  # for bones between joints that are not neighbours in the file
 _Y_UP_FROM_Z_UP = rot.from_rotation_vector(np.array([-0.5 * np.pi, 0.0, 0.0]))
 _HIPS_ARE_TIPPED = 3.0  # how much more of the body must lie along z than along y to call a file Z up
@@ -36,7 +37,8 @@ def _default() -> Skeleton:
 
 @lru_cache(maxsize=1)
 def _default_size() -> float:
-    return _size(_default().rest_positions_m[None], {name: joint for joint, name in enumerate(JOINT_NAMES)})
+    default = _default()
+    return sum(float(np.linalg.norm(default.offsets_m[default.index(name)])) for name in _SIZED)
 
 
 def _with_offsets(offsets_m: Array, tips_m: Array) -> Skeleton:
@@ -151,20 +153,28 @@ def _skeleton(
     alignment: Mapping[str, Array],
 ) -> Skeleton:
     default = _default()
-    scale = _size(positions, found) / _default_size()
-    offsets = scale * default.offsets_m
     step = max(1, len(positions) // _SAMPLED_FRAMES)
+    links: dict[str, tuple[list[str], Array]] = {}  # joints between, and the offset from the next one above them
     for name in JOINT_NAMES[1:]:
         if name not in found:
             continue
         between = _missing_between(name, found, default)
         anchor = JOINT_NAMES[default.parents[default.index(between[0] if between else name)]]
-        apart = positions[::step, found[name]] - positions[::step, found[anchor]]
-        link = np.mean(rot.rotate(rot.conjugate(product_world[anchor][::step]), apart), axis=0)
+        joint = found[name]
+        if source.parents[joint] == found[anchor] and joint not in source.translations_m:
+            link = rot.rotate(rot.conjugate(alignment[anchor]), source.offsets_m[joint])
+        else:
+            apart = positions[::step, joint] - positions[::step, found[anchor]]
+            link = np.mean(rot.rotate(rot.conjugate(product_world[anchor][::step]), apart), axis=0)
+        links[name] = between, link
+    lengths = {name: float(np.linalg.norm(link)) for name, (_, link) in links.items()}
+    scale = sum(lengths[name] for name in _SIZED) / _default_size()
+    offsets = scale * default.offsets_m
+    for name, (between, link) in links.items():
         path = [default.index(joint) for joint in (*between, name)]
         usual = np.linalg.norm(np.sum(default.offsets_m[path], axis=0))
         for joint in path[:-1]:
-            offsets[joint] = default.offsets_m[joint] * (np.linalg.norm(link) / usual if usual > 0.0 else 0.0)
+            offsets[joint] = default.offsets_m[joint] * (lengths[name] / usual if usual > 0.0 else 0.0)
             if name.endswith("hand"):  # forearm and wrist are one straight bone
                 offsets[joint] = link * (np.linalg.norm(default.offsets_m[joint]) / usual)
         offsets[path[-1]] = link - np.sum(offsets[path[:-1]], axis=0)
@@ -195,10 +205,3 @@ def _known_tips(
         if name in found and np.linalg.norm(source.tips_m[found[name]]) > 0.01:
             tips[name] = rot.rotate(rot.conjugate(alignment[name]), source.tips_m[found[name]])
     return tips
-
-
-def _size(positions: Array, found: Mapping[str, int]) -> float:
-    chains = (("lfemur", "ltibia"), ("rfemur", "rtibia"), ("lhumerus", "lradius"), ("rhumerus", "rradius"))
-    return sum(
-        float(np.mean(np.linalg.norm(positions[:, found[b]] - positions[:, found[a]], axis=1))) for a, b in chains
-    )

@@ -4,6 +4,7 @@ A joint's position channels replace its OFFSET, rotations are multiplied in the 
 Zrotation Xrotation Yrotation means Rz Rx Ry), angles are degrees, Y is up.
 """
 
+import math
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -31,6 +32,7 @@ UNITS: dict[str, float] = {
     "cmu": 0.0254 / 0.45,
 }
 WRITTEN_ORDER = "ZXY"
+_CHANNELS = frozenset(axis + kind for axis in "xyz" for kind in ("position", "rotation"))
 _LONGEST_LIMB_M = 1.25  # pelvis to finger tips of an adult; decides between units, which lie a factor of two apart
 _ANGLE_JUMP_DEG = 150.0  # between frames; the two forms of one Euler rotation lie 180 or 360 degrees apart
 _STILL = 1e-4  # position channels that move a joint by less than this (file units) only repeat its offset
@@ -40,8 +42,8 @@ _STILL = 1e-4  # position channels that move a joint by less than this (file uni
 class _Joint:
     name: str
     parent: int
-    offset: Array = field(default_factory=lambda: np.zeros(3))
-    tip: Array = field(default_factory=lambda: np.zeros(3))
+    offset: tuple[float, ...] = (0.0, 0.0, 0.0)
+    tip: tuple[float, ...] = (0.0, 0.0, 0.0)
     channels: list[str] = field(default_factory=list)
 
 
@@ -151,10 +153,10 @@ class _HierarchyParser:
 
     def _offset(self, words: list[str]) -> None:
         try:
-            offset = np.array([float(word) for word in words])
+            offset = tuple(map(float, words))
         except ValueError:
             raise self._error(f"has an OFFSET that is no number: {' '.join(words)[:60]}") from None
-        if offset.shape != (3,) or not np.all(np.isfinite(offset)) or not self.stack:
+        if len(offset) != 3 or not all(map(math.isfinite, offset)) or not self.stack:
             raise self._error("needs three finite numbers after OFFSET, inside a joint")
         if self.stack[-1] >= 0:
             self.joints[self.stack[-1]].offset = offset
@@ -163,7 +165,7 @@ class _HierarchyParser:
 
     def _channels(self, words: list[str]) -> None:
         channels = [word.lower() for word in words[1:]]
-        known = all(c[:1] in ("x", "y", "z") and c[1:] in ("position", "rotation") for c in channels)
+        known = all(channel in _CHANNELS for channel in channels)
         if not words or words[0] != str(len(channels)) or not known or len(set(channels)) != len(channels):
             raise self._error(f"has unknown channels: {' '.join(words)[:80]}")
         if not self.stack or self.stack[-1] < 0:
@@ -246,13 +248,14 @@ def _assemble(
 def _rotations(channels: list[tuple[int, str]], orders: list[str], rows: Array) -> Array:
     """Return (F, J, 4); joints with the same order of channels are computed together."""
     rotations = rot.identity((len(rows), len(orders)))
+    columns: list[list[int]] = [[] for _ in orders]
+    for column, (joint, channel) in enumerate(channels):
+        if channel.endswith("rotation"):
+            columns[joint].append(column)
     for order in set(orders) - {""}:
         turned = [joint for joint, own in enumerate(orders) if own == order]
-        columns = [
-            [c for c, (owner, channel) in enumerate(channels) if owner == joint and channel.endswith("rotation")]
-            for joint in turned
-        ]
-        rotations[:, turned] = rot.from_euler(np.radians(rows[:, columns]), order)
+        angles = rows[:, [columns[joint] for joint in turned]]
+        rotations[:, turned] = rot.from_euler(np.radians(angles), order)
     return rotations
 
 
