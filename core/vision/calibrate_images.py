@@ -107,7 +107,7 @@ def _check_board(board: Board, files: Mapping[str, Mapping[str, Path]], cameras:
         if seen is not None and seen != asked and (missing or (seen[0] >= asked[0] and seen[1] >= asked[1])):
             raise CalibrationError(
                 f"the pictures show a board of {seen[0]}x{seen[1]} inner corners, not {asked[0]}x{asked[1]}",
-                advice=f"use --board chessboard:{seen[0]}x{seen[1]}:SQUARE",
+                advice=f"describe the board as it is, as chessboard:{seen[0]}x{seen[1]} and the side of a square",
             )
     if missing:
         camera = missing[0]

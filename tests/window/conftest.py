@@ -68,6 +68,22 @@ def subject(tmp_path: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
+def board(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Settings for folders of both cameras with pictures of a board of 9x6 corners."""
+    import cv2
+    from perfanim.core.simulate.studio.boards import board_pictures
+    from perfanim.core.simulate.studio.render import Renderer
+    from perfanim.core.simulate.studio.rig import default_rig
+
+    folder = tmp_path_factory.mktemp("board")
+    for picture in board_pictures(Renderer(default_rig()), count=6):
+        for side, image in zip(("left", "right"), picture.images, strict=True):
+            (folder / side).mkdir(exist_ok=True)
+            assert cv2.imwrite(str(folder / side / f"{picture.number}.png"), image)
+    return {"board_left": str(folder / "left"), "board_right": str(folder / "right")}
+
+
+@pytest.fixture(scope="session")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Settings for image folders of both cameras, 180 moments at 60 Hz, with calibration and subject."""
     import cv2

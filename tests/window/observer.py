@@ -256,6 +256,10 @@ def order_set(order):
     return {}
 
 
+def order_get(order):
+    return {"value": getattr(bpy.context.scene.perfanim, order["name"])}
+
+
 def order_call(order):
     """Call an operator as a button does, and tell how it ended."""
     window = bpy.context.window_manager.windows[0]
@@ -280,6 +284,7 @@ ORDERS = {
     "rates": order_rates,
     "last_run": order_last_run,
     "set": order_set,
+    "get": order_get,
     "call": order_call,
     "bare_armature": order_bare_armature,
 }
