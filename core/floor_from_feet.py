@@ -62,7 +62,8 @@ def moved_to_rig(take: MarkerTake, old: CameraRig, new: CameraRig) -> MarkerTake
     before, after = old.cameras[0], new.cameras[0]
     rotation = after.rotation.T @ before.rotation
     translation = after.rotation.T @ (before.translation_m - after.translation_m)
-    return replace(take, positions_m=transform(rotation, translation, take.positions_m))
+    single = replace(take.single, rig=new) if take.single is not None else None
+    return replace(take, positions_m=transform(rotation, translation, take.positions_m), single=single)
 
 
 def _upright(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton) -> Array:

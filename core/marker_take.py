@@ -2,13 +2,16 @@
 
 import zipfile
 import zlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import TakeError
+from .camera import Camera, CameraRig
+from .errors import CalibrationError, TakeError
 from .files import atomic_path
 
 Array = NDArray[np.float64]
@@ -17,6 +20,25 @@ _KIND = "perfanim marker take"
 _VERSION = 1
 # what numpy and zipfile raise on files that are none of theirs, or damaged ones
 _DAMAGE = (KeyError, ValueError, EOFError, TypeError, RuntimeError, zipfile.BadZipFile, zlib.error, MemoryError)
+
+
+@dataclass(frozen=True)
+class SingleViews:
+    """Markers that one camera alone shows: no position in space, but a ray on which they lie.
+
+    Args:
+        rig: the cameras, in the take's world.
+        cameras: (F, M) the camera that shows a marker which the take does not locate, -1 where none does.
+        points: (F, M, 2) undistorted normalised coordinates in that camera, NaN elsewhere.
+    """
+
+    rig: CameraRig
+    cameras: NDArray[np.int64]
+    points: Array
+
+    def picked(self, frames: slice = slice(None), markers: Sequence[int] | slice = slice(None)) -> "SingleViews":
+        """Return part of the frames, and markers in another order."""
+        return SingleViews(self.rig, self.cameras[frames][:, markers], self.points[frames][:, markers])
 
 
 @dataclass(frozen=True)
@@ -30,6 +52,7 @@ class MarkerTake:
         positions_m: (F, M, 3) world positions, NaN where a marker was not located.
         frame_numbers: (F,) numbers of the camera frames; default 0 .. F-1.
         times_s: (F,) capture times; default frame_numbers / fps.
+        single: what single cameras show of markers that are not located; None where that is not known.
     """
 
     name: str
@@ -38,6 +61,7 @@ class MarkerTake:
     positions_m: Array
     frame_numbers: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     times_s: Array = field(default_factory=lambda: np.empty(0))
+    single: SingleViews | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple(self.names))
@@ -59,6 +83,15 @@ class MarkerTake:
             raise TakeError(f"frame rate {self.fps} is not positive", where=self.name)
         if len(self.frame_numbers) != frames or len(self.times_s) != frames:
             raise TakeError("frame numbers or times do not fit the number of frames", where=self.name)
+        if self.single is not None:
+            self._check_single(self.single)
+
+    def _check_single(self, single: SingleViews) -> None:
+        shape = self.positions_m.shape[:2]
+        if single.cameras.shape != shape or single.points.shape != (*shape, 2):
+            raise TakeError("what single cameras show does not fit the markers and frames", where=self.name)
+        if not np.all((single.cameras >= -1) & (single.cameras < len(single.rig))):
+            raise TakeError(f"markers are shown by cameras that are not among its {len(single.rig)}", where=self.name)
 
     @property
     def frames(self) -> int:
@@ -84,7 +117,31 @@ def save_take(take: MarkerTake, path: str | Path) -> None:
             positions_m=take.positions_m,
             frame_numbers=take.frame_numbers,
             times_s=take.times_s,
+            **(_single_arrays(take.single) if take.single is not None else {}),
         )
+
+
+def _single_arrays(single: SingleViews) -> dict[str, NDArray[Any]]:
+    cameras = single.rig.cameras
+    return {
+        "single_cameras": single.cameras,
+        "single_points": single.points,
+        "camera_names": np.array([camera.name for camera in cameras]),
+        "camera_sizes": np.array([camera.image_size for camera in cameras]),
+        "camera_matrices": np.array([camera.matrix for camera in cameras]),
+        "camera_distortions": np.array([camera.distortion for camera in cameras]),
+        "camera_rotations": np.array([camera.rotation for camera in cameras]),
+        "camera_translations_m": np.array([camera.translation_m for camera in cameras]),
+    }
+
+
+def _single_from(stored: Mapping[str, Any]) -> SingleViews | None:
+    if "single_cameras" not in stored:
+        return None
+    parts = ("names", "sizes", "matrices", "distortions", "rotations", "translations_m")
+    rows = zip(*(stored[f"camera_{part}"] for part in parts), strict=True)
+    cameras = [Camera(str(name), (int(size[0]), int(size[1])), *arrays) for name, size, *arrays in rows]
+    return SingleViews(CameraRig(tuple(cameras)), stored["single_cameras"], stored["single_points"])
 
 
 def load_take(path: str | Path) -> MarkerTake:
@@ -100,10 +157,11 @@ def load_take(path: str | Path) -> MarkerTake:
                 positions_m=stored["positions_m"],
                 frame_numbers=stored["frame_numbers"],
                 times_s=stored["times_s"],
+                single=_single_from(stored),
             )
     except OSError as error:
         raise TakeError(
             f"cannot be read ({error.strerror or error})", where=str(path), advice="check the path"
         ) from error
-    except _DAMAGE as error:
+    except (*_DAMAGE, CalibrationError) as error:
         raise TakeError(f"is not a marker take ({error})", where=str(path), advice="check the file") from error

@@ -52,9 +52,9 @@ def solve_take(
     settings: SolveSettings,
     progress: Callable[[float, str], None],
 ) -> SolvedTake:
-    """Solve every frame of a labelled take in order."""
+    """Solve every frame of a labelled take in order, with what single cameras show where the take has it."""
     frames = take_frames(take, subject.marker_set)
-    session = Session(subject, database, settings=settings)
+    session = Session(subject, database, take.single.rig if take.single is not None else None, settings)
     poses, seconds = [], []
     for i, frame in enumerate(frames):
         if i % _REPORT_EVERY == 0:

@@ -51,7 +51,8 @@ def named_take(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
             advice="track without --marker-set, or correct the set's offset_m",
         )
     order = rows[np.argsort(columns)]
-    return replace(take, names=marker_set.names, positions_m=take.positions_m[:, order])
+    single = take.single.picked(markers=order.tolist()) if take.single is not None else None
+    return replace(take, names=marker_set.names, positions_m=take.positions_m[:, order], single=single)
 
 
 def _vote(votes: Array, row: Array, templates: list[Array], names: tuple[str, ...]) -> None:

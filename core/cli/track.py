@@ -3,6 +3,7 @@
 import argparse
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +73,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ..sources.spec import open_image_source
     from ..tracking import track_markers
     from ..tracking_names import named_take
+    from ..tracking_single import single_views
     from ..vision.reprojection import labelled_rms_px
 
     marker_set = load_marker_set(args.marker_set) if args.marker_set else None
@@ -89,7 +91,9 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     progress(0.95, "joining points to trajectories")
     count = len(marker_set) if marker_set else args.markers
     tracking = track_markers(frames, _take_name(args.out), source.fps, count)
-    take = named_take(tracking.take, marker_set) if marker_set else tracking.take
+    single = single_views(tracking, frames, rig)
+    take = replace(tracking.take, single=single)
+    take = named_take(take, marker_set) if marker_set else take
     visible = take.visible
     summary: dict[str, Any] = {
         "frames": take.frames,
@@ -98,6 +102,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         "names": list(take.names),
         "visible_fraction": float(visible.mean()),
         "all_visible_fraction": float(visible.all(axis=1).mean()),
+        "one_camera_fraction": float((single.cameras >= 0).mean()),
         "reprojection_rms_px": labelled_rms_px(rig, frames, tracking.labels),
         "false_pieces": tracking.dropped_pieces,
         "frames_per_s": len(frames) / max(seconds, 1e-9),
@@ -189,8 +194,6 @@ def _take_name(out: str) -> str:
 
 
 def _without_distortion(rig: Any) -> Any:
-    from dataclasses import replace
-
     return replace(rig, cameras=tuple(replace(camera, distortion=np.zeros(5)) for camera in rig.cameras))
 
 

@@ -1,8 +1,10 @@
 """A marker take as a source of marker frames whose labels are known."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import TakeError
 from ..marker_frame import MarkerFrame
@@ -14,6 +16,8 @@ _SIGMA_M = 0.001  # uncertainty given to positions that come without one
 
 def take_frames(take: MarkerTake, marker_set: MarkerSet) -> Iterator[MarkerFrame]:
     """Yield the frames of a take, labelled by marker name; markers that the set lacks are left out.
+
+    Markers that one camera alone showed come as rays, where the take has them.
 
     Raises:
         TakeError: the take has fewer than three of the set's torso markers.
@@ -27,8 +31,24 @@ def take_frames(take: MarkerTake, marker_set: MarkerSet) -> Iterator[MarkerFrame
             advice="its markers are " + ", ".join(take.names) + "; choose the marker set that was worn",
         )
     kept = np.array([i for i, name in enumerate(marker_set.names) if name in columns])
-    positions = take.positions_m[:, [columns[marker_set.names[i]] for i in kept]]
-    for number, time_s, row in zip(take.frame_numbers, take.times_s, positions, strict=True):
+    order = [columns[marker_set.names[i]] for i in kept]
+    positions = take.positions_m[:, order]
+    single = take.single.picked(markers=order) if take.single is not None else None
+    for f, (number, time_s, row) in enumerate(zip(take.frame_numbers, take.times_s, positions, strict=True)):
         seen = np.all(np.isfinite(row), axis=-1)
         covariances = np.broadcast_to(_SIGMA_M**2 * np.eye(3), (int(seen.sum()), 3, 3))
-        yield MarkerFrame(int(number), float(time_s), row[seen], covariances, kept[seen])
+        frame = MarkerFrame(int(number), float(time_s), row[seen], covariances, kept[seen])
+        yield frame if single is None else _with_rays(frame, single.cameras[f], single.points[f], kept)
+
+
+def _with_rays(
+    frame: MarkerFrame, cameras: NDArray[np.int64], points: NDArray[np.float64], labels: NDArray[np.int64]
+) -> MarkerFrame:
+    alone = cameras >= 0
+    return replace(
+        frame,
+        single_cameras=cameras[alone],
+        single_blobs=np.full(int(alone.sum()), -1, dtype=np.int64),
+        single_points=points[alone],
+        single_labels=labels[alone],
+    )

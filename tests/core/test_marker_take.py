@@ -1,10 +1,12 @@
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from perfanim.core.errors import TakeError
-from perfanim.core.marker_take import MarkerTake, load_take, save_take
+from perfanim.core.marker_take import MarkerTake, SingleViews, load_take, save_take
+from perfanim.core.simulate.studio.rig import default_rig
 
 
 def small() -> MarkerTake:
@@ -30,6 +32,27 @@ def test_numbers_and_times_of_dropped_frames_are_kept(tmp_path: Path) -> None:
     np.testing.assert_allclose(take.times_s, numbers / 30.0)
     save_take(take, tmp_path / "a.take.npz")
     np.testing.assert_array_equal(load_take(tmp_path / "a.take.npz").frame_numbers, numbers)
+
+
+def test_what_single_cameras_show_is_kept_with_the_cameras(tmp_path: Path) -> None:
+    rig = default_rig()
+    cameras = np.full((40, 3), -1)
+    cameras[3:9, 1] = 1
+    points = np.where((cameras >= 0)[..., None], [0.25, -0.1], np.nan)
+    take = replace(small(), single=SingleViews(rig, cameras, points))
+    save_take(take, tmp_path / "a.take.npz")
+    again = load_take(tmp_path / "a.take.npz").single
+    assert again is not None
+    np.testing.assert_array_equal(again.cameras, cameras)
+    np.testing.assert_array_equal(again.points, points)
+    for mine, other in zip(again.rig.cameras, rig.cameras, strict=True):
+        assert (mine.name, mine.image_size) == (other.name, other.image_size)
+        for part in ("matrix", "distortion", "rotation", "translation_m"):
+            np.testing.assert_array_equal(getattr(mine, part), getattr(other, part))
+    with pytest.raises(TakeError, match="does not fit the markers"):
+        replace(take, single=SingleViews(rig, cameras[:5], points[:5]))
+    with pytest.raises(TakeError, match="not among its 2"):
+        replace(take, single=SingleViews(rig, cameras * 2, points))
 
 
 def test_visible() -> None:

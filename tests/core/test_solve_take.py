@@ -1,8 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from perfanim.core.errors import TakeError
 from perfanim.core.evaluate import evaluate
-from perfanim.core.marker_take import MarkerTake
+from perfanim.core.marker_take import MarkerTake, SingleViews
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.solve_take import solve_take
 from perfanim.core.solver.settings import SolveSettings
@@ -52,6 +54,26 @@ def test_a_take_that_shows_nothing_for_a_while(take, subject, database):
     summary = solve_take(nothing, subject, database, SolveSettings(), lambda fraction, text: None).summary()
     assert np.isnan(summary["marker_rms_mm"])
     assert summary["confidence"] == 0.0
+
+
+def test_what_one_camera_shows_counts(truth, subject, database, stage_rig):
+    """A hand that one camera alone shows is nearer to the truth across its ray than one that is hidden."""
+    whole = simulate_markers(truth, subject, noise_mm=2.0, seed=1)[0]
+    hand = whole.names.index("LHAN")
+    camera = stage_rig.cameras[0]
+    local = camera.to_camera(whole.positions_m)
+    positions = whole.positions_m.copy()
+    positions[10:, hand] = np.nan
+    cameras = np.where(np.isnan(positions[..., 0]), 0, -1)
+    points = np.where((cameras >= 0)[..., None], local[..., :2] / local[..., 2:], np.nan)
+    hidden = replace(whole, positions_m=positions)
+    errors = []
+    for take in (hidden, replace(hidden, single=SingleViews(stage_rig, cameras, points))):
+        solved = solve_take(take, subject, database, SolveSettings(), lambda fraction, text: None)
+        markers = np.array([camera.to_camera(pose.markers_m[hand]) for pose in solved.poses])[10:]
+        wanted = local[10:, hand, :2] / local[10:, hand, 2:]
+        errors.append(np.median(np.linalg.norm(markers[:, :2] - wanted * markers[:, 2:], axis=1)))
+    assert errors[1] < 0.5 * errors[0]
 
 
 def test_the_wrong_marker_set_is_refused(take, subject, database):

@@ -1,8 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from perfanim.core.errors import TakeError
 from perfanim.core.marker_set import load_marker_set
-from perfanim.core.marker_take import MarkerTake
+from perfanim.core.marker_take import MarkerTake, SingleViews
+from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.sources.take import take_frames
 
 SET = load_marker_set("locomotion")
@@ -34,6 +37,17 @@ def test_frames_carry_the_sets_labels():
 def test_markers_that_the_take_lacks_are_simply_not_seen():
     frames = list(take_frames(shuffled_take(lacking=("LHAN", "RWAI")), SET))
     assert sorted(frames[0].labels) == [i for i, name in enumerate(SET.names) if name not in ("LHAN", "RWAI")]
+
+
+def test_rays_come_with_the_sets_labels():
+    take = shuffled_take()
+    cameras = np.where(take.visible, -1, 1)
+    points = np.where((cameras >= 0)[..., None], np.arange(2.0 * cameras.size).reshape(*cameras.shape, 2), np.nan)
+    frames = list(take_frames(replace(take, single=SingleViews(default_rig(), cameras, points)), SET))
+    assert [len(frame.single_cameras) for frame in frames] == [0, 0, 1, 8, 0, 0]  # the spare marker is no ray
+    for row, frame in zip(points, frames, strict=True):
+        for label, point in zip(frame.single_labels, frame.single_points, strict=True):
+            np.testing.assert_array_equal(point, row[take.names.index(SET.names[label])])
 
 
 def test_too_few_torso_markers_are_refused_with_both_names():
