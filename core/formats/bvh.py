@@ -127,6 +127,8 @@ class _HierarchyParser:
             if keyword in ("ROOT", "JOINT"):
                 opened = self._open(" ".join(words[1:]))
             elif keyword == "END":
+                if not self.stack or self.stack[-1] == end_site:
+                    raise self._error("has an end site outside of a joint")
                 opened = end_site
             elif keyword == "OFFSET":
                 self._offset(words[1:])

@@ -138,6 +138,7 @@ def test_nan_stays_and_is_told() -> None:
         (SMALL.replace("1 2 4 11", "1 2 4 abc").encode(), "line 29: 'abc' is not a finite number"),
         (SMALL.replace("1 2 4 11", "1 2 4 inf").encode(), "line 29: 'inf' is not a finite number"),
         (SMALL[: SMALL.index("1 2 3 10")].encode(), "no frames"),
+        (SMALL.replace("ROOT mixamorig:Hips", "End Site").encode(), "line 2: has an end site outside of a joint"),
         (SMALL.replace("JOINT Slider", "BONE Slider").encode(), "line 15: has the unknown keyword 'BONE'"),
     ],
 )
