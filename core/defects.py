@@ -46,7 +46,7 @@ _LEAST_STEP_DEG = {"foot": 45.0, "wrist": 60.0, "hand": 60.0, "fingers": 60.0, "
 _LEAST_LIMB_STEP_DEG = 30.0
 # The fastest sprinters run 12.5 m/s; landings from jumps load the pelvis with 10 to 20 g.
 _ROOT_SPEED = 13.0
-_ROOT_ACCELERATION = 1000.0
+_ROOT_ACCELERATION = 500.0
 _LEAST_ROOT_STEP_M = 0.05
 _LONGEST_POP_S = 0.25
 
