@@ -27,49 +27,49 @@ class Prior:
     covariance: Array
 
 
-def neighbours_prior(poses: Array, weights: Array, floor: float) -> Prior:
+def neighbours_prior(samples: Array, weights: Array, floor: Array) -> Prior:
     """Return the Gaussian of the neighbours.
 
     Args:
-        poses: (K, D) neighbours.
+        samples: (K, D) neighbours.
         weights: (K,) positive, sum 1.
-        floor: variance, rad^2, granted in every direction, so that what the neighbours share can still change.
+        floor: (D, D) covariance granted beside what the neighbours show, so that what they share can still change.
     """
-    mean = weights @ poses
-    spread = (poses - mean) * np.sqrt(weights)[:, None]
-    covariance = spread.T @ spread
-    covariance[np.diag_indices_from(covariance)] += floor
-    return Prior(mean, covariance)
+    mean = weights @ samples
+    spread = (samples - mean) * np.sqrt(weights)[:, None]
+    return Prior(mean, spread.T @ spread + floor)
 
 
-def continued_prior(prior: Prior, expected: Array, variance: float) -> Prior:
-    """Return the prior after learning that the motion so far lets `expected` (D,) follow, give or take `variance`.
+def conditioned(prior: Prior, observed: Array, variance: float) -> Prior:
+    """Return the Gaussian of the first entries, given the last ones as observed (Bishop 2006, Eq. 2.81 and 2.82).
+
+    Args:
+        prior: of all entries.
+        observed: (m,) the last entries; NaN where nothing was observed.
+        variance: of the observation.
+    """
+    kept = len(prior.mean) - len(observed)
+    seen = kept + np.flatnonzero(np.isfinite(observed))
+    innovation_covariance = prior.covariance[np.ix_(seen, seen)]
+    innovation_covariance[np.diag_indices_from(innovation_covariance)] += variance
+    across = prior.covariance[seen, :kept]
+    gain = _solved(innovation_covariance, across).T
+    mean = prior.mean[:kept] + gain @ (observed[seen - kept] - prior.mean[seen])
+    return Prior(mean, prior.covariance[:kept, :kept] - gain @ across)
+
+
+def continued_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
+    """Return the prior after learning that the motion so far lets `expected` (D,) follow, with `covariance` (D, D).
 
     The product of two Gaussians in the form of a Kalman update with a direct observation of the pose.
     """
-    innovation_covariance = prior.covariance.copy()
-    innovation_covariance[np.diag_indices_from(innovation_covariance)] += variance
-    factor = cho_factor(innovation_covariance, check_finite=False)
-    gain = cho_solve(factor, prior.covariance, check_finite=False).T
-    return Prior(prior.mean + gain @ (expected - prior.mean), variance * gain)
+    gain = _solved(prior.covariance + covariance, prior.covariance).T
+    return Prior(prior.mean + gain @ (expected - prior.mean), gain @ covariance)
 
 
-def expected_pose(poses: Array, markers: Array, observed: Array, weights: Array, marker_variance_m2: float) -> Array:
-    """Return the pose (D,) that the neighbours let expect for the observed markers, by linear regression.
-
-    Args:
-        poses: (K, D) neighbours.
-        markers: (K, m) their coordinates of the observed markers, metres, root at rest.
-        observed: (m,) the same coordinates as observed.
-        weights: (K,) positive, sum 1.
-        marker_variance_m2: of the observation.
-    """
-    mean, marker_mean = weights @ poses, weights @ markers
-    marker_spread = (markers - marker_mean) * np.sqrt(weights)[:, None]
-    covariance = marker_spread.T @ marker_spread
-    covariance[np.diag_indices_from(covariance)] += marker_variance_m2
-    gain = np.linalg.solve(covariance, observed - marker_mean)
-    return np.asarray(mean + (np.sqrt(weights) * (marker_spread @ gain)) @ (poses - mean))
+def _solved(covariance: Array, right: Array) -> Array:
+    """Return the inverse of a positive definite matrix times another; ready to be overwritten."""
+    return np.asarray(cho_solve(cho_factor(covariance, check_finite=False), right, check_finite=False))
 
 
 def fit_to_markers(

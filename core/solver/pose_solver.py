@@ -10,6 +10,7 @@ from ..database.store import Database
 from ..errors import DatabaseError
 from . import conditional, local_model, synthesis
 from .choose_search import choose_search
+from .history import MarkerHistory
 from .observation import Observation
 from .root import root_from_torso
 from .search import Query
@@ -23,7 +24,9 @@ _ROOT_PASSES = 2  # the root needs the pose's torso markers and the pose needs t
 _FIRST_ROOT_PASSES = 4  # at the start nothing is known about either
 _TORSO_EXAMPLES = 8  # closest examples whose mean torso the root is laid on
 _SPARE_CANDIDATES = 2  # candidates kept, per example wanted, for the second look under a better root
-_KERNEL = 0.5  # of the median distance: where an example's weight in "best" has fallen to 1/e
+_KERNEL = 0.25  # of the median distance: where an example's weight in "best" has fallen to 1/e
+_HISTORY_SHARE = 0.3  # what a squared distance of earlier markers counts in that weight, against the present ones
+_BROAD_SAMPLES = 4096  # frames that the covariance of the whole database is taken over
 _FIT_STEPS = 2  # of Gauss-Newton: the start is already close
 _SYNTHESIS_PASSES = 2  # the same between synthesis and root
 
@@ -92,6 +95,8 @@ class PoseSolver:
         self._markers = subject.database_markers(database)
         self._clips = database.clip_of_frame.astype(np.int64)
         self._search = choose_search(settings.search, database, self._markers, self._poses)
+        self._history = MarkerHistory(database, self._markers, settings.best_history_s)
+        self._frame_s = 1.0 / database.fps
         self._typical_markers = np.mean(self._markers[:: max(1, len(self._markers) // 2048)], axis=0, dtype=np.float64)
         methods: dict[str, Callable[[Observation, RootPose, Examples], _Fitted]] = {
             "best": self._conditional,
@@ -100,6 +105,8 @@ class PoseSolver:
             "nearest": self._nearest,
         }
         self._method = methods[settings.method]
+        if settings.method == "best":
+            self._broad = self._broad_covariance(database.frames)
         self.reset()
 
     def reset(self) -> None:
@@ -108,12 +115,16 @@ class PoseSolver:
         self._before_last: Array | None = None
         self._root: RootPose | None = None
         self._last_markers: Array | None = None
+        self._time_s = 0.0
+        self._history.reset()
         self._search.reset()
 
     def continue_from(self, other: "PoseSolver") -> None:
         """Take over the motion so far of another solver of the same subject and database, but not its search."""
         self._last, self._before_last = other._last, other._before_last
         self._root, self._last_markers = other._root, other._last_markers
+        self._time_s = other._time_s
+        self._history.continue_from(other._history)
 
     @property
     def visited(self) -> int:
@@ -124,14 +135,22 @@ class PoseSolver:
         """Return the markers (M, 3) of the last synthesized pose in the world, None at the start."""
         return self._last_markers
 
-    def step(self, observation: Observation) -> Solution | None:
-        """Return the pose of the next frame; None when nothing tells yet where the body is."""
+    def step(self, observation: Observation, time_s: float | None = None) -> Solution | None:
+        """Return the pose of the next frame; None when nothing tells yet where the body is.
+
+        Args:
+            observation: what was seen.
+            time_s: when; default a frame of the database after the last.
+        """
+        self._time_s = self._time_s + self._frame_s if time_s is None else time_s
         if self._last is None:
             if self._advance(observation) is None:
                 return None
             self._before_last = None
         # the first frame is solved twice: the second time its own pose, not a typical one, tells where the torso is
-        return self._advance(observation)
+        solution = self._advance(observation)
+        self._history.remember(self._time_s, observation.points_m)
+        return solution
 
     def _advance(self, observation: Observation) -> Solution | None:
         located = self._locate(observation)
@@ -267,30 +286,39 @@ class PoseSolver:
     def _conditional(self, observation: Observation, root: RootPose, examples: Examples) -> _Fitted:
         """Return the pose expected for the markers, fitted to them together with the root."""
         settings = self.settings
-        seen = observation.located
-        variance = settings.best_marker_sigma_m**2
+        history = self._history.of_frames(examples.frames).reshape(len(examples.frames), -1)
+        observed = self._history.observed(self._time_s, root).ravel()
+        known = np.isfinite(observed)
+        away = history[:, known] - observed[known]
         distances = np.maximum(examples.distances, 0.0)
-        weights = np.exp(-distances / (_KERNEL * distances[len(distances) // 2] + 1e-12))
+        distances += settings.query_alpha * _HISTORY_SHARE * np.einsum("kh,kh->k", away, away)
+        weights = np.exp(-distances / (_KERNEL * np.median(distances) + 1e-12))
         weights /= weights.sum()
-        pose = conditional.expected_pose(
-            examples.poses,
-            examples.markers_m[:, seen].reshape(len(weights), -1),
-            root.to_root_frame(observation.points_m[seen]).ravel(),
-            weights,
-            variance,
-        )
-        prior = conditional.neighbours_prior(examples.poses, weights, settings.best_pose_floor_rad**2)
+        floor = settings.best_broad_share * self._broad
+        floor[np.diag_indices_from(floor)] += settings.best_pose_floor_rad**2
+        prior = conditional.neighbours_prior(np.concatenate((examples.poses, history), axis=1), weights, floor)
+        prior = conditional.conditioned(prior, observed, settings.best_history_sigma_m**2)
         if self._last is not None and self._before_last is not None:
             expected = self._last + settings.best_momentum * (self._last - self._before_last)
-            prior = conditional.continued_prior(prior, expected, settings.best_change_rad**2)
+            size = len(expected)
+            change = settings.best_change_share * self._broad[:size, :size]
+            change[np.diag_indices_from(change)] += settings.best_change_rad**2
+            prior = conditional.continued_prior(prior, expected, change)
         pose, root = conditional.fit_to_markers(
             prior,
             self.subject,
             observation,
-            pose,
+            prior.mean,
             root,
-            variance,
+            settings.best_marker_sigma_m**2,
             (settings.root_sigma_m, settings.root_sigma_rad),
             _FIT_STEPS,
         )
         return _Fitted(pose, root, len(weights), iterations=_FIT_STEPS)
+
+    def _broad_covariance(self, count: int) -> Array:
+        """Return the covariance of pose and earlier markers over the whole database of `count` frames."""
+        frames = np.arange(0, count, max(1, count // _BROAD_SAMPLES))
+        history = self._history.of_frames(frames).reshape(len(frames), -1)
+        samples = np.concatenate((self._poses[frames].astype(np.float64), history), axis=1)
+        return np.asarray(np.cov(samples.T, ddof=0))

@@ -27,9 +27,14 @@ class SolveSettings:
         lwr_neighbours: examples that locally weighted regression interpolates.
         best_neighbours, best_marker_sigma_m: K and the standard deviation of a marker coordinate in "best".
         best_query_pose_m_per_rad: `query_pose_m_per_rad` of "best".
-        best_pose_floor_rad: standard deviation granted to every joint angle beside what the neighbours show.
+        best_broad_share: share of the covariance of the whole database that "best" adds to its neighbours'.
+        best_pose_floor_rad: standard deviation granted to every joint angle beside these.
+        best_history_s, best_history_sigma_m: how long ago "best" also looks where the markers were, and the standard
+            deviation with which an example's earlier markers stand for the performer's.
         best_momentum: share of the last change of pose that "best" expects to go on.
-        best_change_rad: standard deviation of each joint angle about that expectation.
+        best_change_share: share of the covariance of the whole database with which the pose varies about that
+            expectation.
+        best_change_rad: standard deviation of each joint angle beside that.
         search: "auto", "exhaustive", "cells" or "graph" (the paper's), see `choose_search`.
         root_sigma_m, root_sigma_rad: how far "best" may move the root from where the torso markers put it.
     """
@@ -45,12 +50,16 @@ class SolveSettings:
     dimensions: tuple[int, ...] = (7, 12, 25, 35)
     validation_examples: int = 24
     lwr_neighbours: int = 16
-    best_neighbours: int = 200
+    best_neighbours: int = 400
     best_marker_sigma_m: float = 0.002
     best_query_pose_m_per_rad: float = 2.0
-    best_pose_floor_rad: float = 0.03
+    best_broad_share: float = 0.02
+    best_pose_floor_rad: float = 0.003
+    best_history_s: tuple[float, ...] = (0.1, 0.25)
+    best_history_sigma_m: float = 0.05
     best_momentum: float = 0.8
-    best_change_rad: float = 0.2
+    best_change_share: float = 0.3
+    best_change_rad: float = 0.03
     root_sigma_m: float = 0.03
     root_sigma_rad: float = 0.1
     search: str = "auto"

@@ -2,11 +2,12 @@ import numpy as np
 import pytest
 from perfanim.core import rotations as rot
 from perfanim.core.database.store import pose_from_rotations
-from perfanim.core.solver.conditional import continued_prior, expected_pose, fit_to_markers, neighbours_prior
+from perfanim.core.solver.conditional import conditioned, continued_prior, fit_to_markers, neighbours_prior
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.subject_model import RootPose
 
 NOISE_M = 0.002
+FLOOR = 0.03**2 * np.eye(84)
 
 
 def gaussian(seed, size=7):
@@ -18,33 +19,41 @@ def gaussian(seed, size=7):
 
 def test_prior_is_the_weighted_mean_and_covariance():
     poses, weights = gaussian(0)
-    prior = neighbours_prior(poses, weights, 0.01)
+    floor = np.diag(np.linspace(0.01, 0.02, 7))
+    prior = neighbours_prior(poses, weights, floor)
     np.testing.assert_allclose(prior.mean, np.average(poses, axis=0, weights=weights))
-    expected = np.cov(poses.T, aweights=weights, ddof=0) + 0.01 * np.eye(7)
+    expected = np.cov(poses.T, aweights=weights, ddof=0) + floor
     np.testing.assert_allclose(prior.covariance, expected, atol=1e-12)
 
 
 def test_continued_prior_is_the_product_of_gaussians():
-    prior = neighbours_prior(*gaussian(1), 0.01)
-    expected, variance = np.random.default_rng(2).normal(size=7), 0.3
-    result = continued_prior(prior, expected, variance)
-    precision = np.linalg.inv(prior.covariance) + np.eye(7) / variance
-    covariance = np.linalg.inv(precision)
-    mean = covariance @ (np.linalg.solve(prior.covariance, prior.mean) + expected / variance)
-    np.testing.assert_allclose(result.covariance, covariance, atol=1e-10)
-    np.testing.assert_allclose(result.mean, mean, atol=1e-10)
+    prior = neighbours_prior(*gaussian(1), 0.01 * np.eye(7))
+    generator = np.random.default_rng(2)
+    expected, factor = generator.normal(size=7), generator.normal(size=(7, 7))
+    change = factor @ factor.T + 0.1 * np.eye(7)
+    result = continued_prior(prior, expected, change)
+    covariance = np.linalg.inv(np.linalg.inv(prior.covariance) + np.linalg.inv(change))
+    mean = covariance @ (np.linalg.solve(prior.covariance, prior.mean) + np.linalg.solve(change, expected))
+    np.testing.assert_allclose(result.covariance, covariance, atol=1e-9)
+    np.testing.assert_allclose(result.mean, mean, atol=1e-9)
 
 
-def test_expected_pose_is_the_regression_on_the_markers():
-    poses, weights = gaussian(3)
-    markers = poses @ np.random.default_rng(4).normal(size=(7, 4))
-    observed, variance = np.random.default_rng(5).normal(size=4), 0.05
-    joint = np.cov(np.concatenate((poses, markers), axis=1).T, aweights=weights, ddof=0)
-    gain = joint[:7, 7:] @ np.linalg.inv(joint[7:, 7:] + variance * np.eye(4))
-    by_hand = weights @ poses + gain @ (observed - weights @ markers)
-    np.testing.assert_allclose(expected_pose(poses, markers, observed, weights, variance), by_hand, atol=1e-10)
-    none = expected_pose(poses, np.empty((40, 0)), np.empty(0), weights, variance)
-    np.testing.assert_allclose(none, weights @ poses)
+def test_what_was_observed_is_regressed_on():
+    samples, weights = gaussian(3)
+    prior = neighbours_prior(samples, weights, 0.01 * np.eye(7))
+    observed, variance = np.array([0.5, np.nan, -0.2]), 0.05  # the last three entries, one of them unknown
+    result = conditioned(prior, observed, variance)
+    seen, joint = [4, 6], prior.covariance
+    gain = joint[:4, seen] @ np.linalg.inv(joint[np.ix_(seen, seen)] + variance * np.eye(2))
+    np.testing.assert_allclose(result.mean, prior.mean[:4] + gain @ (observed[[0, 2]] - prior.mean[seen]), atol=1e-10)
+    np.testing.assert_allclose(result.covariance, joint[:4, :4] - gain @ joint[seen, :4], atol=1e-10)
+
+
+def test_observing_nothing_changes_nothing():
+    prior = neighbours_prior(*gaussian(4), 0.01 * np.eye(7))
+    result = conditioned(prior, np.full(3, np.nan), 0.05)
+    np.testing.assert_array_equal(result.mean, prior.mean[:4])
+    np.testing.assert_array_equal(result.covariance, prior.covariance[:4, :4])
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +62,7 @@ def frame(model, database, truth, true_markers):
     poses = np.asarray(database.poses, dtype=np.float64).reshape(database.frames, -1)
     pose = pose_from_rotations(truth.rotations[25], database.mean_rotations).ravel()
     near = poses[np.argsort(np.linalg.norm(poses - pose, axis=1))[:100]]
-    prior = neighbours_prior(near, np.full(100, 0.01), 0.03**2)
+    prior = neighbours_prior(near, np.full(100, 0.01), FLOOR)
     root = RootPose(
         rot.multiply(truth.rotations[25, 0], rot.from_rotation_vector([0.03, -0.04, 0.02])),
         truth.root_positions_m[25] + np.array([0.01, -0.02, 0.01]),
@@ -82,7 +91,7 @@ def test_fit_brings_the_markers_to_within_their_noise(model, frame):
 def test_fit_comes_closer_to_the_true_pose_than_the_prior(model, frame, database):
     _, true_pose, root, points = frame
     poses = np.asarray(database.poses[::10], dtype=np.float64).reshape(-1, 84)
-    prior = neighbours_prior(poses, np.full(len(poses), 1.0 / len(poses)), 0.03**2)  # knows nothing of this moment
+    prior = neighbours_prior(poses, np.full(len(poses), 1.0 / len(poses)), FLOOR)  # knows nothing of this moment
     pose, _ = fit_to_markers(prior, model, Observation.of_points(points), prior.mean, root, NOISE_M**2, (0.03, 0.1), 5)
     assert np.linalg.norm(pose - true_pose) < 0.7 * np.linalg.norm(prior.mean - true_pose)
 
