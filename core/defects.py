@@ -12,8 +12,8 @@ What is done, per defect:
 
 - A root jump leaves the poses on both sides as they are, but speed and place are wrong at the jump: the clip is cut
   there, and goes on as another clip.
-- A limb pop (`_LIMBS`: what moves markers) is not repaired: when a marker is confused, the other joints of the limb
-  are wrong as well. Frames between two jumps that lie at most `_LONGEST_POP_S` apart are cut out, and the clip goes on
+- A limb pop (all joints but `_ENDS`) is not repaired: when a marker is confused, the other joints of the limb are
+  wrong as well. Frames between two jumps that lie at most `_LONGEST_POP_S` apart are cut out, and the clip goes on
   as another; between jumps that lie further apart nobody knows which side is right, so both are kept, as clips of
   their own.
 - Hands, fingers, thumbs and toes (`_ENDS`) flip far more often, by half a turn, without anything else being wrong:
@@ -41,7 +41,7 @@ BoolArray = NDArray[np.bool_]
 # Shoulders and elbows of pitchers reach 130 rad/s and some 5,000 rad/s^2; nothing in everyday motion is near.
 _ANGULAR_SPEED = 130.0
 _ANGULAR_ACCELERATION = 5000.0
-# A marker that is 3 to 5 cm off turns a bone by as much as these, the more the shorter it is.
+# Above what noise does: a marker that is 3 to 5 cm off turns a bone by so much, the more the shorter it is.
 _LEAST_STEP_DEG = {"foot": 45.0, "wrist": 60.0, "hand": 60.0, "fingers": 60.0, "thumb": 60.0, "toes": 60.0}
 _LEAST_LIMB_STEP_DEG = 30.0
 # The fastest sprinters run 12.5 m/s; landings from jumps load the pelvis with 10 to 20 g.
