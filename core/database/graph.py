@@ -6,6 +6,8 @@ that a clip comes near before a second of the same pass. They are looked for wit
 clusters beside them, not among all pairs.
 """
 
+import os
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,7 +30,10 @@ _CLUSTERS_PER_ROOT = 2.0  # clusters per square root of the number of frames
 _SAMPLES_PER_CLUSTER = 24  # frames that a cluster's centre is learned from
 _ROUNDS = 4  # of k-means
 _BESIDE = 3  # clusters that are searched beside a frame's own
-_BLOCK = 1 << 22  # distances held at once
+_STRETCH = 4  # frames of a pass of which the closest one is a candidate
+_STRETCHES_PER_NEIGHBOUR = 4  # at least, or every frame is a candidate
+_SAME_PASS = np.float32(1e6)  # squared radians added where a pass comes closer before or after
+_BLOCK = 1 << 20  # distances held at once by each thread
 _CHUNK = 8192  # frames
 
 
@@ -86,26 +91,32 @@ def build_graph(
         settings: how frames are joined; default the paper's distances.
     """
     settings = settings or GraphSettings()
-    frames = len(poses)
-    centres = _centres(poses)
-    clusters = _nearest_centres(poses, centres)
-    used, clusters = np.unique(clusters, return_inverse=True)
-    clusters = clusters.reshape(-1)
-    neighbours = np.full((frames, settings.most), -1, dtype=np.int32)
+    threshold_deg = settings.threshold_deg(fps)
+    neighbours = np.full((len(poses), settings.most), -1, dtype=np.int32)
     _join_consecutive(neighbours, clip_of_frame)
-    members = np.split(np.argsort(clusters, kind="stable"), np.cumsum(np.bincount(clusters))[:-1])
-    for own, beside in enumerate(_clusters_beside(centres[used])):
-        columns = np.sort(np.concatenate([members[own]] + [members[cluster] for cluster in beside]))
-        stride = max(1, -(-len(columns) // _MOST_COMPARED))
-        columns = columns[::stride]
-        rows_at_once = max(1, _BLOCK // len(columns))
-        for start in range(0, len(members[own]), rows_at_once):
-            rows = members[own][start : start + rows_at_once]
-            neighbours[rows, 2:] = _closest(poses, rows, columns, stride, settings, settings.threshold_deg(fps))
+    with ThreadPoolExecutor(os.cpu_count()) as threads:  # numpy computes outside Python's lock
+        centres = _centres(poses, threads)
+        used, clusters = np.unique(_nearest_centres(poses, centres, threads), return_inverse=True)
+        clusters = clusters.reshape(-1)
+        members = np.split(np.argsort(clusters, kind="stable"), np.cumsum(np.bincount(clusters))[:-1])
+        beside = _clusters_beside(centres[used])
+
+        def join(own: int) -> None:
+            columns = np.sort(np.concatenate([members[cluster] for cluster in (own, *beside[own])]))
+            stride = max(1, -(-len(columns) // _MOST_COMPARED))
+            candidates = _Candidates(poses, columns[::stride], stride, settings.most - 2)
+            rows_at_once = max(1, _BLOCK // len(columns))
+            for start in range(0, len(members[own]), rows_at_once):
+                rows = members[own][start : start + rows_at_once]
+                found = _within(poses, rows, candidates.closest(rows), settings, threshold_deg)
+                neighbours[rows, 2 : 2 + found.shape[1]] = found
+
+        for _ in threads.map(join, range(len(members))):
+            pass
     return NeighbourGraph(neighbours, clusters.astype(np.int32))
 
 
-def _centres(poses: FloatArray) -> FloatArray:
+def _centres(poses: FloatArray, threads: Executor) -> FloatArray:
     """Return the centres (C, D) of coarse clusters, by k-means on a sample of the frames."""
     if len(poses) <= _ONE_CLUSTER:
         return np.mean(poses, axis=0, keepdims=True)
@@ -114,7 +125,7 @@ def _centres(poses: FloatArray) -> FloatArray:
     sample = poses[np.sort(random.choice(len(poses), min(len(poses), count * _SAMPLES_PER_CLUSTER), replace=False))]
     centres = sample[random.choice(len(sample), count, replace=False)]
     for _ in range(_ROUNDS):
-        nearest = _nearest_centres(sample, centres)
+        nearest = _nearest_centres(sample, centres, threads)
         order = np.argsort(nearest, kind="stable")
         filled, starts = np.unique(nearest[order], return_index=True)
         counts = np.diff(np.append(starts, len(sample)))
@@ -122,14 +133,16 @@ def _centres(poses: FloatArray) -> FloatArray:
     return centres
 
 
-def _nearest_centres(poses: FloatArray, centres: FloatArray) -> NDArray[np.int64]:
+def _nearest_centres(poses: FloatArray, centres: FloatArray, threads: Executor) -> NDArray[np.int64]:
     """Return the index (F,) of the centre closest to each pose."""
     norms = np.einsum("cd,cd->c", centres, centres)
-    result = np.empty(len(poses), dtype=np.int64)
-    for start in range(0, len(poses), _CHUNK):
-        part = slice(start, start + _CHUNK)
-        result[part] = np.argmin(norms - 2.0 * (poses[part] @ centres.T), axis=1)
-    return result
+
+    def nearest(start: int) -> NDArray[np.int64]:
+        distances = poses[start : start + _CHUNK] @ (-2.0 * centres.T)
+        distances += norms
+        return np.argmin(distances, axis=1)
+
+    return np.concatenate(list(threads.map(nearest, range(0, len(poses), _CHUNK))))
 
 
 def _clusters_beside(centres: FloatArray) -> NDArray[np.int64]:
@@ -148,46 +161,73 @@ def _join_consecutive(neighbours: IntArray, clip_of_frame: NDArray[Any]) -> None
     neighbours[:-1, 1] = np.where(joined, frames[1:], -1)
 
 
-def _closest(
-    poses: FloatArray,
-    rows: NDArray[np.int64],
-    columns: NDArray[np.int64],
-    stride: int,
-    settings: GraphSettings,
-    threshold_deg: float,
-) -> IntArray:
-    """Return the neighbours (rows, most - 2) among the columns, closest first, -1 where there are fewer.
+class _Candidates:
+    """Frames that the frames of a cluster are compared with.
 
-    Candidates are taken by their L2 distance, of which many are computed at once; Eq. 4 then decides by L1.
+    Args:
+        poses: (F, D) poses of all frames.
+        frames: (C,) the candidates, ascending.
+        stride: most that two of them lie apart if one pass of a clip holds both.
+        most: neighbours looked for.
     """
-    most = settings.most - 2  # beside the frames before and after
-    mine, others = poses[rows], poses[columns]
-    distances = np.einsum("cd,cd->c", others, others) - 2.0 * (mine @ others.T)
-    distances += np.einsum("rd,rd->r", mine, mine)[:, None]
-    apart = np.abs(rows[:, None] - columns[None, :])
-    distances[apart <= 1] = np.inf  # itself, and those that are joined already
-    if len(columns) > most:
-        distances[~_closest_of_pass(distances, columns, stride)] += np.float32(1e6)  # only when too few others remain
-    kept = min(most, len(columns))
-    chosen = np.argpartition(distances, kept - 1, axis=1)[:, :kept]
-    chosen = np.take_along_axis(chosen, np.argsort(np.take_along_axis(distances, chosen, 1), axis=1), 1)
-    found = columns[chosen]
-    unusable = np.isinf(np.take_along_axis(distances, chosen, 1))
+
+    def __init__(self, poses: FloatArray, frames: NDArray[np.int64], stride: int, most: int) -> None:
+        self._poses = poses
+        self._most = min(most, len(frames))
+        self._length = _STRETCH if len(frames) > _STRETCHES_PER_NEIGHBOUR * _STRETCH * most else 1
+        # passes are cut into stretches of one length; what lacks at a pass's end is filled with its last frame
+        last = np.diff(frames, append=frames[-1] + stride + 1) > stride
+        lacking = -np.diff(np.flatnonzero(last), prepend=-1) % self._length
+        copies = np.ones(len(frames), dtype=np.int64)
+        copies[last] += lacking
+        self._frames = np.repeat(frames, copies)
+        self._goes_on = ~np.repeat(last, copies)[self._length - 1 : -1 : self._length]
+        near = poses[self._frames]
+        self._origin = near.mean(axis=0)  # squares of small numbers round little
+        near -= self._origin
+        squares = np.einsum("cd,cd->c", near, near)
+        squares[1:][self._frames[1:] == self._frames[:-1]] = np.inf  # a frame counts once
+        self._near = np.column_stack((near, squares))
+
+    def closest(self, rows: NDArray[np.int64]) -> IntArray:
+        """Return the candidates (R, most or all) that are closest to frames, one per pass if there are enough passes.
+
+        Closest first; a frame and those before and after it are no candidates of its own: -1 where no other is left.
+        """
+        mine = self._poses[rows] - self._origin
+        # all but the square of `mine`, which every candidate shares
+        distances = self._near @ np.column_stack((-2.0 * mine, np.ones(len(rows), dtype=np.float32))).T
+        for step in (-1, 0, 1):
+            places = np.minimum(np.searchsorted(self._frames, rows + step), len(self._frames) - 1)
+            own = np.flatnonzero(self._frames[places] == rows + step)
+            distances[places[own], own] = np.inf
+        stretches = distances.reshape(-1, self._length, len(rows))
+        chosen = self._closest_stretches(stretches)
+        within = stretches[chosen, :, np.arange(len(rows))[:, None]]
+        best = within.min(axis=2)
+        found = self._frames[chosen * self._length + within.argmin(axis=2)].astype(np.int32)
+        found[np.isinf(best)] = -1
+        return np.take_along_axis(found, np.argsort(best, axis=1), axis=1)
+
+    def _closest_stretches(self, stretches: FloatArray) -> NDArray[np.int64]:
+        """Return which stretches (R, most) hold the closest frames, in any order."""
+        minima = stretches.min(axis=1)
+        if len(minima) > self._most:
+            falls = minima[1:] < minima[:-1]
+            goes_on = self._goes_on[:, None]
+            minima[:-1] += _SAME_PASS * (falls & goes_on)
+            minima[1:] += _SAME_PASS * (~falls & goes_on)
+        return np.argpartition(np.ascontiguousarray(minima.T), self._most - 1, axis=1)[:, : self._most]
+
+
+def _within(
+    poses: FloatArray, rows: NDArray[np.int64], found: IntArray, settings: GraphSettings, threshold_deg: float
+) -> IntArray:
+    """Return the found frames (R, N) with -1 for those that Eq. 4 does not join, but the first `least`."""
+    result = found.copy()
     for start in range(0, len(rows), _CHUNK // 8):
         part = slice(start, start + _CHUNK // 8)
-        too_far = l1_distance_deg(mine[part, None], poses[found[part]]) >= threshold_deg
+        too_far = l1_distance_deg(poses[rows[part], None], poses[found[part]]) >= threshold_deg
         too_far[:, : settings.least] = False
-        unusable[part] |= too_far
-    result = np.full((len(rows), most), -1, dtype=np.int32)
-    result[:, :kept] = np.where(unusable, -1, found)
-    return result
-
-
-def _closest_of_pass(distances: FloatArray, columns: NDArray[np.int64], stride: int) -> NDArray[np.bool_]:
-    """Return (rows, columns) whether no frame just before or after in time is closer."""
-    follows = np.diff(columns) <= stride
-    nearer_than_next = (distances[:, :-1] <= distances[:, 1:]) | ~follows
-    result = np.ones(distances.shape, dtype=np.bool_)
-    result[:, :-1] &= nearer_than_next
-    result[:, 1:] &= (distances[:, 1:] < distances[:, :-1]) | ~follows
+        result[part][too_far] = -1
     return result
