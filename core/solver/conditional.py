@@ -18,6 +18,8 @@ from .subject_model import RootPose, SubjectModel
 
 Array = NDArray[np.float64]
 
+_STRAIGHT_RAD = 0.05  # a step in which no joint turns more needs no other: markers move as their derivative says
+
 
 @dataclass(frozen=True)
 class Prior:
@@ -81,8 +83,8 @@ def fit_to_markers(
     marker_variance_m2: float,
     root_sigma: tuple[float, float],
     steps: int,
-) -> tuple[Array, RootPose]:
-    """Return pose (D,) and root that explain the markers under the prior.
+) -> tuple[Array, RootPose, int]:
+    """Return pose (D,) and root that explain the markers under the prior, and the Gauss-Newton steps taken.
 
     Args:
         prior: of the pose.
@@ -91,12 +93,12 @@ def fit_to_markers(
         pose, root: where to start; the root's prior is centred there.
         marker_variance_m2: of each marker coordinate.
         root_sigma: standard deviations (m, rad) of the root against its start.
-        steps: Gauss-Newton steps.
+        steps: the most that are taken.
     """
     start_root = root
     shift, turn = np.zeros(3), np.zeros(3)
     root_variance = np.repeat(np.square(root_sigma), 3)[:, None]
-    for _ in range(steps):
+    for step in range(1, steps + 1):
         markers, full = subject.markers_and_jacobian(pose.reshape(-1, 3), root)
         jacobian = control_jacobian(observation, full)
         by_root, by_pose = jacobian[:, :6], jacobian[:, 6:]
@@ -105,9 +107,12 @@ def fit_to_markers(
         innovation -= control_residual(observation, markers)
         covariance = jacobian @ gains
         covariance[np.diag_indices_from(covariance)] += marker_variance_m2
-        change = gains @ np.linalg.solve(covariance, innovation)
+        change = gains @ _solved(covariance, innovation)
         shift, turn = change[:3], change[3:6]
-        pose = prior.mean + change[6:]
+        moved = prior.mean + change[6:] - pose
+        pose = pose + moved
         rotation = rot.multiply(start_root.rotation, rot.from_rotation_vector(turn))
         root = RootPose(rotation, start_root.position_m + shift)
-    return pose, root
+        if np.max(np.abs(moved)) < _STRAIGHT_RAD:
+            break
+    return pose, root, step

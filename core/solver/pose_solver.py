@@ -27,7 +27,7 @@ _SPARE_CANDIDATES = 2  # candidates kept, per example wanted, for the second loo
 _KERNEL = 0.25  # of the median distance: where an example's weight in "best" has fallen to 1/e
 _HISTORY_SHARE = 0.3  # what a squared distance of earlier markers counts in that weight, against the present ones
 _BROAD_SAMPLES = 4096  # frames that the covariance of the whole database is taken over
-_FIT_STEPS = 2  # of Gauss-Newton: the start is already close
+_FIT_STEPS = 4  # of Gauss-Newton at most: most starts are so close that one is enough
 _SYNTHESIS_PASSES = 2  # the same between synthesis and root
 
 
@@ -298,23 +298,24 @@ class PoseSolver:
         floor[np.diag_indices_from(floor)] += settings.best_pose_floor_rad**2
         prior = conditional.neighbours_prior(np.concatenate((examples.poses, history), axis=1), weights, floor)
         prior = conditional.conditioned(prior, observed, settings.best_history_sigma_m**2)
+        start = prior.mean
         if self._last is not None and self._before_last is not None:
-            expected = self._last + settings.best_momentum * (self._last - self._before_last)
+            start = expected = self._last + settings.best_momentum * (self._last - self._before_last)
             size = len(expected)
             change = settings.best_change_share * self._broad[:size, :size]
             change[np.diag_indices_from(change)] += settings.best_change_rad**2
             prior = conditional.continued_prior(prior, expected, change)
-        pose, root = conditional.fit_to_markers(
+        pose, root, steps = conditional.fit_to_markers(
             prior,
             self.subject,
             observation,
-            prior.mean,
+            start,
             root,
             settings.best_marker_sigma_m**2,
             (settings.root_sigma_m, settings.root_sigma_rad),
             _FIT_STEPS,
         )
-        return _Fitted(pose, root, len(weights), iterations=_FIT_STEPS)
+        return _Fitted(pose, root, len(weights), iterations=steps)
 
     def _broad_covariance(self, count: int) -> Array:
         """Return the covariance of pose and earlier markers over the whole database of `count` frames."""
