@@ -17,13 +17,14 @@ What is done, per defect:
   as another; between jumps that lie further apart nobody knows which side is right, so both are kept, as clips of
   their own.
 - Hands, fingers, thumbs and toes (`_ENDS`) flip far more often, by half a turn, without anything else being wrong:
-  over at most `_LONGEST_POP_S` their rotation is interpolated from the frames beside. Longer ones are kept: a pose
-  with a turned thumb is worth more than none.
+  for as short their rotation is interpolated from the frames beside. Longer ones are kept: a pose with a turned thumb
+  is worth more than none.
 - A T pose put before the motion as first frame is cut off.
 - Angles that jump while the rotation does not (the two Euler forms of one rotation) are no defect of the motion: they
   are kept, and named only because other programs stumble over them.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -37,6 +38,7 @@ from .skeleton import forward_kinematics
 
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+Apart = Callable[[int, int], float]  # of two frames
 
 # Shoulders and elbows of pitchers reach 130 rad/s and some 5,000 rad/s^2; nothing in everyday motion is near.
 _ANGULAR_SPEED = 130.0
@@ -49,6 +51,7 @@ _ROOT_SPEED = 13.0
 _ROOT_ACCELERATION = 500.0
 _LEAST_ROOT_STEP_M = 0.05
 _LONGEST_POP_S = 0.25
+_SETTLED = 0.25  # of a jump: when a joint is as near to where it was, it is back
 
 _END_NAMES = ("wrist", "hand", "fingers", "thumb", "toes")
 _ENDS = np.array([name[1:] in _END_NAMES for name in JOINT_NAMES])
@@ -111,10 +114,14 @@ def clean(motion: Motion, angle_jumps: BoolArray) -> Cleaned:
 
 
 def _isolated(steps: Array) -> Array:
-    """Return (F - 1, ...) by how much each step (F - 1, ..., D) differs from the one beside it that is more like it."""
-    change = np.linalg.norm(np.diff(steps, axis=0), axis=-1)
-    edge = np.full_like(change[:1], np.inf)
-    return np.minimum(np.concatenate((edge, change)), np.concatenate((change, edge)))
+    """Return (F - 1, ...) by how much each step (F - 1, ..., D) differs from the one beside it that is more like it.
+
+    The first and the last step have only one beside them; as that may be the jump, the one after it counts as well.
+    """
+    before = np.roll(steps, 1, axis=0)
+    after = np.roll(steps, -1, axis=0)
+    before[0], after[-1] = steps[min(2, len(steps) - 1)], steps[max(len(steps) - 3, 0)]
+    return np.minimum(np.linalg.norm(steps - before, axis=-1), np.linalg.norm(steps - after, axis=-1))
 
 
 def _joint_jumps(motion: Motion) -> BoolArray:
@@ -143,21 +150,66 @@ def _root_jumps(motion: Motion) -> BoolArray:
     return jumps
 
 
-def _runs(jumps: BoolArray, start: int, stop: int, longest: int) -> list[tuple[int, int]]:
-    """Return the runs [first, stop) of at most `longest` frames that lie between jumps, or a jump and an end.
+def _pops(jumps: BoolArray, apart: Apart, start: int, longest: int) -> tuple[BoolArray, list[int]]:
+    """Return (F,) true in pops, from a jump to the one back, and the jumps that belong to none.
 
-    Jumps that follow each other closely make one run.
+    A pop lasts at most `longest` frames, and shorter than what goes before or comes after; the frame after it is nearer
+    to the one before it than either is to the pop. What leads back may take some frames more.
+
+    Args:
+        jumps: (F,) true at the first frame after a jump.
+        apart: how far two frames are from each other.
     """
-    edges = [start, *(int(at) for at in np.flatnonzero(jumps) if start < at < stop), stop]
-    runs: list[tuple[int, int]] = []
-    for first, last in pairwise(edges):
-        if len(edges) == 2 or last - first > longest:
+    popped = np.zeros(len(jumps), dtype=np.bool_)
+    lone: list[int] = []
+    places = [int(at) for at in np.flatnonzero(jumps)]
+    sound_from = start
+    while places:
+        at = places.pop(0)
+        ends = [*places[1:], len(jumps)]  # of the pieces that the later jumps begin
+        back = next(
+            (
+                later
+                for later, end in zip(places, ends, strict=False)
+                if later - at <= min(longest, max(at - sound_from, end - later))
+                and apart(at - 1, later) < min(apart(at - 1, at), apart(later - 1, later))
+            ),
+            None,
+        )
+        if back is None:
+            lone.append(at)
+            sound_from = at
             continue
-        if runs and runs[-1][1] == first:
-            runs[-1] = (runs[-1][0], last)
-        else:
-            runs.append((first, last))
-    return runs
+        settled = _SETTLED * apart(at - 1, at)
+        while back + 1 < min(len(jumps), at + longest) and settled < apart(at - 1, back) > apart(at - 1, back + 1):
+            back += 1
+        popped[at:back] = True
+        places = [later for later in places if later > back]
+        sound_from = back
+    return popped, lone
+
+
+def _with_short_pieces(popped: BoolArray, lone: Sequence[int], start: int, longest: int) -> BoolArray:
+    """Return the pops together with the pieces of at most `longest` frames between lone jumps, or one and an end."""
+    result = popped.copy()
+    edges = [start, *lone, len(popped)]
+    for first, stop in pairwise(edges):
+        if lone and stop - first <= longest:
+            result[first:stop] = True
+    return result
+
+
+def _ranges(flags: BoolArray) -> list[tuple[int, int]]:
+    """Return the ranges [first, stop) in which flags are set."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
+    return [(int(first), int(stop)) for first, stop in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _turned(motion: Motion, joint: int) -> Apart:
+    def apart(i: int, j: int) -> float:
+        return float(rot.angle_between(motion.rotations[i, joint], motion.rotations[j, joint]))
+
+    return apart
 
 
 def _ends_repaired(motion: Motion, jumps: BoolArray, start: int, defects: list[Defect]) -> Motion:
@@ -166,17 +218,18 @@ def _ends_repaired(motion: Motion, jumps: BoolArray, start: int, defects: list[D
     rotations = motion.rotations.copy()
     for joint in np.flatnonzero(_ENDS & np.any(jumps, axis=0)):
         name = JOINT_NAMES[joint]
-        bridged = np.zeros(motion.frames, dtype=np.bool_)
-        for first, stop in _runs(jumps[:, joint], start, motion.frames, longest):
-            if first == start and stop == motion.frames:
-                continue
-            bridged[first:stop] = True
+        popped, lone = _pops(jumps[:, joint], _turned(motion, joint), start, longest)
+        popped = _with_short_pieces(popped, lone, start, longest)
+        if np.all(popped[start:]):
+            defects.append(Defect(f"flip of {name} again and again", start + 1, motion.frames, "kept"))
+            continue
+        for first, stop in _ranges(popped):
             rotations[first:stop, joint] = _bridge(motion.rotations[:, joint], first, stop, start)
             defects.append(Defect(f"flip of {name}", first + 1, stop, "rotation interpolated"))
-        kept = [at for at in np.flatnonzero(jumps[:, joint]) if not (bridged[at] or bridged[at - 1])]
+        kept = [at for at in lone if not (popped[at] or popped[at - 1])]
         if kept:
             kind = f"flip of {name}, too long to interpolate"
-            defects.append(Defect(kind, int(kept[0]) + 1, int(kept[-1]) + 1, "kept"))
+            defects.append(Defect(kind, kept[0] + 1, kept[-1] + 1, "kept"))
     return replace(motion, rotations=rotations)
 
 
@@ -196,21 +249,25 @@ def _sound_parts(
 ) -> list[tuple[int, Motion]]:
     """Return the parts between jumps of root and limbs, without the frames of pops."""
     limbs = jumps & ~_ENDS
-    at_jump = moved | np.any(limbs, axis=1)
     longest = int(_LONGEST_POP_S * motion.fps)
-    runs = _runs(at_jump, start, motion.frames, longest)
+    positions = motion.root_positions_m
+    kinds: list[tuple[BoolArray, Apart]] = [(moved, lambda i, j: float(np.linalg.norm(positions[j] - positions[i])))]
+    kinds += [(limbs[:, joint], _turned(motion, joint)) for joint in np.flatnonzero(np.any(limbs, axis=0))]
     out = np.zeros(motion.frames, dtype=np.bool_)
-    out[:start] = True
-    for first, stop in runs:
-        out[first:stop] = True
+    single: set[int] = set()
+    for places, apart in kinds:
+        popped, lone = _pops(places, apart, start, longest)
+        out |= popped
+        single.update(lone)
+    out = _with_short_pieces(out, sorted(single), start, longest)
+    at_jump = moved | np.any(limbs, axis=1)
+    for first, stop in _ranges(out):
         edges = [at for at in range(first, min(stop + 1, motion.frames)) if at_jump[at]]
         defects.append(Defect(_kind(limbs, moved, edges), first + 1, stop, "cut out"))
-    for at in np.flatnonzero(at_jump):
-        if not (out[at] or out[at - 1]):
-            kind = _kind(limbs, moved, [int(at)])
-            defects.append(Defect(kind, int(at) + 1, int(at) + 1, "cut, goes on as another clip"))
-    edges = [start, *(int(at) for at in np.flatnonzero(at_jump) if at > start), motion.frames]
-    bounds = sorted({*edges, *(bound for run in runs for bound in run)})
+    cuts = [at for at in sorted(single) if not (out[at] or out[at - 1])]
+    defects += [Defect(_kind(limbs, moved, [at]), at + 1, at + 1, "cut, goes on as another clip") for at in cuts]
+    out[:start] = True
+    bounds = sorted({bound for pair in _ranges(~out) for bound in pair} | set(cuts))
     return [(first, sliced(motion, first, stop)) for first, stop in pairwise(bounds) if not np.any(out[first:stop])]
 
 
