@@ -10,6 +10,7 @@ import importlib.util
 import json
 import queue
 import re
+import signal
 import struct
 import subprocess
 import sys
@@ -185,9 +186,12 @@ def read_file(path: str, skeleton: str, name: str, fps: float, shortest: int) ->
     try:
         read = read_motion_parts(Path(path), Path(skeleton) if skeleton else None, name=name)
     except PerfanimError as error:
-        line = re.search(r", line (\d+)$", error.where)
-        reason = f"{error.what}; {error.advice}" if error.advice else error.what
-        return ReadFile((), (), reason.replace(path, Path(path).name), int(line[1]) if line else 0)
+        line = re.search(r", line (\d+)$", error.where) if error.where.startswith(path) else None
+        reason = str(error).removeprefix(f"{error.where}: ") if error.where.startswith(path) else str(error)
+        # the names on disk of what an archive held tell nothing
+        for known, text in ((path, name), (skeleton, "the skeleton file")):
+            reason = reason.replace(known, text) if known else reason
+        return ReadFile((), (), reason, int(line[1]) if line else 0)
     clips, rows = [], [_row(defect, 0) for defect in read.defects]
     for part in read.parts:
         cleaned = clean(part.motion, part.angle_jumps)
@@ -197,7 +201,8 @@ def read_file(path: str, skeleton: str, name: str, fps: float, shortest: int) ->
             first = part.first_frame + start
             if motion.frames < shortest:
                 frames = _frames(first + 1, first + sound.frames)
-                rows.append({"frames": frames, "defect": f"only {motion.frames} frames to keep", "done": "left out"})
+                kind = f"too short, {motion.frames} frames at {fps:g} per second"
+                rows.append({"frames": frames, "defect": kind, "done": "left out"})
                 continue
             rotations = np.ascontiguousarray(rot.continuous(motion.rotations), dtype=np.float32)
             positions = np.ascontiguousarray(motion.root_positions_m, dtype=np.float32)
@@ -253,6 +258,7 @@ class _Sender:
 
 def _serve() -> None:
     """Read the files that standard input names and send what they give to standard output, until it ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that started this one ends it
     order = json.loads(sys.stdin.readline())
     sys.path.extend(path for path in order["paths"] if path not in sys.path)
     root = order["root"]

@@ -4,6 +4,7 @@ import os
 import shutil
 import tarfile
 import zipfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -330,6 +331,29 @@ def test_amc_without_skeleton_is_skipped(cmu_dir: Path, tmp_path: Path, folder: 
     report = build_database([folder], tmp_path / "a.db")
     reasons = {row["file"]: row["reason"] for row in report["skipped"]}
     assert "has no skeleton" in reasons["motion/35_01.amc"]
+
+
+@pytest.mark.parametrize("archive", [None, _zip, _tar])
+def test_a_damaged_skeleton_file_is_named_as_such(
+    cmu_dir: Path, folder: Path, tmp_path: Path, archive: Callable[[Path, Path], Path] | None
+) -> None:
+    shutil.copy(cmu_dir / "35" / "35_01.amc", folder)
+    text = (cmu_dir / "35" / "35.asf").read_text().splitlines()
+    number = next(i for i, line in enumerate(text) if "direction" in line)
+    text[number] = "direction 0 1"
+    (folder / "35.asf").write_text("\n".join(text))
+    source = archive(folder, tmp_path / f"a.{'zip' if archive is _zip else 'tar.xz'}") if archive else folder
+    report = build_database([source], tmp_path / "a.db")
+    row = next(row for row in report["skipped"] if row["file"].endswith("35_01.amc"))
+    assert row["line"] is None
+    assert row["reason"] == f"the skeleton file, line {number + 1}: needs 3 numbers, has 2"
+
+
+def test_what_is_too_short_is_named(folder: Path, tmp_path: Path) -> None:
+    write_bvh(waving("short", 2, 60.0), folder / "short.bvh")
+    report = build_database([folder], tmp_path / "a.db")
+    row = {"file": "motion/short.bvh", "frames": "1-2", "defect": "too short, 2 frames at 60 per second"}
+    assert report["defects"] == [row | {"done": "left out"}]
 
 
 def test_command_line(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
