@@ -178,10 +178,10 @@ def build_database(
 
 @contextmanager
 def _folder_beside(out: Path) -> Iterator[Path]:
-    """Yield a folder for what is needed until the database is written, where there is room for that."""
+    """Yield a folder for what is needed until the database is written, where there is room for that too."""
+    place = next(folder for folder in out.absolute().parents if folder.exists())  # a new one is made at the end
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        folder = tempfile.TemporaryDirectory(prefix=f".{out.stem}.", dir=out.parent)
+        folder = tempfile.TemporaryDirectory(prefix=f".{out.stem}.", dir=place)
     except OSError as error:
         raise FormatError(
             f"cannot be written ({error.strerror})", where=str(out), advice="choose a folder you may write to"
