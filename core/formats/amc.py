@@ -7,16 +7,14 @@ ASF file gives for each bone: the joint's rotation relative to rest is C R(value
 import re
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import rotations as rot
 from ..errors import FormatError
-from ..files import read_bytes
 from ..motion import Motion
-from .asf import ROOT, AsfBone, AsfFile, fixed_axis_rotation, read_asf_file
+from .asf import ROOT, AsfBone, AsfFile, fixed_axis_rotation
 from .numbers import parse_numbers
 
 Array = NDArray[np.float64]
@@ -48,26 +46,16 @@ class AmcValues:
         return np.concatenate(([False], np.any(steps * self.factor > _ANGLE_JUMP, axis=1)))
 
 
-def read_amc(path: Path | str, skeleton: AsfFile | Path | str, fps: float = CMU_FPS) -> Motion:
-    """Return the motion of an AMC file on the skeleton of its ASF file (given as read, or by path).
+def parse_amc_values(content: bytes, where: str, asf: AsfFile) -> AmcValues:
+    """Return the numbers held in the bytes of an AMC file.
 
-    AMC files do not store their rate; CMU's is 120 Hz. Degrees of freedom that a frame's first line layout lacks
-    are zero.
+    Args:
+        where: names it in errors.
+        asf: its skeleton file.
 
     Raises:
         FormatError: not an AMC file, damaged, or of another skeleton; names file and line.
     """
-    asf = skeleton if isinstance(skeleton, AsfFile) else read_asf_file(skeleton)
-    return parse_amc(read_bytes(path), str(path), asf, fps)
-
-
-def parse_amc(content: bytes, where: str, asf: AsfFile, fps: float = CMU_FPS) -> Motion:
-    """Return the motion held in the bytes of an AMC file; `where` names it in errors."""
-    return amc_motion(parse_amc_values(content, where, asf), asf, fps, Path(where).stem)
-
-
-def parse_amc_values(content: bytes, where: str, asf: AsfFile) -> AmcValues:
-    """Return the numbers held in the bytes of an AMC file; errors as `read_amc`."""
     if b"\r" in content:
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     start = _first_frame(content, where)
@@ -183,7 +171,11 @@ def _line_fault(words: list[str], expected: list[str]) -> str:
 
 
 def amc_motion(table: AmcValues, asf: AsfFile, fps: float, name: str) -> Motion:
-    """Return the motion of an AMC file's numbers; frames with NaN keep it."""
+    """Return the motion of an AMC file's numbers on the skeleton of its ASF file.
+
+    AMC files do not store their rate; CMU's is `CMU_FPS`. Degrees of freedom that the frames lack are zero; frames with
+    NaN keep it.
+    """
     skeleton, values = asf.skeleton, table.values
     rotations = rot.identity((len(values), len(skeleton)))
     positions = np.tile(asf.root_position, (len(values), 1))

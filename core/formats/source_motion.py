@@ -109,11 +109,10 @@ def zero_pose_positions(parents: IntArray, offsets_m: Array) -> Array:
     return positions
 
 
-def frame_range(source: SourceMotion, start: int, stop: int, name: str | None = None) -> SourceMotion:
+def frame_range(source: SourceMotion, start: int, stop: int) -> SourceMotion:
     """Return frames `start` up to, without, `stop`."""
     return replace(
         source,
-        name=source.name if name is None else name,
         rotations=source.rotations[start:stop],
         translations_m={joint: path[start:stop] for joint, path in source.translations_m.items()},
         angle_jumps=source.angle_jumps[start:stop],

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from perfanim.core import rotations as rot
 from perfanim.core.errors import FormatError
-from perfanim.core.formats.amc import parse_amc, parse_amc_values, read_amc
-from perfanim.core.formats.asf import parse_asf, read_asf
+from perfanim.core.formats.amc import CMU_FPS, amc_motion, parse_amc_values
+from perfanim.core.formats.asf import AsfFile, parse_asf, read_asf
+from perfanim.core.motion import Motion
+from perfanim.core.motion_files import read_motion
 from perfanim.core.product_skeleton import JOINT_NAMES
 from perfanim.core.skeleton import forward_kinematics, joint_angles
 
@@ -67,6 +69,10 @@ lfemur 5 15 25
 ltibia 41
 """
 UNIT = 0.0254 / 0.5
+
+
+def parse_amc(content: bytes, where: str, asf: AsfFile) -> Motion:
+    return amc_motion(parse_amc_values(content, where, asf), asf, CMU_FPS, "a")
 
 
 def rz(degrees: float) -> np.ndarray:
@@ -182,11 +188,11 @@ def test_damaged_skeleton_is_refused(text: str, part: str) -> None:
 def test_missing_skeleton_file(tmp_path: Path) -> None:
     (tmp_path / "a.amc").write_text(AMC)
     with pytest.raises(FormatError, match=r"none\.asf: cannot be read"):
-        read_amc(tmp_path / "a.amc", tmp_path / "none.asf")
+        read_motion(tmp_path / "a.amc", tmp_path / "none.asf")
 
 
 def test_cmu_trial(cmu_dir: Path) -> None:
-    motion = read_amc(cmu_dir / "14" / "14_02.amc", cmu_dir / "14" / "14.asf")
+    motion = read_motion(cmu_dir / "14" / "14_02.amc", cmu_dir / "14" / "14.asf")
     assert motion.skeleton.names == JOINT_NAMES
     positions, _ = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
     assert 1.4 < positions[0, motion.skeleton.index("head"), 1] < 1.7
