@@ -18,11 +18,4 @@ class PERFANIM_OT_copy_diagnostics(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def register() -> None:
-    """Register the operator."""
-    bpy.utils.register_class(PERFANIM_OT_copy_diagnostics)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(PERFANIM_OT_copy_diagnostics)
+register, unregister = bpy.utils.register_classes_factory((PERFANIM_OT_copy_diagnostics,))

@@ -22,11 +22,4 @@ class PERFANIM_PT_broken(bpy.types.Panel):
         column.operator("perfanim.copy_diagnostics", icon="COPYDOWN")
 
 
-def register() -> None:
-    """Register the panel."""
-    bpy.utils.register_class(PERFANIM_PT_broken)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(PERFANIM_PT_broken)
+register, unregister = bpy.utils.register_classes_factory((PERFANIM_PT_broken,))

@@ -57,11 +57,4 @@ def tab(context: bpy.types.Context) -> str:
     return addon.preferences.tab or DEFAULT_TAB if addon else DEFAULT_TAB
 
 
-def register() -> None:
-    """Register the preferences."""
-    bpy.utils.register_class(PERFANIM_AP_preferences)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(PERFANIM_AP_preferences)
+register, unregister = bpy.utils.register_classes_factory((PERFANIM_AP_preferences,))

@@ -144,14 +144,4 @@ class PERFANIM_OT_stop_capture(bpy.types.Operator):
 
 _CLASSES = (PERFANIM_OT_start_capture, PERFANIM_OT_stop_capture)
 
-
-def register() -> None:
-    """Register the operators."""
-    for cls in _CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for cls in reversed(_CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(_CLASSES)

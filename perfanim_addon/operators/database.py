@@ -98,14 +98,4 @@ class PERFANIM_OT_use_starter_database(bpy.types.Operator):
 
 _CLASSES = (PERFANIM_OT_build_database, PERFANIM_OT_use_starter_database)
 
-
-def register() -> None:
-    """Register the operators."""
-    for cls in _CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for cls in reversed(_CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(_CLASSES)
