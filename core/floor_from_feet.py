@@ -1,5 +1,6 @@
 """Where the floor is, from feet that stand on it: for recordings in which no board was laid on the floor."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -32,7 +33,7 @@ _TRIM_ROUNDS = 5
 _UPRIGHT_SAMPLES = 60
 
 
-def floor_points(take: MarkerTake, marker_set: MarkerSet) -> Array:
+def floor_points(take: MarkerTake, marker_set: MarkerSet, pose: Callable[[Skeleton], Array] = standing) -> Array:
     """Return four points (4, 3) of the floor, about where the performer moved.
 
     The markers of the feet, while they rest, lie as high above the floor as on a standing person; a plane is laid
@@ -41,13 +42,14 @@ def floor_points(take: MarkerTake, marker_set: MarkerSet) -> Array:
     Args:
         take: labelled, in any world; the performer stands or walks in it.
         marker_set: with usual offsets and markers on the feet.
+        pose: the performer's usual one, whose mean direction is upright.
 
     Raises:
         TakeError: no markers on the feet, or feet that never rest.
         MarkerSetError: the set has no offsets.
     """
     skeleton = default_skeleton()
-    upright = _upright(take, marker_set, skeleton)
+    upright = _upright(take, marker_set, skeleton, pose(skeleton))
     calm = smoothed(take, min(_SMOOTHING_HZ, 0.2 * take.fps))
     stands = _stands(calm, marker_set, skeleton, upright)
     if len(stands) < _FEWEST_S * take.fps:
@@ -66,10 +68,10 @@ def moved_to_rig(take: MarkerTake, old: CameraRig, new: CameraRig) -> MarkerTake
     return replace(take, positions_m=transform(rotation, translation, take.positions_m), single=single)
 
 
-def _upright(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton) -> Array:
+def _upright(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, pose: Array) -> Array:
     """Return the rotation (3, 3) from a level frame into the take's world, by the mean direction of the body."""
     joints = marker_set.joint_indices(skeleton)
-    positions, world = forward_kinematics(skeleton, standing(skeleton), np.zeros(3))
+    positions, world = forward_kinematics(skeleton, pose, np.zeros(3))
     template = positions[joints] + rot.rotate(world[joints], marker_set.offsets_m)
     columns = _columns(take, marker_set)
     up = np.zeros(3)

@@ -39,10 +39,7 @@ def make(settings: Any) -> Setup:
     Raises:
         PerfanimError: a file is missing or bad.
     """
-    simulated = settings.source == "SIMULATED"
     marker_set = _good(states.marker_set(settings))
-    if not simulated:
-        _good(states.rig(absolute(settings.calibration)))
     database_path = str(states.database_path(settings))
     _good(states.database_frames(database_path))
     if settings.subject:
@@ -51,14 +48,25 @@ def make(settings: Any) -> Setup:
         subject = Subject("Simulated performer", default_skeleton(SIMULATED_HEIGHT_M), marker_set)
     subject_path = str(user_folder("subjects") / ".captured.toml")
     save_subject(subject, subject_path)
-    cameras = {
+    request = {"job": "capture", "cameras": cameras(settings), "subject": subject_path, "database": database_path}
+    return Setup(request, subject.skeleton)
+
+
+def cameras(settings: Any) -> dict[str, Any]:
+    """Return how images become marker frames, as `core.worker.camera_job` takes it.
+
+    Raises:
+        PerfanimError: a file is missing or bad.
+    """
+    known = states.is_known(settings)
+    if not known:
+        _good(states.rig(absolute(settings.calibration)))
+    return {
         "source": source(settings),
-        "rig": None if simulated else absolute(settings.calibration),
+        "rig": None if known else absolute(settings.calibration),
         "background_s": float(settings.background_s),
         "threshold": None if settings.threshold_auto else float(settings.threshold),
     }
-    request = {"job": "capture", "cameras": cameras, "subject": subject_path, "database": database_path}
-    return Setup(request, subject.skeleton)
 
 
 def _good(found: Any) -> Any:
@@ -79,7 +87,7 @@ def source(settings: Any) -> dict[str, Any]:
             "behaviour": settings.behaviour,
             "height_m": SIMULATED_HEIGHT_M,
             "loop": True,
-            "marker_set": absolute(settings.marker_set_file) or settings.marker_set,
+            "marker_set": states.marker_set_source(settings),
         }
     if settings.source == "CAMERAS":
         return {

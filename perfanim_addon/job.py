@@ -1,29 +1,34 @@
-"""A command of the command line, running in a worker process for Blender."""
+"""Work that a worker process does for Blender, with its progress and result."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..core.worker.client import WorkerClient
 from ..core.worker.protocol import Message, MessageKind
 
 
+def command(arguments: Sequence[str]) -> dict[str, Any]:
+    """Return the request for a command of the `perfanim` command line."""
+    return {"job": "command", "arguments": list(arguments)}
+
+
 class Job:
-    """A command of the command line, running in a worker process.
+    """Work with progress and a result, running in a worker process.
 
     Args:
         title: what is being done, for the panel.
         panel: whose line shows the result.
-        arguments: of the `perfanim` command.
+        request: what the worker is asked for (see `core.worker.process`).
         python: interpreter of the worker, None for Blender's own.
     """
 
-    def __init__(self, title: str, panel: str, arguments: Sequence[str], python: str | None) -> None:
+    def __init__(self, title: str, panel: str, request: Mapping[str, Any], python: str | None) -> None:
         self.title = title
         self.panel = panel
         self.text = "starting"
         self.fraction = 0.0
         self.summary: dict[str, Any] | None = None
-        self._client = WorkerClient({"job": "command", "arguments": list(arguments)}, python)
+        self._client = WorkerClient(request, python)
 
     @property
     def ended(self) -> bool:

@@ -11,7 +11,7 @@ from .actions import scene_frames, write_action
 from .armature_driver import ArmatureDriver
 from .capture_state import CaptureRun, Phase
 from .character import create_character
-from .job import Job
+from .job import Job, command
 from .properties import settings
 from .stage import free_place, look_at
 
@@ -40,7 +40,7 @@ class Capture:
     """
 
     def __init__(self, python: str | None, prepare: list[str]) -> None:
-        self.job = Job("Making the starter database", "capture", prepare, python) if prepare else None
+        self.job = Job("Making the starter database", "capture", command(prepare), python) if prepare else None
         self.run: CaptureRun | None = None
         self._python = python
         self._driver: ArmatureDriver | None = None

@@ -55,9 +55,7 @@ class _Step:
 class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
     """Source of the images and calibration."""
 
-    bl_idname = "PERFANIM_PT_cameras"
     bl_label = "Cameras"
-    bl_order = 0
     state = staticmethod(states.cameras)
     key = "cameras"
 
@@ -65,9 +63,10 @@ class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
         """Draw."""
         layout.prop(chosen, "source")
         if chosen.source == "SIMULATED":
-            layout.prop(chosen, "behaviour")
-            return
-        if chosen.source == "CAMERAS":
+            _props(layout, chosen, "behaviour", "practise")
+            if states.is_known(chosen):
+                return
+        elif chosen.source == "CAMERAS":
             _props(layout, chosen, "left_device", "right_device", "width", "height", "camera_fps")
         elif chosen.source == "VIDEOS":
             _props(layout, chosen, "left_video", "right_video")
@@ -76,16 +75,20 @@ class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
         layout.prop(chosen, "calibration")
         box = layout.box().column()
         box.label(text="Chessboard, inner corners")
-        _props(box, chosen, "board_columns", "board_rows", "board_square_mm", "board_left", "board_right")
+        _props(box, chosen, "board_columns", "board_rows", "board_square_mm")
+        if chosen.source == "CAMERAS":
+            box.operator("perfanim.save_board", icon="FILE")
+        if chosen.source in ("CAMERAS", "SIMULATED"):
+            _props(box, chosen, "board_pictures", "board_every_s")
+            box.operator("perfanim.record_board", icon="IMAGE_DATA")
+        _props(box, chosen, "board_left", "board_right")
         box.operator("perfanim.calibrate_cameras", icon="CAMERA_STEREO")
 
 
 class PERFANIM_PT_markers(_Step, bpy.types.Panel):
     """Which markers are worn and how they are found."""
 
-    bl_idname = "PERFANIM_PT_markers"
     bl_label = "Markers"
-    bl_order = 1
     state = staticmethod(states.markers)
     key = "markers"
 
@@ -106,9 +109,7 @@ class PERFANIM_PT_markers(_Step, bpy.types.Panel):
 class PERFANIM_PT_subject(_Step, bpy.types.Panel):
     """Who performs."""
 
-    bl_idname = "PERFANIM_PT_subject"
     bl_label = "Subject"
-    bl_order = 2
     state = staticmethod(states.performer)
     key = "subject"
 
@@ -116,6 +117,10 @@ class PERFANIM_PT_subject(_Step, bpy.types.Panel):
         """Draw."""
         layout.prop(chosen, "subject")
         box = layout.box().column()
+        if not states.is_known(chosen):
+            if chosen.source == "CAMERAS":
+                box.prop(chosen, "countdown_s")
+            box.operator("perfanim.record_t_pose", icon="ARMATURE_DATA")
         _props(box, chosen, "subject_name", "subject_take")
         box.operator("perfanim.calibrate_subject", icon="OUTLINER_OB_ARMATURE")
 
@@ -123,9 +128,7 @@ class PERFANIM_PT_subject(_Step, bpy.types.Panel):
 class PERFANIM_PT_database(_Step, bpy.types.Panel):
     """Recorded motion that fills in what the markers do not show."""
 
-    bl_idname = "PERFANIM_PT_database"
     bl_label = "Motion Database"
-    bl_order = 3
     state = staticmethod(states.motion)
     key = "database"
 
@@ -141,9 +144,7 @@ class PERFANIM_PT_database(_Step, bpy.types.Panel):
 class PERFANIM_PT_character(_Step, bpy.types.Panel):
     """Who moves along."""
 
-    bl_idname = "PERFANIM_PT_character"
     bl_label = "Character"
-    bl_order = 4
     state = staticmethod(states.character)
     key = "character"
 
@@ -158,12 +159,10 @@ class PERFANIM_PT_character(_Step, bpy.types.Panel):
 class PERFANIM_PT_capture(bpy.types.Panel):
     """Start, stop, and how it goes."""
 
-    bl_idname = "PERFANIM_PT_capture"
     bl_label = "Capture"
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = preferences.DEFAULT_TAB
-    bl_order = 5
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
         """Draw the state at the right of the header line."""
@@ -267,15 +266,17 @@ _CLASSES = (
 def move_to_tab(name: str) -> None:
     """Show the panels in another tab of the sidebar."""
     unregister()
-    for cls in _CLASSES:
-        cls.bl_category = name
-        bpy.utils.register_class(cls)
+    _register_in(name)
 
 
 def register() -> None:
     """Register the panels in the tab that the preferences name."""
-    for cls in _CLASSES:
-        cls.bl_category = preferences.tab(bpy.context)
+    _register_in(preferences.tab(bpy.context))
+
+
+def _register_in(tab: str) -> None:
+    for order, cls in enumerate(_CLASSES):
+        cls.bl_category, cls.bl_order = tab, order
         bpy.utils.register_class(cls)
 
 

@@ -1,5 +1,7 @@
 """Settings of a capture, kept in the scene; the defaults need nothing but a click on Start Capture."""
 
+from typing import Any
+
 import bpy
 
 from ..core.marker_set import marker_set_names
@@ -35,6 +37,14 @@ def _is_armature(_self: object, candidate: bpy.types.Object) -> bool:
     return candidate.type == "ARMATURE"
 
 
+def _file(name: str, description: str) -> Any:
+    return bpy.props.StringProperty(name=name, description=description, subtype="FILE_PATH")
+
+
+def _folder(name: str, description: str) -> Any:
+    return bpy.props.StringProperty(name=name, description=description, subtype="DIR_PATH")
+
+
 class PERFANIM_PG_settings(bpy.types.PropertyGroup):
     """Settings in the order of the panels."""
 
@@ -43,6 +53,11 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
     )
     behaviour: bpy.props.EnumProperty(
         name="Performs", description="What the simulated performer does", items=BEHAVIOURS, default="demo"
+    )
+    practise: bpy.props.BoolProperty(
+        name="Practise Calibration",
+        description="Treat the simulated cameras and performer like real ones: calibrate them before the capture",
+        default=False,
     )
     left_device: bpy.props.IntProperty(
         name="Left", description="Device number of the camera on the left as seen by the cameras", default=0, min=0
@@ -59,22 +74,14 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
     camera_fps: bpy.props.FloatProperty(
         name="Rate (Hz)", description="Images per second that the cameras are asked for", default=60, min=1, max=500
     )
-    left_video: bpy.props.StringProperty(name="Left", description="Video of the left camera", subtype="FILE_PATH")
-    right_video: bpy.props.StringProperty(name="Right", description="Video of the right camera", subtype="FILE_PATH")
-    left_folder: bpy.props.StringProperty(
-        name="Left", description="Folder with the left camera's numbered images", subtype="DIR_PATH"
-    )
-    right_folder: bpy.props.StringProperty(
-        name="Right", description="Folder with the right camera's numbered images", subtype="DIR_PATH"
-    )
+    left_video: _file("Left", "Video of the left camera")
+    right_video: _file("Right", "Video of the right camera")
+    left_folder: _folder("Left", "Folder with the left camera's numbered images")
+    right_folder: _folder("Right", "Folder with the right camera's numbered images")
     files_fps: bpy.props.FloatProperty(
         name="Rate (Hz)", description="Images per second at which the images were taken", default=60, min=1, max=500
     )
-    calibration: bpy.props.StringProperty(
-        name="Calibration",
-        description="Calibration file of the two cameras (TOML)",
-        subtype="FILE_PATH",
-    )
+    calibration: _file("Calibration", "Calibration file of the two cameras (TOML)")
     board_columns: bpy.props.IntProperty(
         name="Columns", description="Inner corners of the chessboard in a row", default=9, min=2, max=50
     )
@@ -88,17 +95,22 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         min=1,
         max=1000,
     )
-    board_left: bpy.props.StringProperty(
-        name="Left", description="Folder with the left camera's images of the board", subtype="DIR_PATH"
+    board_pictures: bpy.props.IntProperty(
+        name="Pictures", description="How many pictures of the board are taken", default=20, min=3, max=200
     )
-    board_right: bpy.props.StringProperty(
-        name="Right", description="Folder with the right camera's images of the board", subtype="DIR_PATH"
+    board_every_s: bpy.props.FloatProperty(
+        name="Every",
+        description="Time to move the board between two pictures",
+        default=3,
+        min=0.5,
+        max=60,
+        subtype="TIME_ABSOLUTE",
     )
+    board_left: _folder("Left", "Folder with the left camera's images of the board")
+    board_right: _folder("Right", "Folder with the right camera's images of the board")
 
     marker_set: bpy.props.EnumProperty(name="Set", description="Which markers are worn", items=_marker_set_items)
-    marker_set_file: bpy.props.StringProperty(
-        name="File", description="A marker set of your own (TOML); empty: the set chosen above", subtype="FILE_PATH"
-    )
+    marker_set_file: _file("File", "A marker set of your own (TOML); empty: the set chosen above")
     threshold_auto: bpy.props.BoolProperty(
         name="Auto", description="Find the brightness threshold from the learned background", default=True
     )
@@ -118,21 +130,21 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         subtype="TIME_ABSOLUTE",
     )
 
-    subject: bpy.props.StringProperty(
-        name="Subject",
-        description="Calibrated performer (TOML); empty: the simulated performer, who is known",
-        subtype="FILE_PATH",
-    )
+    subject: _file("Subject", "Calibrated performer (TOML); empty: the simulated performer, who is known")
     subject_name: bpy.props.StringProperty(
         name="Name", description="Name for the performer to be calibrated", default="Performer"
     )
-    subject_take: bpy.props.StringProperty(
-        name="Take", description="Marker take that begins with a T pose", subtype="FILE_PATH"
+    countdown_s: bpy.props.FloatProperty(
+        name="Countdown",
+        description="Time to walk before the cameras and take the T pose, after the empty room is learned",
+        default=8,
+        min=0,
+        max=60,
+        subtype="TIME_ABSOLUTE",
     )
+    subject_take: _file("Take", "Marker take that begins with a T pose")
 
-    database: bpy.props.StringProperty(
-        name="Database", description="Motion database; empty: the starter motion of the add-on", subtype="FILE_PATH"
-    )
+    database: _file("Database", "Motion database; empty: the starter motion of the add-on")
     database_fps: bpy.props.FloatProperty(
         name="Rate (Hz)", description="Poses per second that an imported database keeps", default=60, min=5, max=240
     )

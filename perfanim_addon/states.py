@@ -71,10 +71,19 @@ def _count_frames(path: str) -> int:
     return open_database(path).frames  # the database itself is not kept: an open file cannot be replaced on Windows
 
 
+def marker_set_source(settings: Any) -> str:
+    """Return the name of the chosen marker set, or the file that takes its place."""
+    return absolute(settings.marker_set_file) or str(settings.marker_set)
+
+
 def marker_set(settings: Any) -> MarkerSet | PerfanimError:
     """Return the chosen marker set, or what is wrong with it."""
-    file = absolute(settings.marker_set_file)
-    return _loaded("marker set", file or settings.marker_set, load_marker_set)
+    return _loaded("marker set", marker_set_source(settings), load_marker_set)
+
+
+def is_known(settings: Any) -> bool:
+    """Return whether cameras and performer need no calibration: they are simulated, and nobody wants to practise it."""
+    return settings.source == "SIMULATED" and not settings.practise
 
 
 def worn_subject(settings: Any) -> Subject | PerfanimError:
@@ -108,7 +117,7 @@ def _problem(error: PerfanimError, text: str) -> State:
 
 def cameras(settings: Any) -> State:
     """State of the Cameras panel."""
-    if settings.source == "SIMULATED":
+    if is_known(settings):
         return State(True, "simulated")
     for name in _source_paths(settings):
         path = absolute(getattr(settings, name))
@@ -149,7 +158,7 @@ def markers(settings: Any) -> State:
 def performer(settings: Any) -> State:
     """State of the Subject panel."""
     if not settings.subject:
-        if settings.source == "SIMULATED":
+        if is_known(settings):
             return State(True, "simulated performer")
         return State(False, "not calibrated", "calibrate the performer, or open a subject file, under Subject")
     found = subject(absolute(settings.subject))

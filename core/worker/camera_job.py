@@ -7,6 +7,7 @@ known), "background_s" (seconds in which the empty room is learned, cameras only
 
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from itertools import islice
 from typing import Any
 
@@ -26,8 +27,8 @@ _EMPTY_FRAMES = 30  # of the simulated room
 _SPREAD_FRAMES = 40  # of a recorded take, which shows the performer
 
 
-class _Stopped(Exception):  # noqa: N818 - no error: somebody asked for the end
-    """A stop was asked for while the background was learned."""
+class Stopped(Exception):  # noqa: N818 - no error: somebody asked for the end
+    """A stop was asked for before the work was done."""
 
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:
@@ -36,24 +37,40 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     Raises:
         PerfanimError: the source cannot be opened, stops giving images, or does not fit the calibration.
     """
+    in_flight = request.get("in_flight")
+    try:
+        with opened(request, channel) as (source, pipeline):
+            channel.send_status("waiting for images")
+            for images in source if is_live(request) else _paced(source):
+                if channel.stop_requested.is_set():
+                    break
+                stamp_s = time.perf_counter()
+                channel.send_frame(stamp_s, pipeline.process(images))
+                if in_flight is not None:
+                    channel.wait_taken(int(in_flight))
+    except Stopped:
+        return
+
+
+def is_live(request: Mapping[str, Any]) -> bool:
+    """Return whether the images come from cameras, which do not wait."""
+    return str(request["source"].get("kind", "")) == "cameras"
+
+
+@contextmanager
+def opened(request: Mapping[str, Any], channel: Channel) -> Iterator[tuple[ImageSource, MarkerPipeline]]:
+    """Yield the source and its pipeline with the backgrounds learned.
+
+    Raises:
+        Stopped: a stop was asked for meanwhile. PerfanimError: the source cannot be opened or lacks a calibration.
+    """
     spec = dict(request["source"])
-    kind = str(spec.get("kind", ""))
     channel.send_status("opening the cameras")
     source = open_source(spec)
     try:
         pipeline = MarkerPipeline(_rig(request, source), _settings(request))
-        _learn(pipeline, source, kind, float(request.get("background_s", 2.0)), channel)
-        channel.send_status("waiting for images")
-        in_flight = request.get("in_flight")
-        for images in source if kind == "cameras" else _paced(source):
-            if channel.stop_requested.is_set():
-                break
-            stamp_s = time.perf_counter()
-            channel.send_frame(stamp_s, pipeline.process(images))
-            if in_flight is not None:
-                channel.wait_taken(int(in_flight))
-    except _Stopped:
-        return
+        _learn(pipeline, source, str(spec.get("kind", "")), float(request.get("background_s", 2.0)), channel)
+        yield source, pipeline
     finally:
         source.close()
 
@@ -91,7 +108,7 @@ def _reported(
 ) -> Iterator[tuple[Image, ...]]:
     for number, images in enumerate(islice(moments, count)):
         if channel.stop_requested.is_set():
-            raise _Stopped
+            raise Stopped
         channel.send_status("learning the background" + hint, number / count)
         yield images
 

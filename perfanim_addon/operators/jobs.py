@@ -7,17 +7,17 @@ import bpy
 
 from ...core.errors import CaptureError, PerfanimError
 from .. import preferences, running
-from ..job import Job
+from ..job import Job, command
 from . import common
 
 TICK_S = 0.1
 
 
 class JobOperator:
-    """Base of the operators that run a command in the worker.
+    """Base of the operators that let the worker do something.
 
-    Subclasses say what with `title`, `panel`, `arguments` (raises PerfanimError for bad settings) and take the
-    result in `done`, which returns the line to show.
+    Subclasses say what with `title`, `panel`, `arguments` of a command or else `request` (both raise PerfanimError for
+    bad settings) and take the result in `done`, which returns the line to show.
     """
 
     title = ""
@@ -32,6 +32,10 @@ class JobOperator:
         """Return the command line's arguments."""
         raise CaptureError(f"{type(self).__name__} does not say what to run")
 
+    def request(self, context: bpy.types.Context) -> dict[str, Any]:
+        """Return what the worker is asked for."""
+        return command(self.arguments(context))
+
     def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         """Use the summary; return the line to show."""
         return f"{self.title}: done"
@@ -40,8 +44,7 @@ class JobOperator:
         """Start the worker and go on by the timer."""
         running.set_message(self.panel, "")
         try:
-            arguments = self.arguments(context)
-            job = Job(self.title, self.panel, arguments, preferences.worker_python(context))
+            job = Job(self.title, self.panel, self.request(context), preferences.worker_python(context))
         except PerfanimError as error:
             return common.failed(self, self.panel, error)
         self._job = job
@@ -60,7 +63,9 @@ class JobOperator:
             job.tick()
             if job.ended:
                 running.end()
-                return self._finish(context, self.done(context, job.summary or {}), ok=job.summary is not None)
+                if job.summary is None:
+                    return self._finish(context, "stopped")
+                return self._finish(context, self.done(context, job.summary), ok=True)
         except PerfanimError as error:
             running.end()
             context.workspace.status_text_set(None)
@@ -109,11 +114,4 @@ class PERFANIM_OT_cancel_job(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def register() -> None:
-    """Register the operator."""
-    bpy.utils.register_class(PERFANIM_OT_cancel_job)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(PERFANIM_OT_cancel_job)
+register, unregister = bpy.utils.register_classes_factory((PERFANIM_OT_cancel_job,))

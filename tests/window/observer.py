@@ -77,6 +77,7 @@ def capture_facts():
     facts["timer"] = running._state.timer is not None
     if activity is not None:
         facts["activity"] = type(activity).__name__
+        facts["line"] = getattr(activity, "text", "")
         run = getattr(activity, "run", None)
         if run is not None:
             facts["phase"] = run.phase.name

@@ -1,0 +1,56 @@
+"""A newcomer's way through the sidebar: cameras, performer, capture; simulated ones stand in for real ones."""
+
+import time
+from typing import Any
+
+from desktop import BlenderWindow, Desktop
+
+HEADER_PX = 28  # height of a closed panel
+HEADER_TOP_PX = 14
+
+
+def click_through(window: BlenderWindow, operator: str, panel: str) -> str:
+    """Press an operator's button, wait for the end of its work, and return what its panel says."""
+    assert "result" in window.order("call", operator=operator)
+
+    def ended(state: dict[str, Any]) -> bool:
+        return state["capture"]["activity"] is None and bool(state["capture"]["messages"].get(panel))
+
+    return str(window.wait(ended, f"end of {operator}")["capture"]["messages"][panel])
+
+
+def toggle_panel(desktop: Desktop, window: BlenderWindow, number: int) -> None:
+    """Click on a panel's header to open or close it, all before it being closed."""
+    region = window.state()["regions"]["UI"]
+    desktop.click(*window.from_top(region, 60, HEADER_TOP_PX + number * HEADER_PX))
+    time.sleep(1.0)
+
+
+def test_calibrating_and_capturing_without_leaving_the_sidebar(desktop: Desktop, window: BlenderWindow) -> None:
+    window.open_tab("Perfanim")
+    window.order("set", values={"practise": True, "board_pictures": 14})
+    toggle_panel(desktop, window, 0)
+    refused = window.order("call", operator="start_capture")
+    assert "calibrate the cameras" in refused["error"]
+    assert "result" in window.order("call", operator="record_board")
+    window.wait(lambda s: s["capture"]["activity"] == "Job" and "taken" in s["capture"]["line"], "a picture")
+    desktop.screenshot("newcomer-1-board")
+    window.wait(lambda s: s["capture"]["activity"] is None, "end of the pictures")
+    assert click_through(window, "calibrate_cameras", "cameras").startswith("good")
+    desktop.screenshot("newcomer-2-cameras")
+    toggle_panel(desktop, window, 0)
+    toggle_panel(desktop, window, 2)
+    assert "frames of the T pose" in click_through(window, "record_t_pose", "subject")
+    assert click_through(window, "calibrate_subject", "subject").startswith("residual")
+    time.sleep(1.0)
+    desktop.screenshot("newcomer-3-ready")
+    assert "result" in window.order("call", operator="start_capture")
+    window.wait(lambda s: s["capture"].get("statistics", {}).get("received", 0) > 60, "poses")
+    desktop.screenshot("newcomer-4-live")
+    assert "result" in window.order("call", operator="stop_capture")
+    state = window.wait(lambda s: s["capture"]["activity"] is None, "end of the capture")
+    (action,) = state["actions"].values()
+    assert action["keys_min"] == action["keys_max"] >= 60
+    # what was recorded is of the T pose that opens the performance, seen by calibrated cameras
+    confidence = window.order("last_run")["confidence"]
+    assert sorted(confidence)[len(confidence) // 2] > 0.5
