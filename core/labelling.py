@@ -83,12 +83,12 @@ class Labeller:
         count = len(self.names)
         self._seen = _Seen(np.full((count, 3), np.nan), np.zeros((count, 3)), np.full(count, np.inf))
 
-    def label_first(self, points_m: Array, *templates_m: Array) -> IntArray:
-        """Return labels (N,) of points in a pose like a template's, wherever and however it is turned and sized.
+    def label_first(self, points_m: Array, template_m: Array) -> IntArray:
+        """Return labels (N,) of points in a pose like the template's, wherever and however it is turned and sized.
 
         Args:
             points_m: (N, 3) points in a world with y roughly up; ghosts and missing markers are borne.
-            templates_m: each (M, 3), markers in a calibration pose, facing +z; the one that fits best counts.
+            template_m: (M, 3) markers in a calibration pose, facing +z.
 
         Returns:
             All -1 when too few points fit.
@@ -98,15 +98,18 @@ class Labeller:
         if len(points_m) < needed:
             return labels
         best_cost, best_pairs = np.inf, None
-        for template in templates_m:
-            for placed in _rough_placements(points_m, template):
-                cost, pairs = _refined(points_m, template, placed)
-                if cost < best_cost and len(pairs[0]) >= needed:
-                    best_cost, best_pairs = cost, pairs
+        for placed in _rough_placements(points_m, template_m):
+            cost, pairs = _refined(points_m, template_m, placed)
+            if cost < best_cost and len(pairs[0]) >= needed:
+                best_cost, best_pairs = cost, pairs
         if best_pairs is not None:
             labels[best_pairs[0]] = best_pairs[1]
             self._remember(points_m, labels, 0.0)
         return labels
+
+    def begin(self, points_m: Array, labels: IntArray) -> None:
+        """Take over labels (N,) of points (N, 3), -1 for none, that were found without a past."""
+        self._remember(points_m, labels, 0.0)
 
     def label(self, points_m: Array, covariances_m2: Array, predicted_m: Array, elapsed_s: float) -> IntArray:
         """Return labels (N,) by one assignment of points to the predicted markers.

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from . import rotations as rot
 from .calibration_pose import standing, t_pose
 from .camera import CameraRig
 from .database.store import Database
@@ -17,6 +18,7 @@ from .solver.observation import Observation
 from .solver.pose_solver import PoseSolver, Solution
 from .solver.settings import SolveSettings
 from .solver.subject_model import SubjectModel
+from .start_labelling import StartLabeller
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -26,6 +28,11 @@ _FAMILIAR_M = 0.15  # distance to the closest example at which confidence has fa
 _WRONG_M = 0.10  # solved markers further off than this mean that labels or pose are wrong
 _WRONG_FOR_S = 0.5  # for so long, and labelling starts afresh
 _LOST_FOR_S = 1.0  # without the torso for so long, and labelling starts afresh
+_EXAMPLES = 2048  # poses of the database that a body without a past is compared with
+_FIRST_CHECK_S = 0.1  # after a start its labels are compared with a new start's; then after twice the time, and so on
+_RARE_CHECK_S = 1.0  # from here on only while the markers are badly explained
+_DOUBTFUL = 0.5  # confidence
+_BETTER = 0.7  # of the labels' distance to the examples: a new start that is closer shows that they are wrong
 
 
 class Session:
@@ -46,25 +53,42 @@ class Session:
         self._cameras = rig.cameras if rig else ()
         self._model = SubjectModel(subject, database.mean_rotations)
         self._solver = PoseSolver(self._model, database, self.settings)
-        self._templates = [self._markers_of(pose(subject.skeleton)) for pose in (t_pose, standing)]
+        self._start = self._start_labeller(database)
         self.reset()
 
     def reset(self) -> None:
         """Forget the motion so far; the next frame is labelled afresh."""
+        self._last: PoseFrame | None = None
+        self._restart()
+
+    def _restart(self) -> None:
+        """Let the next frame be labelled and solved as if it were the first."""
         self._solver.reset()
         self._labeller = Labeller(self.subject.marker_set.names, self._model.torso)
-        self._last: PoseFrame | None = None
         self._trusted_s: float | None = None
         self._located_s: float | None = None
+        self._checked_s: float | None = None
+        self._check_after_s = _FIRST_CHECK_S
 
     def step(self, frame: MarkerFrame) -> PoseFrame:
         """Return the pose of the next marker frame."""
         observation = self._label(frame)
         solution = self._solver.step(observation)
         result = self._solved(frame, observation, solution) if solution else self._unsolved(frame, observation)
-        self._watch(result)
         self._last = result
+        if self._lost(result) or self._mislabelled(frame, result):
+            self._restart()
         return result
+
+    def _start_labeller(self, database: Database) -> StartLabeller:
+        """Return what labels a body in any pose like the database's, or in a calibration pose."""
+        model = self._model
+        frames = np.unique(np.linspace(0, database.frames - 1, _EXAMPLES).astype(np.int64))
+        posed = [self._markers_of(pose(model.skeleton)) for pose in (t_pose, standing)]
+        upright = np.array([0.0, 1.0, 0.0])
+        ups = rot.rotate(rot.conjugate(database.root_rotations[frames]), upright)
+        examples = np.concatenate((model.database_markers(database, frames), posed)).astype(np.float32)
+        return StartLabeller(examples, np.concatenate((ups, [upright, upright])).astype(np.float32), model.torso)
 
     def _markers_of(self, rotations: Array) -> Array:
         model = self._model
@@ -77,7 +101,9 @@ class Session:
         if np.any(frame.labels >= 0) or np.any(frame.single_labels >= 0):
             return self._known(frame)
         if predicted is None:
-            labels = self._labeller.label_first(frame.points_m, *self._templates)
+            start = self._start.label(frame.points_m)
+            labels = start.labels if start else np.full(len(frame.points_m), -1)
+            self._labeller.begin(frame.points_m, labels)
             return Observation.of_points(_by_marker(frame.points_m, labels, count))
         elapsed = frame.time_s - self._last.time_s if self._last else 0.0
         if not self._cameras or len(frame.blobs) != len(self._cameras):
@@ -160,17 +186,33 @@ class Session:
             notes=notes,
         )
 
-    def _watch(self, result: PoseFrame) -> None:
-        """Start labelling afresh when the torso has been lost, or the solved markers have been wrong, for a while."""
+    def _lost(self, result: PoseFrame) -> bool:
+        """Whether the torso has been lost, or the solved markers have been wrong, for a while."""
         now = result.time_s
         if np.sum(np.isfinite(result.observed_m[:, 0]) & self._model.torso) >= 2 or self._located_s is None:
             self._located_s = now
         if not result.marker_rms_m > _WRONG_M or self._trusted_s is None:
             self._trusted_s = now
-        if now - self._located_s > _LOST_FOR_S or now - self._trusted_s > _WRONG_FOR_S:
-            self._solver.reset()
-            self._labeller = Labeller(self.subject.marker_set.names, self._model.torso)
-            self._trusted_s = self._located_s = None
+        return now - self._located_s > _LOST_FOR_S or now - self._trusted_s > _WRONG_FOR_S
+
+    def _mislabelled(self, frame: MarkerFrame, result: PoseFrame) -> bool:
+        """Whether the points, labelled as if nothing were known, are clearly more like a body than as they are.
+
+        A wrong start can go on for long: what it makes of the markers is explained, if badly. So it is looked at
+        again soon after, then ever more rarely.
+        """
+        now = result.time_s
+        if np.any(frame.labels >= 0) or np.any(frame.single_labels >= 0) or self._solver.predicted_markers_m() is None:
+            return False
+        if self._checked_s is None:
+            self._checked_s = now
+        if now - self._checked_s < self._check_after_s:
+            return False
+        if self._check_after_s >= _RARE_CHECK_S and result.confidence > _DOUBTFUL:
+            return False
+        self._checked_s, self._check_after_s = now, min(2.0 * self._check_after_s, _RARE_CHECK_S)
+        start = self._start.label(frame.points_m)
+        return start is not None and start.distance_m < _BETTER * self._start.distance_m(result.observed_m)
 
 
 def _by_marker(points_m: Array, labels: IntArray, count: int) -> Array:

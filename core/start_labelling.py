@@ -1,0 +1,200 @@
+"""Which point is which marker when nothing is known of the moment before: at the start, and after the body was lost.
+
+Torso markers keep their distances from each other in every pose, so the few ways in which points can be the torso are
+enumerated. Each places the root, and the other points are then compared, in its frame, with poses of the database.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_FEWEST_TORSO = 3  # from which the root can be placed
+_STRETCH = 0.1  # share by which torso distances may lie outside those of the examples,
+_STRETCH_M = 0.03  # and metres
+_RANGE = (0.5, 99.5)  # percentiles of the examples' distances
+_MISSED_M = 0.30  # what a marker costs that no point comes closer to
+_UP_M = 0.3  # metres that a radian between the verticals counts
+_BACK_M = 0.3  # what it counts to face away from the cameras: many a crouch is also somebody who looks the other way
+_TORSOS = 24  # ways to place the root that are compared with the examples
+_EXAMPLES_EACH = 4  # closest to each of them, as one point may be near two limbs and be counted twice
+_REFINED = 32  # pairs of the two that are labelled
+_FARTHEST_M = 0.20  # RMS over the markers beyond which nothing is labelled
+_FEWEST_FOUND = 0.6  # share of the markers that must be found
+_MISSED_TORSO_M = 0.1  # what a torso marker costs that is taken for hidden
+_WAYS = 4000  # to choose the torso, at most
+
+
+@dataclass(frozen=True)
+class Start:
+    """Labels of points without a past.
+
+    Args:
+        labels: (N,) marker of each point, -1 for none.
+        distance_m: RMS over the markers of the distance to the closest example; a missed marker counts 0.3 m, and so
+            does facing away from the cameras.
+    """
+
+    labels: IntArray
+    distance_m: float
+
+
+class StartLabeller:
+    """Labels the points of a body in any pose like the examples, wherever it stands and however it is turned.
+
+    Args:
+        examples_m: (S, M, 3) markers of poses in the root's frame.
+        ups: (S, 3) the vertical in the same frame.
+        torso: (M,) which markers lie on the torso, three at least.
+    """
+
+    def __init__(self, examples_m: NDArray[np.float32], ups: NDArray[np.float32], torso: NDArray[np.bool_]) -> None:
+        self._examples = np.asarray(examples_m, dtype=np.float32)
+        self._ups = np.asarray(ups, dtype=np.float32)
+        self._torso = np.flatnonzero(torso)
+        self._limbs = np.flatnonzero(~torso)
+        limbs = self._examples[:, self._limbs]
+        self._limb_norms = np.einsum("slc,slc->sl", limbs, limbs)
+        self._limb_places = limbs.reshape(-1, 3)
+        own = self._examples[:, self._torso].astype(np.float64)
+        spans = np.linalg.norm(own[:, :, None] - own[:, None], axis=-1)
+        low, high = np.percentile(spans, _RANGE, axis=0)
+        self._least_m = low * (1.0 - _STRETCH) - _STRETCH_M
+        self._most_m = high * (1.0 + _STRETCH) + _STRETCH_M
+        self._mean_torso = own.mean(axis=0)
+
+    def label(self, points_m: Array) -> Start | None:
+        """Return the labels of points (N, 3), y up; None when they do not look like the body."""
+        torsos = self._torsos(points_m)
+        if len(torsos) == 0:
+            return None
+        turns, shifts, errors = _placed(self._mean_torso, points_m, torsos)
+        likely = np.argsort(errors + _MISSED_TORSO_M**2 * np.sum(torsos < 0, axis=1))[:_TORSOS]
+        rough = [
+            (cost, example, row)
+            for row in likely
+            for cost, example in self._closest_examples(points_m, turns[row], shifts[row], torsos[row])
+        ]
+        rough.sort()
+        best: Start | None = None
+        for _, example, row in rough[:_REFINED]:
+            found = self._labelled(points_m, torsos[row], example)
+            if best is None or found.distance_m < best.distance_m:
+                best = found
+        if best is None or best.distance_m > _FARTHEST_M:
+            return None
+        enough = np.sum(best.labels >= 0) >= _FEWEST_FOUND * self._examples.shape[1]
+        return best if enough else None
+
+    def distance_m(self, markers_m: Array) -> float:
+        """Return the RMS distance of markers (M, 3), NaN where unseen, to the closest example, as `Start` has it."""
+        seen = np.all(np.isfinite(markers_m), axis=1)
+        torso = np.where(seen[self._torso], self._torso, -1)
+        if np.sum(torso >= 0) < _FEWEST_TORSO:
+            return _MISSED_M
+        turns, shifts, _ = _placed(self._mean_torso, markers_m, torso[None])
+        local = ((markers_m[seen] - shifts[0]) @ turns[0]).astype(np.float32)
+        squares = np.sum((self._examples[:, seen] - local) ** 2, axis=2)
+        cost = squares.sum(axis=1) + _UP_M**2 * np.sum((self._ups - turns[0][1].astype(np.float32)) ** 2, axis=1)
+        example = int(np.argmin(cost))
+        return self._distance_m(markers_m, np.where(seen, np.arange(len(seen)), -1), torso, example)
+
+    def _torsos(self, points_m: Array) -> IntArray:
+        """Return (H, T) which point may be which torso marker, -1 for none, by their distances from each other."""
+        spans = np.linalg.norm(points_m[:, None] - points_m[None], axis=-1)
+        count, points = len(self._torso), np.arange(len(points_m))
+        chosen = np.empty((1, 0), dtype=np.int64)
+        for marker in range(count):
+            # every way so far goes on with each point that is left and fits, and with none
+            parent, point = np.indices((len(chosen), len(points_m))).reshape(2, -1)
+            fits = np.all(chosen[parent] != point[:, None], axis=1)
+            for before in range(marker):
+                other = chosen[parent, before]
+                span = spans[other, point]
+                between = (span >= self._least_m[before, marker]) & (span <= self._most_m[before, marker])
+                fits &= between | (other < 0)
+            taken = np.column_stack((chosen[parent[fits]], points[point[fits]]))
+            without = np.column_stack((chosen, np.full(len(chosen), -1)))
+            chosen = np.concatenate((taken, without))
+            missing = np.sum(chosen < 0, axis=1)
+            order = np.argsort(missing, kind="stable")[:_WAYS]
+            chosen = chosen[order[missing[order] <= count - _FEWEST_TORSO]]
+        return chosen
+
+    def _closest_examples(self, points_m: Array, turn: Array, shift: Array, torso: IntArray) -> list[tuple[float, int]]:
+        """Return squared distance and index of the closest examples under a root, whichever points the limbs are."""
+        local = ((points_m - shift) @ turn).astype(np.float32)
+        up = turn[1].astype(np.float32)
+        cost = _UP_M**2 * np.sum((self._ups - up) ** 2, axis=1)
+        seen = torso >= 0
+        own = self._examples[:, self._torso[seen]] - local[torso[seen]]
+        cost += np.einsum("smc,smc->s", own, own)
+        others = np.delete(local, torso[seen], axis=0)
+        if len(others):
+            nearest = np.minimum(self._limb_distances(others).min(axis=2), _MISSED_M**2)
+            # a point is one limb only: where there are fewer points than limbs, the rest of the limbs is missed
+            nearest.sort(axis=1)
+            nearest[:, len(others) :] = _MISSED_M**2
+            cost += nearest.sum(axis=1)
+        cost += _MISSED_M**2 * np.sum(~seen) + _turned_away(turn)
+        best = np.argpartition(cost, min(_EXAMPLES_EACH, len(cost)) - 1)[:_EXAMPLES_EACH]
+        return [(float(cost[example]), int(example)) for example in best]
+
+    def _limb_distances(self, points_m: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the squared distances (S, L, N) of the examples' limb markers to points in the root's frame."""
+        products = (self._limb_places @ points_m.T).reshape(*self._limb_norms.shape, -1)
+        return self._limb_norms[..., None] - 2.0 * products + np.einsum("nc,nc->n", points_m, points_m)
+
+    def _labelled(self, points_m: Array, torso: IntArray, example: int) -> Start:
+        """Return the labels that an example laid on the torso, as it has been chosen, gives the other points."""
+        placed, _ = self._laid(points_m, torso, example)
+        labels = np.full(len(points_m), -1, dtype=np.int64)
+        labels[torso[torso >= 0]] = self._torso[torso >= 0]
+        free = np.flatnonzero(labels < 0)
+        distances = np.linalg.norm(points_m[free][:, None] - placed[self._limbs][None], axis=-1)
+        rows, columns = linear_sum_assignment(np.minimum(distances, _MISSED_M) ** 2)
+        near = distances[rows, columns] < _MISSED_M
+        labels[free[rows[near]]] = self._limbs[columns[near]]
+        return Start(labels, self._distance_m(points_m, labels, torso, example))
+
+    def _distance_m(self, points_m: Array, labels: IntArray, torso: IntArray, example: int) -> float:
+        """Return `Start.distance_m` of labels against one example laid on the chosen torso."""
+        placed, turn = self._laid(points_m, torso, example)
+        squares = np.full(len(placed), _MISSED_M**2)
+        found = np.flatnonzero(labels >= 0)
+        off = np.sum((points_m[found] - placed[labels[found]]) ** 2, axis=1)
+        squares[labels[found]] = np.minimum(off, _MISSED_M**2)
+        tilt = _UP_M**2 * np.sum((self._ups[example] - turn[1]) ** 2)
+        return float(np.sqrt((squares.sum() + tilt + _turned_away(turn)) / len(placed)))
+
+    def _laid(self, points_m: Array, torso: IntArray, example: int) -> tuple[Array, Array]:
+        """Return the markers (M, 3) of an example laid with its torso on the chosen points, and its turn."""
+        markers = self._examples[example].astype(np.float64)
+        turns, shifts, _ = _placed(markers[self._torso], points_m, torso[None])
+        return markers @ turns[0].T + shifts[0], turns[0]
+
+
+def _turned_away(turn: Array) -> float:
+    """Return the squared distance that it counts to look, with the root's z axis, away from the world's."""
+    return float(_BACK_M**2 * 0.5 * (1.0 - turn[2, 2]))
+
+
+def _placed(torso_m: Array, points_m: Array, chosen: IntArray) -> tuple[Array, Array, Array]:
+    """Return turns (H, 3, 3), shifts (H, 3) and squared errors (H,) that lay a torso (T, 3) on chosen (H, T) points."""
+    weights = (chosen >= 0).astype(np.float64)[..., None]
+    weights /= weights.sum(axis=1, keepdims=True)
+    targets = np.where(weights > 0.0, points_m[chosen], 0.0)
+    source_mean = np.sum(weights * torso_m, axis=1, keepdims=True)
+    target_mean = np.sum(weights * targets, axis=1, keepdims=True)
+    source, target = torso_m - source_mean, (targets - target_mean) * (weights > 0.0)
+    u, _, vt = np.linalg.svd(np.swapaxes(weights * source, 1, 2) @ target)
+    signs = np.ones((len(chosen), 1, 3))
+    signs[:, 0, 2] = np.sign(np.linalg.det(u @ vt))
+    turns = np.swapaxes(u * signs @ vt, 1, 2)
+    moved = source @ np.swapaxes(turns, 1, 2)
+    shifts = target_mean[:, 0] - np.einsum("hij,hj->hi", turns, source_mean[:, 0])
+    return turns, shifts, np.sum((weights > 0.0) * (moved - target) ** 2, axis=(1, 2))

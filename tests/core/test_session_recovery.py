@@ -1,0 +1,86 @@
+"""A session through changes of behaviour, losses of all markers and wrong labels, which it should survive."""
+
+import numpy as np
+import pytest
+from perfanim.core import rotations as rot
+from perfanim.core.assets import MOTION
+from perfanim.core.marker_frame import MarkerFrame
+from perfanim.core.motion import resampled
+from perfanim.core.motion_files import read_motion
+from perfanim.core.session import Session
+from perfanim.core.simulate.performer.performance import performance
+from perfanim.core.skeleton import marker_positions
+
+FPS = 30.0
+NOISE_M = 0.002
+TOLERANCE_M = 5.0 * np.sqrt(3.0) * NOISE_M
+
+
+def markers_of(subject, motion):
+    """Markers (F, M, 3) of the subject who moves like that."""
+    joints, offsets = subject.marker_set.joint_indices(subject.skeleton), subject.marker_set.offsets_m
+    return marker_positions(subject.skeleton, joints, offsets, motion.rotations, motion.root_positions_m)
+
+
+def points(record, row, number, generator, labels=None):
+    """The frame of a row with noise, in another order each time, with a ghost."""
+    ghost = np.nanmean(row, axis=0) + generator.choice([-1.0, 1.0], 3) * generator.uniform(0.8, 1.5, 3)
+    noisy = row + generator.normal(scale=NOISE_M, size=row.shape)
+    if labels is not None:
+        return record(noisy, number, labels)
+    return record(generator.permutation(np.concatenate((noisy, ghost[None]))), number)
+
+
+def labelled_right(pose, row):
+    seen = np.isfinite(pose.observed_m[:, 0])
+    return bool(seen.all() and np.linalg.norm(pose.observed_m - row, axis=1).max() < TOLERANCE_M)
+
+
+@pytest.mark.parametrize(("clip", "turn"), [("walking-02-energetic", 1.3), ("boxing-06-energetic", -0.5),
+                                            ("running-05-proud", 1.0), ("jumping-05-tired", -0.9)])  # fmt: skip
+def test_who_comes_back_elsewhere_in_another_pose_is_known_at_once(subject, database, record, true_markers, clip, turn):
+    """Gone for two and a half seconds, back two metres off and turned, in the middle of a clip out of the database."""
+    session, generator = Session(subject, database), np.random.default_rng(0)
+    for number in range(5):
+        session.step(points(record, true_markers[number], number, generator))
+    for number in range(5, 80):
+        pose = session.step(MarkerFrame(number, number / FPS))
+    assert pose.confidence == 0.0
+    rows = markers_of(subject, resampled(read_motion(MOTION / f"{clip}.bvh"), FPS))[40:60]
+    rows = rot.rotate(rot.from_rotation_vector([0.0, turn, 0.0]), rows) + np.array([1.5, 0.0, -1.5])
+    poses = [session.step(points(record, row, 80 + i, generator)) for i, row in enumerate(rows)]
+    right = [labelled_right(pose, row) for pose, row in zip(poses, rows, strict=True)]
+    assert all(right[3:])  # a lost marker is labelled again within three frames
+    assert min(pose.confidence for pose in poses[3:]) > 0.1
+
+
+def test_a_wrong_start_is_noticed(subject, database, record, true_markers):
+    """Left and right mixed up by the source, which then gives no labels: the session goes on with what it believes."""
+    session, generator = Session(subject, database), np.random.default_rng(1)
+    swapped = np.array([1, 0, 3, 2, 5, 4, 7, 6])
+    for number in range(4):
+        session.step(points(record, true_markers[number], number, generator, swapped))
+    right = []
+    for number in range(4, 34):
+        pose = session.step(points(record, true_markers[number], number, generator))
+        right.append(labelled_right(pose, true_markers[number]))
+    assert not right[0]
+    assert all(right[15:])  # half a second
+
+
+def test_a_change_of_behaviour_leaves_nothing_behind(subject, database, record):
+    """From walking into running in one take: the running is solved as if it had been alone."""
+    motion = performance([("walking", 2.0), ("running", 2.0)], FPS, subject.skeleton, seed=1_000_007)
+    rows, generator = markers_of(subject, motion), np.random.default_rng(2)
+    frames = [points(record, row, number, generator) for number, row in enumerate(rows)]
+    start = round((2.9 + 2.0) * FPS)  # T pose, arms down, walking
+    errors = []
+    for first in (0, start):
+        session = Session(subject, database)
+        poses = [session.step(frame) for frame in frames[first:]]
+        assert all(labelled_right(pose, row) for pose, row in zip(poses, rows[first:], strict=True))
+        found = np.array([pose.rotations for pose in poses[start - first :]])
+        angles = rot.angle_between(found, motion.rotations[start:])
+        errors.append(float(np.degrees(angles)[:, 1:].mean()))
+    followed, alone = errors
+    assert followed < 1.1 * alone

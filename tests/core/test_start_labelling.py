@@ -1,0 +1,69 @@
+"""Points of a body in poses that the database does not hold, labelled without a past."""
+
+import numpy as np
+import pytest
+from perfanim.core import rotations as rot
+from perfanim.core.start_labelling import StartLabeller
+
+NOISE_M = 0.002
+
+
+@pytest.fixture(scope="module")
+def labeller(model, database):
+    frames = np.arange(0, database.frames, 2)
+    ups = rot.rotate(rot.conjugate(database.root_rotations[frames]), np.array([0.0, 1.0, 0.0]))
+    return StartLabeller(model.database_markers(database, frames), ups.astype(np.float32), model.torso)
+
+
+def points_of(row, generator, ghosts=0):
+    """Markers (M, 3) moved, turned as far as cameras see them, with noise, ghosts, in any order; and which they are."""
+    turned = rot.rotate(rot.from_rotation_vector([0.0, generator.uniform(-1.5, 1.5), 0.0]), row)
+    turned = turned + np.array([generator.uniform(-2.0, 2.0), 0.0, generator.uniform(-2.0, 2.0)])
+    seen = np.flatnonzero(np.isfinite(row[:, 0]))
+    away = generator.choice([-1.0, 1.0], (ghosts, 3)) * generator.uniform(0.7, 1.5, (ghosts, 3))
+    points = np.concatenate((turned[seen], np.nanmean(turned, axis=0) + away))
+    points += generator.normal(scale=NOISE_M, size=points.shape)
+    order = generator.permutation(len(points))
+    return points[order], np.concatenate((seen, np.full(ghosts, -1)))[order]
+
+
+@pytest.mark.parametrize("ghosts", [0, 3])
+def test_any_pose_anywhere_is_labelled(labeller, true_markers, ghosts):
+    generator = np.random.default_rng(ghosts)
+    for row in true_markers[::6]:
+        points, markers = points_of(row, generator, ghosts)
+        start = labeller.label(points)
+        np.testing.assert_array_equal(start.labels, markers)
+        assert 0.0 < start.distance_m < 0.15
+
+
+@pytest.mark.parametrize("hidden", [(2,), (4, 7)])
+def test_hidden_markers_are_borne(labeller, true_markers, hidden):
+    generator = np.random.default_rng(1)
+    for row in true_markers[::6]:
+        shown = row.copy()
+        shown[list(hidden)] = np.nan
+        points, markers = points_of(shown, generator)
+        np.testing.assert_array_equal(labeller.label(points).labels, markers)
+
+
+def test_what_is_no_body_is_not_labelled(labeller, true_markers):
+    generator = np.random.default_rng(2)
+    assert labeller.label(np.empty((0, 3))) is None
+    assert labeller.label(true_markers[0, :2]) is None
+    assert labeller.label(generator.uniform(-5.0, 5.0, (8, 3))) is None
+    row = true_markers[0].copy()
+    row[[0, 1]] = np.nan  # too little of the torso
+    assert labeller.label(points_of(row, generator)[0]) is None
+
+
+def test_distance_tells_wrong_labels_from_right_ones(labeller, true_markers):
+    row = true_markers[0]
+    right = labeller.distance_m(row)
+    assert labeller.distance_m(row[[1, 0, 3, 2, 5, 4, 7, 6]]) > 2.0 * right  # left for right
+    assert labeller.distance_m(row[[0, 1, 2, 3, 6, 5, 4, 7]]) > 2.0 * right  # a hand for a foot
+    hidden = row.copy()
+    hidden[5] = np.nan
+    assert labeller.distance_m(hidden) > right
+    hidden[:3] = np.nan
+    assert labeller.distance_m(hidden) > right  # nothing tells where the body is
