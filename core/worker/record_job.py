@@ -155,7 +155,7 @@ def _record_pose(request: Mapping[str, Any], channel: Channel) -> dict[str, Any]
     if request.get("rig") and "floor" not in rig.metadata:
         try:
             level = rig_on_floor(rig, floor_points(take, marker_set, t_pose))
-        except TakeError as error:
+        except (TakeError, CalibrationError) as error:
             result["advice"] = str(error)
         else:
             save_rig(level, request["floor_out"])
