@@ -6,7 +6,7 @@ measured apart. Offsets: the seen marker relative to its joint, in the joint's a
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,6 +141,28 @@ def calibrate_subject(
     lengths = np.linalg.norm(placed.skeleton.tips_m, axis=1)
     bones = {joint: float(length) for joint, length in zip(placed.skeleton.names, lengths, strict=True)}
     return SubjectCalibration(subject, bones, tuple(np.array(marker_set.names)[seen]))
+
+
+def calibrate_markers(
+    points_m: Array, marker_set: MarkerSet, known: Subject, name: str, pose: str = "t"
+) -> SubjectCalibration:
+    """Return a known person with other markers: what is needed after one has been moved, added or taken off.
+
+    The bones stay. Markers that the person wore before help, where they were, to find the pose that is held.
+
+    Args:
+        points_m, marker_set, name, pose: as for `calibrate_subject`.
+        known: the person, calibrated with any marker set.
+
+    Raises:
+        SubjectError: as for `calibrate_subject`.
+    """
+    before = {(marker.name, marker.joint): marker.offset_m for marker in known.marker_set.markers}
+    markers = tuple(
+        replace(marker, offset_m=before.get((marker.name, marker.joint), marker.offset_m))
+        for marker in marker_set.markers
+    )
+    return calibrate_subject(points_m, replace(marker_set, markers=markers), [known.skeleton], name, pose)
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,11 @@ from ..assets import SKELETONS
 from ..database.store import open_database
 from ..errors import SettingsError
 from ..formats.takes import read_take
-from ..marker_set import MarkerSet, Subject, load_marker_set, save_subject
+from ..marker_set import MarkerSet, Subject, load_marker_set, load_subject, save_subject
 from ..marker_take import MarkerTake
 from ..product_skeleton import default_skeleton
 from ..simulate.performer.bodies import load_bodies
-from ..subject_calibration import POSES, calibrate_subject, calibration_points
+from ..subject_calibration import POSES, calibrate_markers, calibrate_subject, calibration_points
 from ..subject_from_motion import frames_of, subject_from_motion
 
 _DOUBTFUL_M = 0.015  # a body that explains its markers no better is not to be trusted
@@ -31,10 +31,15 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument("take", metavar="TAKE", help="take that shows the calibration pose, held still for a second")
     parser.add_argument("--marker-set", required=True, metavar="NAME", help="shipped marker set or TOML file")
     parser.add_argument("--out", required=True, metavar="subject.toml", help="subject to write")
-    parser.add_argument("--name", metavar="NAME", help="of the person (default: the file's)")
+    parser.add_argument("--name", metavar="NAME", help="of the person (default: --skeleton-from's, or the file's)")
     parser.add_argument("--pose", choices=tuple(POSES), default="t", help="the pose that is held (default t)")
     parser.add_argument("--seconds", type=float, default=1.0, metavar="S", help="how long it is held still (default 1)")
     parser.add_argument("--frames", metavar="A:B", help="look only at these frames of the take")
+    parser.add_argument(
+        "--skeleton-from",
+        metavar="subject.toml",
+        help="keep this subject's bones and measure the markers only: after one was added, taken off or moved",
+    )
     parser.add_argument(
         "--database",
         metavar="DB",
@@ -54,12 +59,18 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
     progress(0.0, "reading")
     take = _part(read_take(args.take), args.frames)
     marker_set = load_marker_set(args.marker_set)
-    name = args.name or Path(args.out).stem
+    known = load_subject(args.skeleton_from) if args.skeleton_from else None
+    name = args.name or (known.name if known else Path(args.out).stem)
     if args.database:
+        if known:
+            raise SettingsError("--skeleton-from and --database exclude each other", advice="leave one of them out")
         subject = _from_motion(args, take, marker_set, name, progress)
     else:
         points = calibration_points(take, marker_set, args.seconds)
-        subject = calibrate_subject(points, marker_set, load_bodies(SKELETONS), name, args.pose).subject
+        if known:
+            subject = calibrate_markers(points, marker_set, known, name, args.pose).subject
+        else:
+            subject = calibrate_subject(points, marker_set, load_bodies(SKELETONS), name, args.pose).subject
     save_subject(subject, args.out)
     lengths = np.linalg.norm(subject.skeleton.tips_m, axis=1)
     doubtful = subject.residual_m > _DOUBTFUL_M

@@ -9,7 +9,7 @@ from perfanim.core.marker_set import Marker, MarkerSet, load_marker_set
 from perfanim.core.marker_take import MarkerTake
 from perfanim.core.simulate.performer.bodies import body, load_bodies
 from perfanim.core.skeleton import marker_positions
-from perfanim.core.subject_calibration import calibrate_subject, calibration_points
+from perfanim.core.subject_calibration import calibrate_markers, calibrate_subject, calibration_points
 from perfanim.core.subject_from_frames import subject_from_frames
 
 PROTOTYPES = load_bodies(SKELETONS)
@@ -224,3 +224,22 @@ def test_a_take_that_never_stands_still_has_no_calibration_pose(true_markers, su
     take = MarkerTake("walk", 30.0, subject.marker_set.names, true_markers[30:])
     with pytest.raises(SubjectError, match="never still"):
         calibration_points(take, subject.marker_set)
+
+
+@pytest.mark.parametrize(("before", "after"), [("locomotion", "boxing"), ("boxing", "locomotion"), ("boxing", "kendo")])
+def test_other_markers_need_no_other_skeleton(before, after):
+    """Markers added, taken off and exchanged: bones stay, and markers that stay are found where they were."""
+    person, generator = body(1.72, 0.4, 912), np.random.default_rng(3)
+    first, second = load_marker_set(before), load_marker_set(after)
+    known = calibrate_subject(markers_of(person, marker_set=first), first, PROTOTYPES, "Ann").subject
+    points = markers_of(person, marker_set=second, yaw=-0.4, place=(0.0, 0.95, -3.0))
+    points = points + generator.normal(scale=NOISE_M, size=points.shape)
+    subject = calibrate_markers(points, second, known, "Ann").subject
+    np.testing.assert_array_equal(subject.skeleton.offsets_m, known.skeleton.offsets_m)
+    assert subject.marker_set.names == second.names
+    old = dict(zip(known.marker_set.names, known.marker_set.offsets_m, strict=True))
+    for marker, offset in zip(subject.marker_set.names, subject.marker_set.offsets_m, strict=True):
+        if marker in old:
+            # noise of the marker, and of the four of the torso and those of the limb that place the body
+            assert np.linalg.norm(offset - old[marker]) < 5.0 * np.sqrt(3.0) * NOISE_M, marker
+    assert subject.residual_m < 0.03

@@ -1,0 +1,39 @@
+"""Marker calibration by itself: the person's bones and the database stay when the markers change."""
+
+import json
+
+import numpy as np
+from perfanim.core.calibration_pose import t_pose
+from perfanim.core.cli.main import main
+from perfanim.core.marker_set import load_marker_set, load_subject
+from perfanim.core.marker_take import MarkerTake, save_take
+from perfanim.core.skeleton import marker_positions
+
+
+def write_take(path, skeleton, marker_set, rotations, root_positions):
+    joints = marker_set.joint_indices(skeleton)
+    positions = marker_positions(skeleton, joints, marker_set.offsets_m, rotations, root_positions)
+    save_take(MarkerTake(path.stem, 30.0, marker_set.names, positions), path)
+
+
+def test_a_marker_is_added_without_another_skeleton_or_database(truth, database_file, tmp_path, capsys):
+    skeleton = truth.skeleton
+    still = np.broadcast_to(t_pose(skeleton), (40, 29, 4)), np.broadcast_to([0.0, 0.95, -3.0], (40, 3))
+    for name in ("locomotion", "boxing"):
+        write_take(tmp_path / f"{name}.take.npz", skeleton, load_marker_set(name), *still)
+    take = tmp_path / "walk.take.npz"
+    write_take(take, skeleton, load_marker_set("boxing"), truth.rotations[:8], truth.root_positions_m[:8])
+    ann, again, out = tmp_path / "ann.toml", tmp_path / "again.toml", tmp_path / "walk.bvh"
+    calibrate = ["calibrate", "subject", str(tmp_path / "boxing.take.npz"), "--marker-set", "boxing"]
+    assert main(["calibrate", "subject", str(tmp_path / "locomotion.take.npz"), "--marker-set", "locomotion",
+                 "--out", str(ann)]) == 0  # fmt: skip
+    assert main([*calibrate, "--skeleton-from", str(ann), "--out", str(again)]) == 0
+    before, after = load_subject(ann), load_subject(again)
+    assert (after.name, after.marker_set.names) == ("ann", load_marker_set("boxing").names)
+    np.testing.assert_array_equal(after.skeleton.offsets_m, before.skeleton.offsets_m)
+    capsys.readouterr()
+    assert main(["solve", str(take), "--database", str(database_file), "--subject", str(again), "--out", str(out),
+                 "--json"]) == 0  # fmt: skip
+    assert json.loads(capsys.readouterr().out)["marker_rms_mm"] < 30.0
+    assert main([*calibrate, "--skeleton-from", str(ann), "--database", str(database_file), "--out", str(again)]) == 1
+    assert "--skeleton-from and --database" in capsys.readouterr().err
