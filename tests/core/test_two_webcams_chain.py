@@ -59,7 +59,11 @@ def test_walking_performer_becomes_a_walking_character(folder, shared_dir, walks
     )  # fmt: skip
     assert tracked["all_visible_fraction"] >= 0.95
     assert tracked["reprojection_rms_px"] <= 0.6
-    assert run(capsys, "database", "build", *walks, "--fps", 30, "--out", database)["clips"] == len(walks)
+    built = run(capsys, "database", "build", *walks, "--fps", 30, "--out", database)
+    assert built["skipped"] == []
+    jumps = [row["file"] for row in built["defects"] if row["defect"] == "root jump"]
+    assert jumps == ["16_17.amc"]
+    assert built["clips"] == len(walks) + len(jumps)
     fitted = run(
         capsys, "calibrate", "subject", take_file, "--marker-set", MARKERS, "--database", database,
         "--out", subject_file,
