@@ -1,5 +1,7 @@
 """A session through changes of behaviour, losses of all markers and wrong labels, which it should survive."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from perfanim.core import rotations as rot
@@ -9,6 +11,9 @@ from perfanim.core.motion import resampled
 from perfanim.core.motion_files import read_motion
 from perfanim.core.session import Session
 from perfanim.core.simulate.performer.performance import performance
+from perfanim.core.simulate.studio.cones import visible
+from perfanim.core.simulate.studio.performance import make_performance
+from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.skeleton import marker_positions
 
 FPS = 30.0
@@ -84,3 +89,32 @@ def test_a_change_of_behaviour_leaves_nothing_behind(subject, database, record):
         errors.append(float(np.degrees(angles)[:, 1:].mean()))
     followed, alone = errors
     assert followed < 1.1 * alone
+
+
+def test_a_performer_who_turns_away_and_back_is_followed(subject, database, record):
+    """The body hides its own markers from cameras in front; back in view all are known, and the root never was lost."""
+    still = performance([("rest", 3.0)], FPS, subject.skeleton)
+    share = np.clip((np.arange(still.frames) / FPS - 3.0) / 1.2, 0.0, 1.0)  # after the arms have come down
+    share -= np.clip((np.arange(still.frames) / FPS - 4.5) / 1.2, 0.0, 1.0)
+    vectors = np.outer(np.radians(100.0) * (3.0 * share**2 - 2.0 * share**3), (0.0, 1.0, 0.0))
+    rotations = still.rotations.copy()
+    rotations[:, 0] = rot.multiply(rot.from_rotation_vector(vectors), rotations[:, 0])
+    motion = replace(still, rotations=rotations)
+    marker_set = subject.marker_set
+    joints = marker_set.joint_indices(motion.skeleton)
+    shown = make_performance(motion, marker_set.names, joints, marker_set.offsets_m)
+    rig = default_rig()
+    session, film, generator = Session(subject, database, rig), replace(record, rig=rig), np.random.default_rng(4)
+    lost, turned, right = [], [], []
+    for number, row in enumerate(shown.markers_m):
+        body = shown.cones_at(number / FPS)
+        seen = [visible(camera.centre_m, row, body, 0.006) for camera in rig.cameras]
+        hidden = tuple((marker, i) for i, each in enumerate(seen) for marker in np.flatnonzero(~each))
+        noisy = row + generator.normal(scale=NOISE_M, size=row.shape)
+        pose = session.step(film(noisy, number, hidden=hidden, cameras=True))
+        lost.append(int(np.sum(~np.all(seen, axis=0))))
+        turned.append(float(np.degrees(rot.angle_between(pose.rotations[0], motion.rotations[number, 0]))))
+        right.append(labelled_right(pose, row))
+    assert max(lost) >= 3
+    assert max(turned) < 20.0
+    assert all(right[-15:])
