@@ -152,28 +152,30 @@ def marker_positions(
     return positions[..., carriers, :] + rot.rotate(world[..., carriers, :], np.asarray(offsets_m, dtype=np.float64))
 
 
-def marker_jacobian(
-    skeleton: Skeleton, joints: IntArray, markers_m: Array, positions_m: Array, world_matrices: Array
-) -> Array:
-    """Return d marker / d (root translation, joint rotations), (M, 3, 3 + 3 J), twin of `marker_positions`.
+def marker_jacobian(skeleton: Skeleton, joints: IntArray, markers_m: Array, positions_m: Array, axes: Array) -> Array:
+    """Return d marker / d (root translation, joint coordinates), (M, 3, 3 + 3 J), twin of `marker_positions`.
 
-    The rotation of joint k is varied on its right, R_k exp(d_k), so its columns are -[m - p_k]x W_k with the joint's
-    origin p_k and world matrix W_k, and zero where k does not carry the marker.
+    A coordinate of joint k turns what it carries about axis a through the joint's origin p_k: a x (m - p_k); zero
+    where k does not carry the marker.
 
     Args:
         joints: (M,) carrying joints.
         markers_m: (M, 3) marker positions of this pose.
-        positions_m, world_matrices: (J, 3) and (J, 3, 3) of `forward_kinematics_matrices`.
+        positions_m: (J, 3) of `forward_kinematics_matrices`.
+        axes: (J, 3, 3) whose columns are the axes in the world; for rotations varied on their right, R_k exp(d_k),
+            these are the world matrices of `forward_kinematics_matrices`.
     """
-    carried = skeleton.is_ancestor[joints]
-    arms = (markers_m[:, None, :] - positions_m[None]) * carried[..., None]
-    # columns of W_k crossed with the lever arm: (W_k e_i) x arm = -[arm]x W_k e_i
-    columns = np.swapaxes(world_matrices, -1, -2)[None]
-    rotational = rot.cross(columns, arms[:, :, None, :])
-    jacobian = np.zeros((len(joints), 3, 3 + 3 * len(skeleton)))
-    jacobian[:, :, :3] = np.eye(3)
-    jacobian[:, :, 3:] = rotational.reshape(len(joints), -1, 3).swapaxes(1, 2)
-    return jacobian
+    carried, carriers = np.nonzero(skeleton.is_ancestor[joints])  # a few of all pairs
+    arms = (markers_m[carried] - positions_m[carriers])[:, :, None]
+    columns = axes[carriers]
+    turned = np.empty_like(columns)
+    turned[:, 0] = columns[:, 1] * arms[:, 2] - columns[:, 2] * arms[:, 1]
+    turned[:, 1] = columns[:, 2] * arms[:, 0] - columns[:, 0] * arms[:, 2]
+    turned[:, 2] = columns[:, 0] * arms[:, 1] - columns[:, 1] * arms[:, 0]
+    jacobian = np.zeros((len(joints), 3, 1 + len(skeleton), 3))
+    jacobian[:, :, 0] = np.eye(3)
+    jacobian[carried, :, 1 + carriers] = turned
+    return jacobian.reshape(len(joints), 3, -1)
 
 
 def joint_angles(skeleton: Skeleton, rotations: ArrayLike) -> list[Array]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from .. import rotations as rot
 from .observation import Observation, control_jacobian, control_residual
@@ -38,7 +38,9 @@ def neighbours_prior(samples: Array, weights: Array, floor: Array) -> Prior:
         floor: (D, D) covariance granted beside what the neighbours show, so that what they share can still change.
     """
     mean = weights @ samples
-    spread = (samples - mean) * np.sqrt(weights)[:, None]
+    # in the precision of the samples: half of it is enough for differences
+    spread = samples - mean.astype(samples.dtype)
+    spread *= np.sqrt(weights).astype(samples.dtype)[:, None]
     return Prior(mean, spread.T @ spread + floor)
 
 
@@ -52,12 +54,15 @@ def conditioned(prior: Prior, observed: Array, variance: float) -> Prior:
     """
     kept = len(prior.mean) - len(observed)
     seen = kept + np.flatnonzero(np.isfinite(observed))
-    innovation_covariance = prior.covariance[np.ix_(seen, seen)]
+    rows = prior.covariance[seen]
+    innovation_covariance = rows[:, seen]
     innovation_covariance[np.diag_indices_from(innovation_covariance)] += variance
-    across = prior.covariance[seen, :kept]
-    gain = _solved(innovation_covariance, across).T
-    mean = prior.mean[:kept] + gain @ (observed[seen - kept] - prior.mean[seen])
-    return Prior(mean, prior.covariance[:kept, :kept] - gain @ across)
+    right = np.column_stack((rows[:, :kept], observed[seen - kept] - prior.mean[seen]))
+    # with L L^T the innovation covariance, all that follows is products of L^-1 times these
+    root = np.linalg.cholesky(innovation_covariance)
+    halves = solve_triangular(root, right, lower=True, check_finite=False)
+    across, innovation = halves[:, :kept], halves[:, kept]
+    return Prior(prior.mean[:kept] + innovation @ across, prior.covariance[:kept, :kept] - across.T @ across)
 
 
 def continued_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
@@ -98,7 +103,7 @@ def fit_to_markers(
     start_root = root
     shift, turn = np.zeros(3), np.zeros(3)
     root_variance = np.repeat(np.square(root_sigma), 3)[:, None]
-    for step in range(1, steps + 1):
+    for taken in range(1, steps + 1):
         markers, full = subject.markers_and_jacobian(pose.reshape(-1, 3), root)
         jacobian = control_jacobian(observation, full)
         by_root, by_pose = jacobian[:, :6], jacobian[:, 6:]
@@ -114,5 +119,5 @@ def fit_to_markers(
         rotation = rot.multiply(start_root.rotation, rot.from_rotation_vector(turn))
         root = RootPose(rotation, start_root.position_m + shift)
         if np.max(np.abs(moved)) < _STRAIGHT_RAD:
-            break
-    return pose, root, step
+            return pose, root, taken
+    return pose, root, steps

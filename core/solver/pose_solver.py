@@ -18,13 +18,14 @@ from .settings import SolveSettings
 from .subject_model import RootPose, SubjectModel
 
 Array = NDArray[np.float64]
+FloatArray = NDArray[np.float32]
 IntArray = NDArray[np.int64]
 
 _ROOT_PASSES = 2  # the root needs the pose's torso markers and the pose needs the root
 _FIRST_ROOT_PASSES = 4  # at the start nothing is known about either
 _TORSO_EXAMPLES = 8  # closest examples whose mean torso the root is laid on
 _SPARE_CANDIDATES = 2  # candidates kept, per example wanted, for the second look under a better root
-_KERNEL = 0.25  # of the median distance: where an example's weight in "best" has fallen to 1/e
+_KERNEL = 0.2  # of the largest distance: where an example's weight in "best" has fallen to 1/e
 _HISTORY_SHARE = 0.3  # what a squared distance of earlier markers counts in that weight, against the present ones
 _BROAD_SAMPLES = 4096  # frames that the covariance of the whole database is taken over
 _FIT_STEPS = 4  # of Gauss-Newton at most: most starts are so close that one is enough
@@ -38,16 +39,14 @@ class Examples:
     Args:
         frames: (K,) frame indices.
         distances: (K,) Eq. 2 distances, up to what all frames share.
-        poses: (K, D) their poses.
-        markers_m: (K, M, 3) their markers with the root at rest.
-        candidates: the frames that these were chosen from.
+        poses: (K, D) float32, their poses.
+        markers_m: (K, M, 3) float32, their markers with the root at rest.
     """
 
     frames: IntArray
     distances: Array
-    poses: Array
-    markers_m: Array
-    candidates: IntArray
+    poses: FloatArray
+    markers_m: FloatArray
 
 
 @dataclass(frozen=True)
@@ -106,7 +105,13 @@ class PoseSolver:
         }
         self._method = methods[settings.method]
         if settings.method == "best":
-            self._broad = self._broad_covariance(database.frames)
+            broad = self._broad_covariance(database.frames)
+            # what neighbours leave open, and how the pose varies about the motion that goes on
+            self._floor = settings.best_broad_share * broad
+            self._floor[np.diag_indices_from(broad)] += settings.best_pose_floor_rad**2
+            size = self._poses.shape[1]
+            self._change = settings.best_change_share * broad[:size, :size]
+            self._change[np.diag_indices(size)] += settings.best_change_rad**2
         self.reset()
 
     def reset(self) -> None:
@@ -182,17 +187,19 @@ class PoseSolver:
         """Find the root and the closest examples, each from the other in turn."""
         continued = self._continued_pose
         local = self._typical_markers if continued is None else self.subject.markers(continued.reshape(-1, 3))
-        root, examples = self._root, None
-        candidates: IntArray | None = None
+        root = self._root
+        frames: IntArray | None = None
         for _ in range(_ROOT_PASSES if continued is not None else _FIRST_ROOT_PASSES):
             root = self._root_under(observation, local, root)
             if root is None:
                 return None
-            examples = self._examples(observation, root, continued, candidates)
-            local = np.mean(examples.markers_m[:_TORSO_EXAMPLES], axis=0)
             # while the motion is followed the root moves little from here on: the search need not start again
-            candidates = examples.candidates if continued is not None else None
-        return None if root is None or examples is None else (root, examples)
+            frames, distances = self._ranked(observation, root, continued, None if continued is None else frames)
+            local = np.mean(self._markers[frames[:_TORSO_EXAMPLES]], axis=0, dtype=np.float64)
+        if root is None or frames is None:
+            return None
+        frames = frames[: self._wanted]
+        return root, Examples(frames, distances[: self._wanted], self._poses[frames], self._markers[frames])
 
     def _root_under(self, observation: Observation, local: Array, previous: RootPose | None) -> RootPose | None:
         """Return z_t from the torso markers, given the pose's markers (M, 3) in the root's frame."""
@@ -202,13 +209,20 @@ class PoseSolver:
         """Return z_t under the pose (D,) that has been found."""
         return self._root_under(observation, self.subject.markers(pose.reshape(-1, 3)), root) or root
 
-    def _examples(
+    @property
+    def _wanted(self) -> int:
+        """K, or the largest of its candidates."""
+        return self.settings.best_neighbours if self.settings.method == "best" else self.settings.neighbours[-1]
+
+    def _ranked(
         self, observation: Observation, root: RootPose, continued: Array | None, candidates: IntArray | None
-    ) -> Examples:
-        """Return the closest frames by Eq. 2, with the observed markers moved to the root's rest (T of Eq. 2)."""
+    ) -> tuple[IntArray, Array]:
+        """Return frames, of the candidates or of all, by Eq. 2, closest first, and their distances.
+
+        The observed markers are compared in the root's rest (T of Eq. 2).
+        """
         settings = self.settings
         best = settings.method == "best"
-        count = settings.best_neighbours if best else settings.neighbours[-1]
         metres_per_radian = settings.best_query_pose_m_per_rad if best else settings.query_pose_m_per_rad
         query = Query(
             root.to_root_frame(observation.points_m),
@@ -217,17 +231,8 @@ class PoseSolver:
             (1.0 - settings.query_alpha) * metres_per_radian**2,
         )
         if candidates is None:
-            candidates, distances = self._search.nearest(query, count * _SPARE_CANDIDATES)
-        else:
-            candidates, distances = self._search.nearest_among(query, candidates)
-        frames = candidates[:count]
-        return Examples(
-            frames,
-            distances[:count],
-            self._poses[frames].astype(np.float64),
-            self._markers[frames].astype(np.float64),
-            candidates,
-        )
+            return self._search.nearest(query, self._wanted * _SPARE_CANDIDATES)
+        return self._search.nearest_among(query, candidates)
 
     def _nearest_distance(self, observation: Observation, root: RootPose, examples: Examples) -> float:
         seen = observation.located
@@ -238,7 +243,7 @@ class PoseSolver:
 
     def _nearest(self, observation: Observation, root: RootPose, examples: Examples) -> _Fitted:
         """Return the closest example."""
-        pose = examples.poses[0]
+        pose = examples.poses[0].astype(np.float64)
         return _Fitted(pose, self._settled_root(observation, pose, root), 1)
 
     def _locally_weighted(self, observation: Observation, root: RootPose, examples: Examples) -> _Fitted:
@@ -254,16 +259,17 @@ class PoseSolver:
         """Return the pose of least energy in the local model (Eq. 9), and the root under it, each in turn."""
         settings = self.settings
         seen = observation.located
+        poses = examples.poses.astype(np.float64)
         model = local_model.cross_validate(
-            examples.poses,
-            examples.markers_m[:, seen].reshape(len(examples.poses), -1),
+            poses,
+            examples.markers_m[:, seen].reshape(len(poses), -1).astype(np.float64),
             self._clips[examples.frames],
             settings.neighbours,
             settings.dimensions,
             settings.marker_sigma_m**2 / max(settings.control_alpha, 1e-9),
             settings.validation_examples,
         ).model
-        weights = model.weights(examples.poses[0])
+        weights = model.weights(poses[0])
         iterations = 0
         for fitting_pass in range(_SYNTHESIS_PASSES):
             if fitting_pass > 0:
@@ -292,19 +298,15 @@ class PoseSolver:
         away = history[:, known] - observed[known]
         distances = np.maximum(examples.distances, 0.0)
         distances += settings.query_alpha * _HISTORY_SHARE * np.einsum("kh,kh->k", away, away)
-        weights = np.exp(-distances / (_KERNEL * np.median(distances) + 1e-12))
+        weights = np.exp(-distances / (_KERNEL * distances.max() + 1e-12))
         weights /= weights.sum()
-        floor = settings.best_broad_share * self._broad
-        floor[np.diag_indices_from(floor)] += settings.best_pose_floor_rad**2
-        prior = conditional.neighbours_prior(np.concatenate((examples.poses, history), axis=1), weights, floor)
+        samples = np.concatenate((examples.poses, history), axis=1)
+        prior = conditional.neighbours_prior(samples, weights, self._floor)
         prior = conditional.conditioned(prior, observed, settings.best_history_sigma_m**2)
         start = prior.mean
         if self._last is not None and self._before_last is not None:
             start = expected = self._last + settings.best_momentum * (self._last - self._before_last)
-            size = len(expected)
-            change = settings.best_change_share * self._broad[:size, :size]
-            change[np.diag_indices_from(change)] += settings.best_change_rad**2
-            prior = conditional.continued_prior(prior, expected, change)
+            prior = conditional.continued_prior(prior, expected, self._change)
         pose, root, steps = conditional.fit_to_markers(
             prior,
             self.subject,

@@ -50,7 +50,7 @@ class SolveSettings:
     dimensions: tuple[int, ...] = (7, 12, 25, 35)
     validation_examples: int = 24
     lwr_neighbours: int = 16
-    best_neighbours: int = 400
+    best_neighbours: int = 300
     best_marker_sigma_m: float = 0.002
     best_query_pose_m_per_rad: float = 2.0
     best_broad_share: float = 0.02

@@ -28,11 +28,16 @@ class RootPose:
 
     def to_root_frame(self, points_m: Array) -> Array:
         """Return world points (..., 3) in the root's frame: T(z_t, z_0) of Eq. 2."""
-        return rot.rotate(rot.conjugate(self.rotation), points_m - self.position_m)
+        return np.asarray((points_m - self.position_m) @ self.matrix)
 
     def to_world(self, points_m: Array) -> Array:
         """Return points (..., 3) of the root's frame in the world."""
-        return rot.rotate(self.rotation, points_m) + self.position_m
+        return np.asarray(points_m @ self.matrix.T + self.position_m)
+
+    @cached_property
+    def matrix(self) -> Array:
+        """The rotation as a matrix (3, 3)."""
+        return rot.to_matrix(self.rotation)
 
 
 ROOT_AT_REST = RootPose(rot.identity(), np.zeros(3))
@@ -75,15 +80,14 @@ class SubjectModel:
         """
         turn, right_jacobian = _exponential_and_right_jacobian(pose)
         markers, positions, world = self._posed(turn, root)
-        jacobian = marker_jacobian(self.skeleton, self.joints, markers, positions, world)
-        by_joint = jacobian[:, :, 6:].reshape(len(self.joints), 3, -1, 3)
-        jacobian[:, :, 6:] = np.einsum("mcji,jik->mcjk", by_joint, right_jacobian).reshape(len(self.joints), 3, -1)
-        return markers, jacobian
+        axes = world.copy()
+        axes[1:] = world[1:] @ right_jacobian
+        return markers, marker_jacobian(self.skeleton, self.joints, markers, positions, axes)
 
     def _posed(self, turns: Array, root: RootPose) -> tuple[Array, Array, Array]:
         """Return markers, joint positions and world matrices of one pose given as matrices (J - 1, 3, 3)."""
         local = np.empty((len(self.skeleton), 3, 3))
-        local[0] = rot.to_matrix(root.rotation)
+        local[0] = root.matrix
         local[1:] = self._mean_matrices[1:] @ turns
         positions, world = forward_kinematics_matrices(self.skeleton, local, root.position_m)
         markers = positions[self.joints] + (world[self.joints] @ self.offsets_m[:, :, None])[:, :, 0]
