@@ -73,7 +73,7 @@ class Session:
     def step(self, frame: MarkerFrame) -> PoseFrame:
         """Return the pose of the next marker frame."""
         observation = self._label(frame)
-        solution = self._solver.step(observation)
+        solution = self._solver.step(observation, frame.time_s)
         result = self._solved(frame, observation, solution) if solution else self._unsolved(frame, observation)
         self._last = result
         if self._lost(result) or self._mislabelled(frame, result):

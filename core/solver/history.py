@@ -50,6 +50,8 @@ class MarkerHistory:
 
     def remember(self, time_s: float, points_m: Array) -> None:
         """Keep the markers (M, 3) in the world, NaN where not located, seen at a time."""
+        if self._times_s and time_s <= self._times_s[-1]:  # a recording that starts again: another moment's past
+            self.reset()
         self._times_s.append(time_s)
         self._points.append(points_m)
         forgotten = bisect_left(self._times_s, time_s - 2.0 * self._lags_s[-1])

@@ -55,5 +55,7 @@ def test_what_was_not_seen_is_unknown(history):
     assert np.isnan(now[1]).all()  # nothing goes back a quarter of a second
     np.testing.assert_array_equal(now[0], points)
     assert np.isnan(history.observed(5.0, root)).all()
+    history.remember(-5.0, points)  # a clock that is set back starts another recording
+    assert np.isnan(history.observed(0.1, root)).all()
     history.reset()
     assert np.isnan(history.observed(0.1, root)).all()
