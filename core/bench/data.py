@@ -22,21 +22,31 @@ SPLIT, SPLIT_AT = "14_02", 2 / 3  # the first two thirds of this take are in the
 
 @dataclass(frozen=True)
 class TestTake:
-    """A take, or the last part of one, that is solved.
+    """A take, or a part of one, that is solved.
 
     Args:
         title: what it is called in tables and plots.
         trial: name of its file.
-        first: share of the take that is left out at its start.
+        first, last: shares of the take at which the part begins and ends.
     """
 
     title: str
     trial: str
     first: float = 0.0
+    last: float = 1.0
 
 
 WALKING = TestTake("walking (16_16)", "16_16")
 BOXING = TestTake("boxing (14_02, last third)", SPLIT, SPLIT_AT)
+# settings are chosen on these, with their frames and those of the test takes out of the database
+DEVELOPMENT_SPLIT_AT = 1 / 3
+DEVELOPMENT = (
+    TestTake("walking (16_31)", "16_31"),
+    TestTake("walking (07_08)", "07_08"),
+    TestTake("jumping (16_06)", "16_06"),
+    TestTake("running (09_06)", "09_06"),
+    TestTake("boxing (14_02, second third)", SPLIT, DEVELOPMENT_SPLIT_AT, SPLIT_AT),
+)
 
 
 def data_folders(data: Path, names: tuple[str, ...]) -> list[Path]:
@@ -52,13 +62,13 @@ def data_folders(data: Path, names: tuple[str, ...]) -> list[Path]:
     return folders
 
 
-def read_take(data: Path, take: TestTake) -> Motion:
-    """Return a test take at the rate of the databases."""
+def read_take(data: Path, take: TestTake, fps: float = FPS) -> Motion:
+    """Return a test take, at the rate of the databases unless told otherwise."""
     with motion_files(data_folders(data, (CMU,))) as files:
         for file in files:
             if file.stem == take.trial:
-                motion = resampled(read_motion(file.path, file.skeleton), FPS)
-                return sliced(motion, int(motion.frames * take.first), motion.frames)
+                motion = resampled(read_motion(file.path, file.skeleton), fps)
+                return sliced(motion, int(motion.frames * take.first), int(motion.frames * take.last))
     raise FormatError(f"take {take.trial} is missing", where=str(data / CMU))
 
 
@@ -72,13 +82,28 @@ def whole_database(data: Path, out: Path, sets: tuple[str, ...], workers: int, p
     return open_database(path)
 
 
-def without_tests(database: Database, path: Path, chosen: Callable[[Clip], bool] = lambda clip: True) -> Database:
-    """Return a database without the test takes, of the other clips that are chosen, built if it is not there."""
+def without_tests(
+    database: Database, path: Path, chosen: Callable[[Clip], bool] = lambda clip: True, split_at: float = SPLIT_AT
+) -> Database:
+    """Return a database without the test takes, of the other clips that are chosen, built if it is not there.
+
+    Args:
+        split_at: share of the take that is split that is kept.
+    """
+    return _without(database, path, LEFT_OUT, split_at, chosen)
+
+
+def without_development(database: Database, path: Path) -> Database:
+    """Return a database without the test takes and the development takes, built if it is not there."""
+    left_out = LEFT_OUT + tuple(take.trial for take in DEVELOPMENT if take.trial != SPLIT)
+    return _without(database, path, left_out, DEVELOPMENT_SPLIT_AT, lambda clip: True)
+
+
+def _without(
+    database: Database, path: Path, left_out: tuple[str, ...], split_at: float, chosen: Callable[[Clip], bool]
+) -> Database:
     if path.exists():
         return open_database(path)
-    kept = [
-        (clip, 0, int((clip.stop - clip.start) * SPLIT_AT) if clip.name == SPLIT else clip.stop - clip.start)
-        for clip in database.clips
-        if clip.name not in LEFT_OUT and chosen(clip)
-    ]
-    return write_subset(database, path, kept)
+    frames = {clip: clip.stop - clip.start for clip in database.clips if clip.name not in left_out and chosen(clip)}
+    frames |= {clip: int(count * split_at) for clip, count in frames.items() if clip.name == SPLIT}
+    return write_subset(database, path, [(clip, 0, count) for clip, count in frames.items() if count > 0])

@@ -76,9 +76,11 @@ def figure6(data: Path, out: Path, workers: int, progress: Progress) -> dict[str
     return figures | {"outputs": [str(out / name) for name in names] + [str(path) for path in plots]}
 
 
-def solved(truth: Motion, database: Database, settings: SolveSettings) -> tuple[Motion, float]:
+def solved(
+    truth: Motion, database: Database, settings: SolveSettings, marker_set: str = MARKER_SET
+) -> tuple[Motion, float]:
     """Return what the markers of a motion are solved to, and the median time of a frame, ms."""
-    subject = Subject(truth.name, truth.skeleton, load_marker_set(MARKER_SET))
+    subject = Subject(truth.name, truth.skeleton, load_marker_set(marker_set))
     take, _ = simulate_markers(truth, subject)
     result = solve_take(take, subject, database, settings, lambda fraction, text: None)
     return result.motion, 1e3 * float(np.median(result.seconds))
