@@ -1,8 +1,7 @@
 """The models of Figure 5 on poses whose dimension is known."""
 
 import numpy as np
-import pytest
-from perfanim.core.bench.pose_models import gplvm, has_gplvm, linear, mixture
+from perfanim.core.bench.pose_models import linear, mixture
 
 DIMENSIONS = (1, 2, 4, 8)
 
@@ -38,13 +37,3 @@ def test_mixture_holds_several_planes_where_one_plane_does_not():
 def test_mixture_takes_repeated_poses():
     poses = np.repeat(np.eye(3), 300, axis=0)
     np.testing.assert_allclose(mixture(poses, poses, (2,))[0], poses, atol=1e-9)
-
-
-@pytest.mark.skipif(not has_gplvm(), reason="GPy is missing (extra gplvm)")
-def test_gplvm_holds_a_curve_in_one_dimension():
-    """A bent line, which a linear model of one dimension cannot hold."""
-    t = np.linspace(-1.0, 1.0, 60)
-    poses = np.stack((t, t**2, np.sin(2.0 * t)), axis=1)
-    left_out = np.arange(60) % 5 == 2
-    found = errors(gplvm(poses[~left_out], poses[left_out], (1,)), poses[left_out])[0]
-    assert found < 0.1 * errors(linear(poses[~left_out], poses[left_out], (1,)), poses[left_out])[0]
