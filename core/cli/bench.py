@@ -9,9 +9,11 @@ from ..bench.end_to_end import end_to_end
 from ..bench.figure5 import figure5
 from ..bench.figure6 import figure6
 from ..bench.table1 import table1
+from ..bench.vision import vision
 from ..errors import SettingsError
 
 _BENCHES = {
+    "vision": (vision, "centres, points and labels against the truth of the simulated cameras"),
     "table1": (table1, "frames that the search visits, and its error"),
     "figure5": (figure5, "error of models of pose by their dimension"),
     "end-to-end": (end_to_end, "recorded motion filmed by simulated cameras, tracked and solved, beside true markers"),
