@@ -19,9 +19,9 @@ _FRAMES = 120  # of each take: what differs between settings shows in two second
 _SIZES = tuple((k, b) for k in (100, 200, 400, 800) for b in (12, 25, 50, 70))
 # one at a time around the chosen settings; metres of marker, radians of velocity, metres that a radian counts
 _WEIGHTS: dict[str, tuple[float, ...]] = {
-    "marker_sigma_m": (0.001, 0.003, 0.01, 0.03),
+    "marker_sigma_m": (0.001, 0.002, 0.003, 0.01, 0.02, 0.03, 0.05),
     "pose_sigma_rad": (0.1, 1.0, 3.0, 10.0),
-    "query_pose_m_per_rad": (0.1, 0.6, 2.0, 4.0),
+    "query_pose_m_per_rad": (0.1, 0.6, 1.5, 2.0, 3.0),
 }
 
 
