@@ -33,6 +33,7 @@ _BESIDE = 3  # clusters that are searched beside a frame's own
 _STRETCH = 4  # frames of a pass of which the closest one is a candidate
 _STRETCHES_PER_NEIGHBOUR = 4  # at least, or every frame is a candidate
 _SAME_PASS = np.float32(1e6)  # squared radians added where a pass comes closer before or after
+_NEVER = np.float32(1e30)  # squared distance of what is no candidate; infinity is no number to a matrix product
 _BLOCK = 1 << 20  # distances held at once by each thread
 _CHUNK = 8192  # frames
 
@@ -186,7 +187,7 @@ class _Candidates:
         self._origin = near.mean(axis=0)  # squares of small numbers round little
         near -= self._origin
         squares = np.einsum("cd,cd->c", near, near)
-        squares[1:][self._frames[1:] == self._frames[:-1]] = np.inf  # a frame counts once
+        squares[1:][self._frames[1:] == self._frames[:-1]] = _NEVER  # a frame counts once
         self._near = np.column_stack((near, squares))
 
     def closest(self, rows: NDArray[np.int64]) -> IntArray:
@@ -200,13 +201,13 @@ class _Candidates:
         for step in (-1, 0, 1):
             places = np.minimum(np.searchsorted(self._frames, rows + step), len(self._frames) - 1)
             own = np.flatnonzero(self._frames[places] == rows + step)
-            distances[places[own], own] = np.inf
+            distances[places[own], own] = _NEVER
         stretches = distances.reshape(-1, self._length, len(rows))
         chosen = self._closest_stretches(stretches)
         within = stretches[chosen, :, np.arange(len(rows))[:, None]]
         best = within.min(axis=2)
         found = self._frames[chosen * self._length + within.argmin(axis=2)].astype(np.int32)
-        found[np.isinf(best)] = -1
+        found[best >= 0.5 * _NEVER] = -1
         return np.take_along_axis(found, np.argsort(best, axis=1), axis=1)
 
     def _closest_stretches(self, stretches: FloatArray) -> NDArray[np.int64]:
