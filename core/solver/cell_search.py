@@ -49,7 +49,7 @@ class CellSearch:
         probed = np.sort(cells[: max(self._probed, enough)])
         parts = [slice(self._starts[cell], self._starts[cell + 1]) for cell in probed]
         distances = np.concatenate([self._frames.distances(query, part) for part in parts])
-        self.visited = len(distances)
+        self.visited += len(distances) + len(self._cells)  # means of cells count like frames
         chosen, found = closest(distances, count)
         places = np.concatenate([np.arange(part.start, part.stop) for part in parts])
         return self._order[places[chosen]], found

@@ -17,7 +17,7 @@ def choose_search(name: str, database: Database, markers_m: FloatArray, poses: F
     Args:
         name: "exhaustive", "cells" (inverted file), "graph" (the paper's), or "auto": exhaustive, which misses
             nothing, in a database below 150,000 frames or stored without its graph; the graph in a larger one.
-        database: stored with its graph, or it is built here, which takes a minute for a million frames.
+        database: stored with its graph, or it is built here, which takes half a minute for a million frames.
         markers_m: (F, M, 3) the subject's markers of the database frames with the root at rest.
         poses: (F, D) poses of the database frames.
     """
@@ -26,8 +26,9 @@ def choose_search(name: str, database: Database, markers_m: FloatArray, poses: F
     if name == "exhaustive":
         return ExhaustiveSearch(markers_m, poses)
     graph = database.graph or _built(database, poses)
-    cells = CellSearch(markers_m, poses, np.asarray(graph.clusters))
-    return cells if name == "cells" else GraphSearch(markers_m, poses, graph.neighbours, cells)
+    if name == "cells":
+        return CellSearch(markers_m, poses, np.asarray(graph.clusters))
+    return GraphSearch(markers_m, poses, graph)
 
 
 def _built(database: Database, poses: FloatArray) -> NeighbourGraph:

@@ -1,119 +1,155 @@
-"""The paper's search (section 5.1): among the last frame's neighbours and their neighbours in the graph of Eq. 4."""
+"""The paper's search (section 5.1): among the last frame's neighbours and their neighbours in the graph of Eq. 4.
+
+The paper looks at nothing else, so a motion that comes near from elsewhere in the database is never noticed, and what
+was found last cannot be left. Here the graph is followed from the closest frames on for as long as that leads closer,
+in the manner of Malkov and Yashunin 2018, and a few landmarks (one frame of each cluster of poses) are looked at in
+every frame too, more of them where nothing in the database is really close. The first frame is searched from all
+landmarks. What a search may cost is bounded.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .search import Array, ExhaustiveSearch, FloatArray, IntArray, Query, Search, closest
+from ..database.graph import NeighbourGraph
+from .landmarks import Landmarks
+from .search import Array, ExhaustiveSearch, FloatArray, IntArray, Query, closest
 
-_LOST_M = 0.05  # RMS marker distance of the closest frame beyond which a search is started afresh
-_GUIDES = 4  # frames taken from the coarse search
-_PATIENCE = 15  # searches between two such starts: what is unlike the database stays so for a while
+_VISITED = 6.0  # frames looked at, for each one wanted, after which a search ends; at the start beside the landmarks
+_EXPANDED = 0.15  # of the frames wanted: how many of the closest are looked at with their neighbours at once
+_STEPS = 3  # from a landmark to closer and closer frames
+_BEAM, _START_BEAM = 2, 128  # frames that such a step is made from at once
+_IDLE = 3  # looks in a row that bring none into the closer half, after which the graph is followed no further
+_PROMISING = 2.0  # times the distance of the middle one found last, up to which a landmark is followed
 
 
 class GraphSearch:
-    """Looks only at the frames found last and at their neighbours.
-
-    What is found can be looked at again with its own neighbours (`rounds`), and only the closest of it with theirs
-    (`expanded`): both bound the cost where the database is dense.
+    """Looks only at the frames found last, at their neighbours, and at landmarks.
 
     Args:
         markers_m: (F, M, 3) markers of the database frames with the root at rest.
         poses: (F, D) poses of the database frames.
-        neighbours: (F, N) frames joined with each frame, -1 where there are fewer.
-        start: the search for the first frame, and after a loss; default exhaustive.
-        guide: a coarse search whose few closest frames are looked at with the last frame's, so that a motion which
-            comes near from elsewhere in the database is noticed; None for the paper's search.
-        rounds: how often what has been found is looked at with its neighbours.
-        expanded: how many of the closest frames are, in each round.
+        graph: of the database.
     """
 
-    def __init__(
-        self,
-        markers_m: FloatArray,
-        poses: FloatArray,
-        neighbours: NDArray[np.int32],
-        start: Search | None = None,
-        guide: Search | None = None,
-        rounds: int = 2,
-        expanded: int = 1 << 30,
-    ) -> None:
+    def __init__(self, markers_m: FloatArray, poses: FloatArray, graph: NeighbourGraph) -> None:
         self._frames = ExhaustiveSearch(markers_m, poses)
-        self._neighbours = np.asarray(neighbours)
-        self._start: Search = start or self._frames
-        self._guide = guide
-        self._rounds, self._expanded = rounds, expanded
-        self._seen = np.zeros(len(self._frames), dtype=np.bool_)
+        self._neighbours = np.asarray(graph.neighbours)
+        self._landmarks = Landmarks(poses, np.asarray(graph.clusters))
+        self._seen, self._followed = np.zeros((2, len(self._frames)), dtype=np.bool_)
         self.visited = 0
-        self.starts = 0
         self.reset()
 
     def reset(self) -> None:
-        """Forget the last frame: the next search starts afresh."""
+        """Forget the last frame: the next search starts at the landmarks."""
         self._last: IntArray | None = None
-        self._since_start = _PATIENCE
 
     def nearest(self, query: Query, count: int) -> tuple[IntArray, Array]:
         """Return the `count` closest frames found (ascending) and their Eq. 2 distances."""
-        if self._last is None or query.pose is None:
-            return self._started(query, count)
-        frames, distances = self._followed(query, self._last, count)
-        self._since_start += 1
-        if self._since_start > _PATIENCE and self._lost(query, frames[0]):
-            visited = self.visited
-            frames, distances = self._started(query, count)
-            self.visited += visited
-        self._last = frames
-        return frames, distances
+        visit = _Visit(self._frames, query, self._seen)
+        groups: list[IntArray] = []
+        limit = np.inf
+        if self._last is None:
+            landmarks, distances = visit.look(self._landmarks.frames)
+            self._descend(visit, landmarks, distances, _START_BEAM)
+        else:
+            _, distances = visit.look(self._last)
+            limit = _PROMISING * np.partition(distances, len(distances) // 2)[len(distances) // 2]
+            leaders = self._frames.distances(query, self._landmarks.leaders)
+            self.visited += len(leaders)
+            order = np.argsort(leaders)
+            self._enter(visit, self._landmarks.groups[order[0]], limit)
+            groups = [self._landmarks.groups[group] for group in order[1:] if leaders[group] < limit]
+        found, ascending = self._spread(visit, count, groups, limit)
+        self.visited += visit.count
+        visit.end()
+        self._last = found
+        return found, ascending
 
     def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
         """Return the candidate frames by their Eq. 2 distances, ascending, and these."""
         return self._frames.nearest_among(query, candidates)
 
-    def _started(self, query: Query, count: int) -> tuple[IntArray, Array]:
-        frames, distances = self._start.nearest(query, count)
-        self._last, self._since_start = frames, 0
-        self.starts += 1
-        self.visited = self._start.visited
-        return frames, distances
+    def _enter(self, visit: "_Visit", landmarks: IntArray, limit: float) -> None:
+        """Look at landmarks, and follow those that are near."""
+        landmarks, distances = visit.look(landmarks)
+        near = distances < limit
+        self._descend(visit, landmarks[near], distances[near], _BEAM)
 
-    def _lost(self, query: Query, frame: int) -> bool:
-        seen = np.isfinite(query.markers_m[:, 0])
-        if not np.any(seen):
-            return False
-        markers_only = Query(query.markers_m, None, 1.0 / float(seen.sum()), 0.0)
-        return bool(self._frames.distances(markers_only, np.array([frame]))[0] > _LOST_M**2)
+    def _descend(self, visit: "_Visit", frames: IntArray, distances: FloatArray, beam: int) -> None:
+        """Look at the neighbours of the closest frames, and at the neighbours of the closest of these, and so on."""
+        for _ in range(_STEPS):
+            if len(frames) == 0:
+                return
+            chosen, _ = closest(distances, beam)
+            frames, distances = visit.look(self._neighbours[frames[chosen]].ravel())
 
-    def _followed(self, query: Query, last: IntArray, count: int) -> tuple[IntArray, Array]:
-        """Return the closest among the last frames and their neighbours, round by round."""
-        found, visits = last, 0
-        if self._guide is not None:
-            found = np.unique(np.concatenate((last, self._guide.nearest(query, _GUIDES)[0])))
-            visits = self._guide.visited
-        distances = self._frames.distances(query, found)
-        self._seen[found] = True
-        visited = [found]
-        expanded = np.zeros(len(found), dtype=np.bool_)
-        for _ in range(self._rounds):
-            order, _ = closest(distances, count)
-            found, distances, expanded = found[order], distances[order], expanded[order]
-            chosen = np.flatnonzero(~expanded)[: self._expanded]
-            expanded[chosen] = True
-            added = self._unseen(self._neighbours[found[chosen]].ravel())
-            if len(added) == 0:
-                break
-            visited.append(added)
-            found = np.concatenate((found, added))
-            distances = np.concatenate((distances, self._frames.distances(query, added)))
-            expanded = np.concatenate((expanded, np.zeros(len(added), dtype=np.bool_)))
-        looked_at = np.concatenate(visited)
-        self._seen[looked_at] = False
-        self.visited = len(looked_at) + visits
-        order, ascending = closest(distances, count)
-        return found[order], ascending
+    def _spread(self, visit: "_Visit", count: int, groups: list[IntArray], limit: float) -> tuple[IntArray, Array]:
+        """Return the closest of all that is looked at, after following the graph from the closest on.
 
-    def _unseen(self, frames: NDArray[np.int32]) -> IntArray:
-        """Return those frames, each once, that have not been looked at for this query, and mark them."""
+        Args:
+            groups: landmarks that are looked at when the graph leads no closer.
+            limit: distance of landmarks that are followed.
+        """
+        followed: list[IntArray] = []
+        batch = max(1, int(_EXPANDED * count))
+        most = visit.count + _VISITED * count if self._last is None else _VISITED * count
+        remaining = iter(groups)
+        found, distances = visit.closest(count)
+        idle = 0
+        while visit.count < most:
+            chosen = found[~self._followed[found]][:batch]
+            if len(chosen) and idle < _IDLE:
+                self._followed[chosen] = True
+                followed.append(chosen)
+                visit.look(self._neighbours[chosen].ravel())
+            else:
+                group = next(remaining, None)
+                if group is None:
+                    break
+                self._enter(visit, group, limit)
+                idle = _IDLE - 1  # one look from what that has brought, if it is closer more
+            middle = distances[len(distances) // 2]
+            found, distances = visit.closest(count)
+            idle = 0 if distances[len(distances) // 2] < middle else idle + 1
+        for frames in followed:
+            self._followed[frames] = False
+        return found, distances
+
+
+class _Visit:
+    """What is looked at for one query, each frame once.
+
+    Args:
+        frames: the database.
+        query: what is searched for.
+        seen: (F,) false everywhere, and again after `end`.
+    """
+
+    def __init__(self, frames: ExhaustiveSearch, query: Query, seen: NDArray[np.bool_]) -> None:
+        self._database, self._query, self._seen = frames, query, seen
+        self._found: list[IntArray] = []
+        self._distances: list[FloatArray] = []
+
+    @property
+    def count(self) -> int:
+        """Frames looked at."""
+        return sum(map(len, self._found))
+
+    def look(self, frames: IntArray) -> tuple[IntArray, FloatArray]:
+        """Return those frames that have not been looked at, each once and no -1, and their Eq. 2 distances."""
         frames = frames[frames >= 0]
-        unseen = np.unique(frames[~self._seen[frames]])
+        unseen = np.unique(frames[~self._seen[frames]]).astype(np.int64)
+        distances = self._database.distances(self._query, unseen)
         self._seen[unseen] = True
-        return unseen.astype(np.int64)
+        self._found.append(unseen)
+        self._distances.append(distances)
+        return unseen, distances
+
+    def closest(self, count: int) -> tuple[IntArray, Array]:
+        """Return the closest of what has been looked at, ascending, and the distances."""
+        order, ascending = closest(np.concatenate(self._distances), count)
+        return np.concatenate(self._found)[order], ascending
+
+    def end(self) -> None:
+        """Leave `seen` as it was."""
+        self._seen[np.concatenate(self._found)] = False

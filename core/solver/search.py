@@ -31,7 +31,7 @@ class Search(Protocol):
     """What every search offers.
 
     Attributes:
-        visited: frames that the last `nearest` computed the distance of.
+        visited: frames that `nearest` has computed the distance of, all searches taken together.
     """
 
     visited: int
@@ -71,7 +71,7 @@ class ExhaustiveSearch:
     def nearest(self, query: Query, count: int) -> tuple[IntArray, Array]:
         """Return the `count` closest frames (ascending) and their Eq. 2 distances."""
         distances = self.distances(query)
-        self.visited = len(distances)
+        self.visited += len(distances)
         chosen, found = closest(distances, count)
         return chosen, found
 
