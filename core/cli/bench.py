@@ -8,7 +8,10 @@ from typing import Any
 from ..bench.end_to_end import end_to_end
 from ..bench.figure5 import figure5
 from ..bench.figure6 import figure6
+from ..bench.gap import gap
+from ..bench.heterogeneity import heterogeneity
 from ..bench.table1 import table1
+from ..bench.tuning import tuning
 from ..bench.vision import vision
 from ..errors import SettingsError
 
@@ -18,6 +21,9 @@ _BENCHES = {
     "figure5": (figure5, "error of models of pose by their dimension"),
     "end-to-end": (end_to_end, "recorded motion filmed by simulated cameras, tracked and solved, beside true markers"),
     "figure6": (figure6, "nearest, lwr, local-pca and best frame by frame"),
+    "gap": (gap, "what the distance to the paper's Figure 6 is made of: data, rate, markers, unit, model"),
+    "heterogeneity": (heterogeneity, "walking solved with a database of walks and with one of everything"),
+    "tuning": (tuning, "local-pca over a grid of K, B and weights, on takes that no figure reports"),
 }
 
 

@@ -58,7 +58,7 @@ class SolveSettings:
     best_history_s: tuple[float, ...] = (0.1, 0.25)
     best_history_sigma_m: float = 0.05
     best_momentum: float = 0.8
-    best_change_share: float = 0.3
+    best_change_share: float = 0.1
     best_change_rad: float = 0.03
     root_sigma_m: float = 0.03
     root_sigma_rad: float = 0.1
