@@ -133,7 +133,7 @@ class PoseSolver:
 
     @property
     def visited(self) -> int:
-        """Frames that the last search computed the distance of."""
+        """Frames that the searches so far computed the distance of."""
         return self._search.visited
 
     def predicted_markers_m(self) -> Array | None:
