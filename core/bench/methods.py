@@ -12,16 +12,16 @@ PAPER_RANGE = SolveSettings(
     dimensions=(3, 5, 7),
     marker_sigma_m=0.03,
     pose_sigma_rad=1.0,
-    query_pose_m_per_rad=0.6,
+    query_pose_m_per_rad=0.3,
     search="exhaustive",
 )
 TUNED = SolveSettings(
     method="local-pca",
     neighbours=(400,),
     dimensions=(50,),
-    marker_sigma_m=0.002,
-    pose_sigma_rad=3.0,
-    query_pose_m_per_rad=2.0,
+    marker_sigma_m=0.003,
+    pose_sigma_rad=10.0,
+    query_pose_m_per_rad=1.0,
     search="exhaustive",
 )
 

@@ -103,7 +103,6 @@ def test_the_best_pose_of_a_larger_model_is_closer(database, truth, monkeypatch)
 def test_tuning_sees_no_take_that_is_reported(data, out, monkeypatch):
     takes = tuple(take for take in DEVELOPMENT if take.trial in TRIALS)
     monkeypatch.setattr("perfanim.core.bench.tuning.DEVELOPMENT", takes)
-    monkeypatch.setattr("perfanim.core.bench.tuning._FRAMES", 5)
     monkeypatch.setattr("perfanim.core.bench.tuning._SIZES", ((30, 7),))
     monkeypatch.setattr("perfanim.core.bench.tuning._WEIGHTS", {"marker_sigma_m": (0.01,)})
     figures = tuning(data, out, 1, silent)
