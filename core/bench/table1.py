@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import rotations as rot
 from ..database.store import Clip, Database, pose_from_rotations
@@ -16,7 +17,6 @@ from ..solver.choose_search import choose_search
 from ..solver.observation import Observation
 from ..solver.pose_solver import PoseSolver
 from ..solver.search import Query
-from ..solver.settings import SolveSettings
 from ..solver.subject_model import SubjectModel
 from .data import BANDAI, BOXING, CMU, WALKING, Progress, TestTake, read_take, whole_database, without_tests
 from .figure6 import MARKER_SET
@@ -43,6 +43,7 @@ BANDAI_TAKES = (
 COMPARED = {"local-pca (paper's range)": PAPER_RANGE, "best": METHODS["best"]}
 SEARCHES = ("graph", "cells")
 _EVERY = 4  # frames from one that is compared with the exhaustive search to the next
+_SAME_DEG = 0.014  # per joint: poses that are closer count as the same
 _COLUMNS = ("frames", "mean", "min", "max", "deg_per_joint")
 
 
@@ -55,8 +56,8 @@ def table1(data: Path, out: Path, workers: int, progress: Progress) -> dict[str,
         workers: processes that read motion.
 
     Returns:
-        rows (database, search, method, frames, mean, min, max visited, error), takes (the same for each take), times
-        (search, milliseconds, share of the exhaustive search's), paper, outputs.
+        rows (database, search, method, frames, mean, min, max visited, error, share of frames with the same pose), takes
+        (the same for each take), times (search, milliseconds, share of the exhaustive search's), paper, outputs.
     """
     whole = whole_database(data, out, (CMU, BANDAI), workers, progress)
     folder = out / "databases"
@@ -106,30 +107,41 @@ def _motion(database: Database, clip: Clip) -> Motion:
 def _compared(truth: Motion, database: Database) -> list[dict[str, Any]]:
     subject = Subject(truth.name, truth.skeleton, load_marker_set(MARKER_SET))
     markers = simulate_markers(truth, subject)[0].positions_m
-    model = SubjectModel(subject, database.mean_rotations)
-    return [
-        {"search": search, "method": method, "take": truth.name}
-        | searched(model, database, markers, replace(settings, search=search))
-        for method, settings in COMPARED.items()
-        for search in SEARCHES
-    ]
+    model = _Model(subject, database.mean_rotations)
+    rows = []
+    for method, settings in COMPARED.items():
+        exhaustive = PoseSolver(model, database, replace(settings, search="exhaustive"))
+        for search in SEARCHES:
+            tested = PoseSolver(model, database, replace(settings, search=search))
+            row = {"search": search, "method": method, "take": truth.name}
+            rows.append(row | searched(tested, exhaustive, markers))
+    return rows
 
 
-def searched(
-    model: SubjectModel, database: Database, markers_m: Any, settings: SolveSettings, every: int = _EVERY
-) -> dict[str, Any]:
+class _Model(SubjectModel):
+    """Remembers the markers of a database, which every solver asks for."""
+
+    _stored: NDArray[np.float32] | None = None
+
+    def database_markers(self, database: Database, frames: Any = slice(None)) -> NDArray[np.float32]:
+        """Return them for all frames."""
+        if self._stored is None:
+            self._stored = super().database_markers(database)
+        return self._stored[frames]
+
+
+def searched(tested: PoseSolver, exhaustive: PoseSolver, markers_m: Any, every: int = _EVERY) -> dict[str, Any]:
     """Return how many frames a search visits and how far its poses are from the exhaustive search's.
 
     Both start from what the tested search has made of the motion so far, as the error of a single search is asked for,
     not what becomes of it. All that is visited for a frame counts, at the start several searches.
 
     Args:
+        tested, exhaustive: solvers of the same method, subject and database.
         markers_m: (F, M, 3) in the order of the marker set.
-        settings: `search` is the one tested.
         every: frames from one whose pose is compared to the next.
     """
-    tested = PoseSolver(model, database, settings)
-    exhaustive = PoseSolver(model, database, replace(settings, search="exhaustive"))
+    exhaustive.reset()
     visited, apart = [], []
     for number, row in enumerate(markers_m):
         observation = Observation.of_points(row)
@@ -141,7 +153,7 @@ def searched(
             continue
         theirs = exhaustive.step(observation)
         if theirs is not None:
-            local = [model.rotations(s.pose, s.root)[1:] for s in (solution, theirs)]
+            local = [tested.subject.rotations(s.pose, s.root)[1:] for s in (solution, theirs)]
             apart.append(float(np.degrees(rot.angle_between(*local)).mean()))
     return {
         "frames": len(visited),
@@ -149,6 +161,7 @@ def searched(
         "min": min(visited),
         "max": max(visited),
         "deg_per_joint": round(float(np.mean(apart)), 5),
+        "same": round(float(np.mean(np.array(apart) < _SAME_DEG)), 4),
     }
 
 
@@ -200,6 +213,7 @@ def _totals(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
                 "min": min(row["min"] for row in mine),
                 "max": max(row["max"] for row in mine),
                 "deg_per_joint": round(float(np.average([r["deg_per_joint"] for r in mine], weights=frames)), 5),
+                "same": round(float(np.average([r["same"] for r in mine], weights=frames)), 4),
             }
         )
     return totals

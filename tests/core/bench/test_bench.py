@@ -30,6 +30,7 @@ from perfanim.core.database.subset import write_subset
 from perfanim.core.errors import DatabaseError, SettingsError
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.motion import sliced
+from perfanim.core.solver.pose_solver import PoseSolver
 
 TRIALS = {
     "16_16": "walking-02-energetic",
@@ -102,8 +103,10 @@ def test_table1_counts_frames(data, tmp_path, monkeypatch):
 
 
 def test_exhaustive_search_is_no_different_from_itself(model, database, true_markers):
-    row = searched(model, database, true_markers[:10], PAPER_RANGE, every=1)
+    solvers = [PoseSolver(model, database, PAPER_RANGE) for _ in range(2)]
+    row = searched(*solvers, true_markers[:10], every=1)
     assert row["deg_per_joint"] == 0.0
+    assert row["same"] == 1.0
     assert row["min"] == database.frames
     assert row["max"] == 5 * database.frames  # the first frame is searched for until its root is known
 
