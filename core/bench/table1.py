@@ -56,8 +56,8 @@ def table1(data: Path, out: Path, workers: int, progress: Progress) -> dict[str,
         workers: processes that read motion.
 
     Returns:
-        rows (database, search, method, frames, mean, min, max visited, error, share of frames with the same pose), takes
-        (the same for each take), times (search, milliseconds, share of the exhaustive search's), paper, outputs.
+        rows (database, search, method, frames, mean, min, max visited, error, share of frames with the same pose),
+        takes (the same for each), times (search, milliseconds, share of the exhaustive search's), paper, outputs.
     """
     whole = whole_database(data, out, (CMU, BANDAI), workers, progress)
     folder = out / "databases"
