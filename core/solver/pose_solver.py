@@ -59,7 +59,7 @@ class Solution:
         markers_m: (M, 3) the subject's markers in the world.
         neighbours, dimensions: K and B of the local model; 1 and 0 for the nearest example.
         nearest_m: RMS distance of the observed markers to those of the closest example, metres; NaN when none.
-        iterations: of Levenberg-Marquardt.
+        iterations: of Levenberg-Marquardt or Gauss-Newton.
     """
 
     pose: Array

@@ -81,6 +81,9 @@ class SolveSettings:
         ):
             if not getattr(self, name) > 0.0:
                 raise SettingsError(f"{name} must be positive")
+        lags = self.best_history_s
+        if not lags or list(lags) != sorted(set(lags)) or not lags[0] > 0.0:
+            raise SettingsError("best_history_s must be ascending times above 0")
         for name in ("neighbours", "dimensions"):
             values = getattr(self, name)
             if not values or list(values) != sorted(set(values)) or values[0] < 1:

@@ -22,6 +22,9 @@ def test_the_papers_values_are_the_defaults():
         {"neighbours": ()},
         {"neighbours": (30, 20)},
         {"dimensions": (0, 5)},
+        {"best_history_s": ()},
+        {"best_history_s": (0.25, 0.1)},
+        {"best_history_s": (0.0, 0.1)},
     ],
 )
 def test_values_out_of_range_are_refused(change):
