@@ -1,9 +1,11 @@
 """The most accurate method: the nearest poses' full covariance conditioned on the markers, then fitted to them exactly.
 
-The neighbours' poses and the markers that they show have a joint Gaussian distribution, so the expected pose given the
-observed markers is a linear regression without any choice of dimension (Bishop 2006, Eq. 2.81). From there the pose
-and the root are fitted together to the markers by Gauss-Newton steps under the same prior, in the form that inverts a
-matrix of the size of the markers, not of the pose (iterated Kalman update, Bell and Cathey 1993).
+The neighbours' poses and their earlier markers have a joint Gaussian distribution, widened by a share of the whole
+database's, which allows what bodies can do and nothing else (a knee bends, it does not twist). The pose given the
+earlier markers is a linear regression without any choice of dimension (Bishop 2006, Eq. 2.81); the motion so far is a
+second observation. Then the pose and the root are fitted together to the present markers by Gauss-Newton steps under
+that prior, in the form that inverts a matrix of the size of the markers, not of the pose (iterated Kalman update, Bell
+and Cathey 1993).
 """
 
 from dataclasses import dataclass
