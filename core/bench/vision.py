@@ -67,7 +67,7 @@ def vision(data: Path, out: Path, workers: int, progress: Progress) -> dict[str,
 
     Returns:
         centroids (radius_px, rms_px of a coordinate), points (speed_m_s, rms_mm of the distance, found), labels (case,
-        right, wrong, missed, worst_return_frames), outputs.
+        right, wrong, shares, and how many frames a marker that both see waits for its label), outputs.
     """
     progress(0.0, "centres of discs")
     centroids = [centroid_row(radius) for radius in _RADII_PX]

@@ -80,7 +80,7 @@ def continued_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
 def _gram(rows: NDArray[Any]) -> NDArray[Any]:
     """Return rows.T @ rows.
 
-    By SciPy, which brings a fast BLAS of its own; NumPy's is the system's, and some of these take ten times as long.
+    By SciPy, whose wheels bring OpenBLAS; the NumPy of some Blenders is linked to the system's reference BLAS.
     """
     columns = rows.T
     return np.asarray(get_blas_funcs("gemm", (columns,))(1.0, columns, columns, trans_b=True))

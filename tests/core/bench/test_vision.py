@@ -12,8 +12,8 @@ from perfanim.core.simulate.studio.rig import default_rig
 def test_discs_are_found_to_a_small_part_of_a_pixel():
     row = centroid_row(3.0)
     assert row["found"] == 1.0
-    # 2 grey levels of noise on some 28 pixels of 200 levels would leave about 0.005 pixels to a perfect estimate
-    assert 0.002 < row["rms_px"] < 0.03
+    # at most what is asked of the product; 2 grey levels of noise leave a few thousandths to a perfect estimate
+    assert 0.002 < row["rms_px"] <= 0.012
 
 
 def test_a_calibration_in_another_world_is_brought_into_the_true_one():
