@@ -62,19 +62,21 @@ class Capture:
         """Whether all is solved and nothing follows."""
         return self.run is not None and self.run.phase is Phase.DONE
 
-    def tick(self, context: bpy.types.Context) -> None:
-        """Take what the worker has sent and pose the armature; never waits.
+    def tick(self, context: bpy.types.Context) -> bool:
+        """Take what the worker has sent and pose the armature, whether there is a new pose; never waits.
 
         Raises:
             PerfanimError: the preparation failed, a file is bad, or the armature is gone.
         """
         if self.run is None:
             self._prepare(context)
-            return
+            return False
         pose = self.run.tick()
-        if pose is not None:
-            self._bind(context).apply(pose.rotations, pose.root_position_m)
-            self.run.shown()
+        if pose is None:
+            return False
+        self._bind(context).apply(pose.rotations, pose.root_position_m)
+        self.run.shown()
+        return True
 
     def _prepare(self, context: bpy.types.Context) -> None:
         if self.job is not None:

@@ -26,7 +26,7 @@ from .protocol import Message, MessageKind, SolvedPose
 
 STOP_LIMIT_S = 5.0
 _IDLE_S = 0.02
-_FULL_S = 0.002
+_FULL_S = 0.25
 _RECORDED_NICENESS = 14
 _SIMULATED_NICENESS = 10
 _FRAMES_AHEAD = 2  # of the solver, for sources that can wait
@@ -83,17 +83,22 @@ class _Relay:
         self._session = session
         self._channel = channel
         self._pending: deque[Message] = deque()
+        self._solved: SolvedPose | None = None  # ahead of time: Blender has it as soon as it has taken the last
         self._stop_asked_s = 0.0
         self._error: PerfanimError | None = None
 
     def run(self) -> None:
         """Go on until the cameras' process has ended and all its frames are solved; raises what ended it early."""
-        while self._pending or not (self._client.ended or self._error):
+        while self._solved or self._pending or not (self._client.ended or self._error):
             self._collect()
-            if self._pending and not self._is_far_ahead():
-                self._solve(self._pending.popleft())
+            if self._solved is not None and not self._is_far_ahead():
+                self._hand_over(self._solved)
+            elif self._solved is not None and self._poses_ahead is not None:
+                self._channel.wait_taken(self._poses_ahead - 1, _FULL_S)
+            elif self._pending:
+                self._solved = self._solve(self._pending.popleft())
             else:
-                self._client.wait(_FULL_S if self._pending else _IDLE_S)
+                self._client.wait(_IDLE_S)
         if self._error is not None:
             raise self._error
 
@@ -135,9 +140,13 @@ class _Relay:
         elif message.kind is MessageKind.ERROR:
             raise message.error()
 
-    def _solve(self, message: Message) -> None:
+    def _solve(self, message: Message) -> SolvedPose:
         stamp_s, frame = message.frame()
         started_s = time.perf_counter()
         pose = self._session.step(frame)
-        self._channel.send_pose(SolvedPose(pose, stamp_s, time.perf_counter() - started_s, len(self._pending)))
+        return SolvedPose(pose, stamp_s, time.perf_counter() - started_s, len(self._pending))
+
+    def _hand_over(self, solved: SolvedPose) -> None:
+        self._solved = None
+        self._channel.send_pose(solved)
         self._client.confirm_taken(self._channel.frames)

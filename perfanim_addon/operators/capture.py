@@ -62,8 +62,8 @@ class PERFANIM_OT_start_capture(bpy.types.Operator):
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         try:
-            self._capture.tick(context)
-            self._show(context)
+            posed = self._capture.tick(context)
+            self._show(context, posed)
         except PerfanimError as error:
             return self._finish(context, error)
         except Exception as error:
@@ -75,10 +75,13 @@ class PERFANIM_OT_start_capture(bpy.types.Operator):
             return self._finish(context, self._capture.run.error)
         return {"PASS_THROUGH"}
 
-    def _show(self, context: bpy.types.Context) -> None:
-        """Redraw the figures now and then; the viewport is redrawn by the moving bones themselves."""
+    def _show(self, context: bpy.types.Context, posed: bool) -> None:
+        """Redraw the figures now and then; the viewport is redrawn by the moving bones themselves.
+
+        Together with a new pose where one comes: Blender draws the viewport again for the sidebar that lies over it.
+        """
         now = time.perf_counter()
-        if now - self._shown_at > SIDEBAR_S:
+        if now - self._shown_at > (SIDEBAR_S if posed else 2.0 * SIDEBAR_S):
             self._shown_at = now
             running.redraw_sidebars()
             text = f"Perfanim: {self._capture.line}.  Esc or Stop Capture: end and keep"

@@ -65,8 +65,8 @@ def test_start_and_stop_with_the_mouse(desktop: Desktop, window: BlenderWindow) 
 def test_the_bones_change_as_often_as_a_bare_timer_changes_them(desktop: Desktop, window: BlenderWindow) -> None:
     """Compare rates in one window, scene and run, three times; the middle one counts, as both vary with the machine.
 
-    A benchmark, as rates depend on the machine: `make window-bench`. On two cores without a graphics card it was missed
-    with 0.88, where simulated cameras, vision and solver share the cores with the software drawing.
+    A benchmark, as rates depend on the machine: `make window-bench`. Without a graphics card the simulated cameras,
+    vision and solver share the cores with the software drawing.
     """
     started(desktop, window, "rate")
     rounds: list[dict[str, Any]] = []
