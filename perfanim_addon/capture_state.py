@@ -12,7 +12,7 @@ from ..core.pose_frame import PoseFrame
 from ..core.worker.protocol import Message, MessageKind
 
 STOP_LIMIT_S = 8.0
-FREEZE_NOTICE_S = 1.0
+FREEZE_NOTICE_S = 0.2
 _RATE_WINDOW_S = 1.0
 
 
@@ -91,7 +91,7 @@ class CaptureRun:
         """What is wrong at the moment, in plain words; "" when all is well."""
         silent_s = self._clock() - self._last_arrival
         if self.phase is Phase.RUNNING and silent_s > FREEZE_NOTICE_S:
-            return f"no images for {silent_s:.0f} s"
+            return f"no images for {silent_s:.1f} s"
         if self.poses and self.poses[-1].notes:
             return "; ".join(self.poses[-1].notes)
         return self.warnings[-1] if self.warnings else ""

@@ -1,6 +1,8 @@
 """Images of all cameras at one moment."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +21,14 @@ class ImageSet:
         times_s: when each image was taken, seconds.
         images: per camera (height, width, 3) uint8 BGR.
         notes: what went wrong, in plain words.
+        usable: per camera whether its image shows this moment; empty: all do. An image that does not is black.
     """
 
     number: int
     times_s: tuple[float, ...]
     images: tuple[Image, ...]
     notes: tuple[str, ...] = ()
+    usable: tuple[bool, ...] = ()
 
     def __post_init__(self) -> None:
         if len(self.times_s) != len(self.images) or not self.images:
@@ -37,6 +41,16 @@ class ImageSet:
                     f"an image has {image.dtype} values of shape {image.shape}, not 8-bit colour",
                     where=f"frame {self.number}",
                 )
+
+
+def usable_images(images: Any) -> tuple[bool, ...]:
+    """Return per camera whether its image shows the moment of an image set."""
+    return tuple(getattr(images, "usable", ())) or (True,) * len(images.images)
+
+
+def camera_title(index: int, names: Sequence[str]) -> str:
+    """Return what a camera is called in messages: left and right where there are two."""
+    return f"the {('left', 'right')[index]} camera" if len(names) == 2 else f"camera {names[index]}"
 
 
 def next_number(number: int, passed_s: float, period_s: float) -> int:

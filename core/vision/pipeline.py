@@ -9,14 +9,18 @@ from numpy.typing import NDArray
 from ..camera import CameraRig
 from ..errors import CaptureError
 from ..marker_frame import MarkerFrame
+from ..sources.image_set import usable_images
 from ..sources.spec import ImageSetLike
 from .background import Background, background_behind, learn_backgrounds
 from .coherence import PointPredictor
 from .detect import DetectionSettings, Detector
 from .stereo import Matches, StereoMatcher, StereoSettings
+from .swapped import SwapWatch
 
 Image = NDArray[np.uint8]
 Array = NDArray[np.float64]
+
+_NO_BLOBS = np.empty((0, 5), dtype=np.float32)
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,7 @@ class MarkerPipeline:
         self._detection = given * len(rig) if len(given) == 1 else given
         self._matcher = StereoMatcher(rig, self.settings.stereo)
         self._predictor = PointPredictor()
+        self._swapped = SwapWatch(rig, self.settings.stereo)
         self.last_errors_px = np.empty((0, len(rig)))
         self.set_backgrounds([None] * len(rig))
 
@@ -64,15 +69,18 @@ class MarkerPipeline:
         self.set_backgrounds([background_behind(column) for column in zip(*moments, strict=True)])
 
     def process(self, images: ImageSetLike) -> MarkerFrame:
-        """Return the markers of one image set.
+        """Return the markers of one image set; a camera whose image is not usable sees none.
 
         Raises:
             CaptureError: another number of images than cameras, or images of another size than the calibration's.
         """
         self._check_count(len(images.images))
         self._check_sizes(images.images)
-        blobs = tuple(detector.detect(image) for detector, image in zip(self.detectors, images.images, strict=True))
-        time_s = float(np.mean(images.times_s))
+        usable = usable_images(images)
+        rows = zip(self.detectors, images.images, usable, strict=True)
+        blobs = tuple(detector.detect(image) if use else _NO_BLOBS for detector, image, use in rows)
+        times = [time_s for time_s, use in zip(images.times_s, usable, strict=True) if use]
+        time_s = float(np.mean(times or images.times_s))
         normalised = self._matcher.undistort(blobs)
         expected = self._predictor.predict(time_s)
         matches = self._matcher.match(blobs, normalised, expected)
@@ -88,6 +96,7 @@ class MarkerPipeline:
         normalised: Sequence[Array],
         matches: Matches,
     ) -> MarkerFrame:
+        swapped = self._swapped.note(blobs, matches)
         single_cameras, single_blobs, single_points = [], [], []
         for camera, coordinates in enumerate(normalised):
             free = np.setdiff1d(np.arange(len(coordinates)), matches.blobs[:, camera])
@@ -104,7 +113,7 @@ class MarkerPipeline:
             single_cameras=np.concatenate(single_cameras),
             single_blobs=np.concatenate(single_blobs),
             single_points=np.concatenate(single_points),
-            notes=tuple(getattr(images, "notes", ())),
+            notes=(*getattr(images, "notes", ()), *([swapped] if swapped else [])),
         )
 
     def _check_count(self, count: int) -> None:

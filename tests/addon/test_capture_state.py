@@ -151,7 +151,7 @@ def test_dropped_frames_and_silence_are_told() -> None:
     assert run.notice == ""
     clock.now += 3.0
     run.tick()
-    assert run.notice == "no images for 3 s"
+    assert run.notice == "no images for 3.0 s"
 
 
 def test_what_the_worker_does_is_told_until_poses_come() -> None:

@@ -59,9 +59,11 @@ def test_a_frame_that_is_late_is_not_a_frame_that_is_lost() -> None:
 
 def test_cameras_number_their_frames_by_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     played = PlayedCapture(TIMES_S)
-    monkeypatch.setattr(cameras, "_open", lambda *_: played)
+    monkeypatch.setattr(cameras, "_open", lambda *_: (played, PICTURE))
     monkeypatch.setattr(cameras, "time", played)
-    numbers = [image_set.number for _, image_set in zip(KEPT, CameraSource([0]), strict=False)]
+    source = CameraSource([0])
+    numbers = [image_set.number for _, image_set in zip(KEPT, source, strict=False)]
+    source.close()
     assert numbers == KEPT
 
 
