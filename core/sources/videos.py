@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import CaptureError
 from .image_set import Image, ImageSet, next_number
+from .watch import is_repeated
 
 _STREAM_PREFIXES = ("http://", "https://", "rtsp://", "rtmp://", "udp://", "tcp://")
 
@@ -22,7 +23,8 @@ def is_stream(address: str) -> bool:
 class VideoSource:
     """Image sets from one video per camera, frame by frame; files can be iterated any number of times.
 
-    Frames are numbered by the time stamps of the first video, so that a number left out is a frame that was lost.
+    Frames are numbered by each video's time stamps, so that a number left out is a frame that was lost. A frame that
+    one video lacks, or shows twice while another goes on, is not usable there; `warnings` counts them afterwards.
 
     Args:
         paths: video files or stream addresses, one per camera.
@@ -64,33 +66,56 @@ class VideoSource:
             captures = [_open(path) for path in self._paths]
             for capture in captures:
                 stack.callback(capture.release)
-            number, last_s = -1, 0.0
-            while not self._closed:
-                images = self._read(captures, number + 1)
-                if images is None:
-                    return
-                stamp_s = float(captures[0].get(cv2.CAP_PROP_POS_MSEC)) / 1000.0
-                number = next_number(number, stamp_s - last_s, 1.0 / self.fps) if number >= 0 else 0
-                last_s = stamp_s
-                yield ImageSet(number, (number / self.fps,) * len(images), images)
+            readers = [_Reader(capture, self.fps) for capture in captures]
+            self._advance(readers, readers)
+            while not self._closed and readers[0].image is not None:
+                number = min(reader.number for reader in readers)
+                current = [reader for reader in readers if reader.number == number]
+                repeated = [reader.is_repeated for reader in readers]
+                usable = tuple(
+                    # when nothing changed in any video, nothing moved
+                    reader in current and (not reader.is_repeated or all(repeated))
+                    for reader in readers
+                )
+                for reader, use in zip(readers, usable, strict=True):
+                    reader.lost += reader not in current
+                    reader.doubled += reader in current and not use
+                images = tuple(
+                    reader.image if use else np.zeros_like(reader.image)
+                    for reader, use in zip(readers, usable, strict=True)
+                )
+                yield ImageSet(number, (number / self.fps,) * len(images), images, usable=usable)
+                self.warnings = self._warnings(readers)
+                self._advance(readers, current)
 
-    def _read(self, captures: Sequence[Any], number: int) -> tuple[Image, ...] | None:
-        results = [capture.read() for capture in captures]
-        read = [bool(ok) for ok, _ in results]
-        if all(read):
-            return tuple(_bgr(image) for _, image in results)
-        if any(read):
-            ended = self._paths[read.index(False)]
+    def _advance(self, readers: Sequence["_Reader"], current: Sequence["_Reader"]) -> None:
+        """Read on in the videos whose frame has been used; at the end no reader has an image."""
+        before = max(reader.number for reader in readers)
+        for reader in current:
+            reader.read()
+        ended = [path for path, reader in zip(self._paths, readers, strict=True) if reader.image is None]
+        if ended and len(ended) < len(readers):
             raise CaptureError(
-                f"ends after {number} frames, before the other video", where=ended, advice="cut both to one length"
+                f"ends after {before + 1} frames, before the other video",
+                where=ended[0],
+                advice="cut both to one length",
             )
-        if number < self.frames - 1:  # some containers announce one frame more than they hold
+        if ended and before + 1 < self.frames - 1:  # some containers announce one frame more than they hold
             raise CaptureError(
-                f"cannot be read after frame {number} of {self.frames}",
+                f"cannot be read after frame {before + 1} of {self.frames}",
                 where=self._paths[0],
                 advice="the file is damaged: export it again",
             )
-        return None
+
+    def _warnings(self, readers: Sequence["_Reader"]) -> tuple[str, ...]:
+        """Return what is wrong with the frames that have been read."""
+        found = []
+        for path, reader in zip(self._paths, readers, strict=True):
+            if reader.doubled:
+                found.append(f"{Path(path).name} shows {reader.doubled} frame(s) twice; the second were left out")
+            if reader.lost:
+                found.append(f"{Path(path).name} lacks {reader.lost} frame(s) that another video has")
+        return tuple(found)
 
     def samples(self, count: int) -> Iterator[tuple[Image, ...]]:
         """Yield the images of up to `count` moments spread over the files (nothing for streams)."""
@@ -111,6 +136,33 @@ class VideoSource:
     def close(self) -> None:
         """Let the iteration end."""
         self._closed = True
+
+
+class _Reader:
+    """Reads one video; frames are numbered by its own time stamps."""
+
+    def __init__(self, capture: Any, fps: float) -> None:
+        self.number = -1
+        self.image: Any = None
+        self.is_repeated = False
+        self.lost = 0
+        self.doubled = 0
+        self._capture = capture
+        self._period_s = 1.0 / fps
+        self._stamp_s = 0.0
+
+    def read(self) -> None:
+        """Read the next frame; `image` is None at the end."""
+        ok, image = self._capture.read()
+        if not ok:
+            self.image = None
+            return
+        image = _bgr(image)
+        self.is_repeated = self.image is not None and is_repeated(self.image, image)
+        stamp_s = float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000.0
+        passed_s = stamp_s - self._stamp_s
+        self.number = next_number(self.number, passed_s, self._period_s) if self.number >= 0 else 0
+        self.image, self._stamp_s = image, stamp_s
 
 
 def _open(path: str) -> Any:

@@ -72,3 +72,44 @@ def test_videos_number_their_frames_by_their_time_stamps(monkeypatch: pytest.Mon
     sets = list(VideoSource([Path("left.mkv"), Path("right.mkv")]))
     assert [image_set.number for image_set in sets] == KEPT
     np.testing.assert_allclose([image_set.times_s[0] for image_set in sets], np.array(KEPT) / 60)
+
+
+class PlayedVideo(PlayedCapture):
+    """A video with pictures: of each moment another, but doubled ones."""
+
+    def __init__(self, numbers: list[int], doubled: tuple[int, ...] = ()) -> None:
+        super().__init__([number / 60 for number in numbers])
+        self.shown = [number - (number in doubled) for number in numbers]
+
+    def read(self) -> tuple[bool, Any]:
+        return (True, np.full((48, 64, 3), self.shown[self.taken - 1], np.uint8)) if self.grab() else (False, None)
+
+    def get(self, key: int) -> float:
+        return 20 if key == cv2.CAP_PROP_FRAME_COUNT else super().get(key)  # estimated from the duration, as in .mkv
+
+
+def test_a_frame_that_one_video_lost_or_shows_twice_is_left_out_there_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    left = [n for n in range(20) if n != 9]
+    right = [n for n in range(20) if n not in (4, 5, 9)]
+    monkeypatch.setattr(
+        videos, "_open", lambda path: PlayedVideo(left) if "left" in path else PlayedVideo(right, doubled=(12,))
+    )
+    source = VideoSource([Path("left.mkv"), Path("right.mkv")])
+    sets = list(source)
+    assert [s.number for s in sets] == left
+    for image_set in sets:
+        whole = image_set.number not in (4, 5, 12)
+        assert image_set.usable == (True, whole)
+        shown = [int(image[0, 0, 0]) for image in image_set.images]
+        assert shown == [image_set.number, image_set.number if whole else 0]
+    assert source.warnings == (
+        "right.mkv shows 1 frame(s) twice; the second were left out",
+        "right.mkv lacks 2 frame(s) that another video has",
+    )
+
+
+def test_still_videos_are_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(videos, "_open", lambda _: PlayedVideo(list(range(20)), doubled=(7, 8)))
+    source = VideoSource([Path("left.mkv"), Path("right.mkv")])
+    assert all(all(image_set.usable) for image_set in source)
+    assert source.warnings == ()
