@@ -68,6 +68,13 @@ class LabelledBlobs:
         alone = np.any(shown, axis=1) & ~np.isfinite(self.points_m[:, 0])
         return np.where(alone, np.argmax(shown, axis=1), -1)
 
+    def unnamed(self, frame: MarkerFrame) -> Array:
+        """Return the points (N, 3) of the frame that no blob of a located marker belongs to."""
+        located = np.isfinite(self.points_m[:, 0])
+        taken = self.blobs[located]
+        shares = (frame.point_blobs[:, None] == taken[None]) & (taken[None] >= 0)
+        return frame.points_m[~np.any(shares, axis=(1, 2))]
+
 
 class Labeller:
     """Labels the points of successive frames of one capture.
@@ -110,6 +117,16 @@ class Labeller:
     def begin(self, points_m: Array, labels: IntArray) -> None:
         """Take over labels (N,) of points (N, 3), -1 for none, that were found without a past."""
         self._remember(points_m, labels, 0.0)
+
+    def correct(self, markers_m: Array) -> None:
+        """Take over where the markers (M, 3) of the last frame really are, NaN for those that nothing shows."""
+        seen = self._seen
+        located = np.isfinite(markers_m[:, 0])
+        moved = located & np.any(seen.positions_m != markers_m, axis=1)
+        seen.velocities_m_s[moved] = 0.0  # not the marker's, but those of what was taken for it
+        seen.positions_m[located] = markers_m[located]
+        seen.lost_s[located] = 0.0
+        seen.lost_s[~located & (seen.lost_s == 0.0)] = _MEMORY_S
 
     def label(self, points_m: Array, covariances_m2: Array, predicted_m: Array, elapsed_s: float) -> IntArray:
         """Return labels (N,) by one assignment of points to the predicted markers.

@@ -13,6 +13,7 @@ from .labelling import Labeller
 from .marker_frame import MarkerFrame
 from .marker_set import Subject
 from .pose_frame import PoseFrame
+from .second_look import SecondLook
 from .skeleton import marker_positions
 from .solver.observation import Observation
 from .solver.pose_solver import PoseSolver, Solution
@@ -65,6 +66,7 @@ class Session:
         """Let the next frame be labelled and solved as if it were the first."""
         self._solver.reset()
         self._labeller = Labeller(self.subject.marker_set.names, self._model.torso)
+        self._second_look = SecondLook(self._start, self._model.torso)
         self._trusted_s: float | None = None
         self._located_s: float | None = None
         self._checked_s: float | None = None
@@ -73,6 +75,8 @@ class Session:
     def step(self, frame: MarkerFrame) -> PoseFrame:
         """Return the pose of the next marker frame."""
         observation = self._label(frame)
+        if self._second_look.changed:
+            self._solver.reset()
         solution = self._solver.step(observation, frame.time_s)
         result = self._solved(frame, observation, solution) if solution else self._unsolved(frame, observation)
         self._last = result
@@ -108,12 +112,23 @@ class Session:
         elapsed = frame.time_s - self._last.time_s if self._last else 0.0
         if not self._cameras or len(frame.blobs) != len(self._cameras):
             labels = self._labeller.label(frame.points_m, frame.covariances_m2, predicted, elapsed)
-            return Observation.of_points(_by_marker(frame.points_m, labels, count))
+            return self._reconsidered(
+                frame, Observation.of_points(_by_marker(frame.points_m, labels, count)), frame.points_m[labels < 0]
+            )
         found = self._labeller.label_blobs(frame, self._cameras, predicted, elapsed)
         single = found.single_cameras
         image_points = found.normalised[np.arange(count), single]
         image_points[single < 0] = np.nan
-        return Observation(found.points_m, single, image_points, self._cameras)
+        observation = Observation(found.points_m, single, image_points, self._cameras)
+        return self._reconsidered(frame, observation, found.unnamed(frame))
+
+    def _reconsidered(self, frame: MarkerFrame, observation: Observation, unnamed_m: Array) -> Observation:
+        """Return what was seen under better labels, where a second look finds them."""
+        better = self._second_look.better_labels(frame.time_s, observation.points_m, unnamed_m)
+        if better is None:
+            return observation
+        self._labeller.correct(better)
+        return Observation.of_points(better)
 
     def _known(self, frame: MarkerFrame) -> Observation:
         """Return what was seen where the source knows the labels."""

@@ -90,6 +90,18 @@ class StartLabeller:
         enough = np.sum(best.labels >= 0) >= _FEWEST_FOUND * self._examples.shape[1]
         return best if enough else None
 
+    def complete(self, points_m: Array, labels: IntArray) -> Start | None:
+        """Return the labels of points (N, 3) of which the torso's (N,) are known; None when too few of these are."""
+        torso = np.full(len(self._torso), -1)
+        for index, marker in enumerate(self._torso):
+            torso[index] = np.flatnonzero(labels == marker)[0] if np.any(labels == marker) else -1
+        if np.sum(torso >= 0) < _FEWEST_TORSO:
+            return None
+        turns, shifts, _ = _placed(self._mean_torso, points_m, torso[None])
+        closest = self._closest_examples(points_m, turns[0], shifts[0], torso)
+        found = [self._labelled(points_m, torso, example) for _, example in closest]
+        return min(found, key=lambda start: start.distance_m)
+
     def distance_m(self, markers_m: Array) -> float:
         """Return the RMS distance of markers (M, 3), NaN where unseen, to the closest example, as `Start` has it."""
         seen = np.all(np.isfinite(markers_m), axis=1)

@@ -118,3 +118,26 @@ def test_a_performer_who_turns_away_and_back_is_followed(subject, database, reco
     assert max(lost) >= 3
     assert max(turned) < 20.0
     assert all(right[-15:])
+
+
+@pytest.mark.parametrize("blobs", [True, False])
+def test_a_hand_that_returns_far_from_where_it_is_thought_to_be_is_known_within_three_frames(
+    subject, database, record, blobs
+):
+    """Both hands hidden while the arms are raised from the sides of the body into the T pose."""
+    motion = performance([("rest", 3.0)], FPS, subject.skeleton)
+    rows = markers_of(subject, motion)[::-1]
+    hands = [index for index, name in enumerate(subject.marker_set.names) if name.endswith("HAN")]
+    raised = rows[:, hands, 1].mean(axis=1)
+    hidden = np.flatnonzero(raised > raised.min() + 0.02)
+    back = int(np.flatnonzero(raised > raised.max() - 0.02)[0])
+    session, generator = Session(subject, database, record.rig if blobs else None), np.random.default_rng(3)
+    for number, row in enumerate(rows[: back + 3]):
+        noisy = row + generator.normal(scale=NOISE_M, size=row.shape)
+        if hidden[0] <= number < back:
+            noisy[hands] = np.nan
+        if number == back:
+            assert np.linalg.norm(pose.markers_m[hands] - row[hands], axis=1).min() > 0.4
+        pose = session.step(record(noisy, number, cameras=blobs))
+    assert labelled_right(pose, row)
+    assert np.linalg.norm(pose.markers_m[hands] - row[hands], axis=1).max() < TOLERANCE_M

@@ -19,6 +19,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 OBSERVER = Path(__file__).with_name("observer.py")
 PATIENCE_S = 180.0
+DRAWING_S = 30.0  # in which a busy machine has drawn the sidebar again
 
 
 class Desktop:
@@ -159,15 +160,23 @@ class BlenderWindow:
         """Return the centre of the tallest button in the sidebar, Start or Stop Capture, on a picture taken for it."""
         view = self.state()["regions"]["WINDOW"]
         self._desktop.move(*self.from_top(view, view[2] * 0.2, view[3] * 0.8))  # a button under the pointer is lighter
-        time.sleep(1.0)
-        picture = self._desktop.screenshot(picture_name)
-        state = self.state()
-        region = state["regions"]["UI"]
-        left, top = self.from_top(region, 0, 0)
-        image = cv2.imread(str(picture))
-        assert image is not None, picture
-        pixels = image[int(top) : int(top) + region[3], int(left) : int(left) + region[2] - 25, ::-1]
-        return tuple(a + b for a, b in zip(tallest_area(pixels, state["button_colour"]), (left, top), strict=True))
+        deadline = time.monotonic() + DRAWING_S
+        while True:
+            time.sleep(1.0)
+            picture = self._desktop.screenshot(picture_name)
+            state = self.state()
+            region = state["regions"]["UI"]
+            left, top = self.from_top(region, 0, 0)
+            image = cv2.imread(str(picture))
+            assert image is not None, picture
+            pixels = image[int(top) : int(top) + region[3], int(left) : int(left) + region[2] - 25, ::-1]
+            try:
+                x, y = tallest_area(pixels, state["button_colour"])
+            except AssertionError:  # a busy machine has yet to draw the button without the pointer over it
+                if time.monotonic() > deadline:
+                    raise
+            else:
+                return x + left, y + top
 
     def close(self) -> None:
         """End Blender."""
