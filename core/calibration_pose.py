@@ -1,5 +1,7 @@
 """The poses that a performer takes for calibration and before a capture."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -7,6 +9,8 @@ from . import rotations as rot
 from .skeleton import Skeleton
 
 Array = NDArray[np.float64]
+
+_HIP_FLEXION_RAD, _KNEE_FLEXION_RAD = np.radians(30.0), np.radians(60.0)
 
 
 def t_pose(skeleton: Skeleton) -> Array:
@@ -31,6 +35,34 @@ def standing(skeleton: Skeleton) -> Array:
     return result
 
 
+def motorcycle(skeleton: Skeleton) -> Array:
+    """Return local rotations (J, 4) of a person as on a motorcycle: knees bent, arms stretched forward, palms down.
+
+    The feet stay flat below the hips and the trunk upright. The arms are straight because a stretched limb is the
+    only one whose joint angle a performer takes exactly: how far a bent elbow's hand is away tells little of the arm.
+    """
+    result = t_pose(skeleton)
+    for side, outward in (("l", 1.0), ("r", -1.0)):
+        femur, tibia, foot = (skeleton.index(side + name) for name in ("femur", "tibia", "foot"))
+        upright = result[femur].copy()
+        thigh = rot.multiply(_about_left(-_HIP_FLEXION_RAD), upright)
+        shank = rot.multiply(_about_left(_KNEE_FLEXION_RAD - _HIP_FLEXION_RAD), upright)
+        result[femur] = thigh
+        result[tibia] = rot.multiply(rot.conjugate(thigh), shank)
+        result[foot] = rot.multiply(rot.conjugate(shank), upright)
+        forward = rot.from_rotation_vector(np.array([0.0, -outward * np.pi / 2.0, 0.0]))
+        result[skeleton.index(f"{side}humerus")] = forward
+    return result
+
+
+# in the order in which a performer takes them best
+POSES: dict[str, Callable[[Skeleton], Array]] = {"t": t_pose, "standing": standing, "motorcycle": motorcycle}
+
+
 def _upright(bone_m: Array) -> Array:
     """Return the turn in the frontal plane that lets a bone hang straight down as seen from the front."""
     return rot.between([bone_m[0], bone_m[1], 0.0], [0.0, -1.0, 0.0])
+
+
+def _about_left(angle_rad: float) -> Array:
+    return rot.from_rotation_vector(np.array([angle_rad, 0.0, 0.0]))

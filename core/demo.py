@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .assets import MOTION, SKELETONS
+from .calibration_pose import POSES
 from .camera import CameraRig, save_rig
 from .database.build import build_database
 from .database.store import Database, open_database
@@ -41,10 +42,11 @@ from .simulate.performer.bodies import load_bodies
 from .simulate.studio.render import Renderer
 from .simulate.studio.rig import default_rig
 from .simulate.studio.source import SimulatedSource, simulated_source
+from .simulate.studio.staging import with_poses
 from .solve_take import motion_of
 from .solver.settings import SolveSettings
 from .studio_setup import calibrate_studio, studio_on_floor
-from .subject_from_frames import subject_from_frames
+from .subject_from_recording import subject_from_recording
 from .vision.pipeline import MarkerPipeline
 
 Array = NDArray[np.float64]
@@ -56,6 +58,8 @@ _EMPTY_FRAMES = 60
 _VIDEO_EVERY = 2  # of 60 frames a second every second one is drawn
 _SHEET_PICTURES = 12
 _T_POSE_S = 2.0
+_POSES_BEFORE = ("standing", "motorcycle")  # what the performance itself does not begin with
+_HELD_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -83,25 +87,30 @@ def run_demo(out: Path, seconds: float, seed: int, progress: Progress) -> dict[s
     """
     out.mkdir(parents=True, exist_ok=True)
     database = embedded_database(out / "embedded.pfdb", progress)
-    motion = demo_performance(seed, seconds)
+    performed = demo_performance(seed, seconds)  # begins in the T pose
+    motion = with_poses(performed, _POSES_BEFORE, _HELD_S)
+    before = motion.frames - performed.frames
     source = simulated_source(motion, MARKER_SET, Renderer(default_rig()))
     progress(0.05, "calibrating the cameras")
     calibration = calibrate_studio(source)
     rig = studio_on_floor(calibration.rig, source)
     recording = _record(source, rig, progress)
     progress(0.5, "calibrating the subject")
-    subject = subject_from_frames(
-        recording.frames[: round(_T_POSE_S * source.fps)],
+    subject = subject_from_recording(
+        recording.frames[: before + round(_T_POSE_S * source.fps)],
+        source.fps,
         load_marker_set(MARKER_SET),
         load_bodies(SKELETONS),
         "simulated performer",
+        tuple(POSES),
     ).subject
     poses, solve_seconds = _solve(recording, subject, database, progress)
     solved = motion_of(poses, subject, "demo", source.fps)
     truth = sliced(source.motion, 0, len(poses))
     outputs = _write(out, recording, rig, subject, solved, truth, poses, progress)
     total = recording.seconds + float(np.sum(solve_seconds))
-    return _figures(evaluate(solved, truth), poses, solve_seconds) | {
+    performance, true_performance = (sliced(motion, before, len(poses)) for motion in (solved, truth))
+    return _figures(evaluate(performance, true_performance), poses[before:], solve_seconds) | {
         "frames": len(poses),
         "frames_per_s": len(poses) / total,
         "stereo_rms_px": calibration.stereo_rms_px,

@@ -1,52 +1,62 @@
-"""A person's skeleton and marker offsets from the markers of one calibration pose (section 4.2 of the paper).
+"""A person's skeleton and marker offsets from the markers of held calibration poses (section 4.2 of the paper).
 
-Skeleton: the seen markers are written as a mixture of the markers of prototype bodies in the same pose; the same
-mixture of their skeletons is the person's. The left side, with the middle of the body, and the right side are
-measured apart. Offsets: the seen marker relative to its joint, in the joint's axes.
+Skeleton: a mixture of prototype bodies that shows the seen markers in these poses (see `subject_fit`). The left side,
+with the middle of the body, and the right side are measured apart. Offsets: the seen marker relative to its joint, in
+the joint's axes. One pose tells where limbs end, not where they begin: arms that are stretched out, forward and down
+tell the shoulder from the arm.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from . import rotations as rot
-from .calibration_pose import standing, t_pose
+from .calibration_pose import POSES
 from .errors import SubjectError
 from .marker_set import MarkerSet, Subject
 from .marker_take import MarkerTake
-from .product_skeleton import mirrored_name
+from .product_skeleton import default_skeleton
 from .rigid import kabsch, transform
-from .skeleton import Skeleton, forward_kinematics
+from .skeleton import Skeleton, forward_kinematics, marker_positions
+from .subject_fit import BodyFit, fit_body, usual_offsets
 
 Array = NDArray[np.float64]
 
-POSES: dict[str, Callable[[Skeleton], Array]] = {"t": t_pose, "standing": standing}
-
-_ROUNDS = 6  # mixture and placement each need the other
-_SPREAD_PENALTY = 0.02  # metres of marker error that an uneven mixture is worth: few markers leave it open
-_SUM_WEIGHT = 100.0  # metres: makes the mixture's weights add up to one
-_FARTHEST_SWING_DEG = 35.0  # of a straight limb from the calibration pose: nobody holds it exactly
+_FARTHEST_SWING_DEG = 35.0  # of a limb from the calibration pose: nobody holds it exactly
 _NOISE_M = 0.03  # by which measurement alone spreads a marker that is held still
 _STILL_M_S = 0.15  # a marker moving faster is not held still
-_LIMBS = {"humerus": ("humerus", "radius", "wrist", "hand", "fingers", "thumb"), "femur": ("femur", "tibia", "foot")}
+_LIKE_POSE_M = 0.20  # RMS distance to the default body's markers of the pose, bodies of all sizes
+_DOUBTFUL_M = 0.015  # a body that explains its markers no better is not to be trusted
+_ODD_MARKER_M = 0.035  # off its usual place
+_OPEN_M = 0.012  # standard deviation of a shoulder's place from which another pose is worth the while
+_CARELESS_DEG = 15.0  # of a limb from the pose, from which it is worth saying
+_LIMBS = {"humerus": "arm", "femur": "leg"}
+_HELD_AS = {"t": "the T pose", "standing": "standing, arms hanging", "motorcycle": "the motorcycle pose"}
 
 
 @dataclass(frozen=True)
 class SubjectCalibration:
-    """A calibrated subject and how well the prototypes explained its markers.
+    """A calibrated subject and how far it can be trusted.
 
     Args:
         subject: skeleton and offsets.
         bones_m: length of each bone by joint name.
         used_markers: markers that were seen.
+        sigmas_m: by joint name, standard deviation of its distance from its parent that these poses leave.
+        marker_residuals_m: by marker name, RMS distance from its usual place on this body in these poses.
+        verdict: "good", "usable" (another pose would tell more) or "redo".
+        advice: what would make it better.
     """
 
     subject: Subject
     bones_m: dict[str, float]
     used_markers: tuple[str, ...]
+    sigmas_m: dict[str, float]
+    marker_residuals_m: dict[str, float]
+    verdict: str
+    advice: tuple[str, ...]
 
 
 def calibration_points(
@@ -65,6 +75,59 @@ def calibration_points(
     Raises:
         SubjectError: the take lacks markers of the set.
     """
+    positions = _positions(take, marker_set)[frames]
+    return _median(positions, next(_still(positions, take.fps, seconds)))
+
+
+def pose_points(take: MarkerTake, marker_set: MarkerSet, poses: Sequence[str], seconds: float = 1.0) -> Array:
+    """Return the median positions (N, M, 3) of the set's markers while each of the poses is held.
+
+    Of the moments in which the performer stands still, each pose has the one that is most like it.
+
+    Args:
+        take: shows the poses among other things, in any order.
+        marker_set: markers that are wanted, with usual offsets.
+        poses: of `POSES`.
+        seconds: how long each is held.
+
+    Raises:
+        SubjectError: an unknown pose, the take lacks markers of the set, or a pose is not held in it.
+    """
+    check_poses(poses)
+    positions = _positions(take, marker_set)
+    skeleton, offsets = default_skeleton(), usual_offsets(marker_set)
+    joints = marker_set.joint_indices(skeleton)
+    templates = {
+        name: marker_positions(skeleton, joints, offsets, pose(skeleton), np.zeros(3)) for name, pose in POSES.items()
+    }
+    best: dict[str, tuple[float, Array]] = {}
+    for window in _still(positions, take.fps, seconds):
+        points = _median(positions, window)
+        distances = {name: _distance(points, template) for name, template in templates.items()}
+        nearest = min(distances, key=lambda name: distances[name])
+        if distances[nearest] < best.get(nearest, (_LIKE_POSE_M, points))[0]:
+            best[nearest] = distances[nearest], points
+    for pose in poses:
+        if pose not in best:
+            raise SubjectError(
+                f"{_HELD_AS[pose]} is not held for {seconds:.1f} s",
+                where=take.name,
+                advice="hold every pose still, all markers seen, or leave this one out of the poses",
+            )
+    return np.array([best[pose][1] for pose in poses])
+
+
+def check_poses(poses: Sequence[str]) -> None:
+    """Raise SubjectError unless all are of `POSES` and none is named twice."""
+    for pose in poses:
+        if pose not in POSES:
+            raise SubjectError(f"there is no calibration pose {pose!r}", advice="poses: " + ", ".join(POSES))
+    if len(set(poses)) < len(poses) or not poses:
+        raise SubjectError("each calibration pose is named once", advice="poses: " + ", ".join(POSES))
+
+
+def _positions(take: MarkerTake, marker_set: MarkerSet) -> Array:
+    """Return the set's markers (F, M, 3); SubjectError when the take lacks one."""
     missing = [name for name in marker_set.names if name not in take.names]
     if missing:
         raise SubjectError(
@@ -72,33 +135,47 @@ def calibration_points(
             where=take.name,
             advice="its markers are " + ", ".join(take.names) + "; choose the marker set that was worn",
         )
-    columns = [take.names.index(name) for name in marker_set.names]
-    positions = take.positions_m[frames][:, columns]
-    start, stop = _stillest(positions, take.fps, max(2, round(seconds * take.fps)))
-    window = positions[start:stop]
-    seen = np.all(np.isfinite(window), axis=-1)
-    result = np.full(window.shape[1:], np.nan)
+    return take.positions_m[:, [take.names.index(name) for name in marker_set.names]]
+
+
+def _median(positions: Array, window: slice) -> Array:
+    """Return the markers' median positions (M, 3) in a window, NaN where unseen."""
+    seen = np.all(np.isfinite(positions[window]), axis=-1)
+    result = np.full(positions.shape[1:], np.nan)
     for marker in np.flatnonzero(seen.any(axis=0)):
-        result[marker] = np.median(window[seen[:, marker], marker], axis=0)
+        result[marker] = np.median(positions[window][seen[:, marker], marker], axis=0)
     return result
 
 
-def _stillest(positions: Array, fps: float, length: int) -> tuple[int, int]:
-    """Return the first window in which every marker that is seen stays still; SubjectError where there is none."""
-    length = min(length, len(positions))
-    speeds = np.full(len(positions), np.inf)
+def _distance(points: Array, template: Array) -> float:
+    """Return the RMS distance of seen points (M, 3) from a template laid over them."""
+    seen = np.isfinite(points[:, 0])
+    if seen.sum() < 3:
+        return np.inf
+    matrix, translation = kabsch(template[seen], points[seen])
+    error = transform(matrix, translation, template[seen]) - points[seen]
+    return float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
+
+
+def _still(positions: Array, fps: float, seconds: float) -> Iterator[slice]:
+    """Yield, in order, windows in which every marker that is seen stays still; SubjectError where there is none."""
+    length = min(max(2, round(seconds * fps)), len(positions))
+    some = seen_at_all = False
     for start in range(0, len(positions) - length + 1, max(1, length // 4)):
         window = positions[start : start + length]
         seen = np.all(np.isfinite(window), axis=-1).any(axis=0)
         if seen.sum() < min(3, positions.shape[1]):
             continue
+        seen_at_all = True
         spread = np.nanmax(window[:, seen], axis=0) - np.nanmin(window[:, seen], axis=0)
         # markers that are hardly seen must not make a window look still
         moved = max(float(np.linalg.norm(spread, axis=-1).max()) - _NOISE_M, 0.0)
-        speeds[start] = moved * fps / length + 0.1 * np.mean(~np.isfinite(window))
-        if speeds[start] < _STILL_M_S:
-            return start, start + length
-    if not np.isfinite(speeds).any():
+        if moved * fps / length + 0.1 * np.mean(~np.isfinite(window)) < _STILL_M_S:
+            some = True
+            yield slice(start, start + length)
+    if some:
+        return
+    if not seen_at_all:
         raise SubjectError("fewer than three markers are seen at once", advice="record the calibration pose again")
     raise SubjectError(
         f"the markers are never still for {length / fps:.1f} s",
@@ -107,51 +184,55 @@ def _stillest(positions: Array, fps: float, length: int) -> tuple[int, int]:
 
 
 def calibrate_subject(
-    points_m: Array, marker_set: MarkerSet, prototypes: Sequence[Skeleton], name: str, pose: str = "t"
+    points_m: Array, marker_set: MarkerSet, prototypes: Sequence[Skeleton], name: str, *poses: str
 ) -> SubjectCalibration:
-    """Return the subject that shows `points_m` in the calibration pose.
+    """Return the subject that shows `points_m` in the calibration poses.
 
     Args:
-        points_m: (M, 3) seen markers in the world (y up), NaN where unseen.
+        points_m: (N, M, 3), or (M, 3) of one pose, seen markers in the world, NaN where unseen.
         marker_set: its joints, and its usual offsets where it has them.
         prototypes: bodies of many sizes with the product's joints.
         name: of the person.
-        pose: one of `POSES`.
+        poses: N of `POSES`, the T pose without any; the first says what an upright trunk is.
 
     Raises:
-        SubjectError: too few markers, an unknown pose, or no prototype body comes near the markers.
+        SubjectError: too few markers, an unknown pose, or limbs that are elsewhere than in the pose.
     """
-    if pose not in POSES:
-        raise SubjectError(f"there is no calibration pose {pose!r}", advice="poses: " + ", ".join(POSES))
-    seen = np.all(np.isfinite(points_m), axis=-1)
-    unseen = [marker.name for marker, there in zip(marker_set.markers, seen, strict=True) if not there]
-    if np.sum(seen & marker_set.torso) < 3:
-        raise SubjectError(
-            "fewer than three torso markers were seen (unseen: " + ", ".join(unseen) + ")",
-            where=name,
-            advice="stand so that both cameras see every marker, and record the pose again",
-        )
-    if unseen:
-        raise SubjectError(
-            "never seen: " + ", ".join(unseen), where=name, advice="record the pose again, or use a smaller marker set"
-        )
-    placed = _place(points_m, marker_set, prototypes, POSES[pose])
-    offsets = _offsets(points_m, marker_set, placed)
-    subject = Subject(name, placed.skeleton, marker_set.with_offsets(offsets), placed.residual_m)
-    lengths = np.linalg.norm(placed.skeleton.tips_m, axis=1)
-    bones = {joint: float(length) for joint, length in zip(placed.skeleton.names, lengths, strict=True)}
-    return SubjectCalibration(subject, bones, tuple(np.array(marker_set.names)[seen]))
+    poses = poses or ("t",)
+    check_poses(poses)
+    points = np.asarray(points_m, dtype=np.float64).reshape(len(poses), len(marker_set), 3)
+    seen = np.all(np.isfinite(points), axis=-1)
+    _check_seen(seen, marker_set, name)
+    fit = fit_body(points, marker_set, prototypes, [POSES[pose] for pose in poses])
+    _check_limbs(fit, poses)
+    shown, offsets = _shown(fit, points, marker_set)
+    error = np.where(seen, np.sum((shown - points) ** 2, axis=-1), 0.0)
+    residuals = np.sqrt(error.sum(axis=0) / seen.sum(axis=0))
+    residual = float(np.sqrt(error.sum() / seen.sum()))
+    names = fit.skeleton.names
+    lengths = np.linalg.norm(fit.skeleton.tips_m, axis=1)
+    marker_residuals = dict(zip(marker_set.names, residuals.tolist(), strict=True))
+    advice = _advice(fit, poses, residual, dict(zip(marker_set.texts, residuals.tolist(), strict=True)))
+    return SubjectCalibration(
+        subject=Subject(name, fit.skeleton, marker_set.with_offsets(offsets), residual),
+        bones_m=dict(zip(names, lengths.tolist(), strict=True)),
+        used_markers=marker_set.names,
+        sigmas_m=dict(zip(names, fit.sigmas_m.tolist(), strict=True)),
+        marker_residuals_m=marker_residuals,
+        verdict="redo" if residual > _DOUBTFUL_M else "usable" if advice else "good",
+        advice=advice,
+    )
 
 
 def calibrate_markers(
-    points_m: Array, marker_set: MarkerSet, known: Subject, name: str, pose: str = "t"
+    points_m: Array, marker_set: MarkerSet, known: Subject, name: str, *poses: str
 ) -> SubjectCalibration:
     """Return a known person with other markers: what is needed after one has been moved, added or taken off.
 
     The bones stay. Markers that the person wore before help, where they were, to find the pose that is held.
 
     Args:
-        points_m, marker_set, name, pose: as for `calibrate_subject`.
+        points_m, marker_set, name, poses: as for `calibrate_subject`.
         known: the person, calibrated with any marker set.
 
     Raises:
@@ -162,121 +243,78 @@ def calibrate_markers(
         replace(marker, offset_m=before.get((marker.name, marker.joint), marker.offset_m))
         for marker in marker_set.markers
     )
-    return calibrate_subject(points_m, replace(marker_set, markers=markers), [known.skeleton], name, pose)
+    return calibrate_subject(points_m, replace(marker_set, markers=markers), [known.skeleton], name, *poses)
 
 
-@dataclass(frozen=True)
-class _Placed:
-    skeleton: Skeleton
-    rotations: Array
-    root_position_m: Array
-    residual_m: float
+def _check_seen(seen: NDArray[np.bool_], marker_set: MarkerSet, name: str) -> None:
+    """Refuse a pose without torso, and markers that no pose shows."""
+    for shown in seen:
+        if np.sum(shown & marker_set.torso) < 3:
+            unseen = [marker for marker, there in zip(marker_set.names, shown, strict=True) if not there]
+            raise SubjectError(
+                "fewer than three torso markers were seen (unseen: " + ", ".join(unseen) + ")",
+                where=name,
+                advice="stand so that both cameras see every marker, and record the pose again",
+            )
+    unseen = [marker for marker, there in zip(marker_set.names, seen.any(axis=0), strict=True) if not there]
+    if unseen:
+        raise SubjectError(
+            "never seen: " + ", ".join(unseen), where=name, advice="record the pose again, or use a smaller marker set"
+        )
 
 
-def _place(
-    points_m: Array, marker_set: MarkerSet, prototypes: Sequence[Skeleton], pose: Callable[[Skeleton], Array]
-) -> _Placed:
-    """Find mixture, placement and limb directions in turn."""
-    usual = _usual_offsets(marker_set)
-    joints = marker_set.joint_indices(prototypes[0])
-    swings = rot.identity((len(prototypes[0]),))
-    skeleton = prototypes[len(prototypes) // 2]
-    for _ in range(_ROUNDS):
-        local, _ = _pose_markers(skeleton, pose, swings, joints, usual)
-        matrix, translation = kabsch(local, points_m, np.where(marker_set.torso, 2.0, 1.0))
-        seen_local = (points_m - translation) @ matrix
-        candidates = np.array([_pose_markers(p, pose, swings, joints, usual)[0] for p in prototypes])
-        skeleton = _mixed(prototypes, candidates, seen_local, joints)
-        swings = _swings(skeleton, pose, swings, joints, usual, seen_local)
-    _check_pose(skeleton, swings)
-    local, rotations = _pose_markers(skeleton, pose, swings, joints, usual)
-    matrix, translation = kabsch(local, points_m, np.where(marker_set.torso, 2.0, 1.0))
-    rotations[0] = rot.multiply(rot.from_matrix(matrix), rotations[0])
-    error = transform(matrix, translation, local) - points_m
-    return _Placed(skeleton, rotations, translation, float(np.sqrt(np.mean(np.sum(error**2, axis=1)))))
-
-
-def _check_pose(skeleton: Skeleton, swings: Array) -> None:
+def _check_limbs(fit: BodyFit, poses: Sequence[str]) -> None:
     """Refuse a pose whose limbs are elsewhere than the calibration pose has them."""
-    for base, limb in (("humerus", "arm"), ("femur", "leg")):
-        for side, word in (("l", "left"), ("r", "right")):
-            off = float(np.degrees(rot.angle_between(rot.identity(), swings[skeleton.index(side + base)])))
-            if off > _FARTHEST_SWING_DEG:
-                raise SubjectError(
-                    f"the {word} {limb} is {off:.0f} degrees away from where the pose has it",
-                    advice="take the pose that is asked for, or name the one that was taken",
-                )
+    for limb, off_deg, pose in _astray(fit, poses):
+        if off_deg > _FARTHEST_SWING_DEG:
+            raise SubjectError(
+                f"{limb} is {off_deg:.0f} degrees away from where {_HELD_AS[pose]} has it",
+                advice="take the pose that is asked for, or name the one that was taken",
+            )
 
 
-def _usual_offsets(marker_set: MarkerSet) -> Array:
-    """Return usual offsets (M, 3); zero, on the joint itself, where the set names none."""
-    return np.array([marker.offset_m or (0.0, 0.0, 0.0) for marker in marker_set.markers])
+def _astray(fit: BodyFit, poses: Sequence[str]) -> list[tuple[str, float, str]]:
+    """Return limb, angle in degrees off the pose, and pose."""
+    words = {"l": "the left ", "r": "the right "}
+    return [
+        (words[joint[0]] + _LIMBS[joint[1:]], float(np.degrees(angle)), pose)
+        for pose, limbs in zip(poses, fit.astray_rad, strict=True)
+        for joint, angle in limbs.items()
+    ]
 
 
-def _pose_markers(
-    skeleton: Skeleton, pose: Callable[[Skeleton], Array], swings: Array, joints: NDArray[np.int64], offsets: Array
-) -> tuple[Array, Array]:
-    """Return the markers (M, 3) of the calibration pose with the root at the origin, and its rotations."""
-    rotations = rot.multiply(swings, pose(skeleton))
-    positions, world = forward_kinematics(skeleton, rotations, np.zeros(3))
-    return positions[joints] + rot.rotate(world[joints], offsets), rotations
+def _shown(fit: BodyFit, points: Array, marker_set: MarkerSet) -> tuple[Array, Array]:
+    """Return the markers (N, M, 3) at their usual places on the body, and the offsets (M, 3) where they were seen."""
+    joints = marker_set.joint_indices(fit.skeleton)
+    positions, world = forward_kinematics(fit.skeleton, fit.rotations, fit.root_positions_m)
+    shown = positions[:, joints] + rot.rotate(world[:, joints], usual_offsets(marker_set))
+    offsets = rot.rotate(rot.conjugate(world[:, joints]), points - positions[:, joints])
+    return shown, np.nanmean(offsets, axis=0)
 
 
-def _mixed(prototypes: Sequence[Skeleton], candidates: Array, seen_local: Array, joints: NDArray[np.int64]) -> Skeleton:
-    """Return the mixture of prototypes whose markers come closest, each side of the body on its own."""
-    names = prototypes[0].names
-    sides = np.array([name[0] if mirrored_name(name) != name else "m" for name in names])
-    offsets = np.array([p.offsets_m for p in prototypes])
-    tips = np.array([p.tips_m for p in prototypes])
-    mixed_offsets, mixed_tips = np.empty_like(offsets[0]), np.empty_like(tips[0])
-    for side in "mlr":
-        counted = np.isin(sides[joints], ("m", side)) if side != "m" else np.ones(len(joints), dtype=bool)
-        weights = _mixture(candidates[:, counted].reshape(len(prototypes), -1), seen_local[counted].ravel())
-        mixed_offsets[sides == side] = np.einsum("p,pjc->jc", weights, offsets[:, sides == side])
-        mixed_tips[sides == side] = np.einsum("p,pjc->jc", weights, tips[:, sides == side])
-    first = prototypes[0]
-    return Skeleton(names, first.parents, mixed_offsets, mixed_tips, first.angle_axes, first.angle_orders)
-
-
-def _mixture(candidates: Array, target: Array) -> Array:
-    """Return weights >= 0 with sum 1 of candidates (P, n) closest to `target` (n), as even as the data allow."""
-    count = len(candidates)
-    even = _SPREAD_PENALTY * np.eye(count)
-    system = np.concatenate((candidates.T, np.full((1, count), _SUM_WEIGHT), even))
-    values = np.concatenate((target, [_SUM_WEIGHT], np.full(count, _SPREAD_PENALTY / count)))
-    weights, _ = nnls(system, values)
-    return np.asarray(weights / weights.sum())
-
-
-def _swings(
-    skeleton: Skeleton,
-    pose: Callable[[Skeleton], Array],
-    swings: Array,
-    joints: NDArray[np.int64],
-    offsets: Array,
-    seen_local: Array,
-) -> Array:
-    """Turn whole arms and legs, kept straight, towards their seen markers: nobody holds the pose exactly."""
-    result = swings.copy()
-    positions, world = forward_kinematics(skeleton, rot.multiply(swings, pose(skeleton)), np.zeros(3))
-    markers = positions[joints] + rot.rotate(world[joints], offsets)
-    for side in "lr":
-        for base, members in _LIMBS.items():
-            carriers = [skeleton.index(side + member) for member in members]
-            on_limb = np.isin(joints, carriers)
-            if not on_limb.any():
-                continue
-            pivot = skeleton.index(side + base)
-            here, there = markers[on_limb] - positions[pivot], seen_local[on_limb] - positions[pivot]
-            turn_world = rot.between(here.sum(axis=0), there.sum(axis=0))
-            parent = world[skeleton.parents[pivot]]
-            turn = rot.multiply(rot.multiply(rot.conjugate(parent), turn_world), parent)
-            result[pivot] = rot.multiply(turn, swings[pivot])
-    return result
-
-
-def _offsets(points_m: Array, marker_set: MarkerSet, placed: _Placed) -> Array:
-    """Return the seen markers relative to their joints, in the joints' axes."""
-    joints = marker_set.joint_indices(placed.skeleton)
-    positions, world = forward_kinematics(placed.skeleton, placed.rotations, placed.root_position_m)
-    return rot.rotate(rot.conjugate(world[joints]), points_m - positions[joints])
+def _advice(fit: BodyFit, poses: Sequence[str], residual_m: float, markers_m: dict[str, float]) -> tuple[str, ...]:
+    """Return what would make the calibration better, most important first."""
+    advice = []
+    if residual_m > _DOUBTFUL_M:
+        advice.append(
+            "the markers do not lie as in this pose or set: check the pose and the marker set, record the pose again, "
+            "or fit to motion with --database"
+        )
+    advice += [
+        f"the marker of the {text} is {1e3 * off:.0f} mm from its usual place: see whether it is worn there"
+        for text, off in markers_m.items()
+        if off > _ODD_MARKER_M
+    ]
+    shoulder_m = max(fit.sigmas_m[fit.skeleton.index(side + "humerus")] for side in "lr")
+    missing = [name for name in POSES if name not in poses]
+    if shoulder_m > _OPEN_M and missing:
+        advice.append(
+            f"shoulders are known to {1e3 * shoulder_m:.0f} mm only, arms likewise: hold these poses as well: "
+            + ", ".join(_HELD_AS[name] for name in missing)
+        )
+    advice += [
+        f"{limb} was {off:.0f} degrees away from where {_HELD_AS[pose]} has it: look at a picture of the pose"
+        for limb, off, pose in _astray(fit, poses)
+        if off > _CARELESS_DEG
+    ]
+    return tuple(advice)

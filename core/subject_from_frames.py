@@ -5,13 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from .calibration_pose import POSES
 from .errors import SubjectError
 from .labelling import Labeller
 from .marker_frame import MarkerFrame
 from .marker_set import MarkerSet
 from .product_skeleton import default_skeleton
 from .skeleton import Skeleton, marker_positions
-from .subject_calibration import POSES, SubjectCalibration, calibrate_subject
+from .subject_calibration import SubjectCalibration, calibrate_subject
 
 Array = NDArray[np.float64]
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..assets import SKELETONS
+from ..calibration_pose import POSES
 from ..database.store import open_database
 from ..errors import SettingsError
 from ..formats.takes import read_take
@@ -15,25 +16,35 @@ from ..marker_set import MarkerSet, Subject, load_marker_set, load_subject, save
 from ..marker_take import MarkerTake
 from ..product_skeleton import default_skeleton
 from ..simulate.performer.bodies import load_bodies
-from ..subject_calibration import POSES, calibrate_markers, calibrate_subject, calibration_points
+from ..subject_calibration import (
+    SubjectCalibration,
+    calibrate_markers,
+    calibrate_subject,
+    calibration_points,
+    pose_points,
+)
 from ..subject_from_motion import frames_of, subject_from_motion
 
-_DOUBTFUL_M = 0.015  # a body that explains its markers no better is not to be trusted
-_DOUBTFUL_ADVICE = (
-    "the markers do not lie as in this pose or set: check --pose and --marker-set, record the pose again, "
-    "or fit to motion with --database"
-)
+_DOUBTFUL_M = 0.015  # a body that explains the motion's markers no better is not to be trusted
 
 
 def add_parser(subparsers: Any) -> None:
     """Add `subject` to the `calibrate` group."""
-    parser = subparsers.add_parser("subject", help="skeleton and marker offsets from a T pose")
+    parser = subparsers.add_parser("subject", help="skeleton and marker offsets from held poses")
     parser.add_argument("take", metavar="TAKE", help="take that shows the calibration pose, held still for a second")
     parser.add_argument("--marker-set", required=True, metavar="NAME", help="shipped marker set or TOML file")
     parser.add_argument("--out", required=True, metavar="subject.toml", help="subject to write")
     parser.add_argument("--name", metavar="NAME", help="of the person (default: --skeleton-from's, or the file's)")
-    parser.add_argument("--pose", choices=tuple(POSES), default="t", help="the pose that is held (default t)")
-    parser.add_argument("--seconds", type=float, default=1.0, metavar="S", help="how long it is held still (default 1)")
+    held = parser.add_mutually_exclusive_group()
+    held.add_argument("--pose", choices=tuple(POSES), default="t", help="the one pose that is held (default t)")
+    held.add_argument(
+        "--poses",
+        metavar="P,P,...",
+        help="several poses, each held in the take for --seconds and found there, the first one upright: best "
+        + ",".join(POSES)
+        + "; more poses tell where shoulders and hips are",
+    )
+    parser.add_argument("--seconds", type=float, default=1.0, metavar="S", help="how long each is held (default 1)")
     parser.add_argument("--frames", metavar="A:B", help="look only at these frames of the take")
     parser.add_argument(
         "--skeleton-from",
@@ -65,15 +76,13 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
         if known:
             raise SettingsError("--skeleton-from and --database exclude each other", advice="leave one of them out")
         subject = _from_motion(args, take, marker_set, name, progress)
+        doubtful = subject.residual_m > _DOUBTFUL_M
+        facts: dict[str, Any] = {"advice": ["check --marker-set, or record a calibration pose"] if doubtful else []}
     else:
-        points = calibration_points(take, marker_set, args.seconds)
-        if known:
-            subject = calibrate_markers(points, marker_set, known, name, args.pose).subject
-        else:
-            subject = calibrate_subject(points, marker_set, load_bodies(SKELETONS), name, args.pose).subject
+        result = _from_poses(args, take, marker_set, known, name)
+        subject, facts = result.subject, _trust(result)
     save_subject(subject, args.out)
     lengths = np.linalg.norm(subject.skeleton.tips_m, axis=1)
-    doubtful = subject.residual_m > _DOUBTFUL_M
     return {
         "bones_mm": {joint: 1e3 * float(n) for joint, n in zip(subject.skeleton.names, lengths, strict=True)},
         "offsets_mm": {
@@ -81,8 +90,32 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
             for marker, offset in zip(subject.marker_set.names, subject.marker_set.offsets_m, strict=True)
         },
         "residual_mm": 1e3 * subject.residual_m,
-        "advice": [_DOUBTFUL_ADVICE] if doubtful else [],
+        **facts,
         "out": str(args.out),
+    }
+
+
+def _from_poses(
+    args: argparse.Namespace, take: MarkerTake, marker_set: MarkerSet, known: Subject | None, name: str
+) -> SubjectCalibration:
+    """Return the subject who holds the poses in the take."""
+    poses = tuple(args.poses.split(",")) if args.poses else (args.pose,)
+    if args.poses:
+        points = pose_points(take, marker_set, poses, args.seconds)
+    else:
+        points = calibration_points(take, marker_set, args.seconds)
+    if known:
+        return calibrate_markers(points, marker_set, known, name, *poses)
+    return calibrate_subject(points, marker_set, load_bodies(SKELETONS), name, *poses)
+
+
+def _trust(result: SubjectCalibration) -> dict[str, Any]:
+    """Return how far a calibration can be trusted."""
+    return {
+        "marker_residuals_mm": {marker: round(1e3 * off, 1) for marker, off in result.marker_residuals_m.items()},
+        "open_mm": {joint: round(1e3 * sigma, 1) for joint, sigma in result.sigmas_m.items()},
+        "verdict": result.verdict,
+        "advice": list(result.advice),
     }
 
 

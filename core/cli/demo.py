@@ -21,7 +21,7 @@ def add_parser(subparsers: Any) -> None:
         "demo", help="the whole chain on the embedded default: performer, cameras, tracking, solve, character"
     )
     parser.add_argument("--out", default="out/demo", metavar="DIR", help="folder for the results (default out/demo)")
-    parser.add_argument("--seconds", type=float, default=24.0, metavar="S", help="of performance (default 24)")
+    parser.add_argument("--seconds", type=float, default=21.0, metavar="S", help="of performance (default 21)")
     parser.add_argument("--seed", type=seed, default=0, metavar="N", help="another performance for every number")
     parser.set_defaults(run=run)
 

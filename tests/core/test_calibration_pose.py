@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
-from perfanim.core.calibration_pose import standing, t_pose
+from perfanim.core import rotations as rot
+from perfanim.core.calibration_pose import motorcycle, standing, t_pose
 from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.simulate.performer.bodies import prototype_bodies
 from perfanim.core.skeleton import Skeleton, forward_kinematics
@@ -32,3 +33,23 @@ def test_arms_hang_when_standing() -> None:
         arm = at[side + "hand"] - at[side + "humerus"]
         np.testing.assert_allclose(arm / np.linalg.norm(arm), [0.0, -1.0, 0.0], atol=1e-6)
     assert at["lhand"][0] > 0.1 > -0.1 > at["rhand"][0]
+
+
+@pytest.mark.parametrize("skeleton", BODIES)
+def test_knees_bent_over_flat_feet_and_arms_forward_on_a_motorcycle(skeleton: Skeleton) -> None:
+    positions, world = forward_kinematics(skeleton, motorcycle(skeleton), np.zeros(3))
+    flat = forward_kinematics(skeleton, t_pose(skeleton), np.zeros(3))[1]
+    at = dict(zip(skeleton.names, positions, strict=True))
+    for side in "lr":
+        thigh, shank = at[side + "tibia"] - at[side + "femur"], at[side + "foot"] - at[side + "tibia"]
+        bend = thigh @ shank / np.linalg.norm(thigh) / np.linalg.norm(shank)
+        assert np.degrees(np.arccos(bend)) == pytest.approx(60.0, abs=1e-6)
+        assert thigh[2] > 0.0 > shank[2]
+        # thigh and shank of a person differ by some percent, and so far the ankle is from below the hip
+        assert abs(at[side + "foot"][2] - at[side + "femur"][2]) < 0.05
+        foot = skeleton.index(side + "foot")
+        np.testing.assert_allclose(rot.angle_between(world[foot], flat[foot]), 0.0, atol=1e-6)
+        arm = at[side + "hand"] - at[side + "humerus"]
+        np.testing.assert_allclose(arm / np.linalg.norm(arm), [0.0, 0.0, 1.0], atol=1e-6)
+        palm = rot.rotate(world[skeleton.index(side + "hand")], [0.0, -1.0, 0.0])
+        np.testing.assert_allclose(palm, [0.0, -1.0, 0.0], atol=1e-6)

@@ -15,7 +15,7 @@ from perfanim.core.skeleton import forward_kinematics
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     out = tmp_path_factory.mktemp("demo")
-    assert main(["demo", "--out", str(out), "--seconds", "8"]) == 0
+    assert main(["demo", "--out", str(out), "--seconds", "7.5"]) == 0
     return json.loads((out / "report.json").read_text())
 
 

@@ -2,15 +2,24 @@ import numpy as np
 import pytest
 from perfanim.core import rotations as rot
 from perfanim.core.assets import SKELETONS
-from perfanim.core.calibration_pose import standing, t_pose
+from perfanim.core.calibration_pose import POSES, motorcycle, standing, t_pose
 from perfanim.core.errors import SubjectError
 from perfanim.core.marker_frame import MarkerFrame
 from perfanim.core.marker_set import Marker, MarkerSet, load_marker_set
 from perfanim.core.marker_take import MarkerTake
+from perfanim.core.motion import Motion
+from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.simulate.performer.bodies import body, load_bodies
+from perfanim.core.simulate.studio.staging import with_poses
 from perfanim.core.skeleton import marker_positions
-from perfanim.core.subject_calibration import calibrate_markers, calibrate_subject, calibration_points
+from perfanim.core.subject_calibration import (
+    calibrate_markers,
+    calibrate_subject,
+    calibration_points,
+    pose_points,
+)
 from perfanim.core.subject_from_frames import subject_from_frames
+from perfanim.core.subject_from_recording import subject_from_recording
 
 PROTOTYPES = load_bodies(SKELETONS)
 BOXING = load_marker_set("boxing")
@@ -243,3 +252,121 @@ def test_other_markers_need_no_other_skeleton(before, after):
             # noise of the marker, and of the four of the torso and those of the limb that place the body
             assert np.linalg.norm(offset - old[marker]) < 5.0 * np.sqrt(3.0) * NOISE_M, marker
     assert subject.residual_m < 0.03
+
+
+def carelessly(pose, rng, trunk):
+    """The pose with every angle of the limbs, and with `trunk` of trunk and collar bones, off by up to 10 degrees."""
+
+    def taken(skeleton):
+        rotations = pose(skeleton)
+        for side, outward in (("l", 1.0), ("r", -1.0)):
+            for joint in ("humerus", "femur", "hand", *(("clavicle",) if trunk else ())):
+                off = rot.from_rotation_vector(np.radians(rng.uniform(-10.0, 10.0, 3) / np.sqrt(3.0)))
+                place = skeleton.index(side + joint)
+                rotations[place] = rot.multiply(off, rotations[place])
+            # elbows and knees do not bend backwards
+            for joint, axis in (("radius", [0.0, -outward, 0.0]), ("tibia", [1.0, 0.0, 0.0])):
+                place = skeleton.index(side + joint)
+                bent = rot.from_rotation_vector(np.radians(rng.uniform(0.0, 10.0)) * np.array(axis))
+                rotations[place] = rot.multiply(rotations[place], bent)
+        if trunk:
+            for joint in ("lowerback", "upperback", "thorax"):
+                off = rng.uniform(-10.0, 10.0, 3) / np.sqrt(3.0) / 3.0
+                rotations[skeleton.index(joint)] = rot.from_rotation_vector(np.radians(off))
+        return rotations
+
+    return taken
+
+
+def errors_with(poses):
+    """Errors of joints' distances from their parents, and the standard deviations that are told, (P, J) metres."""
+    errors, sigmas = [], []
+    for height, build, seed in PEOPLE:
+        person, rng = body(height, build, seed), np.random.default_rng(seed)
+        worn = BOXING.with_offsets(BOXING.offsets_m + rng.normal(scale=0.005, size=(9, 3)))
+        points = np.array(
+            [
+                markers_of(person, carelessly(POSES[pose], rng, i > 0), worn) + rng.normal(scale=0.001, size=(9, 3))
+                for i, pose in enumerate(poses)
+            ]
+        )
+        found = calibrate_subject(points, BOXING, PROTOTYPES, "a", *poses)
+        lengths = [np.linalg.norm(s.offsets_m, axis=1) for s in (found.subject.skeleton, person)]
+        errors.append(lengths[0] - lengths[1])
+        sigmas.append([found.sigmas_m[name] for name in person.names])
+    return np.array(errors), np.array(sigmas)
+
+
+def test_poses_with_stretched_arms_tell_shoulders_from_arms():
+    index = PROTOTYPES[0].index
+    parts = [[index(side + joint) for side in "lr"] for joint in ("humerus", "radius", "wrist")]
+    one, one_sigma = errors_with(("t",))
+    three, three_sigma = errors_with(tuple(POSES))
+    shoulders = parts[0]
+    # a T pose has only the sum of shoulder and arm; arms in two more directions fix where they begin
+    assert np.sqrt(np.mean(three[:, shoulders] ** 2)) < 0.7 * np.sqrt(np.mean(one[:, shoulders] ** 2))
+    assert three_sigma[:, shoulders].max() < 0.6 * one_sigma[:, shoulders].min()
+    for errors, sigmas in ((one, one_sigma), (three, three_sigma)):
+        for part in parts:  # of ten values none is further off than three times what is told
+            assert np.all(np.abs(errors[:, part]) < 3.0 * sigmas[:, part])
+
+
+def test_what_would_make_it_better_is_told():
+    person = body(1.75, 0.0, 903)
+    one = calibrate_subject(markers_of(person), BOXING, PROTOTYPES, "a")
+    assert one.verdict == "usable"
+    assert "hold these poses as well: standing, arms hanging, the motorcycle pose" in one.advice[0]
+    points = np.array([markers_of(person, pose) for pose in POSES.values()])
+    assert calibrate_subject(points, BOXING, PROTOTYPES, "a", *POSES).verdict == "good"
+    points[:, BOXING.names.index("HEAD")] += [0.0, 0.1, 0.0]  # worn on a hat
+    hat = calibrate_subject(points, BOXING, PROTOTYPES, "a", *POSES)
+    assert hat.marker_residuals_m["HEAD"] == max(hat.marker_residuals_m.values())
+    assert any("marker of the head is" in text and "from its usual place" in text for text in hat.advice)
+
+
+def test_a_marker_hidden_in_one_of_the_poses_is_found_in_another():
+    person = body(1.75, 0.0, 903)
+    points = np.array([markers_of(person, pose) for pose in POSES.values()])
+    whole = calibrate_subject(points, BOXING, PROTOTYPES, "a", *POSES).subject
+    points[1, BOXING.names.index("LHAN")] = np.nan
+    found = calibrate_subject(points, BOXING, PROTOTYPES, "a", *POSES).subject
+    # one hand in one pose: what it told of the left arm, of the order of what people differ in
+    np.testing.assert_allclose(found.skeleton.offsets_m, whole.skeleton.offsets_m, atol=SEGMENT_SPREAD * 0.6)
+    points[:, BOXING.names.index("LHAN")] = np.nan
+    with pytest.raises(SubjectError, match="never seen: LHAN"):
+        calibrate_subject(points, BOXING, PROTOTYPES, "a", *POSES)
+
+
+def posing_take(poses, seconds=1.5):
+    person = body(1.72, 0.3, 920)
+    end = Motion("end", 30.0, person, standing(person)[None], np.array([[0.0, 0.95, 0.0]]))
+    motion = with_poses(end, poses, seconds)
+    return person, simulate_markers(motion, BOXING, noise_mm=1.0)[0]
+
+
+def test_each_pose_is_found_in_the_take_by_itself():
+    person, take = posing_take(("motorcycle", "t", "standing"))
+    points = pose_points(take, BOXING, ("t", "motorcycle"))
+    for found, pose in zip(points, (t_pose, motorcycle), strict=True):
+        seen = found - found.mean(axis=0)
+        true = markers_of(person, pose, yaw=0.0)
+        # medians of 30 values with 1 mm of noise: 1.25 mm / sqrt(30), five of them
+        np.testing.assert_allclose(seen, true - true.mean(axis=0), atol=5.0 * 1.25e-3 / np.sqrt(30.0))
+    _, short = posing_take(("t",))
+    with pytest.raises(SubjectError, match=r"the motorcycle pose is not held for 1\.0 s"):
+        pose_points(short, BOXING, ("t", "motorcycle"))
+    for poses, words in ((("t", "yoga"), "no calibration pose 'yoga'"), (("t", "t"), "named once")):
+        with pytest.raises(SubjectError, match=words):
+            pose_points(take, BOXING, poses)
+
+
+def test_a_subject_from_unlabelled_frames_of_several_poses():
+    _, take = posing_take(tuple(POSES))
+    rng = np.random.default_rng(2)
+    frames = [
+        MarkerFrame(i, i / 30.0, row[rng.permutation(9)], np.tile(1e-6 * np.eye(3), (9, 1, 1)))
+        for i, row in enumerate(take.positions_m)
+    ]
+    found = subject_from_recording(frames, 30.0, BOXING, PROTOTYPES, "Ann", tuple(POSES))
+    expected = calibrate_subject(pose_points(take, BOXING, tuple(POSES)), BOXING, PROTOTYPES, "Ann", *POSES)
+    np.testing.assert_allclose(found.subject.skeleton.offsets_m, expected.subject.skeleton.offsets_m, atol=1e-9)

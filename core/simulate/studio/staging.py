@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ... import rotations as rot
-from ...calibration_pose import t_pose
+from ...calibration_pose import POSES
 from ...motion import Motion
 from .body import make_body
 
 Array = NDArray[np.float64]
 
-_ARRIVAL_S = 1.0  # time from the T pose to the motion's first pose
+_ARRIVAL_S = 1.0  # time from a pose to the next, or to the motion's first
 
 
 def on_stage(motion: Motion) -> Motion:
@@ -39,29 +40,37 @@ def on_treadmill(motion: Motion) -> Motion:
 
 def with_t_pose(motion: Motion, seconds: float) -> Motion:
     """Return the motion with a T pose of the given length before it, and a second to get from it into the motion."""
+    return with_poses(motion, ("t",), seconds)
+
+
+def with_poses(motion: Motion, poses: Sequence[str], seconds: float) -> Motion:
+    """Return the motion with poses of `POSES` before it, each held for the given time and a second before the next."""
     if seconds <= 0.0:
         return motion
-    pose = t_pose(motion.skeleton)
-    first = motion.rotations[0]
-    heading = rot.swing_twist(first[0], np.array([0.0, 1.0, 0.0]))[1]
-    pose[0] = rot.multiply(heading, pose[0])
-    still = np.broadcast_to(pose, (max(round(seconds * motion.fps), 1), *pose.shape))
-    steps = max(round(_ARRIVAL_S * motion.fps), 1)
+    heading = rot.swing_twist(motion.rotations[0, 0], np.array([0.0, 1.0, 0.0]))[1]
+    rotations, path = motion.rotations, motion.root_positions_m
+    for name in reversed(poses):
+        pose = POSES[name](motion.skeleton)
+        pose[0] = rot.multiply(heading, pose[0])
+        root = motion.root_positions_m[0].copy()
+        root[1] = -lowest_point_m(replace(motion, rotations=pose[None], root_positions_m=np.zeros((1, 3))))
+        still = max(round(seconds * motion.fps), 1)
+        between, way = _between((pose, root), (rotations[0], path[0]), motion.fps)
+        rotations = np.concatenate((np.broadcast_to(pose, (still, *pose.shape)), between, rotations))
+        path = np.concatenate((np.broadcast_to(root, (still, 3)), way, path))
+    return replace(motion, rotations=rotations, root_positions_m=path)
+
+
+def _between(start: tuple[Array, Array], end: tuple[Array, Array], fps: float) -> tuple[Array, Array]:
+    """Return the frames, rotations (F, J, 4) and root positions (F, 3), that lead from one pose to another."""
+    steps = max(round(_ARRIVAL_S * fps), 1)
     f = np.arange(1, steps) / steps
     ease = f * f * (3.0 - 2.0 * f)
-    shape = (len(ease), *pose.shape)
-    arriving = rot.slerp(
-        np.broadcast_to(pose, shape), np.broadcast_to(first, shape), np.broadcast_to(ease[:, None], shape[:2])
+    shape = (len(ease), *start[0].shape)
+    rotations = rot.slerp(
+        np.broadcast_to(start[0], shape), np.broadcast_to(end[0], shape), np.broadcast_to(ease[:, None], shape[:2])
     )
-    root = motion.root_positions_m[0].copy()
-    standing = replace(motion, rotations=pose[None], root_positions_m=np.zeros((1, 3)))
-    root[1] = -lowest_point_m(standing)
-    path = root + ease[:, None] * (motion.root_positions_m[0] - root)
-    return replace(
-        motion,
-        rotations=np.concatenate((still, arriving, motion.rotations)),
-        root_positions_m=np.concatenate((np.broadcast_to(root, (len(still), 3)), path, motion.root_positions_m)),
-    )
+    return rotations, start[1] + ease[:, None] * (end[1] - start[1])
 
 
 def lowest_point_m(motion: Motion) -> float:

@@ -3,10 +3,12 @@
 import json
 
 import numpy as np
-from perfanim.core.calibration_pose import t_pose
+from perfanim.core.calibration_pose import POSES, t_pose
 from perfanim.core.cli.main import main
 from perfanim.core.marker_set import load_marker_set, load_subject
 from perfanim.core.marker_take import MarkerTake, save_take
+from perfanim.core.motion import sliced
+from perfanim.core.simulate.studio.staging import with_poses
 from perfanim.core.skeleton import marker_positions
 
 
@@ -37,3 +39,22 @@ def test_a_marker_is_added_without_another_skeleton_or_database(truth, database_
     assert json.loads(capsys.readouterr().out)["marker_rms_mm"] < 30.0
     assert main([*calibrate, "--skeleton-from", str(ann), "--database", str(database_file), "--out", str(again)]) == 1
     assert "--skeleton-from and --database" in capsys.readouterr().err
+
+
+def test_several_poses_are_found_in_a_take_and_the_result_says_how_far_to_trust_it(truth, tmp_path, capsys):
+    motion = with_poses(sliced(truth, 0, 10), tuple(POSES), 1.2)
+    take, out = tmp_path / "poses.take.npz", tmp_path / "ann.toml"
+    write_take(take, motion.skeleton, load_marker_set("boxing"), motion.rotations, motion.root_positions_m)
+    line = ["calibrate", "subject", str(take), "--marker-set", "boxing", "--out", str(out), "--json"]
+    results = []
+    for options in ([], ["--poses", "t,standing,motorcycle"]):
+        assert main([*line, *options]) == 0
+        results.append(json.loads(capsys.readouterr().out))
+        assert load_subject(out).skeleton.names == motion.skeleton.names
+    one, three = results
+    assert (one["verdict"], three["verdict"]) == ("usable", "good")
+    assert "hold these poses as well" in one["advice"][0]
+    assert three["open_mm"]["lhumerus"] < one["open_mm"]["lhumerus"]
+    assert set(three["marker_residuals_mm"]) == set(load_marker_set("boxing").names)
+    assert main([*line, "--poses", "t,yoga"]) == 1
+    assert "no calibration pose 'yoga'" in capsys.readouterr().err

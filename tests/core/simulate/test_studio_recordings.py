@@ -8,13 +8,14 @@ import cv2
 import numpy as np
 import pytest
 from perfanim.core import rotations as rot
+from perfanim.core.calibration_pose import motorcycle, t_pose
 from perfanim.core.camera import CameraRig, load_rig
 from perfanim.core.cli.main import build_parser
 from perfanim.core.errors import CaptureError, PerfanimError, SettingsError
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.marker_set import load_subject
 from perfanim.core.marker_take import load_take
-from perfanim.core.motion import Motion
+from perfanim.core.motion import Motion, sliced
 from perfanim.core.motion_files import read_motion
 from perfanim.core.simulate.studio import export
 from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, BoardPicture, board_pictures
@@ -23,7 +24,7 @@ from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.simulate.studio.settings import StudioSettings
 from perfanim.core.simulate.studio.source import open_simulated, simulated_source, with_return
-from perfanim.core.simulate.studio.staging import lowest_point_m, on_stage, with_t_pose
+from perfanim.core.simulate.studio.staging import lowest_point_m, on_stage, with_poses, with_t_pose
 
 FPS = 60.0
 QUIET = StudioSettings(noise_sigma=0.0, clutter=False)
@@ -176,6 +177,18 @@ def test_motion_is_brought_before_the_cameras(scene: Any) -> None:
     assert np.ptp(hands[:, 1]) < 0.01 and np.ptp(hands[:, 0]) > 1.3
     assert rot.angle_between(whole.rotations[:-1], whole.rotations[1:]).max() < 0.2
     assert with_t_pose(staged, 0.0) is staged
+
+
+def test_poses_are_held_one_after_the_other_on_the_floor(scene: Any) -> None:
+    staged = on_stage(scene.swinging(20))
+    whole = with_poses(staged, ("t", "motorcycle"), 0.5)
+    assert whole.frames == 2 * (30 + 59) + 20
+    for start, pose in ((0, t_pose), (89, motorcycle)):
+        held = sliced(whole, start, start + 30)
+        np.testing.assert_array_equal(held.rotations[:, 1:], np.tile(pose(staged.skeleton)[1:], (30, 1, 1)))
+        assert lowest_point_m(held) == pytest.approx(0.0, abs=1e-9)
+    assert rot.angle_between(whole.rotations[:-1], whole.rotations[1:]).max() < 0.2
+    np.testing.assert_array_equal(whole.rotations[-20:], staged.rotations)
 
 
 def record(scene: Any, out: Path, tmp_path: Path, *options: str) -> dict[str, Any]:

@@ -1,0 +1,36 @@
+"""A subject from a recording, not labelled yet, in which several calibration poses are held."""
+
+from collections.abc import Sequence
+
+from .marker_frame import MarkerFrame
+from .marker_set import MarkerSet
+from .skeleton import Skeleton
+from .subject_calibration import SubjectCalibration, calibrate_subject, pose_points
+from .tracking import track_markers
+from .tracking_names import named_take
+
+
+def subject_from_recording(
+    frames: Sequence[MarkerFrame],
+    fps: float,
+    marker_set: MarkerSet,
+    prototypes: Sequence[Skeleton],
+    name: str,
+    poses: Sequence[str],
+) -> SubjectCalibration:
+    """Return the subject who holds several poses, each for a second, somewhere in the frames.
+
+    Args:
+        frames: marker frames of steady rate with located points.
+        fps: their rate.
+        marker_set: worn markers with their usual offsets.
+        prototypes: bodies of many sizes.
+        name: of the person.
+        poses: of `POSES`, the T pose or another upright one first.
+
+    Raises:
+        SubjectError: a pose is unknown or not held.
+        TakeError: the markers were not recognised.
+    """
+    take = named_take(track_markers(frames, name, fps, len(marker_set)).take, marker_set)
+    return calibrate_subject(pose_points(take, marker_set, poses), marker_set, prototypes, name, *poses)
