@@ -232,8 +232,9 @@ def _grey(colours: NDArray[np.uint8] | Float32) -> Float32:
 
 def _blob(colours: Image, contrast: Float32, left: int, top: int) -> _Blob:
     """Measure one blob from its contrast above the background (zero outside it)."""
-    # the power of 1.5 lies between the plain centroid (noise at the rim) and the peak (few pixels)
-    weights = contrast * np.sqrt(contrast)
+    # the plain centroid suffers from what the rim lacks, higher powers from how the peak falls on the pixels: of discs
+    # of 1.5 to 6 pixels 1.3 has the least error
+    weights = contrast ** np.float32(1.3)
     across, down = weights.sum(axis=0, dtype=np.float64), weights.sum(axis=1, dtype=np.float64)
     columns, rows = np.arange(len(across)), np.arange(len(down))
     total = float(across.sum())

@@ -3,14 +3,16 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from perfanim.core import rotations as rot
 from perfanim.core.bench.vision import centroid_row, in_world_of
 from perfanim.core.camera import CameraRig
 from perfanim.core.simulate.studio.rig import default_rig
 
 
-def test_discs_are_found_to_a_small_part_of_a_pixel():
-    row = centroid_row(3.0)
+@pytest.mark.parametrize("radius_px", [2.0, 3.0])
+def test_discs_are_found_to_a_small_part_of_a_pixel(radius_px):
+    row = centroid_row(radius_px)
     assert row["found"] == 1.0
     # at most what is asked of the product; 2 grey levels of noise leave a few thousandths to a perfect estimate
     assert 0.002 < row["rms_px"] <= 0.012
