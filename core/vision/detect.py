@@ -235,18 +235,16 @@ def _blob(colours: Image, contrast: Float32, left: int, top: int) -> _Blob:
     # the plain centroid suffers from what the rim lacks, higher powers from how the peak falls on the pixels: of discs
     # of 1.5 to 6 pixels 1.3 has the least error
     weights = contrast ** np.float32(1.3)
-    across, down = weights.sum(axis=0, dtype=np.float64), weights.sum(axis=1, dtype=np.float64)
-    columns, rows = np.arange(len(across)), np.arange(len(down))
-    total = float(across.sum())
-    x, y = float(across @ columns) / total, float(down @ rows) / total
-    from_x, from_y = columns - x, rows - y
-    spread_x, spread_y = float(across @ from_x**2) / total, float(down @ from_y**2) / total
-    spread_xy = float(from_y @ weights @ from_x) / total
+    moments = cv2.moments(weights.astype(np.float64))  # two columns of 32 bits would be taken for a list of points
+    total = moments["m00"]
+    x, y = moments["m10"] / total, moments["m01"] / total
+    spread_x, spread_y, spread_xy = (moments[name] / total for name in ("mu20", "mu02", "mu11"))
     mean, half = 0.5 * (spread_x + spread_y), math.hypot(0.5 * (spread_x - spread_y), spread_xy)
     # a pixel's own extent (1/12) keeps the ratio of the smallest blobs in bounds
     roundness = math.sqrt(max(mean - half, 0.0) + 1 / 12) / math.sqrt(mean + half + 1 / 12)
     values = np.sort(contrast[contrast > 0.0])
-    plateau = float(values[-max(1, len(values) // 8) :].mean(dtype=np.float64))
+    eighth = max(1, len(values) // 8)
+    plateau = float(values[-eighth:].sum(dtype=np.float64)) / eighth
     radius = math.sqrt(float(values.sum(dtype=np.float64)) / (math.pi * plateau))
     colour = cv2.mean(colours, (contrast >= 0.5 * plateau).view(np.uint8))[:3]
     return _Blob(left + x, top + y, radius, max(colour), _hue(colour), plateau, roundness)
@@ -281,7 +279,7 @@ def _above_skin(contrast: Float32) -> Float32:
     below, total, count = 0, float(sums[-1]), len(ordered)
     low = high = 0.0
     for _ in range(8):  # two means, of the values below and above their middle
-        split = int(np.searchsorted(ordered, middle))
+        split = int(ordered.searchsorted(np.float32(middle)))
         if split in (0, count, below):
             break
         below = split
