@@ -111,16 +111,3 @@ def test_the_other_sequences_keep_their_markers_and_nothing_else(folder, calibra
     unlabelled = [int((labels < 0).sum()) for labels in tracking.labels]
     assert sum(unlabelled) <= 3 * max(tracking.dropped_pieces, 1)
 
-
-def test_no_false_marker_lasts_longer_than_three_frames_in_a_lit_room(folder, calibration):
-    """Sequence 2: fourteen markers, a lit room with clutter; what has no label must go at once."""
-    frames, tracking = tracked(folder, calibration, 2, 30.0)
-    assert tracking.take.positions_m.shape == (66, 14, 3)
-    assert tracking.take.visible.mean(axis=0).min() >= 0.95
-    lasting: list[tuple[np.ndarray, int]] = []
-    for frame, labels in zip(frames, tracking.labels, strict=True):
-        before, lasting = lasting, []
-        for point in frame.points_m[labels < 0]:
-            ages = [age for place, age in before if np.linalg.norm(place - point) < 0.1]
-            lasting.append((point, 1 + max(ages, default=0)))
-        assert max((age for _, age in lasting), default=0) <= 3, frame.number
