@@ -1,7 +1,7 @@
 """Pinhole cameras with lens distortion (OpenCV's model and frame) and rigs of them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import rotations as rot
 from .errors import CalibrationError
-from .files import read_toml, write_toml
+from .files import read_bytes, read_toml, write_toml
+from .foreign_rigs import caliscope_rows, level_from_world, qualisys_rows
 
 Array = NDArray[np.float64]
 
@@ -161,28 +162,47 @@ def save_rig(rig: CameraRig, path: str | Path) -> None:
 
 
 def load_rig(path: str | Path) -> CameraRig:
-    """Return a rig from an anipose-style TOML file (`cam_N` tables; millimetres or metres).
+    """Return a rig from a calibration file: anipose's layout (`cam_N` tables), caliscope's TOML, or Qualisys' XML.
 
-    Files without `metadata.length_unit` are of another program: there anipose writes the unit of its board,
-    millimetres, and a baseline above 10 tells so.
+    Files of other programs are brought to metres and to a world with y up. In anipose's layout a file without
+    `metadata.length_unit` is of another program: there anipose writes the unit of its board, millimetres, and a
+    baseline above 10 tells so.
 
     Raises:
-        CalibrationError: no camera tables, incomplete ones, fisheye lenses, or a unit other than "m" and "mm".
+        FormatError: the file cannot be read, or is no TOML.
+        CalibrationError: no cameras, incomplete ones, fisheye lenses, or a unit other than "m" and "mm".
     """
+    raw = read_bytes(path)
+    if raw.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
+        return _levelled(_cameras_from(qualisys_rows(raw, str(path)), str(path)), {})
     tables = read_toml(path)
-    rows = [tables[key] for key in sorted(tables, key=_camera_order) if key.startswith("cam_")]
-    if not rows:
-        raise CalibrationError(
-            "has no [cam_0] table", where=str(path), advice="use a file of `perfanim calibrate cameras` or of anipose"
-        )
+    if "cameras" in tables:
+        return _levelled(_cameras_from(caliscope_rows(tables, str(path)), str(path)), {})
+    keys = [key for key in sorted(tables, key=_camera_order) if key.startswith("cam_")]
+    rows = [{"name": key} | tables[key] if isinstance(tables[key], Mapping) else tables[key] for key in keys]
+    cameras = _cameras_from(rows, str(path))
     metadata = tables.get("metadata", {})
-    cameras = tuple(_camera_from(row, str(path)) for row in rows)
     unit = metadata.get("length_unit", "unknown") if isinstance(metadata, Mapping) else None
     if unit not in ("m", "mm", "unknown"):
         raise CalibrationError("metadata is not understood", where=str(path), advice='length_unit is "m" or "mm"')
     if unit == "mm" or (unit == "unknown" and _spread(cameras) > 10.0):
         cameras = tuple(_scaled(camera, 1e-3) for camera in cameras)
-    return CameraRig(cameras, metadata)
+    return CameraRig(cameras, metadata) if unit != "unknown" else _levelled(cameras, metadata)
+
+
+def _cameras_from(rows: Sequence[Any], where: str) -> tuple[Camera, ...]:
+    if not rows:
+        raise CalibrationError(
+            "holds no cameras",
+            where=where,
+            advice="use a file of `perfanim calibrate cameras`, anipose, caliscope or Qualisys",
+        )
+    return tuple(_camera_from(row, where) for row in rows)
+
+
+def _levelled(cameras: Sequence[Camera], metadata: Mapping[str, Any]) -> CameraRig:
+    turn = level_from_world(np.array([camera.rotation for camera in cameras]))
+    return CameraRig(tuple(replace(camera, rotation=camera.rotation @ turn.T) for camera in cameras), metadata)
 
 
 def _camera_order(key: str) -> tuple[int, str]:
@@ -197,7 +217,10 @@ def _camera_from(row: Mapping[str, Any], where: str) -> Camera:
                 "fisheye lenses are not supported", where=where, advice="calibrate with the standard lens model"
             )
         rotation = np.asarray(row["rotation"], dtype=np.float64)
-        matrix = rotation if rotation.shape == (3, 3) else rot.to_matrix(rot.from_rotation_vector(rotation))
+        if rotation.shape == (3, 3):
+            matrix = _nearest_rotation(rotation)  # other programs' have few digits, or come out of a bundle adjustment
+        else:
+            matrix = rot.to_matrix(rot.from_rotation_vector(rotation))
         return Camera(
             name=str(row.get("name", "camera")),
             image_size=(int(row["size"][0]), int(row["size"][1])),
@@ -212,17 +235,18 @@ def _camera_from(row: Mapping[str, Any], where: str) -> Camera:
         ) from error
 
 
+def _nearest_rotation(matrix: Array) -> Array:
+    """Return the rotation nearest to a matrix (3, 3) that is almost one; others as they are."""
+    if not 1e-9 < np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-3:
+        return matrix
+    u, _, vt = np.linalg.svd(matrix)
+    return np.asarray(u @ vt)
+
+
 def _spread(cameras: Sequence[Camera]) -> float:
     centres = np.array([camera.centre_m for camera in cameras])
     return float(np.linalg.norm(centres - centres[0], axis=1).max())
 
 
 def _scaled(camera: Camera, factor: float) -> Camera:
-    return Camera(
-        camera.name,
-        camera.image_size,
-        camera.matrix,
-        camera.distortion,
-        camera.rotation,
-        camera.translation_m * factor,
-    )
+    return replace(camera, translation_m=camera.translation_m * factor)

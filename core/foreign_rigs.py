@@ -1,0 +1,121 @@
+"""Camera calibrations of other programs, brought into tables as our own files have: metres, OpenCV's frame.
+
+- caliscope: TOML with a table [cameras.N] each, in metres, camera-from-world as a matrix or a rotation vector;
+  cameras that were not placed have "null" there.
+- Qualisys Track Manager: XML (`*.qca.txt`). Millimetres; the camera's own axes are the rows r1x, r2x, r3x, with y up
+  and z backwards; intrinsics in 64ths of a pixel, from the corner of the field of view; distortion as OpenCV's.
+"""
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import CalibrationError
+
+Array = NDArray[np.float64]
+
+_SUBPIXELS = 64.0
+_OPENCV_FROM_QUALISYS = np.diag([1.0, -1.0, -1.0])
+_MOST_BYTES = 10_000_000
+_UPRIGHT = 0.6  # mean of the cameras' upward axes along one axis of the world, if they are held upright in it
+
+
+def caliscope_rows(tables: Mapping[str, Any], where: str) -> list[dict[str, Any]]:
+    """Return the camera tables of a caliscope file.
+
+    Raises:
+        CalibrationError: a camera has not been placed, or there is none.
+    """
+    cameras = tables["cameras"]
+    if not isinstance(cameras, Mapping) or not all(isinstance(row, Mapping) for row in cameras.values()):
+        raise CalibrationError("[cameras] holds no tables", where=where, advice="export the calibration again")
+    rows = []
+    for key in sorted(cameras, key=lambda name: (len(name), name)):
+        row = cameras[key]
+        if row.get("ignore") is True:
+            continue
+        for part in ("rotation", "translation"):
+            if row.get(part, "null") == "null":
+                raise CalibrationError(
+                    f"camera {key} has no {part}", where=where, advice="finish the calibration of all cameras first"
+                )
+        rows.append({"name": f"cam_{key}", **row})
+    return rows
+
+
+def qualisys_rows(raw: bytes, where: str) -> list[dict[str, Any]]:
+    """Return the camera tables of a Qualisys calibration.
+
+    Raises:
+        CalibrationError: no such file, or an incomplete one.
+    """
+    if len(raw) > _MOST_BYTES or b"<!ENTITY" in raw:
+        raise CalibrationError("is no calibration of Qualisys", where=where, advice="export it again")
+    try:
+        root = ElementTree.fromstring(raw)  # noqa: S314 - entities, which could grow without end, are refused above
+    except ElementTree.ParseError as error:
+        raise CalibrationError(f"is not valid XML ({error})", where=where, advice="export it again") from error
+    cameras = root.findall("cameras/camera")
+    if root.tag != "calibration" or not cameras:
+        raise CalibrationError("is XML, but holds no cameras of a calibration", where=where, advice="export it again")
+    return [_qualisys_row(camera, where) for camera in cameras if camera.get("active", "1") != "0"]
+
+
+def _qualisys_row(camera: ElementTree.Element, where: str) -> dict[str, Any]:
+    name = camera.get("serial", "camera")
+    place = f"{where}, camera {name}"
+    view = _numbers(camera, "fov_video", ("left", "top", "right", "bottom"), place)
+    lens = _numbers(
+        camera, "intrinsic", ("focalLengthU", "focalLengthV", "centerPointU", "centerPointV", "skew"), place
+    )
+    fx, fy, cx, cy, skew = lens / _SUBPIXELS
+    shape = ("radialDistortion1", "radialDistortion2", "tangentalDistortion1", "tangentalDistortion2")
+    axes = _numbers(camera, "transform", tuple(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)), place).reshape(3, 3)
+    centre_m = _numbers(camera, "transform", ("x", "y", "z"), place) / 1000.0
+    rotation = _OPENCV_FROM_QUALISYS @ axes
+    return {
+        "name": name,
+        "size": [int(view[2] - view[0]) + 1, int(view[3] - view[1]) + 1],
+        "matrix": np.array([[fx, skew, cx - view[0]], [0.0, fy, cy - view[1]], [0.0, 0.0, 1.0]]),
+        "distortions": np.append(
+            _numbers(camera, "intrinsic", shape, place), _numbers(camera, "intrinsic", ("radialDistortion3",), place)
+        ),
+        "rotation": rotation,
+        "translation": -rotation @ centre_m,
+    }
+
+
+def _numbers(camera: ElementTree.Element, tag: str, names: tuple[str, ...], place: str) -> Array:
+    element = camera.find(tag)
+    values = {} if element is None else element.attrib
+    try:
+        numbers = np.array([float(values[name]) for name in names])
+    except (KeyError, ValueError) as error:
+        raise CalibrationError(
+            f"<{tag}> is incomplete ({error})", where=place, advice="export the calibration again"
+        ) from error
+    return numbers
+
+
+def level_from_world(rotations: Array) -> Array:
+    """Return (3, 3) the turn that makes y the upward axis of a world, from camera-from-world rotations (C, 3, 3).
+
+    Programs differ in which axis of their world points up (down, for one that has the first camera's frame). The
+    cameras tell: most are held upright. Where they do not agree the world stays as it is.
+    """
+    up = -rotations[:, 1].mean(axis=0)
+    axis = int(np.argmax(np.abs(up)))
+    if abs(up[axis]) < _UPRIGHT or (axis == 1 and up[axis] > 0.0):
+        return np.eye(3)
+    if axis == 1:
+        return np.diag([1.0, -1.0, -1.0])
+    sign = float(np.sign(up[axis]))
+    turn = np.eye(3)
+    if axis == 2:  # x stays
+        turn[1:, 1:] = [[0.0, sign], [-sign, 0.0]]
+    else:  # z stays
+        turn[:2, :2] = [[0.0, -sign], [sign, 0.0]]
+    return turn
