@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _MAGIC = b"PFMF"
-_VERSION = 1
+_VERSION = 2
 _HEADER = struct.Struct("<4sHHqdIIII")  # magic, version, cameras, number, time, points, rays, note bytes, body bytes
 
 
@@ -37,6 +37,7 @@ class MarkerFrame:
         single_cameras, single_blobs: (R,) camera and blob of markers seen by one camera only.
         single_points: (R, 2) their undistorted normalised coordinates.
         single_labels: (R,) as `labels`.
+        camera_times_s: (C,) time stamp of each camera's image, NaN where it gave none.
         notes: what went wrong, in plain words (a frozen camera, ...).
     """
 
@@ -51,6 +52,7 @@ class MarkerFrame:
     single_blobs: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     single_points: Array = field(default_factory=lambda: np.empty((0, 2)))
     single_labels: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    camera_times_s: Array = field(default_factory=lambda: np.empty(0))
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -61,6 +63,8 @@ class MarkerFrame:
             object.__setattr__(self, "single_labels", np.full(rays, -1, dtype=np.int64))
         if self.point_blobs.size == 0:
             object.__setattr__(self, "point_blobs", np.full((points, cameras), -1, dtype=np.int64))
+        if len(self.camera_times_s) == 0:
+            object.__setattr__(self, "camera_times_s", np.full(cameras, self.time_s))
         expected = {
             "points_m": (points, 3),
             "covariances_m2": (points, 3, 3),
@@ -69,6 +73,7 @@ class MarkerFrame:
             "single_blobs": (rays,),
             "single_points": (rays, 2),
             "single_labels": (rays,),
+            "camera_times_s": (cameras,),
         }
         for name, shape in expected.items():
             if getattr(self, name).shape != shape:
@@ -129,6 +134,7 @@ def _layout(points: int, rays: int, cameras: int) -> list[tuple[str, tuple[int, 
         ("single_blobs", (rays,), "<i8"),
         ("single_points", (rays, 2), "<f8"),
         ("single_labels", (rays,), "<i8"),
+        ("camera_times_s", (cameras,), "<f8"),
     ]
 
 

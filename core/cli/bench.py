@@ -10,6 +10,7 @@ from ..bench.figure5 import figure5
 from ..bench.figure6 import figure6
 from ..bench.gap import gap
 from ..bench.heterogeneity import heterogeneity
+from ..bench.offset import offset
 from ..bench.table1 import table1
 from ..bench.tuning import tuning
 from ..bench.vision import vision
@@ -17,6 +18,7 @@ from ..errors import SettingsError
 
 _BENCHES = {
     "vision": (vision, "centres, points and labels against the truth of the simulated cameras"),
+    "offset": (offset, "time between two simulated cameras that are not synchronised, and the points located with it"),
     "table1": (table1, "frames that the search visits, and its error"),
     "figure5": (figure5, "error of models of pose by their dimension"),
     "end-to-end": (end_to_end, "recorded motion filmed by simulated cameras, tracked and solved, beside true markers"),

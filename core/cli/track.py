@@ -45,6 +45,12 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument("--fps", metavar="RATE", type=float, help="frames per second, where the source does not tell")
     parser.add_argument("--seconds", metavar="S", type=float, help="stop after so many seconds (needed for cameras)")
     parser.add_argument(
+        "--no-time-offset",
+        action="store_true",
+        help="take images of one number as of one moment (default: where the motion shows that a camera is late, its "
+        "markers are brought to the time of the others)",
+    )
+    parser.add_argument(
         "--ignore-distortion",
         action="store_true",
         help="leave the lens distortion out, to compare with results of programs that do (default: corrected)",
@@ -88,7 +94,11 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         frames, seconds = _process(args, pipeline, source, progress)
     finally:
         source.close()
-    progress(0.95, "joining points to trajectories")
+    aligned: dict[str, Any] = {}
+    if not args.no_time_offset:
+        progress(0.95, "comparing the cameras' times")
+        frames, aligned = _at_one_time(rig, frames, pipeline.settings)
+    progress(0.97, "joining points to trajectories")
     count = len(marker_set) if marker_set else args.markers
     tracking = track_markers(frames, _take_name(args.out), source.fps, count)
     single = single_views(tracking, frames, rig)
@@ -106,8 +116,9 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         "reprojection_rms_px": labelled_rms_px(rig, frames, tracking.labels),
         "false_pieces": tracking.dropped_pieces,
         "frames_per_s": len(frames) / max(seconds, 1e-9),
-        "warnings": list(getattr(source, "warnings", ())),
+        "warnings": [*getattr(source, "warnings", ()), *dict.fromkeys(note for f in frames for note in f.notes)],
         "out": str(args.out),
+        **aligned,
     }
     if args.truth:
         summary |= _compared(take, args.truth)
@@ -187,6 +198,18 @@ def _process(args: argparse.Namespace, pipeline: Any, source: Any, progress: Pro
         if len(frames) % 10 == 0:
             progress(min(0.95, 0.95 * len(frames) / max(total, 1)), f"frame {len(frames)} of {total}")
     return frames, seconds
+
+
+def _at_one_time(rig: Any, frames: list[Any], settings: Any) -> tuple[list[Any], dict[str, Any]]:
+    """Return the frames with all markers at one time, and how late each camera was against the first."""
+    from ..vision.synchronise import synchronised
+
+    moved, offsets = synchronised(rig, frames, settings)
+    return moved, {
+        "time_offsets_ms": [1e3 * offset.offset_s if offset.is_found else None for offset in offsets],
+        "time_offset_sigmas_ms": [1e3 * offset.sigma_s if offset.is_found else None for offset in offsets],
+        "time_offsets_applied": any(offset.is_certain for offset in offsets),
+    }
 
 
 def _take_name(out: str) -> str:

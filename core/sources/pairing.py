@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .image_set import Image, ImageSet, camera_title, next_number
+from .steady_clock import SteadyClock
 from .watch import CameraWatch
 
 _TOGETHER = 0.75  # periods: images further apart in time are of two moments
@@ -31,12 +32,14 @@ class ImagePairing:
         self._period_s = period_s
         self._held: list[deque[tuple[float, Image, bool]]] = [deque(maxlen=_HELD) for _ in shapes]
         self._watches = [CameraWatch(camera_title(i, names), period_s, now_s) for i in range(len(shapes))]
+        self._clocks = [SteadyClock() for _ in shapes]
         self._number = -1
         self._last_s = -np.inf
 
     def put(self, camera: int, time_s: float, image: Image) -> None:
         """Take an image that a camera gave."""
         fresh = self._watches[camera].saw(time_s, image)
+        time_s = self._clocks[camera].steady(time_s)
         if time_s < self._last_s + _LATE * self._period_s:
             return
         self._held[camera].append((time_s, image, fresh and image.shape == self._black[camera].shape))

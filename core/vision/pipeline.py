@@ -14,6 +14,7 @@ from ..sources.spec import ImageSetLike
 from .background import Background, background_behind, learn_backgrounds
 from .coherence import PointPredictor
 from .detect import DetectionSettings, Detector
+from .one_time import TimeAligner
 from .stereo import Matches, StereoMatcher, StereoSettings
 from .swapped import SwapWatch
 
@@ -34,7 +35,8 @@ class PipelineSettings:
 class MarkerPipeline:
     """Detection, correspondence and triangulation for one rig.
 
-    Backgrounds are learned by one of the `learn_*` methods, or left out in the dark.
+    Backgrounds are learned by one of the `learn_*` methods, or left out in the dark. With an `aligner` the cameras'
+    blobs are brought to one time before they are matched.
     """
 
     def __init__(self, rig: CameraRig, settings: PipelineSettings | None = None) -> None:
@@ -47,6 +49,7 @@ class MarkerPipeline:
         self._matcher = StereoMatcher(rig, self.settings.stereo)
         self._predictor = PointPredictor()
         self._swapped = SwapWatch(rig, self.settings.stereo)
+        self.aligner: TimeAligner | None = None
         self.last_errors_px = np.empty((0, len(rig)))
         self.set_backgrounds([None] * len(rig))
 
@@ -69,7 +72,11 @@ class MarkerPipeline:
         self.set_backgrounds([background_behind(column) for column in zip(*moments, strict=True)])
 
     def process(self, images: ImageSetLike) -> MarkerFrame:
-        """Return the markers of one image set; a camera whose image is not usable sees none.
+        """Return the markers of one image set: `detect`, then `locate`."""
+        return self.locate(self.detect(images))
+
+    def detect(self, images: ImageSetLike) -> MarkerFrame:
+        """Return the blobs of one image set; a camera whose image is not usable sees none.
 
         Raises:
             CaptureError: another number of images than cameras, or images of another size than the calibration's.
@@ -79,18 +86,26 @@ class MarkerPipeline:
         usable = usable_images(images)
         rows = zip(self.detectors, images.images, usable, strict=True)
         blobs = tuple(detector.detect(image) if use else _NO_BLOBS for detector, image, use in rows)
-        times = [time_s for time_s, use in zip(images.times_s, usable, strict=True) if use]
-        time_s = float(np.mean(times or images.times_s))
+        stamps_s = np.where(usable, images.times_s, np.nan)
+        time_s = float(np.mean(stamps_s[np.isfinite(stamps_s)] if any(usable) else images.times_s))
+        notes = tuple(getattr(images, "notes", ()))
+        return MarkerFrame(int(images.number), time_s, blobs=blobs, camera_times_s=stamps_s, notes=notes)
+
+    def locate(self, seen: MarkerFrame) -> MarkerFrame:
+        """Return the markers of one moment from the blobs of `detect`."""
+        time_s, blobs = seen.time_s, seen.blobs
+        if self.aligner is not None:
+            time_s, blobs = self.aligner.align(time_s, seen.camera_times_s, blobs)
         normalised = self._matcher.undistort(blobs)
         expected = self._predictor.predict(time_s)
         matches = self._matcher.match(blobs, normalised, expected)
         self._predictor.update(time_s, matches.points_m)
         self.last_errors_px = matches.errors_px
-        return self._frame(images, time_s, blobs, normalised, matches)
+        return self._frame(seen, time_s, blobs, normalised, matches)
 
     def _frame(
         self,
-        images: ImageSetLike,
+        seen: MarkerFrame,
         time_s: float,
         blobs: tuple[NDArray[np.float32], ...],
         normalised: Sequence[Array],
@@ -104,7 +119,7 @@ class MarkerPipeline:
             single_blobs.append(free.astype(np.int64))
             single_points.append(coordinates[free])
         return MarkerFrame(
-            number=int(images.number),
+            number=seen.number,
             time_s=time_s,
             points_m=matches.points_m,
             covariances_m2=matches.covariances_m2,
@@ -113,7 +128,8 @@ class MarkerPipeline:
             single_cameras=np.concatenate(single_cameras),
             single_blobs=np.concatenate(single_blobs),
             single_points=np.concatenate(single_points),
-            notes=(*getattr(images, "notes", ()), *([swapped] if swapped else [])),
+            camera_times_s=seen.camera_times_s,
+            notes=tuple(dict.fromkeys((*seen.notes, *([swapped] if swapped else [])))),
         )
 
     def _check_count(self, count: int) -> None:

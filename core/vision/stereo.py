@@ -190,15 +190,20 @@ def epipolar_distances(a: Camera, b: Camera, x: Array, y: Array) -> Array:
 
     Hartley and Zisserman, Multiple View Geometry, 11.4.3: first-order distance to the nearest pair that meets in 3D.
     """
-    rotation = b.rotation @ a.rotation.T
-    t = b.translation_m - rotation @ a.translation_m
-    cross = np.array([[0.0, -t[2], t[1]], [t[2], 0.0, -t[0]], [-t[1], t[0], 0.0]])
-    essential = cross @ rotation
+    essential = essential_matrix(a, b)
     xh, yh = _homogeneous(x), _homogeneous(y)
     lines_b, lines_a = xh @ essential.T, yh @ essential
     value = lines_b @ yh.T
     slope = np.sum(lines_b[:, :2] ** 2, axis=1)[:, None] + np.sum(lines_a[:, :2] ** 2, axis=1)[None]
     return np.asarray(np.abs(value) / np.sqrt(np.maximum(slope, 1e-30)) * 0.5 * (a.focal_px + b.focal_px))
+
+
+def essential_matrix(a: Camera, b: Camera) -> Array:
+    """Return E (3, 3) with y' E x = 0 for normalised points x in camera a and y in camera b of one point in space."""
+    rotation = b.rotation @ a.rotation.T
+    t = b.translation_m - rotation @ a.translation_m
+    cross = np.array([[0.0, -t[2], t[1]], [t[2], 0.0, -t[0]], [-t[1], t[0], 0.0]])
+    return np.asarray(cross @ rotation)
 
 
 def _homogeneous(points: Array) -> Array:

@@ -7,6 +7,7 @@ known), "background_s" (seconds in which the empty room is learned, cameras only
 
 import time
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import islice
 from typing import Any
@@ -18,7 +19,10 @@ from ..camera import CameraRig, load_rig
 from ..errors import CaptureError
 from ..sources.spec import ImageSetLike, ImageSource, open_source
 from ..vision.detect import DetectionSettings
+from ..vision.live_offset import LiveTimeOffsets
+from ..vision.one_time import TimeAligner
 from ..vision.pipeline import MarkerPipeline, PipelineSettings
+from ..vision.time_offset import TimeOffset
 from .channel import Channel
 
 Image = NDArray[np.uint8]
@@ -39,13 +43,17 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     """
     in_flight = request.get("in_flight")
     try:
-        with opened(request, channel) as (source, pipeline):
+        with ThreadPoolExecutor(1) as later, opened(request, channel) as (source, pipeline):
             channel.send_status("waiting for images")
+            offsets = None if is_simulated(request) else LiveTimeOffsets(pipeline.rig, _aligner(pipeline), later.submit)
             for images in source if is_live(request) else _paced(source):
                 if channel.stop_requested.is_set():
                     break
                 stamp_s = time.perf_counter()
-                channel.send_frame(stamp_s, pipeline.process(images))
+                seen = pipeline.detect(images)
+                if offsets is not None:
+                    offsets.saw(seen)
+                channel.send_frame(stamp_s, pipeline.locate(seen))
                 if in_flight is not None:
                     channel.wait_taken(int(in_flight))
     except Stopped:
@@ -55,6 +63,17 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
 def is_live(request: Mapping[str, Any]) -> bool:
     """Return whether the images come from cameras, which do not wait."""
     return str(request["source"].get("kind", "")) == "cameras"
+
+
+def is_simulated(request: Mapping[str, Any]) -> bool:
+    """Return whether the images are the simulated performer's, whose time stamps are exact."""
+    return str(request["source"].get("kind", "")) == "simulated"
+
+
+def _aligner(pipeline: MarkerPipeline) -> TimeAligner:
+    """Let the pipeline bring all blobs to one time, by the images' time stamps until more is known."""
+    pipeline.aligner = TimeAligner(pipeline.rig, [TimeOffset()] * len(pipeline.rig))
+    return pipeline.aligner
 
 
 @contextmanager

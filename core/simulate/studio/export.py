@@ -62,6 +62,7 @@ def export_recording(
         "frames": len(truths),
         "fps": source.fps,
         "cameras": [camera.name for camera in source.rig.cameras],
+        "time_offsets_ms": [1e3 * offset_s for offset_s in _time_offsets_s(source)],
         "markers": list(source.performance.marker_names),
         "visible_in_two_fraction": float((visible.sum(axis=1) >= 2).mean()),
         "hidden_fraction": float((~visible).mean()),
@@ -170,7 +171,14 @@ def _write_truth(source: SimulatedSource, folder: Path, truths: list[FrameTruth]
         radii_px=np.array([truth.radii_px for truth in truths]),
         visible=np.array([truth.visible for truth in truths]),
         times_s=np.array([truth.time_s for truth in truths]),
+        time_offsets_s=np.array(_time_offsets_s(source)),
+        rolling_shutter_s=np.array(source.renderer.settings.rolling_shutter_s),
     )
+
+
+def _time_offsets_s(source: SimulatedSource) -> list[float]:
+    """Return how much later than the videos' frames say each camera takes its images."""
+    return [source.renderer.settings.time_offset_s(i) for i in range(len(source.rig))]
 
 
 def _save_arrays(path: Path, **arrays: Any) -> None:

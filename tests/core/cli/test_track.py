@@ -1,4 +1,5 @@
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -13,8 +14,8 @@ BODY = np.array([[-0.3, 0.4, 0.0], [0.3, 0.35, 0.0], [0.0, 0.0, 0.1], [-0.2, -0.
 FRAMES = 20
 
 
-def studio(folder: Path) -> CameraRig:
-    """Two image folders of five markers that move, and the calibration."""
+def studio(folder: Path, late: float = 0.0, moved: Callable[[float], np.ndarray] | None = None) -> CameraRig:
+    """Two image folders of five markers that move, and the calibration; the right camera is `late` frames late."""
     matrix = np.array([[300.0, 0.0, 160.0], [0.0, 300.0, 120.0], [0.0, 0.0, 1.0]])
     rotation = WORLD_FROM_CAMERA
     cameras = tuple(
@@ -26,7 +27,7 @@ def studio(folder: Path) -> CameraRig:
         (folder / camera.name).mkdir()
         for number in range(FRAMES):
             picture = rng.normal(8, 1.5, (SIZE[1], SIZE[0], 3)).clip(0, 255).astype(np.uint8)
-            for pixel in camera.project(where(number)):
+            for pixel in camera.project((moved or where)(number + (late if camera.name == "right" else 0.0))):
                 centre = tuple(int(v) for v in np.round(pixel * 16))
                 cv2.circle(picture, centre, 4 * 16, (230, 230, 230), -1, cv2.LINE_AA, 4)
             cv2.imwrite(str(folder / camera.name / f"{number:03d}.png"), picture)
@@ -35,7 +36,7 @@ def studio(folder: Path) -> CameraRig:
     return rig
 
 
-def where(number: int) -> np.ndarray:
+def where(number: float) -> np.ndarray:
     return BODY + np.array([0.02 * number - 0.2, 0.005 * number, -2.5])
 
 
@@ -65,6 +66,28 @@ def test_images_become_a_take(folder, capsys, name):
     distance = np.linalg.norm(take.positions_m[:, :, None] - truth[:, None], axis=3)
     assert distance.min(axis=2).max() < 0.01
     assert np.ptp(distance.argmin(axis=2), axis=0).max() == 0  # one marker each, all the way
+
+
+def test_a_camera_that_is_late_is_noticed_and_made_good_for(tmp_path, capsys):
+    def waving(number: float) -> np.ndarray:
+        turn = 0.4 * number + np.arange(5)
+        return BODY + np.stack((0.1 * np.cos(turn), 0.1 * np.sin(turn), -2.5 + 0.0 * turn), axis=1)
+
+    studio(tmp_path, 0.4, waving)
+    distances, summaries = [], []
+    for more in ([], ["--no-time-offset"]):
+        out = tmp_path / "take.take.npz"
+        assert main(arguments(tmp_path, "--out", str(out), "--fps", "25", "--json", *more)) == 0
+        summaries.append(json.loads(capsys.readouterr().out))
+        take = read_take(out)
+        truth = np.array([waving(25.0 * time_s) for time_s in take.times_s])
+        apart = np.linalg.norm(take.positions_m[:, :, None] - truth[:, None], axis=3)
+        distances.append(np.nanmedian(apart.min(axis=2)))
+    told, untold = summaries
+    assert told["time_offsets_ms"] == [0.0, pytest.approx(16.0, abs=1.0)]
+    assert told["time_offsets_applied"]
+    assert "time_offsets_ms" not in untold
+    assert distances[0] < 0.5 * distances[1]
 
 
 def test_distance_to_other_trajectories_is_told(folder, capsys):

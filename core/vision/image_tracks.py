@@ -1,0 +1,131 @@
+"""Blobs of one camera followed from image to image."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# Gates at 640 pixels of width; a marker at 5 m/s crosses such an image in less than a second.
+_GATE_PX, _GATE_PX_S = 6.0, 400.0
+_NEW_PX_S = 900.0  # more for a blob whose velocity is not known yet
+_WIDTH_PX = 640.0
+_LONGEST_GAP_S = 0.1
+
+
+class BlobLinker:
+    """Gives every blob the number of its track; a track ends when its blob has been missing for a while.
+
+    Args:
+        width_px: of the images.
+    """
+
+    def __init__(self, width_px: int) -> None:
+        self._scale = width_px / _WIDTH_PX
+        self._next = 0
+        self._pixels = np.empty((0, 2))
+        self._velocities = np.empty((0, 2))  # NaN until it is known
+        self._seen_s = np.empty(0)
+        self._ids = np.empty(0, dtype=np.int64)
+
+    def link(self, time_s: float, pixels: Array) -> IntArray:
+        """Return the track (n,) of each blob (n, 2) of the next image; the times increase."""
+        self._keep(time_s - self._seen_s <= _LONGEST_GAP_S)
+        ids = np.full(len(pixels), -1, dtype=np.int64)
+        velocities = np.full((len(pixels), 2), np.nan)
+        if len(self._ids) and len(pixels):
+            passed_s = (time_s - self._seen_s)[:, None]
+            known = np.isfinite(self._velocities)
+            gates = self._scale * (_GATE_PX + np.where(known[:, :1], _GATE_PX_S, _NEW_PX_S) * passed_s)
+            expected = self._pixels + np.where(known, self._velocities, 0.0) * passed_s
+            distances = cdist(expected, pixels) / gates
+            rows, columns = linear_sum_assignment(np.minimum(distances, 1.0))
+            near = distances[rows, columns] < 1.0
+            rows, columns = rows[near], columns[near]
+            ids[columns] = self._ids[rows]
+            velocities[columns] = (pixels[columns] - self._pixels[rows]) / passed_s[rows]
+            unseen = np.ones(len(self._ids), dtype=bool)
+            unseen[rows] = False
+            self._keep(unseen)
+        new = np.flatnonzero(ids < 0)
+        ids[new] = self._next + np.arange(len(new))
+        self._next += len(new)
+        self._pixels = np.concatenate((pixels, self._pixels))
+        self._velocities = np.concatenate((velocities, self._velocities))
+        self._seen_s = np.concatenate((np.full(len(ids), time_s), self._seen_s))
+        self._ids = np.concatenate((ids, self._ids))
+        return ids
+
+    def _keep(self, kept: NDArray[np.bool_]) -> None:
+        self._pixels, self._velocities = self._pixels[kept], self._velocities[kept]
+        self._seen_s, self._ids = self._seen_s[kept], self._ids[kept]
+
+
+@dataclass(frozen=True)
+class ImageTracks:
+    """Tracks of one camera side by side.
+
+    Args:
+        times_s: (F,) of the images, increasing.
+        points: (S, F, 2) undistorted normalised coordinates, NaN where a row has no track.
+        ids: (S, F) track, -1 where none; a row has one track after another.
+    """
+
+    times_s: Array
+    points: Array
+    ids: IntArray
+
+    def thinned(self, most: int) -> "ImageTracks":
+        """Return at most so many images, evenly spread."""
+        step = -(-len(self.times_s) // most)
+        return ImageTracks(self.times_s[::step], self.points[:, ::step], self.ids[:, ::step])
+
+    def at(self, times_s: Array) -> tuple[Array, IntArray]:
+        """Return the points (S, N, 2) and tracks (S, N) at other times; NaN and -1 where a track does not reach.
+
+        On the cubic through the two images before and the two after, which all must show the track.
+        """
+        last = len(self.times_s) - 3
+        if last < 1:
+            return np.full((len(self.points), len(times_s), 2), np.nan), np.full((len(self.points), len(times_s)), -1)
+        place = np.searchsorted(self.times_s, times_s, side="right") - 1
+        inside = (place >= 1) & (place <= last)
+        place = np.clip(place, 1, last)
+        t0, t1, t2, t3 = (self.times_s[place + k] for k in (-1, 0, 1, 2))
+        p0, p1, p2, p3 = (self.points[:, place + k] for k in (-1, 0, 1, 2))
+        ids = self.ids[:, place]
+        whole = inside & (ids >= 0)
+        for k in (-1, 1, 2):
+            whole &= self.ids[:, place + k] == ids
+        span = t2 - t1
+        f = ((times_s - t1) / span)[:, None]
+        slope1, slope2 = (p2 - p0) * (span / (t2 - t0))[:, None], (p3 - p1) * (span / (t3 - t1))[:, None]
+        f2, f3 = f * f, f * f * f
+        points = (2 * f3 - 3 * f2 + 1) * p1 + (f3 - 2 * f2 + f) * slope1
+        points = points + (3 * f2 - 2 * f3) * p2 + (f3 - f2) * slope2
+        return np.where(whole[..., None], points, np.nan), np.where(whole, ids, -1)
+
+
+def image_tracks(times_s: Sequence[float], points: Sequence[Array], ids: Sequence[IntArray]) -> ImageTracks:
+    """Return tracks side by side from each image's points (n, 2) and their tracks (n,)."""
+    rows: list[int] = []  # per row the frame after its last track
+    row_of: dict[int, int] = {}
+    last = {int(track): f for f, tracks in enumerate(ids) for track in tracks}
+    for f, tracks in enumerate(ids):
+        for track in tracks.tolist():
+            if track in row_of:
+                continue
+            row = next((r for r, free in enumerate(rows) if free <= f), len(rows))
+            rows[row : row + 1] = [last[track] + 1]
+            row_of[track] = row
+    table = np.full((len(rows), len(ids), 2), np.nan)
+    numbers = np.full((len(rows), len(ids)), -1, dtype=np.int64)
+    for f, (tracks, seen) in enumerate(zip(ids, points, strict=True)):
+        where = [row_of[track] for track in tracks.tolist()]
+        table[where, f], numbers[where, f] = seen, tracks
+    return ImageTracks(np.asarray(times_s, dtype=np.float64), table, numbers)

@@ -1,0 +1,31 @@
+"""Frames of a whole take as if its cameras had been synchronised."""
+
+from collections.abc import Sequence
+
+from ..camera import CameraRig
+from ..marker_frame import MarkerFrame
+from .one_time import TimeAligner
+from .pipeline import MarkerPipeline, PipelineSettings
+from .time_offset import TimeOffset, estimate_time_offsets
+
+_LARGEST_S = 0.25
+
+
+def synchronised(
+    rig: CameraRig, frames: Sequence[MarkerFrame], settings: PipelineSettings | None = None
+) -> tuple[list[MarkerFrame], tuple[TimeOffset, ...]]:
+    """Return the frames with all blobs at one time and located anew, and the cameras' time offsets.
+
+    Where no offset is larger than three times its uncertainty, the frames are as they were.
+
+    Args:
+        rig: the cameras.
+        frames: of the pipeline, without an aligner.
+        settings: of the pipeline.
+    """
+    offsets = estimate_time_offsets(rig, frames, _LARGEST_S)
+    if not any(offset.is_certain for offset in offsets):
+        return list(frames), offsets
+    pipeline = MarkerPipeline(rig, settings)
+    pipeline.aligner = TimeAligner(rig, [offset if offset.is_certain else TimeOffset() for offset in offsets])
+    return [pipeline.locate(frame) for frame in frames], offsets
