@@ -1,11 +1,11 @@
 """The most accurate method: the nearest poses' full covariance conditioned on the markers, then fitted to them exactly.
 
-The neighbours' poses and their earlier markers have a joint Gaussian distribution, widened by a share of the whole
-database's, which allows what bodies can do and nothing else (a knee bends, it does not twist). The pose given the
-earlier markers is a linear regression without any choice of dimension (Bishop 2006, Eq. 2.81); the motion so far is a
-second observation. Then the pose and the root are fitted together to the present markers by Gauss-Newton steps under
-that prior, in the form that inverts a matrix of the size of the markers, not of the pose (iterated Kalman update, Bell
-and Cathey 1993).
+The neighbours' poses, their earlier markers and their earlier poses have a joint Gaussian distribution, widened by a
+share of the whole database's, which allows what bodies can do and nothing else (a knee bends, it does not twist). The
+pose given what was earlier is a linear regression without any choice of dimension (Bishop 2006, Eq. 2.81); that the
+last change of pose goes on is a second observation. Then the pose and the root are fitted together to the present
+markers by Gauss-Newton steps under that prior, in the form that inverts a matrix of the size of the markers, not of
+the pose (iterated Kalman update, Bell and Cathey 1993).
 """
 
 from dataclasses import dataclass
@@ -47,19 +47,19 @@ def neighbours_prior(samples: Array, weights: Array, floor: Array) -> Prior:
     return Prior(mean, _gram(spread) + floor)
 
 
-def conditioned(prior: Prior, observed: Array, variance: float) -> Prior:
+def conditioned(prior: Prior, observed: Array, variances: Array) -> Prior:
     """Return the Gaussian of the first entries, given the last ones as observed (Bishop 2006, Eq. 2.81 and 2.82).
 
     Args:
         prior: of all entries.
         observed: (m,) the last entries; NaN where nothing was observed.
-        variance: of the observation.
+        variances: (m,) of the observations.
     """
     kept = len(prior.mean) - len(observed)
     seen = kept + np.flatnonzero(np.isfinite(observed))
     rows = prior.covariance[seen]
     innovation_covariance = rows[:, seen]
-    innovation_covariance[np.diag_indices_from(innovation_covariance)] += variance
+    innovation_covariance[np.diag_indices_from(innovation_covariance)] += variances[seen - kept]
     right = np.column_stack((rows[:, :kept], observed[seen - kept] - prior.mean[seen]))
     # with L L^T the innovation covariance, all that follows is products of L^-1 times these
     root = np.linalg.cholesky(innovation_covariance)

@@ -10,7 +10,7 @@ from ..database.store import Database
 from ..errors import DatabaseError
 from . import conditional, local_model, synthesis
 from .choose_search import choose_search
-from .history import MarkerHistory
+from .history import MarkerHistory, PoseHistory
 from .observation import Observation
 from .root import root_from_torso
 from .search import Query
@@ -28,6 +28,7 @@ _SPARE_CANDIDATES = 2  # candidates kept, per example wanted, for the second loo
 _KERNEL = 0.2  # of the largest distance: where an example's weight in "best" has fallen to 1/e
 _HISTORY_SHARE = 0.3  # what a squared distance of earlier markers counts in that weight, against the present ones
 _BROAD_SAMPLES = 4096  # frames that the covariance of the whole database is taken over
+_COMPONENTS = 30  # principal ones of earlier poses that "best" goes by
 _FIT_STEPS = 4  # of Gauss-Newton at most: most starts are so close that one is enough
 _SYNTHESIS_PASSES = 2  # the same between synthesis and root
 
@@ -95,6 +96,7 @@ class PoseSolver:
         self._clips = database.clip_of_frame.astype(np.int64)
         self._search = choose_search(settings.search, database, self._markers, self._poses)
         self._history = MarkerHistory(database, self._markers, settings.best_history_s)
+        self._pose_history = PoseHistory(database, self._principal_components(), settings.best_history_s)
         self._frame_s = 1.0 / database.fps
         self._typical_markers = np.mean(self._markers[:: max(1, len(self._markers) // 2048)], axis=0, dtype=np.float64)
         methods: dict[str, Callable[[Observation, RootPose, Examples], _Fitted]] = {
@@ -105,7 +107,7 @@ class PoseSolver:
         }
         self._method = methods[settings.method]
         if settings.method == "best":
-            broad = self._broad_covariance(database.frames)
+            broad = self._broad_covariance()
             # what neighbours leave open, and how the pose varies about the motion that goes on
             self._floor = settings.best_broad_share * broad
             self._floor[np.diag_indices_from(broad)] += settings.best_pose_floor_rad**2
@@ -122,6 +124,7 @@ class PoseSolver:
         self._last_markers: Array | None = None
         self._time_s = 0.0
         self._history.reset()
+        self._pose_history.reset()
         self._search.reset()
 
     def continue_from(self, other: "PoseSolver") -> None:
@@ -130,6 +133,7 @@ class PoseSolver:
         self._root, self._last_markers = other._root, other._last_markers
         self._time_s = other._time_s
         self._history.continue_from(other._history)
+        self._pose_history.continue_from(other._pose_history)
 
     @property
     def visited(self) -> int:
@@ -155,6 +159,8 @@ class PoseSolver:
         # the first frame is solved twice: the second time its own pose, not a typical one, tells where the torso is
         solution = self._advance(observation)
         self._history.remember(self._time_s, observation.points_m)
+        if solution is not None:
+            self._pose_history.remember(self._time_s, solution.pose.ravel())
         return solution
 
     def _advance(self, observation: Observation) -> Solution | None:
@@ -294,15 +300,19 @@ class PoseSolver:
         settings = self.settings
         history = self._history.of_frames(examples.frames).reshape(len(examples.frames), -1)
         observed = self._history.observed(self._time_s, root).ravel()
+        pose_history = self._pose_history.of_frames(examples.frames).reshape(len(examples.frames), -1)
+        solved = self._pose_history.observed(self._time_s).ravel()
         known = np.isfinite(observed)
         away = history[:, known] - observed[known]
         distances = np.maximum(examples.distances, 0.0)
         distances += settings.query_alpha * _HISTORY_SHARE * np.einsum("kh,kh->k", away, away)
         weights = np.exp(-distances / (_KERNEL * distances.max() + 1e-12))
         weights /= weights.sum()
-        samples = np.concatenate((examples.poses, history), axis=1)
+        samples = np.concatenate((examples.poses, history, pose_history), axis=1)
         prior = conditional.neighbours_prior(samples, weights, self._floor)
-        prior = conditional.conditioned(prior, observed, settings.best_history_sigma_m**2)
+        sigmas = (settings.best_history_sigma_m, settings.best_history_sigma_rad)
+        variances = np.repeat(np.square(sigmas), (len(observed), len(solved)))
+        prior = conditional.conditioned(prior, np.concatenate((observed, solved)), variances)
         start = prior.mean
         if self._last is not None and self._before_last is not None:
             start = expected = self._last + settings.best_momentum * (self._last - self._before_last)
@@ -319,9 +329,21 @@ class PoseSolver:
         )
         return _Fitted(pose, root, len(weights), iterations=steps)
 
-    def _broad_covariance(self, count: int) -> Array:
-        """Return the covariance of pose and earlier markers over the whole database of `count` frames."""
-        frames = np.arange(0, count, max(1, count // _BROAD_SAMPLES))
+    @property
+    def _broad_frames(self) -> IntArray:
+        """Frames that stand for the whole database."""
+        return np.arange(0, len(self._poses), max(1, len(self._poses) // _BROAD_SAMPLES))
+
+    def _principal_components(self) -> Array:
+        """Return the directions (D, C) in which poses vary most over the whole database."""
+        poses = self._poses[self._broad_frames].astype(np.float64)
+        _, directions = np.linalg.eigh(np.cov(poses.T, ddof=0))
+        return np.asarray(directions[:, : -_COMPONENTS - 1 : -1])
+
+    def _broad_covariance(self) -> Array:
+        """Return the covariance of pose, earlier markers and earlier poses over the whole database."""
+        frames = self._broad_frames
         history = self._history.of_frames(frames).reshape(len(frames), -1)
-        samples = np.concatenate((self._poses[frames].astype(np.float64), history), axis=1)
+        pose_history = self._pose_history.of_frames(frames).reshape(len(frames), -1)
+        samples = np.concatenate((self._poses[frames].astype(np.float64), history, pose_history), axis=1)
         return np.asarray(np.cov(samples.T, ddof=0))

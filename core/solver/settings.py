@@ -29,8 +29,9 @@ class SolveSettings:
         best_query_pose_m_per_rad: `query_pose_m_per_rad` of "best".
         best_broad_share: share of the covariance of the whole database that "best" adds to its neighbours'.
         best_pose_floor_rad: standard deviation granted to every joint angle beside these.
-        best_history_s, best_history_sigma_m: how long ago "best" also looks where the markers were, and the standard
-            deviation with which an example's earlier markers stand for the performer's.
+        best_history_s: how long ago "best" also looks where the markers were and which pose it solved.
+        best_history_sigma_m, best_history_sigma_rad: standard deviations with which an example's earlier markers and
+            pose stand for the performer's.
         best_momentum: share of the last change of pose that "best" expects to go on.
         best_change_share: share of the covariance of the whole database with which the pose varies about that
             expectation.
@@ -57,6 +58,7 @@ class SolveSettings:
     best_pose_floor_rad: float = 0.003
     best_history_s: tuple[float, ...] = (0.1, 0.25)
     best_history_sigma_m: float = 0.05
+    best_history_sigma_rad: float = 0.15
     best_momentum: float = 0.8
     best_change_share: float = 0.1
     best_change_rad: float = 0.03

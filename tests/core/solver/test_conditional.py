@@ -41,17 +41,18 @@ def test_continued_prior_is_the_product_of_gaussians():
 def test_what_was_observed_is_regressed_on():
     samples, weights = gaussian(3)
     prior = neighbours_prior(samples, weights, 0.01 * np.eye(7))
-    observed, variance = np.array([0.5, np.nan, -0.2]), 0.05  # the last three entries, one of them unknown
-    result = conditioned(prior, observed, variance)
+    observed = np.array([0.5, np.nan, -0.2])  # the last three entries, one of them unknown
+    variances = np.array([0.05, 0.3, 0.01])
+    result = conditioned(prior, observed, variances)
     seen, joint = [4, 6], prior.covariance
-    gain = joint[:4, seen] @ np.linalg.inv(joint[np.ix_(seen, seen)] + variance * np.eye(2))
+    gain = joint[:4, seen] @ np.linalg.inv(joint[np.ix_(seen, seen)] + np.diag(variances[[0, 2]]))
     np.testing.assert_allclose(result.mean, prior.mean[:4] + gain @ (observed[[0, 2]] - prior.mean[seen]), atol=1e-10)
     np.testing.assert_allclose(result.covariance, joint[:4, :4] - gain @ joint[seen, :4], atol=1e-10)
 
 
 def test_observing_nothing_changes_nothing():
     prior = neighbours_prior(*gaussian(4), 0.01 * np.eye(7))
-    result = conditioned(prior, np.full(3, np.nan), 0.05)
+    result = conditioned(prior, np.full(3, np.nan), np.full(3, 0.05))
     np.testing.assert_array_equal(result.mean, prior.mean[:4])
     np.testing.assert_array_equal(result.covariance, prior.covariance[:4, :4])
 

@@ -1,10 +1,10 @@
-"""Earlier markers: those of the database against forward kinematics in the world, those seen against what was seen."""
+"""Earlier markers and poses: the database's against forward kinematics in the world, the others against what was."""
 
 import numpy as np
 import pytest
 from perfanim.core import rotations as rot
 from perfanim.core.skeleton import marker_positions
-from perfanim.core.solver.history import MarkerHistory
+from perfanim.core.solver.history import MarkerHistory, PoseHistory
 from perfanim.core.solver.subject_model import RootPose
 
 LAGS_S = (0.1, 0.25)
@@ -59,3 +59,35 @@ def test_what_was_not_seen_is_unknown(history):
     assert np.isnan(history.observed(0.1, root)).all()
     history.reset()
     assert np.isnan(history.observed(0.1, root)).all()
+
+
+@pytest.fixture
+def components():
+    return np.linalg.qr(np.random.default_rng(1).normal(size=(84, 5)))[0]
+
+
+@pytest.fixture
+def pose_history(database, components):
+    return PoseHistory(database, components, LAGS_S)
+
+
+def test_earlier_poses_of_a_frame_are_those_of_its_clip(pose_history, database, components):
+    clip = database.clips[1]
+    lags = [round(lag * database.fps) for lag in LAGS_S]
+    frames = np.array([clip.start, clip.start + lags[0], clip.start + 40])
+    for row, frame in zip(pose_history.of_frames(frames), frames, strict=True):
+        for found, lag in zip(row, lags, strict=True):
+            pose = database.poses[max(frame - lag, clip.start)].ravel()
+            np.testing.assert_allclose(found, pose @ components, atol=1e-5)  # stored in float32
+
+
+def test_poses_solved_are_found_again_and_nothing_else(pose_history, components):
+    poses = np.random.default_rng(2).normal(size=(3, 84))
+    for time, pose in zip((0.0, 0.15, 0.25), poses, strict=True):
+        pose_history.remember(time, pose)
+    np.testing.assert_allclose(pose_history.observed(0.25), [poses[1] @ components, poses[0] @ components], atol=1e-5)
+    now = pose_history.observed(0.4)
+    assert np.isnan(now[0]).all()  # 0.3 s is missing
+    np.testing.assert_allclose(now[1], poses[1] @ components, atol=1e-5)
+    pose_history.reset()
+    assert np.isnan(pose_history.observed(0.25)).all()

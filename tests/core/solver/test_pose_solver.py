@@ -153,6 +153,17 @@ def test_reset_forgets_everything(model, database, noisy):
     np.testing.assert_array_equal(again, fresh)
 
 
+def test_another_solver_goes_on_as_the_first_would(model, database, noisy):
+    """Long enough that the past counts."""
+    first, second = (PoseSolver(model, database, SolveSettings(search="exhaustive")) for _ in range(2))
+    for row in noisy[:20]:
+        first.step(Observation.of_points(row))
+    second.continue_from(first)
+    for row in noisy[20:22]:
+        observation = Observation.of_points(row)
+        np.testing.assert_array_equal(second.step(observation).pose, first.step(observation).pose)
+
+
 def test_a_place_elsewhere_gives_the_same_pose(model, database, noisy, solved):
     """The body turned and moved: only the root changes."""
     turn, shift = rot.from_rotation_vector([0.0, 2.0, 0.0]), np.array([3.0, 0.5, -7.0])
