@@ -1,7 +1,8 @@
 """`perfanim calibrate`: cameras, the board to print, the subject."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from ..errors import SettingsError
@@ -21,10 +22,18 @@ def add_parser(subparsers: Any) -> None:
 
 def _add_cameras(group: Any) -> None:
     parser = group.add_parser("cameras", help="intrinsics, distortion and relative pose from pictures of a board")
-    parser.add_argument("--left", metavar="GLOB", help="pictures of the left camera: a folder or a pattern in quotes")
-    parser.add_argument("--right", metavar="GLOB", help="pictures of the right camera, paired by their numbers")
     parser.add_argument(
-        "--camera", metavar="NAME=GLOB", action="append", default=[], help="any further camera (repeatable)"
+        "--left", metavar="GLOB", help="pictures of the left camera: a folder or a pattern in quotes; or a video"
+    )
+    parser.add_argument(
+        "--right", metavar="GLOB", help="pictures of the right camera, paired by their numbers; or a video"
+    )
+    parser.add_argument(
+        "--camera",
+        metavar="NAME=GLOB",
+        action="append",
+        default=[],
+        help="any further camera, or all of them (repeatable); each must see the board together with another",
     )
     parser.add_argument(
         "--board",
@@ -60,29 +69,52 @@ def run_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         result = calibrate_from_points(points_m, cameras)
     else:
         from ..vision.board import parse_board
-        from ..vision.calibrate_images import calibrate_images
 
         patterns = _patterns(args)
         if not args.board:
             raise SettingsError("--board is missing", advice="name the board, e.g. --board chessboard:9x6:24.23mm")
         board = parse_board(args.board)
         square_m = board.square_m
-        result = calibrate_images(patterns, board, progress, left_right=bool(args.left))
+        result = _from_files(patterns, board, progress, left_right=bool(args.left))
     save_rig(result.rig, args.out)
     summary: dict[str, Any] = {
         "verdict": result.verdict,
         "stereo_rms_px": result.stereo_rms_px,
         "held_out_rms_px": result.held_out_px,
         "rms_px": dict(result.rms_px),
+        "coverage": dict(result.coverage),
         "baseline_mm": result.baseline_m * 1000.0,
+        "distance_sigma_percent": 100.0 * result.distance_sigma,
         "used": len(result.used),
         "rejected": [{"picture": row.picture, "reason": row.reason} for row in result.rejected],
+        "views_px": {name: _of_camera(result.views_px, name) for name in result.rms_px},
         "advice": list(result.advice),
         "out": str(args.out),
     }
+    if result.late_s:
+        summary["late_ms"] = {name: 1000.0 * late for name, late in result.late_s.items()}
     if square_m:
         summary["baseline_squares"] = result.baseline_m / square_m
     return summary
+
+
+def _of_camera(views_px: Mapping[tuple[str, str], float], name: str) -> dict[str, float]:
+    return {picture: error for (picture, camera), error in views_px.items() if camera == name}
+
+
+def _from_files(patterns: dict[str, str], board: Any, progress: Progress, *, left_right: bool) -> Any:
+    from ..sources.images import is_image_pattern
+    from ..vision.calibrate_images import calibrate_images
+    from ..vision.calibrate_videos import calibrate_videos
+
+    videos = [name for name, pattern in patterns.items() if Path(pattern).is_file() and not is_image_pattern(pattern)]
+    if videos and len(videos) < len(patterns):
+        still = next(name for name in patterns if name not in videos)
+        raise SettingsError(
+            f"{videos[0]} is a video and {still} is not", advice="give videos of all cameras, or pictures of all"
+        )
+    calibrate = calibrate_videos if videos else calibrate_images
+    return calibrate(patterns, board, progress, left_right=left_right)
 
 
 def _patterns(args: argparse.Namespace) -> dict[str, str]:

@@ -58,23 +58,36 @@ def pair_by_number(lists: Sequence[Sequence[Path]]) -> tuple[list[tuple[int, tup
     Raises:
         CaptureError: the files cannot be paired.
     """
+    tables = by_number(lists)
+    shared = sorted(set.intersection(*(set(table) for table in tables)))
+    pairs = [(number, tuple(table[number] for table in tables)) for number in shared]
+    used = {path for _, paths in pairs for path in paths}
+    return pairs, [path for paths in lists for path in paths if path not in used]
+
+
+def by_number(lists: Sequence[Sequence[Path]]) -> list[dict[int, Path]]:
+    """Return the files of each camera by the number in their names that files of several cameras have in common.
+
+    Which number that is (the first, the last, ...) is found out: the position whose values most files share with
+    those of another camera. Without common numbers lists of one length are numbered in order.
+
+    Raises:
+        CaptureError: no common numbers, and lists of different length.
+    """
     numbers = [[_numbers(path) for path in paths] for paths in lists]
     width = max((len(row) for rows in numbers for row in rows), default=0)
     best: list[dict[int, Path]] = []
-    shared: set[int] = set()
+    most = 0
     for position in range(width):
         tables = [_table(paths, rows, position) for paths, rows in zip(lists, numbers, strict=True)]
-        common = set.intersection(*(set(table) for table in tables))
-        if len(common) > len(shared):
-            best, shared = tables, common
+        counts = Counter(number for table in tables for number in table)
+        shared = sum(count > 1 for count in counts.values())
+        if shared > most:
+            best, most = tables, shared
     longest = max(len(paths) for paths in lists)
-    if longest > 1 and len(shared) <= 1:
-        return _pair_in_order(lists), []
-    if not shared:
-        return _pair_in_order(lists), []
-    pairs = [(number, tuple(table[number] for table in best)) for number in sorted(shared)]
-    used = {path for _, paths in pairs for path in paths}
-    return pairs, [path for paths in lists for path in paths if path not in used]
+    if most == 0 or (longest > 1 and most == 1):
+        return _in_order(lists)
+    return best
 
 
 def _numbers(path: Path) -> list[int]:
@@ -90,7 +103,7 @@ def _table(paths: Sequence[Path], rows: Sequence[Sequence[int]], position: int) 
     }
 
 
-def _pair_in_order(lists: Sequence[Sequence[Path]]) -> list[tuple[int, tuple[Path, ...]]]:
+def _in_order(lists: Sequence[Sequence[Path]]) -> list[dict[int, Path]]:
     lengths = [len(paths) for paths in lists]
     if len(set(lengths)) != 1:
         raise CaptureError(
@@ -98,7 +111,7 @@ def _pair_in_order(lists: Sequence[Sequence[Path]]) -> list[tuple[int, tuple[Pat
             where=str(lists[0][0].parent),
             advice="name the pictures of one moment with the same number, e.g. left012.jpg and right012.jpg",
         )
-    return list(enumerate(zip(*lists, strict=True)))
+    return [dict(enumerate(paths)) for paths in lists]
 
 
 def read_image(path: Path) -> Image:

@@ -80,14 +80,23 @@ class Board:
 
 @dataclass(frozen=True)
 class BoardView:
-    """Board points seen in one picture: `ids` (n,) into `Board.points_m`, `pixels` (n, 2)."""
+    """Board points seen in one picture: `ids` (n,) into `Board.points_m`, `pixels` (n, 2).
+
+    `motion_px_s` (n, 2) is how they move in a video; None in a picture by itself.
+    """
 
     ids: NDArray[np.int64]
     pixels: Array
+    motion_px_s: Array | None = None
 
     def __post_init__(self) -> None:
         if self.pixels.shape != (len(self.ids), 2):
             raise CalibrationError(f"a board view needs one pixel for each point, not {self.pixels.shape}")
+
+    def turned(self) -> "BoardView":
+        """Return the view of a whole board numbered from the other end."""
+        motion = None if self.motion_px_s is None else self.motion_px_s[::-1].copy()
+        return BoardView(self.ids, self.pixels[::-1].copy(), motion)
 
 
 def parse_board(spec: str) -> Board:
@@ -145,7 +154,7 @@ def find_board(image: Image, board: Board) -> BoardView | None:
     Corners of a chessboard are found whole or not at all, and may be numbered from either end (half-turn
     ambiguity: the calibration resolves it between the cameras).
     """
-    grey = _grey(image)
+    grey = grey_of(image)
     if board.kind == "charuco":
         return _find_charuco(grey, board)
     pixels = _find_chessboard(grey, board.corner_grid)
@@ -154,7 +163,8 @@ def find_board(image: Image, board: Board) -> BoardView | None:
     return BoardView(np.arange(len(pixels), dtype=np.int64), pixels)
 
 
-def _grey(image: Image) -> Image:
+def grey_of(image: Image) -> Image:
+    """Return a grey image of a grey or BGR one."""
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
     return np.asarray(grey, dtype=np.uint8)
 
@@ -167,9 +177,15 @@ def _find_charuco(grey: Image, board: Board) -> BoardView | None:
         return None
     found = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
     apart = np.linalg.norm(found[:, None] - found[None], axis=2) + np.diag(np.full(len(found), np.inf))
-    reach = min(_REACH, 0.5 * (1.0 - board.marker_m / board.square_m))  # not into the markers
     # refined here once more: up to OpenCV 4.12 the detector's corners are half a pixel off (opencv issue 25539)
-    return BoardView(np.asarray(ids, dtype=np.int64).ravel(), _refined(grey, found, float(apart.min()), reach))
+    return BoardView(
+        np.asarray(ids, dtype=np.int64).ravel(), _refined(grey, found, float(apart.min()), edge_reach(board))
+    )
+
+
+def edge_reach(board: Board) -> float:
+    """Return how far from a corner, in squares, nothing but the edges that meet in it is to be seen: no marker."""
+    return _REACH if board.kind == "chessboard" else min(_REACH, 0.5 * (1.0 - board.marker_m / board.square_m))
 
 
 def _refined(grey: Image, corners: Array, spacing: float, reach: float = _REACH) -> Array:
@@ -238,7 +254,7 @@ def seen_grid(image: Image, smallest: tuple[int, int]) -> tuple[int, int] | None
 
     It is looked for from `smallest` upwards first, then from a small one, which finds any board but often a part.
     """
-    large = cv2.resize(_grey(image), None, fx=_ENLARGEMENT, fy=_ENLARGEMENT, interpolation=cv2.INTER_CUBIC)
+    large = cv2.resize(grey_of(image), None, fx=_ENLARGEMENT, fy=_ENLARGEMENT, interpolation=cv2.INTER_CUBIC)
     flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_LARGER
     for grid in (smallest, (4, 3)):
         found, _, meta = cv2.findChessboardCornersSBWithMeta(large, grid, flags)

@@ -1,10 +1,11 @@
 """Bundle adjustment of cameras and board poses together (Triggs et al., "Bundle adjustment: a modern synthesis", 2000).
 
-Against OpenCV's stereo calibration it adds the skew of the pixel grid and any number of cameras.
+Against OpenCV's stereo calibration it adds the skew of the pixel grid, any number of cameras, what is known of lenses
+beforehand, and cameras that did not take a moment's pictures at quite the same time.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -15,20 +16,29 @@ Array = NDArray[np.float64]
 INTRINSICS = 10
 """fx, fy, cx, cy, skew, k1, k2, p1, p2, k3 of one camera, in this order."""
 
+CORNER_SIGMA_PX = 0.2
+"""Standard deviation of a corner along each axis: what single cameras show on recorded boards."""
+
 _POSE = 6
 _ITERATIONS = 100
 _SMALLEST_GAIN = 1e-8
 _LARGEST_DAMPING = 1e10
+_TIME_SIGMA_S = 0.05  # of a picture's time: cameras that are not synchronised are up to a frame or more apart
 
 
 @dataclass(frozen=True)
 class Sighting:
-    """Board points (n, 3) seen as pixels (n, 2) by one camera at one moment."""
+    """Board points (n, 3) seen as pixels (n, 2) by one camera at one moment.
+
+    `motion_px_s` (n, 2) is how the pixels move, where pictures of a moment may have been taken at different times;
+    an error along it is then put down to that. None: the board held still.
+    """
 
     camera: int
     moment: int
     points_m: Array
     pixels: Array
+    motion_px_s: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -40,6 +50,14 @@ class Bundle:
     intrinsics: Array
     cameras: Array
     boards: Array
+
+
+@dataclass(frozen=True)
+class LensPrior:
+    """What is known of the lenses beforehand: (C, 10) `mean` and (C, 10, 10) `information` (inverse covariance)."""
+
+    mean: Array
+    information: Array
 
 
 def matrix_of(intrinsics: Array) -> Array:
@@ -54,73 +72,80 @@ def intrinsics_of(matrix: Array, distortion: Array) -> Array:
     return np.concatenate((head, np.ravel(distortion)[:5]))
 
 
-def adjust(start: Bundle, sightings: Sequence[Sighting], free: NDArray[np.bool_]) -> Bundle:
+def adjust(
+    start: Bundle, sightings: Sequence[Sighting], free: NDArray[np.bool_], prior: LensPrior | None = None
+) -> Bundle:
     """Return the bundle that minimises the squared reprojection error (Levenberg-Marquardt).
 
     Args:
         start: where to begin; intrinsics that are not free stay at their values.
         sightings: what was seen.
         free: (10,) which intrinsics of every camera are adjusted.
+        prior: of the lenses, weighed against corners with `CORNER_SIGMA_PX`.
     """
-    active = _active(start, free)
-    current, damping = start, 1e-4
-    cost, normal, gradient = _normal_equations(current, sightings)
+    cameras = len(start.intrinsics)
+    active = np.flatnonzero(np.concatenate((np.tile(free, cameras), np.repeat(np.arange(cameras) > 0, _POSE))))
+    return _minimised(start, sightings, active, prior)
+
+
+def adjust_boards(bundle: Bundle, sightings: Sequence[Sighting]) -> Bundle:
+    """Return the bundle with only the boards' poses adjusted: how well a calibration explains pictures."""
+    return _minimised(bundle, sightings, np.empty(0, dtype=np.int64), None)
+
+
+def camera_covariance(
+    bundle: Bundle, sightings: Sequence[Sighting], free: NDArray[np.bool_], prior: LensPrior
+) -> Array:
+    """Return the covariance (6 C, 6 C) of `bundle.cameras` in an adjusted bundle; the first camera's is zero.
+
+    Inverse of the normal equations without the boards, times the residuals' own variance.
+    """
+    count = len(bundle.intrinsics)
+    active = np.flatnonzero(np.concatenate((np.tile(free, count), np.repeat(np.arange(count) > 0, _POSE))))
+    system = _normal_equations(bundle, sightings, prior)
+    reduced, _, scale = _reduced(system, active, 0.0)[:3]
+    numbers = 2 * sum(len(sighting.pixels) for sighting in sightings)
+    variance = system.cost / max(numbers - len(active) - _POSE * len(bundle.boards), 1)
+    result = np.zeros((len(system.cameras),) * 2)
+    result[np.ix_(active, active)] = variance * scale * scale[:, None] * np.linalg.pinv(reduced, hermitian=True)
+    return result[count * INTRINSICS :, count * INTRINSICS :]
+
+
+def _minimised(
+    current: Bundle, sightings: Sequence[Sighting], active: NDArray[np.int64], prior: LensPrior | None
+) -> Bundle:
+    damping = 1e-4
+    system = _normal_equations(current, sightings, prior)
     for _ in range(_ITERATIONS):
-        a, g = normal[np.ix_(active, active)], gradient[active]
-        step = np.zeros(len(gradient))
-        step[active] = -np.linalg.lstsq(a + damping * np.diag(np.diag(a)), g, rcond=None)[0]
-        candidate = _moved(current, step)
-        new_cost, new_normal, new_gradient = _normal_equations(candidate, sightings)
-        if not new_cost < cost:
+        candidate = _moved(current, *_step(system, active, damping))
+        new = _normal_equations(candidate, sightings, prior)
+        if not new.cost < system.cost:
             damping *= 10.0
             if damping > _LARGEST_DAMPING:
                 break
             continue
-        gain = (cost - new_cost) / cost
-        current, cost, normal, gradient = candidate, new_cost, new_normal, new_gradient
+        gain = (system.cost - new.cost) / system.cost
+        current, system = candidate, new
         damping = max(damping / 10.0, 1e-12)
         if gain < _SMALLEST_GAIN:
             break
     return current
 
 
-def adjust_boards(bundle: Bundle, sightings: Sequence[Sighting]) -> Bundle:
-    """Return the bundle with only the boards' poses adjusted: how well a calibration explains pictures."""
-    moments = sorted({sighting.moment for sighting in sightings})
-    boards = bundle.boards.copy()
-    for moment in moments:
-        rows = [replace(s, moment=0) for s in sightings if s.moment == moment]
-        single = replace(bundle, boards=boards[moment : moment + 1])
-        boards[moment] = _adjust_one_board(single, rows)
-    return replace(bundle, boards=boards)
-
-
-def _adjust_one_board(bundle: Bundle, sightings: Sequence[Sighting]) -> Array:
-    first = len(bundle.intrinsics) * (INTRINSICS + _POSE)
-    damping = 1e-4
-    cost, normal, gradient = _normal_equations(bundle, sightings)
-    for _ in range(30):
-        a = normal[first:, first:]
-        step = np.zeros(len(gradient))
-        step[first:] = -np.linalg.lstsq(a + damping * np.diag(np.diag(a)), gradient[first:], rcond=None)[0]
-        candidate = _moved(bundle, step)
-        new_cost, new_normal, new_gradient = _normal_equations(candidate, sightings)
-        if not new_cost < cost:
-            damping *= 10.0
-            if damping > _LARGEST_DAMPING:
-                break
-            continue
-        done = (cost - new_cost) / cost < _SMALLEST_GAIN
-        bundle, cost, normal, gradient = candidate, new_cost, new_normal, new_gradient
-        damping = max(damping / 10.0, 1e-12)
-        if done:
-            break
-    return np.asarray(bundle.boards[0])
-
-
 def residuals(bundle: Bundle, sighting: Sighting) -> Array:
-    """Return predicted minus seen pixels (n, 2)."""
-    return _residuals_and_jacobian(bundle, sighting)[0]
+    """Return predicted minus seen pixels (n, 2);
+    of a moving board, what is left when some of it is put down to the picture's time.
+    """
+    errors, _ = _residuals_and_jacobian(bundle, sighting)
+    return _timeless(sighting, errors.reshape(-1, 1)).reshape(-1, 2)
+
+
+def delay_s(bundle: Bundle, sighting: Sighting) -> float:
+    """Return how late a picture was taken against the moment's others; NaN where the board did not move."""
+    if sighting.motion_px_s is None or np.abs(sighting.motion_px_s).max() * _TIME_SIGMA_S < CORNER_SIGMA_PX:
+        return float("nan")
+    errors, _ = _residuals_and_jacobian(bundle, sighting)
+    return float(-np.sum(errors * sighting.motion_px_s) / np.sum(sighting.motion_px_s**2))
 
 
 def rms_by_moment(bundle: Bundle, sightings: Sequence[Sighting]) -> Array:
@@ -138,42 +163,108 @@ def rms(bundle: Bundle, sightings: Sequence[Sighting]) -> float:
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 
 
-def _active(bundle: Bundle, free: NDArray[np.bool_]) -> NDArray[np.int64]:
-    cameras, moments = len(bundle.intrinsics), len(bundle.boards)
-    mask = np.concatenate(
-        (np.tile(free, cameras), np.repeat(np.arange(cameras) > 0, _POSE), np.ones(moments * _POSE, dtype=bool))
-    )
-    return np.flatnonzero(mask)
+@dataclass(frozen=True)
+class _System:
+    """Normal equations in blocks: cameras (N, N), boards (M, 6, 6), what couples them (M, N, 6), gradients, cost."""
+
+    cameras: Array
+    boards: Array
+    coupling: Array
+    cameras_gradient: Array
+    boards_gradient: Array
+    cost: float
 
 
-def _moved(bundle: Bundle, step: Array) -> Bundle:
-    cameras = len(bundle.intrinsics)
-    a, b = cameras * INTRINSICS, cameras * (INTRINSICS + _POSE)
-    return Bundle(
-        bundle.intrinsics + step[:a].reshape(-1, INTRINSICS),
-        bundle.cameras + step[a:b].reshape(-1, _POSE),
-        bundle.boards + step[b:].reshape(-1, _POSE),
-    )
-
-
-def _normal_equations(bundle: Bundle, sightings: Sequence[Sighting]) -> tuple[float, Array, Array]:
-    cameras, moments = len(bundle.intrinsics), len(bundle.boards)
-    size = cameras * (INTRINSICS + _POSE) + moments * _POSE
-    normal, gradient, cost = np.zeros((size, size)), np.zeros(size), 0.0
+def _normal_equations(bundle: Bundle, sightings: Sequence[Sighting], prior: LensPrior | None) -> _System:
+    count, moments = len(bundle.intrinsics), len(bundle.boards)
+    size = count * (INTRINSICS + _POSE)
+    cameras, gradient = np.zeros((size, size)), np.zeros(size)
+    boards, coupling, boards_gradient = np.zeros((moments, 6, 6)), np.zeros((moments, size, 6)), np.zeros((moments, 6))
+    cost = 0.0
+    first = count * INTRINSICS
+    columns = [
+        (slice(INTRINSICS * c, INTRINSICS * (c + 1)), slice(first + _POSE * c, first + _POSE * (c + 1)))
+        for c in range(count)
+    ]
     for sighting in sightings:
         errors, jacobian = _residuals_and_jacobian(bundle, sighting)
-        columns = np.concatenate(
-            (
-                sighting.camera * INTRINSICS + np.arange(INTRINSICS),
-                cameras * INTRINSICS + sighting.camera * _POSE + np.arange(_POSE),
-                cameras * (INTRINSICS + _POSE) + sighting.moment * _POSE + np.arange(_POSE),
-            )
-        )
-        flat = errors.ravel()
-        normal[np.ix_(columns, columns)] += jacobian.T @ jacobian
-        gradient[columns] += jacobian.T @ flat
+        jacobian, flat = _timeless(sighting, jacobian), _timeless(sighting, errors.reshape(-1, 1))[:, 0]
+        lens, pose = columns[sighting.camera]
+        normal, down = jacobian.T @ jacobian, jacobian.T @ flat
+        own = INTRINSICS + _POSE
+        cameras[lens, lens] += normal[:INTRINSICS, :INTRINSICS]
+        cameras[lens, pose] += normal[:INTRINSICS, INTRINSICS:own]
+        cameras[pose, lens] += normal[INTRINSICS:own, :INTRINSICS]
+        cameras[pose, pose] += normal[INTRINSICS:own, INTRINSICS:own]
+        coupling[sighting.moment, lens] += normal[:INTRINSICS, own:]
+        coupling[sighting.moment, pose] += normal[INTRINSICS:own, own:]
+        boards[sighting.moment] += normal[own:, own:]
+        gradient[lens] += down[:INTRINSICS]
+        gradient[pose] += down[INTRINSICS:own]
+        boards_gradient[sighting.moment] += down[own:]
         cost += float(flat @ flat)
-    return cost, normal, gradient
+    if prior is not None:
+        for camera, (rows, _) in enumerate(columns):
+            information = CORNER_SIGMA_PX**2 * prior.information[camera]
+            off = bundle.intrinsics[camera] - prior.mean[camera]
+            cameras[rows, rows] += information
+            gradient[rows] += information @ off
+            cost += float(off @ information @ off)
+    return _System(cameras, boards, coupling, gradient, boards_gradient, cost)
+
+
+def _reduced(system: _System, active: NDArray[np.int64], damping: float) -> tuple[Array, Array, Array, Array, Array]:
+    """Eliminate the boards (Schur complement).
+
+    Returns the scaled matrix and right side of the active unknowns of the cameras, their scale, and the boards' step
+    as far as it does not depend on the cameras (M, 6), and as it does (M, 6, N).
+    """
+    diagonal = np.einsum("mii->mi", system.boards)
+    damped = system.boards + np.einsum("mi,ij->mij", np.where(diagonal > 0.0, damping * diagonal, 1.0), np.eye(_POSE))
+    coupling = system.coupling[:, active]
+    by_coupling = np.linalg.solve(damped, coupling.transpose(0, 2, 1))
+    by_gradient = np.linalg.solve(damped, system.boards_gradient[..., None])[..., 0]
+    full = system.cameras[np.ix_(active, active)]
+    full = full + damping * np.diag(np.diag(full))
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(full), 1e-30))
+    reduced = full - np.einsum("mai,mib->ab", coupling, by_coupling)
+    right = system.cameras_gradient[active] - np.einsum("mai,mi->a", coupling, by_gradient)
+    return reduced * scale * scale[:, None], right * scale, scale, by_gradient, by_coupling
+
+
+def _step(system: _System, active: NDArray[np.int64], damping: float) -> tuple[Array, Array]:
+    """Return the damped step of cameras (N,) and boards (M, 6)."""
+    reduced, right, scale, by_gradient, by_coupling = _reduced(system, active, damping)
+    step = np.zeros(len(system.cameras))
+    if len(active):
+        step[active] = -scale * np.linalg.lstsq(reduced, right, rcond=None)[0]
+    return step, -by_gradient - np.einsum("mia,a->mi", by_coupling, step[active])
+
+
+def _moved(bundle: Bundle, step: Array, boards: Array) -> Bundle:
+    count = len(bundle.intrinsics) * INTRINSICS
+    return Bundle(
+        bundle.intrinsics + step[:count].reshape(-1, INTRINSICS),
+        bundle.cameras + step[count:].reshape(-1, _POSE),
+        bundle.boards + boards,
+    )
+
+
+def _timeless(sighting: Sighting, columns: Array) -> Array:
+    """Return columns (2n, k) of errors or derivatives, weighed down along the pixels' motion.
+
+    With corners of covariance s^2 I and a picture taken at a time unknown by t, errors have the covariance
+    s^2 I + t^2 v v^T, v (2n) the pixels' motion; what is returned is whitened with it, in units of s.
+    """
+    if sighting.motion_px_s is None:
+        return columns
+    motion = sighting.motion_px_s.ravel()
+    speed = float(np.linalg.norm(motion))
+    if speed == 0.0:
+        return columns
+    along = motion / speed
+    less = 1.0 - 1.0 / np.hypot(1.0, _TIME_SIGMA_S * speed / CORNER_SIGMA_PX)
+    return np.asarray(columns - less * np.outer(along, along @ columns))
 
 
 def _residuals_and_jacobian(bundle: Bundle, sighting: Sighting) -> tuple[Array, Array]:
@@ -182,8 +273,9 @@ def _residuals_and_jacobian(bundle: Bundle, sighting: Sighting) -> tuple[Array, 
     board, camera = bundle.boards[sighting.moment], bundle.cameras[sighting.camera]
     composed = cv2.composeRT(board[:3], board[3:], camera[:3], camera[3:])
     turn, shift = np.asarray(composed[0]), np.asarray(composed[1])
-    by_board = np.block([[composed[2], composed[3]], [composed[6], composed[7]]])
-    by_camera = np.block([[composed[4], composed[5]], [composed[8], composed[9]]])
+    chain = np.empty((_POSE, 2 * _POSE))  # of the board in the camera, by the camera's pose and by the board's
+    chain[:3, :3], chain[:3, 3:6], chain[3:, :3], chain[3:, 3:6] = composed[4], composed[5], composed[8], composed[9]
+    chain[:3, 6:9], chain[:3, 9:], chain[3:, 6:9], chain[3:, 9:] = composed[2], composed[3], composed[6], composed[7]
     fx, fy, cx, cy, skew = intrinsics[:5]
     plain = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
     projected, columns = cv2.projectPoints(
@@ -191,13 +283,13 @@ def _residuals_and_jacobian(bundle: Bundle, sighting: Sighting) -> tuple[Array, 
     )
     pixels, derivatives = np.asarray(projected, np.float64).reshape(-1, 2), np.asarray(columns, np.float64)
     height = (pixels[:, 1] - cy) / fy  # distorted y/z: what the skew acts on
+    jacobian = np.empty((len(derivatives), INTRINSICS + 2 * _POSE))
+    jacobian[:, :4], jacobian[:, 5:10] = derivatives[:, 6:10], derivatives[:, 10:15]
+    jacobian[0::2, 4], jacobian[1::2, 4] = height, 0.0
+    jacobian[0::2, 5:10] += skew / fy * derivatives[1::2, 10:15]
     by_pose = derivatives[:, :6].copy()
     by_pose[0::2] += skew / fy * derivatives[1::2, :6]
-    by_lens = derivatives[:, 10:15].copy()
-    by_lens[0::2] += skew / fy * derivatives[1::2, 10:15]
-    by_skew = np.zeros((len(by_pose), 1))
-    by_skew[0::2, 0] = height
-    jacobian = np.hstack((derivatives[:, 6:10], by_skew, by_lens, by_pose @ by_camera, by_pose @ by_board))
+    jacobian[:, INTRINSICS:] = by_pose @ chain
     errors = pixels - sighting.pixels
     errors[:, 0] += skew * height
     return errors, jacobian

@@ -4,9 +4,8 @@ Zhang, "A flexible new technique for camera calibration" (2000), through OpenCV;
 board's poses are refined together (`bundle`).
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -15,18 +14,33 @@ from numpy.typing import NDArray
 from ..camera import WORLD_FROM_CAMERA, Camera, CameraRig
 from ..errors import CalibrationError
 from .board import Board, BoardView
-from .bundle import matrix_of
+from .board_quality import Coverage, coverage
+from .bundle import Bundle, Sighting, adjust, intrinsics_of, matrix_of, rms, rms_by_moment
 from .relative_pose import Transform, inverse
-from .rig_fit import MINIMUM_VIEWS, CameraViews, Rejected, RigFit, SingleCamera, fit_rig, is_outlier
+from .rig_fit import (
+    MINIMUM_VIEWS,
+    NO_SKEW,
+    CameraViews,
+    Rejected,
+    RigFit,
+    SingleCamera,
+    fit_rig,
+    is_outlier,
+    lens_prior,
+)
 
 Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
 
 _GOOD_VIEWS = 8
-_CRITERIA = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 200, 1e-9)
-_OUTLIER_FACTOR = 3.0
-_OUTLIER_FLOOR_PX = 0.3
 _GOOD_RMS = 0.5 / 640.0  # of the image width
 _USABLE_RMS = 1.2 / 640.0
+_GOOD_COVERAGE = 0.25
+_GOOD_COVERAGE_IN_THE_MIDDLE = 0.5
+_GOOD_DISTANCE = 0.002
+_SMEARED = 4.0 / 640.0  # of the image width
+_SMEARED_ONE_WAY = 1.5  # edges this much wider one way than the other are smeared by motion, else out of focus
+_SYNCHRONISED_S = 0.02
 
 
 @dataclass(frozen=True)
@@ -38,6 +52,10 @@ class CalibrationResult:
         stereo_rms_px: RMS reprojection error over all cameras with one board pose per moment.
         held_out_px: the same for moments left out of the fit; NaN with too few of them.
         rms_px: RMS reprojection error per camera, alone.
+        distance_sigma: standard deviation of the distances between cameras, as a fraction of them; the largest.
+        views_px: RMS reprojection error of each view in the rig, by moment and camera.
+        coverage: per camera, the fraction of its image in which the board has been.
+        late_s: how late the pictures of a camera are against the first one's, where videos tell.
         baseline_m: distance of the first two optical centres.
         used: keys of the moments used for the relative pose.
         rejected: pictures not used, with reasons.
@@ -50,6 +68,10 @@ class CalibrationResult:
     held_out_px: float
     rms_px: Mapping[str, float]
     baseline_m: float
+    distance_sigma: float
+    views_px: Mapping[tuple[str, str], float]
+    coverage: Mapping[str, float]
+    late_s: Mapping[str, float]
     used: tuple[str, ...]
     rejected: tuple[Rejected, ...] = ()
     verdict: str = "good"
@@ -63,6 +85,7 @@ def calibrate_from_points(
     *,
     left_right: bool = True,
     grid: tuple[int, int] | None = None,
+    edge_widths_px: Mapping[str, Sequence[tuple[float, float]]] | None = None,
 ) -> CalibrationResult:
     """Calibrate from board points (N, 3) and where each camera saw them.
 
@@ -73,6 +96,7 @@ def calibrate_from_points(
         left_right: the first two cameras are the left and the right one, as the cameras see it; checked.
         grid: inner corners (columns, rows) of a chessboard whose half-turn ambiguity is to be resolved; None
             when every point is identified.
+        edge_widths_px: how sharp each camera's pictures are (`board_quality.edge_widths`), where that is known.
 
     Raises:
         CalibrationError: too few views, cameras that never saw the board together, pictures that do not belong
@@ -86,11 +110,13 @@ def calibrate_from_points(
     fit = fit_rig(points_m, cameras, singles, refused, centre)
     if left_right:
         _check_sides(fit.poses[1], cameras[0].name, cameras[1].name)
-    return _result(singles, fit, refused)
+    seen = {c.name: coverage(c.views.values(), c.image_size) for c in cameras}
+    return _result(singles, fit, refused, seen, edge_widths_px or {})
 
 
 def _calibrate_camera(points_m: Array, camera: CameraViews, refused: list[Rejected]) -> SingleCamera:
     keys = sorted(camera.views)
+    bundle: Bundle | None = None
     while True:
         if len(keys) < MINIMUM_VIEWS:
             raise CalibrationError(
@@ -98,39 +124,49 @@ def _calibrate_camera(points_m: Array, camera: CameraViews, refused: list[Reject
                 where=f"camera {camera.name}",
                 advice="take 12 or more pictures with the board tilted differently in all parts of the picture",
             )
-        objects, images = _opencv_points(points_m, [camera.views[key] for key in keys])
-        # a sixth-order term needs corners far from the centre in many views, else it bends the picture's edge
-        flags = 0 if len(keys) >= _GOOD_VIEWS else cv2.CALIB_FIX_K3
-        rms, matrix, distortion, turns, shifts, _, _, errors = _run_opencv(
-            cv2.calibrateCameraExtended, objects, images, camera.image_size, None, None, flags=flags, criteria=_CRITERIA
-        )
-        errors = np.asarray(errors).ravel()
-        outliers = is_outlier(errors)
-        if not outliers.any():
-            poses = {
-                key: (cv2.Rodrigues(turn)[0], np.asarray(shift).ravel())
-                for key, turn, shift in zip(keys, turns, shifts, strict=True)
-            }
-            return SingleCamera(camera.name, camera.image_size, matrix, np.ravel(distortion)[:5], float(rms), poses)
+        views = [camera.views[key] for key in keys]
+        start = bundle or _first_guess(points_m, camera, views)
+        sightings = [Sighting(0, m, points_m[view.ids], view.pixels) for m, view in enumerate(views)]
+        bundle = adjust(start, sightings, NO_SKEW, lens_prior([camera.image_size]))
+        errors = rms_by_moment(bundle, sightings)[:, 0]
+        if not is_outlier(errors).any():
+            poses = {key: (cv2.Rodrigues(row[:3])[0], row[3:]) for key, row in zip(keys, bundle.boards, strict=True)}
+            lens = bundle.intrinsics[0]
+            error = rms(bundle, sightings)
+            return SingleCamera(camera.name, camera.image_size, matrix_of(lens), lens[5:], error, poses)
         worst = int(np.argmax(errors))
         refused.append(Rejected(f"{camera.name} {keys[worst]}", f"board points do not fit ({errors[worst]:.2f} px)"))
         del keys[worst]
+        bundle = replace(bundle, boards=np.delete(bundle.boards, worst, axis=0))
+
+
+def _first_guess(points_m: Array, camera: CameraViews, views: Sequence[BoardView]) -> Bundle:
+    """Return a lens with its axis in the middle of the image, and the boards' poses."""
+    objects, images = _opencv_points(points_m, views)
+    flags = cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3
+    try:
+        _, matrix, distortion, turns, shifts = cv2.calibrateCamera(
+            objects,
+            images,
+            camera.image_size,
+            None,
+            None,
+            flags=flags,  # type: ignore[call-overload]
+        )
+    except cv2.error as error:
+        raise CalibrationError(
+            f"the board's pictures do not determine the camera ({error.err})",
+            where=f"camera {camera.name}",
+            advice="tilt the board differently in each picture and fill the whole image with it",
+        ) from error
+    boards = np.array([np.concatenate((np.ravel(a), np.ravel(b))) for a, b in zip(turns, shifts, strict=True)])
+    return Bundle(intrinsics_of(matrix, distortion)[None], np.zeros((1, 6)), boards)
 
 
 def _opencv_points(points_m: Array, views: Sequence[BoardView]) -> tuple[list[Array], list[Array]]:
     objects = [np.ascontiguousarray(points_m[view.ids], dtype=np.float32) for view in views]
     images = [np.ascontiguousarray(view.pixels, dtype=np.float32).reshape(-1, 1, 2) for view in views]
     return objects, images  # type: ignore[return-value]
-
-
-def _run_opencv(function: Any, *arguments: Any, **options: Any) -> Any:
-    try:
-        return function(*arguments, **options)
-    except cv2.error as error:
-        raise CalibrationError(
-            f"the board's pictures do not determine the camera ({error.err})",
-            advice="tilt the board differently in each picture and fill the whole image with it",
-        ) from error
 
 
 def _check_sides(second_from_first: Transform, left: str, right: str) -> None:
@@ -142,7 +178,13 @@ def _check_sides(second_from_first: Transform, left: str, right: str) -> None:
         )
 
 
-def _result(singles: Sequence[SingleCamera], fit: RigFit, refused: Sequence[Rejected]) -> CalibrationResult:
+def _result(
+    singles: Sequence[SingleCamera],
+    fit: RigFit,
+    refused: Sequence[Rejected],
+    seen: Mapping[str, Coverage],
+    edge_widths_px: Mapping[str, Sequence[tuple[float, float]]],
+) -> CalibrationResult:
     cameras = tuple(
         Camera(
             single.name,
@@ -154,15 +196,25 @@ def _result(singles: Sequence[SingleCamera], fit: RigFit, refused: Sequence[Reje
         )
         for single, intrinsics, (rotation, translation) in zip(singles, fit.intrinsics, fit.poses, strict=True)
     )
-    verdict, advice = _judge(fit, singles)
-    metadata = {"error": fit.rms_px, "pictures": len(fit.used), "verdict": verdict}
-    rig = CameraRig(cameras, metadata)
+    names = [single.name for single in singles]
+    late_s = {name: float(late) for name, late in zip(names, fit.late_s, strict=True) if np.isfinite(late)}
+    advice = (*_fit_advice(fit, singles), *_picture_advice(seen, edge_widths_px, singles), *_time_advice(late_s))
+    verdict = "usable" if advice else "good"
+    if fit.rms_px > _USABLE_RMS * singles[0].image_size[0]:
+        verdict = "redo"
+    rig = CameraRig(cameras, {"error": fit.rms_px, "pictures": len(fit.used), "verdict": verdict})
     return CalibrationResult(
         rig=rig,
         stereo_rms_px=fit.rms_px,
         held_out_px=fit.held_out_px,
         rms_px={single.name: single.rms_px for single in singles},
         baseline_m=rig.baseline_m(),
+        distance_sigma=fit.distance_sigma,
+        views_px={
+            (fit.used[m], names[c]): float(fit.errors_px[m, c]) for m, c in np.argwhere(np.isfinite(fit.errors_px))
+        },
+        coverage={name: part.fraction for name, part in seen.items()},
+        late_s=late_s,
         used=fit.used,
         rejected=tuple(refused),
         verdict=verdict,
@@ -175,20 +227,59 @@ def _orthonormal(rotation: Array) -> Array:
     return np.asarray(u @ vt)
 
 
-def _judge(fit: RigFit, singles: Sequence[SingleCamera]) -> tuple[str, tuple[str, ...]]:
-    width = singles[0].image_size[0]
+def _fit_advice(fit: RigFit, singles: Sequence[SingleCamera]) -> list[str]:
     advice = []
-    if fit.rms_px > _GOOD_RMS * width:
+    if fit.rms_px > _GOOD_RMS * singles[0].image_size[0]:
         advice.append("the error is high: keep the board flat and still, use more light, focus the cameras")
     if len(fit.used) < _GOOD_VIEWS:
         advice.append(f"only {len(fit.used)} moments show the board to more than one camera: take 12 or more")
+    if fit.distance_sigma > _GOOD_DISTANCE:
+        advice.append(
+            f"the distances between the cameras are known to {100.0 * fit.distance_sigma:.1f} % only: take more "
+            "pictures, nearer, in all parts of the images, or use a larger board"
+        )
     for camera in singles:
         tilts = [np.degrees(np.arccos(min(1.0, abs(r[2, 2])))) for r, _ in camera.poses.values()]
         if max(tilts) < 15.0:
             advice.append(f"{camera.name} saw the board almost straight on only: tilt it by 20 to 45 degrees")
-    if fit.rms_px > _USABLE_RMS * width:
-        return "redo", tuple(advice)
-    return ("usable" if advice else "good"), tuple(advice)
+    return advice
+
+
+def _picture_advice(
+    seen: Mapping[str, Coverage],
+    edge_widths_px: Mapping[str, Sequence[tuple[float, float]]],
+    cameras: Sequence[SingleCamera],
+) -> list[str]:
+    advice = []
+    for camera in cameras:
+        part = seen[camera.name]
+        if part.fraction < (_GOOD_COVERAGE_IN_THE_MIDDLE if part.in_the_middle else _GOOD_COVERAGE):
+            what = "stayed in the middle of" if part.in_the_middle else "was in a part only of"
+            advice.append(
+                f"the board {what} {camera.name}'s picture: coverage {100.0 * part.fraction:.0f} %; "
+                "hold it near the sides and in the corners too"
+            )
+        widths = np.array(edge_widths_px.get(camera.name, ()), dtype=np.float64).reshape(-1, 2)
+        widths = widths[np.isfinite(widths).all(axis=1)]
+        if not len(widths):
+            continue
+        width = float(np.median(widths.max(axis=1)))
+        if width > _SMEARED * camera.image_size[0]:
+            smeared = float(np.median(widths.max(axis=1) / widths.min(axis=1))) > _SMEARED_ONE_WAY
+            advice.append(
+                f"{camera.name}: exposure too long: corners smeared over {width:.0f} pixels; hold the board still, "
+                "or use more light and a shorter exposure"
+                if smeared
+                else f"{camera.name} is out of focus: edges {width:.0f} pixels wide"
+            )
+    return advice
+
+
+def _time_advice(late_s: Mapping[str, float]) -> list[str]:
+    if not late_s or np.ptp(list(late_s.values())) < _SYNCHRONISED_S:
+        return []
+    told = ", ".join(f"{name} {1000.0 * late:+.0f} ms" for name, late in late_s.items())
+    return [f"the cameras do not take their pictures at one time ({told}): hold the board still in each place"]
 
 
 def grid_of(board: Board) -> tuple[int, int] | None:

@@ -1,19 +1,18 @@
 """Calibrating cameras from image files: reading, finding the board, and saying what is wrong with it."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import CalibrationError, CaptureError
-from ..sources.files import list_images, pair_by_number, read_image
+from ..sources.files import by_number, list_images, read_image
 from .board import Board, BoardView, find_board, seen_grid
-from .calibrate import CalibrationResult, calibrate_from_points, grid_of
+from .board_quality import edge_widths
+from .calibrate import CalibrationResult, Progress, calibrate_from_points, grid_of
 from .rig_fit import MINIMUM_VIEWS, CameraViews, Rejected
-
-Progress = Callable[[float, str], None]
 
 _PROBES = 5
 
@@ -36,40 +35,48 @@ def calibrate_images(
     total = sum(len(rows) for rows in files.values())
     done = 0
     cameras = []
+    widths: dict[str, list[tuple[float, float]]] = {name: [] for name in files}
     for name, rows in files.items():
         sizes: dict[str, tuple[int, int]] = {}
         views: dict[str, BoardView] = {}
         for key, path in rows.items():
             progress(0.9 * done / total, f"looking for the board: {path.name}")
             done += 1
-            _look(name, key, path, board, sizes, views, rejected)
+            _look(key, path, board, sizes, views, rejected, widths[name])
         cameras.append(_camera_views(name, sizes, views, rejected))
     _check_board(board, files, cameras)
     progress(0.9, "calibrating")
-    return calibrate_from_points(board.points_m, cameras, rejected, left_right=left_right, grid=grid_of(board))
+    return calibrate_from_points(
+        board.points_m, cameras, rejected, left_right=left_right, grid=grid_of(board), edge_widths_px=widths
+    )
 
 
 def _paired_files(patterns: Mapping[str, str]) -> tuple[dict[str, dict[str, Path]], list[Rejected]]:
+    """Return the files of each camera by moment: those that share a number with a file of another camera."""
     try:
-        lists = [list_images(pattern) for pattern in patterns.values()]
-        pairs, leftover = pair_by_number(lists)
+        lists = {name: list_images(pattern) for name, pattern in patterns.items()}
+        tables = dict(zip(lists, by_number(list(lists.values())), strict=True))
     except CaptureError as error:
         raise CalibrationError(error.what, where=error.where, advice=error.advice) from error
-    files: dict[str, dict[str, Path]] = {name: {} for name in patterns}
-    for number, paths in pairs:
-        for name, path in zip(patterns, paths, strict=True):
-            files[name][f"{number:06d}"] = path
-    return files, [Rejected(str(path.name), "no picture of the other camera has its number") for path in leftover]
+    counts = Counter(number for table in tables.values() for number in table)
+    files = {
+        name: {f"{number:06d}": table[number] for number in sorted(table) if counts[number] > 1}
+        for name, table in tables.items()
+    }
+    used = {path for rows in files.values() for path in rows.values()}
+    alone = [path for paths in lists.values() for path in paths if path not in used]
+    reason = "no picture of the other camera has its number" if len(lists) == 2 else "no other camera has its number"
+    return files, [Rejected(path.name, reason) for path in alone]
 
 
 def _look(
-    camera: str,
     key: str,
     path: Path,
     board: Board,
     sizes: dict[str, tuple[int, int]],
     views: dict[str, BoardView],
     rejected: list[Rejected],
+    widths: list[tuple[float, float]],
 ) -> None:
     try:
         image = read_image(path)
@@ -82,6 +89,7 @@ def _look(
         rejected.append(Rejected(path.name, "the board was not found in it"))
     else:
         views[key] = view
+        widths.append(edge_widths(image, board, view))
 
 
 def _camera_views(

@@ -38,6 +38,12 @@ def compose(a_from_b: Transform, b_from_c: Transform) -> Transform:
     return a_from_b[0] @ b_from_c[0], a_from_b[0] @ b_from_c[1] + a_from_b[1]
 
 
+def half_turn(centre: Array) -> Transform:
+    """Return the half turn of a board about its normal through a point (3,) of it."""
+    rotation = np.diag([-1.0, -1.0, 1.0])
+    return rotation, centre - rotation @ centre
+
+
 def relative_poses(first: Sequence[Transform], second: Sequence[Transform], centre: Array | None) -> Agreement:
     """Find the second-from-first pose that most moments agree on.
 
@@ -61,13 +67,25 @@ def relative_poses(first: Sequence[Transform], second: Sequence[Transform], cent
     return best
 
 
+def seen_alike(
+    first: Transform, second: Transform, second_from_first: Transform, centre: Array | None, scale: float
+) -> tuple[bool, bool]:
+    """Return whether two cameras, one placed so to the other, see a board in the same place, and whether the second
+    numbers it from the other end.
+
+    Args:
+        first, second: camera-from-board; second_from_first: the cameras.
+        centre: as for `relative_poses`; scale: typical distance to the board.
+    """
+    distances = [_distance(option, second_from_first, scale) for option in _options(first, second, centre)]
+    return min(distances) < 1.0, distances.index(min(distances)) == 1
+
+
 def _options(first: Transform, second: Transform, centre: Array | None) -> list[Transform]:
     straight = compose(second, inverse(first))
     if centre is None:
         return [straight]
-    half_turn = np.diag([-1.0, -1.0, 1.0])
-    turn: Transform = (half_turn, centre - half_turn @ centre)
-    return [straight, compose(compose(second, turn), inverse(first))]
+    return [straight, compose(compose(second, half_turn(centre)), inverse(first))]
 
 
 def _distance(a: Transform, b: Transform, scale: float) -> float:

@@ -1,0 +1,73 @@
+"""How good pictures of a board are: how sharp its edges, how much of the image it has been in."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from .board import Board, BoardView, edge_reach, grey_of
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+_PROFILE_STEP_PX = 0.5
+_LEAST_CONTRAST = 20.0  # grey levels between black and white squares
+_CELLS = (160, 120)
+_MIDDLE_MARGIN = 0.12  # of the image: what reaches no nearer to any of its sides stayed in the middle
+
+
+def edge_widths(image: Image, board: Board, view: BoardView) -> tuple[float, float]:
+    """Return over how many pixels black turns to white, across edges along the board's rows and along its columns.
+
+    A sharp picture has about 2. Out of focus both grow, motion while the shutter is open smears one more than the
+    other. Measured as contrast over steepest slope, halfway between neighbouring corners; NaN where none can be.
+    """
+    grey = grey_of(image)
+    columns = board.corner_grid[0]
+    place = {int(number): pixel for number, pixel in zip(view.ids, view.pixels, strict=True)}
+    along_rows = [(place[n], place[n + 1]) for n in place if (n + 1) % columns and n + 1 in place]
+    along_columns = [(place[n], place[n + columns]) for n in place if n + columns in place]
+    reach = edge_reach(board)
+    return _width(grey, along_rows, reach), _width(grey, along_columns, reach)
+
+
+def _width(grey: Image, edges: list[tuple[Array, Array]], reach: float) -> float:
+    if not edges:
+        return float("nan")
+    ends = np.array(edges)
+    direction = ends[:, 1] - ends[:, 0]
+    length = np.linalg.norm(direction, axis=1)
+    across = np.stack((-direction[:, 1], direction[:, 0]), axis=1) / length[:, None]
+    half = max(reach * float(np.median(length)), 2.0)
+    steps = np.arange(-half, half + 0.5 * _PROFILE_STEP_PX, _PROFILE_STEP_PX)
+    points = (0.5 * (ends[:, 0] + ends[:, 1])[:, None] + across[:, None] * steps[:, None]).astype(np.float32)
+    profiles = cv2.remap(grey, points[..., 0], points[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    levels = profiles.astype(np.float64)
+    contrast = np.ptp(levels, axis=1)
+    slope = np.abs(levels[:, 2:] - levels[:, :-2]).max(axis=1) / (2.0 * _PROFILE_STEP_PX)
+    clear = contrast > _LEAST_CONTRAST
+    return float(np.median(contrast[clear] / slope[clear])) if clear.any() else float("nan")
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """Where in its image a camera saw the board: fraction covered, and whether it never came near any side."""
+
+    fraction: float
+    in_the_middle: bool
+
+
+def coverage(views: Iterable[BoardView], image_size: tuple[int, int]) -> Coverage:
+    """Return how much of an image (w, h) the hulls of the board's corners cover together."""
+    cells = np.zeros(_CELLS[::-1], dtype=np.uint8)
+    scale = np.array(_CELLS) / np.array(image_size)
+    for view in views:
+        hull = cv2.convexHull(np.round((view.pixels + 0.5) * scale - 0.5).astype(np.int32).reshape(-1, 1, 2))
+        cv2.fillConvexPoly(cells, hull, (1.0,))
+    covered = np.argwhere(cells)
+    if len(covered) == 0:
+        return Coverage(0.0, True)
+    margins = np.concatenate((covered.min(axis=0) / cells.shape, 1.0 - (covered.max(axis=0) + 1) / cells.shape))
+    return Coverage(float(cells.mean()), bool(margins.min() > _MIDDLE_MARGIN))
