@@ -224,6 +224,20 @@ def test_recording_holds_images_and_truth(scene: Any, tmp_path: Path) -> None:
     _check_videos(out, rig)
 
 
+def test_truth_tells_how_late_a_camera_is(scene: Any, tmp_path: Path) -> None:
+    out = tmp_path / "recording"
+    summary = record(scene, out, tmp_path, "--time-offset-ms", "0", "6")
+    assert summary["time_offsets_ms"] == [0.0, 6.0]
+    motion = read_motion(out / "truth" / "motion.bvh")
+    performed = scene.performed(motion)
+    with np.load(out / "truth" / "image_truth.npz") as arrays:
+        np.testing.assert_array_equal(arrays["time_offsets_s"], [0.0, 0.006])
+        late = (
+            load_rig(out / "truth" / "cameras.toml").cameras[1].project(performed.markers_at(arrays["times_s"] + 0.006))
+        )
+        np.testing.assert_allclose(arrays["pixels"][:, 1], late, atol=1e-3)
+
+
 def _check_videos(out: Path, rig: CameraRig) -> None:
     """Every grey level that the cameras took must come back from the lossless videos."""
     motion = read_motion(out / "truth" / "motion.bvh")
