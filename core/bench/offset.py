@@ -69,10 +69,10 @@ def offset_row(
         motion: behaviour of the performer.
         late_s: seconds.
         rolling_s: time from the first row of an image to the last, seconds.
-        seconds: length of the performance.
+        seconds: how much of the performance is filmed.
     """
     settings = StudioSettings(time_offsets_s=(0.0, late_s), rolling_shutter_s=rolling_s, **_STUDIO)
-    source = simulated_source(perform(motion, seconds), "boxing", Renderer(default_rig(), settings))
+    source = simulated_source(perform(motion, _SECONDS), "boxing", Renderer(default_rig(), settings))
     pipeline = MarkerPipeline(rig)
     pipeline.learn_empty(source.background_frames(_EMPTY_FRAMES))
     frames = []
