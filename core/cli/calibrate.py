@@ -1,4 +1,4 @@
-"""`perfanim calibrate`: cameras, the board to print, the subject."""
+"""`perfanim calibrate`: cameras, the board to print, the subject, cameras anew from a take."""
 
 import argparse
 from collections.abc import Callable, Mapping
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import SettingsError
-from . import calibrate_subject
+from . import calibrate_refine, calibrate_subject
 
 Progress = Callable[[float, str], None]
 
@@ -18,6 +18,7 @@ def add_parser(subparsers: Any) -> None:
     _add_cameras(group)
     _add_board(group)
     calibrate_subject.add_parser(group)
+    calibrate_refine.add_parser(group)
 
 
 def _add_cameras(group: Any) -> None:
