@@ -11,6 +11,8 @@ from .skeleton import Skeleton
 Array = NDArray[np.float64]
 
 _HIP_FLEXION_RAD, _KNEE_FLEXION_RAD = np.radians(30.0), np.radians(60.0)
+_ARMS_BELOW_LEVEL_RAD = np.radians(20.0)
+_ARMS_AWAY_RAD, _HANDS_FORWARD_RAD = np.radians(15.0), np.radians(45.0)
 
 
 def t_pose(skeleton: Skeleton) -> Array:
@@ -35,11 +37,26 @@ def standing(skeleton: Skeleton) -> Array:
     return result
 
 
+def hanging(skeleton: Skeleton) -> Array:
+    """Return local rotations (J, 4) of a person standing upright, arms straight down and a little away from the body.
+
+    The backs of the hands look half forward, so that cameras in front see markers on them.
+    """
+    result = standing(skeleton)
+    for side, outward in (("l", 1.0), ("r", -1.0)):
+        humerus = skeleton.index(f"{side}humerus")
+        turned = rot.from_rotation_vector(np.array([0.0, -outward * _HANDS_FORWARD_RAD, 0.0]))
+        away = rot.from_rotation_vector(np.array([0.0, 0.0, outward * _ARMS_AWAY_RAD]))
+        result[humerus] = rot.multiply(rot.multiply(away, turned), result[humerus])
+    return result
+
+
 def motorcycle(skeleton: Skeleton) -> Array:
     """Return local rotations (J, 4) of a person as on a motorcycle: knees bent, arms stretched forward, palms down.
 
-    The feet stay flat below the hips and the trunk upright. The arms are straight because a stretched limb is the
-    only one whose joint angle a performer takes exactly: how far a bent elbow's hand is away tells little of the arm.
+    The feet stay flat below the hips and the trunk upright; the hands are at the height of the chest, below the line
+    from the cameras to the shoulders. The arms are straight because a stretched limb is the only one whose joint angle
+    a performer takes exactly: how far a bent elbow's hand is away tells little of the arm.
     """
     result = t_pose(skeleton)
     for side, outward in (("l", 1.0), ("r", -1.0)):
@@ -51,12 +68,17 @@ def motorcycle(skeleton: Skeleton) -> Array:
         result[tibia] = rot.multiply(rot.conjugate(thigh), shank)
         result[foot] = rot.multiply(rot.conjugate(shank), upright)
         forward = rot.from_rotation_vector(np.array([0.0, -outward * np.pi / 2.0, 0.0]))
-        result[skeleton.index(f"{side}humerus")] = forward
+        result[skeleton.index(f"{side}humerus")] = rot.multiply(_about_left(_ARMS_BELOW_LEVEL_RAD), forward)
     return result
 
 
-# in the order in which a performer takes them best
-POSES: dict[str, Callable[[Skeleton], Array]] = {"t": t_pose, "standing": standing, "motorcycle": motorcycle}
+POSES: dict[str, Callable[[Skeleton], Array]] = {
+    "t": t_pose,
+    "standing": standing,
+    "hanging": hanging,
+    "motorcycle": motorcycle,
+}
+CALIBRATION = ("t", "hanging", "motorcycle")  # which together tell where the limbs begin and end
 
 
 def _upright(bone_m: Array) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .assets import MOTION, SKELETONS
-from .calibration_pose import POSES
+from .calibration_pose import CALIBRATION
 from .camera import CameraRig, save_rig
 from .database.build import build_database
 from .database.store import Database, open_database
@@ -58,7 +58,7 @@ _EMPTY_FRAMES = 60
 _VIDEO_EVERY = 2  # of 60 frames a second every second one is drawn
 _SHEET_PICTURES = 12
 _T_POSE_S = 2.0
-_POSES_BEFORE = ("standing", "motorcycle")  # what the performance itself does not begin with
+_POSES_BEFORE = ("hanging", "motorcycle")  # what the performance itself does not begin with
 _HELD_S = 1.0
 
 
@@ -102,7 +102,7 @@ def run_demo(out: Path, seconds: float, seed: int, progress: Progress) -> dict[s
         load_marker_set(MARKER_SET),
         load_bodies(SKELETONS),
         "simulated performer",
-        tuple(POSES),
+        CALIBRATION,
     ).subject
     poses, solve_seconds = _solve(recording, subject, database, progress)
     solved = motion_of(poses, subject, "demo", source.fps)

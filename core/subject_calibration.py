@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import rotations as rot
-from .calibration_pose import POSES
+from .calibration_pose import CALIBRATION, POSES
 from .errors import SubjectError
 from .marker_set import MarkerSet, Subject
 from .marker_take import MarkerTake
@@ -28,12 +28,18 @@ _FARTHEST_SWING_DEG = 35.0  # of a limb from the calibration pose: nobody holds 
 _NOISE_M = 0.03  # by which measurement alone spreads a marker that is held still
 _STILL_M_S = 0.15  # a marker moving faster is not held still
 _LIKE_POSE_M = 0.20  # RMS distance to the default body's markers of the pose, bodies of all sizes
+_AS_CLOSE = 1.3  # of the least distance from the pose, up to which a stiller moment is the better one
 _DOUBTFUL_M = 0.015  # a body that explains its markers no better is not to be trusted
 _ODD_MARKER_M = 0.035  # off its usual place
 _OPEN_M = 0.012  # standard deviation of a shoulder's place from which another pose is worth the while
 _CARELESS_DEG = 15.0  # of a limb from the pose, from which it is worth saying
 _LIMBS = {"humerus": "arm", "femur": "leg"}
-_HELD_AS = {"t": "the T pose", "standing": "standing, arms hanging", "motorcycle": "the motorcycle pose"}
+_HELD_AS = {
+    "t": "the T pose",
+    "standing": "standing at rest",
+    "hanging": "the pose with hanging arms",
+    "motorcycle": "the motorcycle pose",
+}
 
 
 @dataclass(frozen=True)
@@ -82,7 +88,7 @@ def calibration_points(
 def pose_points(take: MarkerTake, marker_set: MarkerSet, poses: Sequence[str], seconds: float = 1.0) -> Array:
     """Return the median positions (N, M, 3) of the set's markers while each of the poses is held.
 
-    Of the moments in which the performer stands still, each pose has the one that is most like it.
+    Of the moments in which the performer stands still and like the pose, the stillest counts.
 
     Args:
         take: shows the poses among other things, in any order.
@@ -98,23 +104,33 @@ def pose_points(take: MarkerTake, marker_set: MarkerSet, poses: Sequence[str], s
     skeleton, offsets = default_skeleton(), usual_offsets(marker_set)
     joints = marker_set.joint_indices(skeleton)
     templates = {
-        name: marker_positions(skeleton, joints, offsets, pose(skeleton), np.zeros(3)) for name, pose in POSES.items()
+        pose: marker_positions(skeleton, joints, offsets, POSES[pose](skeleton), np.zeros(3)) for pose in poses
     }
-    best: dict[str, tuple[float, Array]] = {}
+    held: dict[str, list[tuple[float, float, Array]]] = {}
     for window in _still(positions, take.fps, seconds):
         points = _median(positions, window)
         distances = {name: _distance(points, template) for name, template in templates.items()}
         nearest = min(distances, key=lambda name: distances[name])
-        if distances[nearest] < best.get(nearest, (_LIKE_POSE_M, points))[0]:
-            best[nearest] = distances[nearest], points
+        if distances[nearest] < _LIKE_POSE_M:
+            spread = float(np.nanmax(np.nanstd(positions[window], axis=0)))
+            held.setdefault(nearest, []).append((distances[nearest], spread, points))
     for pose in poses:
-        if pose not in best:
+        if pose not in held:
             raise SubjectError(
                 f"{_HELD_AS[pose]} is not held for {seconds:.1f} s",
                 where=take.name,
                 advice="hold every pose still, all markers seen, or leave this one out of the poses",
             )
-    return np.array([best[pose][1] for pose in poses])
+    return np.array([_stillest(held[pose]) for pose in poses])
+
+
+def _stillest(moments: list[tuple[float, float, Array]]) -> Array:
+    """Return the points of the stillest of the moments (distance, spread, points) that are about as close to a pose.
+
+    The closest may still be on the way into the pose.
+    """
+    closest = min(distance for distance, _, _ in moments)
+    return min((moment for moment in moments if moment[0] < _AS_CLOSE * closest), key=lambda moment: moment[1])[2]
 
 
 def check_poses(poses: Sequence[str]) -> None:
@@ -306,7 +322,7 @@ def _advice(fit: BodyFit, poses: Sequence[str], residual_m: float, markers_m: di
         if off > _ODD_MARKER_M
     ]
     shoulder_m = max(fit.sigmas_m[fit.skeleton.index(side + "humerus")] for side in "lr")
-    missing = [name for name in POSES if name not in poses]
+    missing = [name for name in CALIBRATION if name not in poses]
     if shoulder_m > _OPEN_M and missing:
         advice.append(
             f"shoulders are known to {1e3 * shoulder_m:.0f} mm only, arms likewise: hold these poses as well: "

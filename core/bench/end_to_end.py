@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..assets import SKELETONS
-from ..calibration_pose import POSES
+from ..calibration_pose import CALIBRATION
 from ..camera import CameraRig
 from ..database.store import Database
 from ..evaluate import evaluate
@@ -69,7 +69,7 @@ def end_to_end(data: Path, out: Path, workers: int, progress: Progress) -> dict[
     for number, take in enumerate(takes):
         # the walk is longer than two cameras can follow at 640x480
         motion = on_stage(on_treadmill(read_take(data, take)))
-        taken, motion = motion.frames, with_poses(motion, tuple(POSES), _HELD_S)
+        taken, motion = motion.frames, with_poses(motion, CALIBRATION, _HELD_S)
         source = simulated_source(motion, MARKER_SET, Renderer(default_rig(), StudioSettings(exposure_s=_EXPOSURE_S)))
         progress(0.2 + 0.8 * number / len(takes), f"{take.title}: filming and tracking")
         rig = rig or studio_on_floor(calibrate_studio(source).rig, source)
@@ -106,7 +106,7 @@ def _solved(
     true_subject = Subject("true", source.motion.skeleton, source.subject.marker_set)
     worn, bodies = load_marker_set(MARKER_SET), load_bodies(SKELETONS)
     of_one = subject_from_frames(frames[:still], worn, bodies, "T pose").subject
-    found = subject_from_recording(frames[:start], source.fps, worn, bodies, "all poses", tuple(POSES)).subject
+    found = subject_from_recording(frames[:start], source.fps, worn, bodies, "all poses", CALIBRATION).subject
     take, _ = simulate_markers(source.motion, true_subject)
     solutions = {
         "true markers": _from_take(take, true_subject, database),

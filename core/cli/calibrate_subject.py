@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..assets import SKELETONS
-from ..calibration_pose import POSES
+from ..calibration_pose import CALIBRATION, POSES
 from ..database.store import open_database
 from ..errors import SettingsError
 from ..formats.takes import read_take
@@ -41,8 +41,8 @@ def add_parser(subparsers: Any) -> None:
         "--poses",
         metavar="P,P,...",
         help="several poses, each held in the take for --seconds and found there, the first one upright: best "
-        + ",".join(POSES)
-        + "; more poses tell where shoulders and hips are",
+        + ",".join(CALIBRATION)
+        + ", which tell where the arms begin",
     )
     parser.add_argument("--seconds", type=float, default=1.0, metavar="S", help="how long each is held (default 1)")
     parser.add_argument("--frames", metavar="A:B", help="look only at these frames of the take")

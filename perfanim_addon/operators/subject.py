@@ -48,7 +48,8 @@ class PERFANIM_OT_calibrate_subject(JobOperator, bpy.types.Operator):
         """Use the new subject."""
         settings(context).subject = self._target
         text = f"residual {float(summary.get('residual_mm', 0.0)):.0f} mm"
-        return "; ".join((text, *(summary.get("advice") or ())))
+        # the other advice is about poses that cannot be recorded here
+        return "; ".join((text, *(summary["advice"] if summary["verdict"] == "redo" else ())))
 
 
 class PERFANIM_OT_record_t_pose(JobOperator, bpy.types.Operator):

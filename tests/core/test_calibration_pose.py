@@ -1,9 +1,16 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from perfanim.core import rotations as rot
-from perfanim.core.calibration_pose import motorcycle, standing, t_pose
+from perfanim.core.calibration_pose import CALIBRATION, POSES, hanging, motorcycle, standing, t_pose
+from perfanim.core.motion import Motion
 from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.simulate.performer.bodies import prototype_bodies
+from perfanim.core.simulate.studio.render import Renderer
+from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.source import simulated_source
+from perfanim.core.simulate.studio.staging import lowest_point_m
 from perfanim.core.skeleton import Skeleton, forward_kinematics
 
 BODIES = [default_skeleton(), *prototype_bodies(6)]
@@ -50,6 +57,29 @@ def test_knees_bent_over_flat_feet_and_arms_forward_on_a_motorcycle(skeleton: Sk
         foot = skeleton.index(side + "foot")
         np.testing.assert_allclose(rot.angle_between(world[foot], flat[foot]), 0.0, atol=1e-6)
         arm = at[side + "hand"] - at[side + "humerus"]
-        np.testing.assert_allclose(arm / np.linalg.norm(arm), [0.0, 0.0, 1.0], atol=1e-6)
+        low = np.radians(20.0)
+        np.testing.assert_allclose(arm / np.linalg.norm(arm), [0.0, -np.sin(low), np.cos(low)], atol=1e-6)
         palm = rot.rotate(world[skeleton.index(side + "hand")], [0.0, -1.0, 0.0])
-        np.testing.assert_allclose(palm, [0.0, -1.0, 0.0], atol=1e-6)
+        np.testing.assert_allclose(palm, [0.0, -np.cos(low), -np.sin(low)], atol=1e-6)
+
+
+def test_every_marker_is_seen_by_both_cameras_in_every_calibration_pose() -> None:
+    """Hands must not hide shoulders, nor the body hands: a hidden marker leaves open what its limb is measured by."""
+    renderer = Renderer(default_rig())
+    for skeleton in BODIES[1::2]:
+        for name in CALIBRATION:
+            pose = POSES[name](skeleton)
+            motion = Motion(name, 60.0, skeleton, np.stack((pose, pose)), np.zeros((2, 3)))
+            standing_on_floor = replace(motion, root_positions_m=np.tile([0.0, -lowest_point_m(motion), 0.0], (2, 1)))
+            source = simulated_source(standing_on_floor, "boxing", renderer)
+            assert source.truth(0).visible.all(), name
+
+
+def test_hanging_arms_stay_off_the_body() -> None:
+    skeleton = default_skeleton()
+    positions, _ = forward_kinematics(skeleton, hanging(skeleton), np.zeros(3))
+    at = dict(zip(skeleton.names, positions, strict=True))
+    for side, sign in (("l", 1.0), ("r", -1.0)):
+        arm = at[side + "hand"] - at[side + "humerus"]
+        aside = np.radians(15.0)
+        np.testing.assert_allclose(arm / np.linalg.norm(arm), [sign * np.sin(aside), -np.cos(aside), 0.0], atol=1e-6)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from perfanim.core import rotations as rot
 from perfanim.core.assets import SKELETONS
-from perfanim.core.calibration_pose import POSES, motorcycle, standing, t_pose
+from perfanim.core.calibration_pose import CALIBRATION, POSES, motorcycle, standing, t_pose
 from perfanim.core.errors import SubjectError
 from perfanim.core.marker_frame import MarkerFrame
 from perfanim.core.marker_set import Marker, MarkerSet, load_marker_set
@@ -301,7 +301,7 @@ def test_poses_with_stretched_arms_tell_shoulders_from_arms():
     index = PROTOTYPES[0].index
     parts = [[index(side + joint) for side in "lr"] for joint in ("humerus", "radius", "wrist")]
     one, one_sigma = errors_with(("t",))
-    three, three_sigma = errors_with(tuple(POSES))
+    three, three_sigma = errors_with(CALIBRATION)
     shoulders = parts[0]
     # a T pose has only the sum of shoulder and arm; arms in two more directions fix where they begin
     assert np.sqrt(np.mean(three[:, shoulders] ** 2)) < 0.7 * np.sqrt(np.mean(one[:, shoulders] ** 2))
@@ -315,26 +315,26 @@ def test_what_would_make_it_better_is_told():
     person = body(1.75, 0.0, 903)
     one = calibrate_subject(markers_of(person), BOXING, PROTOTYPES, "a")
     assert one.verdict == "usable"
-    assert "hold these poses as well: standing, arms hanging, the motorcycle pose" in one.advice[0]
-    points = np.array([markers_of(person, pose) for pose in POSES.values()])
-    assert calibrate_subject(points, BOXING, PROTOTYPES, "a", *POSES).verdict == "good"
+    assert "hold these poses as well: the pose with hanging arms, the motorcycle pose" in one.advice[0]
+    points = np.array([markers_of(person, pose) for pose in map(POSES.__getitem__, CALIBRATION)])
+    assert calibrate_subject(points, BOXING, PROTOTYPES, "a", *CALIBRATION).verdict == "good"
     points[:, BOXING.names.index("HEAD")] += [0.0, 0.1, 0.0]  # worn on a hat
-    hat = calibrate_subject(points, BOXING, PROTOTYPES, "a", *POSES)
+    hat = calibrate_subject(points, BOXING, PROTOTYPES, "a", *CALIBRATION)
     assert hat.marker_residuals_m["HEAD"] == max(hat.marker_residuals_m.values())
     assert any("marker of the head is" in text and "from its usual place" in text for text in hat.advice)
 
 
 def test_a_marker_hidden_in_one_of_the_poses_is_found_in_another():
     person = body(1.75, 0.0, 903)
-    points = np.array([markers_of(person, pose) for pose in POSES.values()])
-    whole = calibrate_subject(points, BOXING, PROTOTYPES, "a", *POSES).subject
+    points = np.array([markers_of(person, pose) for pose in map(POSES.__getitem__, CALIBRATION)])
+    whole = calibrate_subject(points, BOXING, PROTOTYPES, "a", *CALIBRATION).subject
     points[1, BOXING.names.index("LHAN")] = np.nan
-    found = calibrate_subject(points, BOXING, PROTOTYPES, "a", *POSES).subject
+    found = calibrate_subject(points, BOXING, PROTOTYPES, "a", *CALIBRATION).subject
     # one hand in one pose: what it told of the left arm, of the order of what people differ in
     np.testing.assert_allclose(found.skeleton.offsets_m, whole.skeleton.offsets_m, atol=SEGMENT_SPREAD * 0.6)
     points[:, BOXING.names.index("LHAN")] = np.nan
     with pytest.raises(SubjectError, match="never seen: LHAN"):
-        calibrate_subject(points, BOXING, PROTOTYPES, "a", *POSES)
+        calibrate_subject(points, BOXING, PROTOTYPES, "a", *CALIBRATION)
 
 
 def posing_take(poses, seconds=1.5):
@@ -361,12 +361,12 @@ def test_each_pose_is_found_in_the_take_by_itself():
 
 
 def test_a_subject_from_unlabelled_frames_of_several_poses():
-    _, take = posing_take(tuple(POSES))
+    _, take = posing_take(CALIBRATION)
     rng = np.random.default_rng(2)
     frames = [
         MarkerFrame(i, i / 30.0, row[rng.permutation(9)], np.tile(1e-6 * np.eye(3), (9, 1, 1)))
         for i, row in enumerate(take.positions_m)
     ]
-    found = subject_from_recording(frames, 30.0, BOXING, PROTOTYPES, "Ann", tuple(POSES))
-    expected = calibrate_subject(pose_points(take, BOXING, tuple(POSES)), BOXING, PROTOTYPES, "Ann", *POSES)
+    found = subject_from_recording(frames, 30.0, BOXING, PROTOTYPES, "Ann", CALIBRATION)
+    expected = calibrate_subject(pose_points(take, BOXING, CALIBRATION), BOXING, PROTOTYPES, "Ann", *CALIBRATION)
     np.testing.assert_allclose(found.subject.skeleton.offsets_m, expected.subject.skeleton.offsets_m, atol=1e-9)

@@ -3,7 +3,7 @@
 import json
 
 import numpy as np
-from perfanim.core.calibration_pose import POSES, t_pose
+from perfanim.core.calibration_pose import CALIBRATION, t_pose
 from perfanim.core.cli.main import main
 from perfanim.core.marker_set import load_marker_set, load_subject
 from perfanim.core.marker_take import MarkerTake, save_take
@@ -42,12 +42,12 @@ def test_a_marker_is_added_without_another_skeleton_or_database(truth, database_
 
 
 def test_several_poses_are_found_in_a_take_and_the_result_says_how_far_to_trust_it(truth, tmp_path, capsys):
-    motion = with_poses(sliced(truth, 0, 10), tuple(POSES), 1.2)
+    motion = with_poses(sliced(truth, 0, 10), CALIBRATION, 1.2)
     take, out = tmp_path / "poses.take.npz", tmp_path / "ann.toml"
     write_take(take, motion.skeleton, load_marker_set("boxing"), motion.rotations, motion.root_positions_m)
     line = ["calibrate", "subject", str(take), "--marker-set", "boxing", "--out", str(out), "--json"]
     results = []
-    for options in ([], ["--poses", "t,standing,motorcycle"]):
+    for options in ([], ["--poses", "t,hanging,motorcycle"]):
         assert main([*line, *options]) == 0
         results.append(json.loads(capsys.readouterr().out))
         assert load_subject(out).skeleton.names == motion.skeleton.names
