@@ -14,6 +14,7 @@ from .marker_frame import MarkerFrame
 from .marker_set import Subject
 from .pose_frame import PoseFrame
 from .second_look import SecondLook
+from .single_view_start import label_single_view
 from .skeleton import marker_positions
 from .solver.observation import Observation
 from .solver.pose_solver import PoseSolver, Solution
@@ -67,6 +68,7 @@ class Session:
         self._solver.reset()
         self._labeller = Labeller(self.subject.marker_set.names, self._model.torso)
         self._second_look = SecondLook(self._start, self._model.torso)
+        self._assumed_m: Array | None = None
         self._trusted_s: float | None = None
         self._located_s: float | None = None
         self._checked_s: float | None = None
@@ -77,7 +79,7 @@ class Session:
         observation = self._label(frame)
         if self._second_look.changed:
             self._solver.reset()
-        solution = self._solver.step(observation, frame.time_s)
+        solution = self._solver.step(observation, frame.time_s, self._assumed_m)
         result = self._solved(frame, observation, solution) if solution else self._unsolved(frame, observation)
         self._last = result
         if self._lost(result) or self._mislabelled(frame, result):
@@ -104,6 +106,8 @@ class Session:
         count = len(self.subject.marker_set)
         if np.any(frame.labels >= 0) or np.any(frame.single_labels >= 0):
             return self._known(frame)
+        if predicted is None and len(self._cameras) == 1:
+            return self._started_by_one_camera(frame)
         if predicted is None:
             start = self._start.label(frame.points_m)
             labels = start.labels if start else np.full(len(frame.points_m), -1)
@@ -121,6 +125,20 @@ class Session:
         image_points[single < 0] = np.nan
         observation = Observation(found.points_m, single, image_points, self._cameras)
         return self._reconsidered(frame, observation, found.unnamed(frame))
+
+    def _started_by_one_camera(self, frame: MarkerFrame) -> Observation:
+        """Return what was seen in a first frame, once the performer stands in a calibration pose before the camera."""
+        count = len(self.subject.marker_set)
+        poses = [self._markers_of(pose(self._model.skeleton)) for pose in (t_pose, standing)]
+        start = label_single_view(frame.single_points, self._cameras[0], poses)
+        if start is None:
+            return Observation.of_points(np.full((count, 3), np.nan))
+        self._assumed_m = start.markers_m
+        named = start.labels >= 0
+        cameras, image_points = np.full(count, -1, dtype=np.int64), np.full((count, 2), np.nan)
+        cameras[start.labels[named]] = 0
+        image_points[start.labels[named]] = frame.single_points[named]
+        return Observation(np.full((count, 3), np.nan), cameras, image_points, self._cameras)
 
     def _reconsidered(self, frame: MarkerFrame, observation: Observation, unnamed_m: Array) -> Observation:
         """Return what was seen under better labels, where a second look finds them."""
@@ -143,10 +161,12 @@ class Session:
         return Observation(points, cameras, image_points, self._cameras)
 
     def _solved(self, frame: MarkerFrame, observation: Observation, solution: Solution) -> PoseFrame:
-        located = observation.located
-        distances = np.linalg.norm(solution.markers_m[located] - observation.points_m[located], axis=1)
+        # with one camera what counts is how far the markers are from their rays
+        shown = observation.lifted(solution.markers_m) if len(self._cameras) == 1 else observation
+        located = shown.located
+        distances = np.linalg.norm(solution.markers_m[located] - shown.points_m[located], axis=1)
         rms = float(np.sqrt(np.mean(distances**2))) if np.any(located) else float("nan")
-        seen = np.sum(located) + 0.5 * np.sum(observation.single)
+        seen = np.sum(located) + 0.5 * np.sum(shown.single)
         nearest = solution.nearest_m
         confidence = seen / len(located)
         if np.any(located):
@@ -204,7 +224,8 @@ class Session:
     def _lost(self, result: PoseFrame) -> bool:
         """Whether the torso has been lost, or the solved markers have been wrong, for a while."""
         now = result.time_s
-        if np.sum(np.isfinite(result.observed_m[:, 0]) & self._model.torso) >= 2 or self._located_s is None:
+        shown = np.isfinite(result.observed_m[:, 0]) | ((result.single_cameras >= 0) & (len(self._cameras) == 1))
+        if np.sum(shown & self._model.torso) >= 2 or self._located_s is None:
             self._located_s = now
         if not result.marker_rms_m > _WRONG_M or self._trusted_s is None:
             self._trusted_s = now

@@ -1,6 +1,6 @@
 """The labelled markers of one moment, as the solver takes them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,19 @@ class Observation:
         """Return the observation of located markers only."""
         count = len(points_m)
         return cls(points_m, np.full(count, -1, dtype=np.int64), np.full((count, 2), np.nan))
+
+    def lifted(self, markers_m: Array) -> "Observation":
+        """Return the same with single-camera markers located: where their rays pass closest to markers (M, 3).
+
+        What needs points in space (the root, the search) can so do with one camera; as its error lies along the ray,
+        the pose itself is fitted to the rays.
+        """
+        points = self.points_m.copy()
+        for marker in np.flatnonzero(self.single):
+            camera = self.rig[self.cameras[marker]]
+            ray = camera.rays(self.image_points[marker])
+            points[marker] = camera.centre_m + ray * float(ray @ (markers_m[marker] - camera.centre_m))
+        return replace(self, points_m=points)
 
     @property
     def located(self) -> NDArray[np.bool_]:

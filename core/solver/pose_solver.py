@@ -144,13 +144,18 @@ class PoseSolver:
         """Return the markers (M, 3) of the last synthesized pose in the world, None at the start."""
         return self._last_markers
 
-    def step(self, observation: Observation, time_s: float | None = None) -> Solution | None:
+    def step(
+        self, observation: Observation, time_s: float | None = None, assumed_m: Array | None = None
+    ) -> Solution | None:
         """Return the pose of the next frame; None when nothing tells yet where the body is.
 
         Args:
             observation: what was seen.
             time_s: when; default a frame of the database after the last.
+            assumed_m: (M, 3) where the markers of a first frame are thought to be that only one camera shows.
         """
+        if self._last_markers is None:
+            self._last_markers = assumed_m
         self._time_s = self._time_s + self._frame_s if time_s is None else time_s
         if self._last is None:
             if self._advance(observation) is None:
@@ -158,13 +163,21 @@ class PoseSolver:
             self._before_last = None
         # the first frame is solved twice: the second time its own pose, not a typical one, tells where the torso is
         solution = self._advance(observation)
-        self._history.remember(self._time_s, observation.points_m)
+        self._history.remember(self._time_s, self._in_space(observation).points_m)
         if solution is not None:
             self._pose_history.remember(self._time_s, solution.pose.ravel())
         return solution
 
+    def _in_space(self, observation: Observation) -> Observation:
+        """Return the observation with what the root and the search need: three torso markers located in space."""
+        torso = self.subject.torso & observation.located
+        if torso.sum() >= 3 or self._last_markers is None:
+            return observation
+        return observation.lifted(self._last_markers)
+
     def _advance(self, observation: Observation) -> Solution | None:
-        located = self._locate(observation)
+        in_space = self._in_space(observation)
+        located = self._locate(in_space)
         if located is None:
             return None
         root, examples = located
@@ -177,7 +190,7 @@ class PoseSolver:
             markers,
             fitted.neighbours,
             fitted.dimensions,
-            self._nearest_distance(observation, root, examples),
+            self._nearest_distance(in_space, root, examples),
             fitted.iterations,
         )
 

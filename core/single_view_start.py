@@ -1,0 +1,159 @@
+"""Which blob of one camera is which marker at the start, when no second camera tells where anything is in space.
+
+The performer stands in a calibration pose before the camera and the body is known, so that two blobs taken for two
+markers give its distance. The best of all such placements is refined: blobs are assigned, the body is moved to meet
+their rays, and so on. Labels afterwards follow from the pose of the frame before, as with more cameras.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from . import rotations as rot
+from .camera import Camera
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_TURNS_DEG = (-40.0, -20.0, 0.0, 20.0, 40.0)  # from facing the camera
+_PAIRS = 4  # of markers, the farthest apart, that two blobs are taken for
+_NEAREST_M, _FARTHEST_M = 0.8, 10.0
+_BENT = 0.25  # how far, of their distance, two blobs may lie across from the direction of their markers
+_GATE_M = 0.25  # across the ray, at the marker's distance
+_REFINED = 40  # placements
+_ROUNDS = 10  # of assigning and moving
+_TILT_SIGMA_RAD = 0.1  # of a person who stands upright
+_SIGMA_M = 0.03  # of a marker in a pose that is never held exactly
+_FEWEST_FOUND = 0.7  # share of the markers
+_FARTHEST_RMS_M = 0.07
+
+
+@dataclass(frozen=True)
+class SingleViewStart:
+    """Labels of blobs without a past.
+
+    Args:
+        labels: (N,) marker of each blob, -1 for none.
+        markers_m: (M, 3) where the assumed pose has the markers in the world.
+    """
+
+    labels: IntArray
+    markers_m: Array
+
+
+def label_single_view(points: Array, camera: Camera, poses_m: Sequence[Array]) -> SingleViewStart | None:
+    """Return the labels of blobs of a performer who stands in one of a few poses; None when it looks like none.
+
+    Args:
+        points: (N, 2) undistorted normalised coordinates of the blobs; false ones and missing ones are borne.
+        camera: that sees them.
+        poses_m: markers (M, 3) of each pose, y up, facing +z.
+    """
+    count = len(poses_m[0])
+    needed = int(np.ceil(_FEWEST_FOUND * count))
+    if len(points) < needed:
+        return None
+    axis = -camera.rotation[2]  # from the performer to the camera
+    facing = np.arctan2(axis[0], axis[2])
+    rough: list[tuple[float, Array]] = []
+    for pose in poses_m:
+        for turn in np.radians(_TURNS_DEG):
+            turned = rot.rotate(rot.from_rotation_vector([0.0, facing + turn, 0.0]), pose)
+            rough += _placed(points, turned @ camera.rotation.T)
+    rough.sort(key=lambda pair: pair[0])
+    best, least = None, np.inf
+    for _, local in rough[:_REFINED]:
+        cost, labels, refined = _refined(points, local, camera.rotation[:, 1])
+        if cost < least:
+            best, least = (labels, refined), cost
+    if best is None or np.sum(best[0] >= 0) < needed:
+        return None
+    labels, local = best
+    off = _across(local[labels[labels >= 0]], points[labels >= 0])
+    if np.sqrt(np.mean(off**2)) > _FARTHEST_RMS_M:
+        return None
+    return SingleViewStart(labels, (local - camera.translation_m) @ camera.rotation)
+
+
+def _placed(points: Array, body: Array) -> list[tuple[float, Array]]:
+    """Return cost and place in the camera's frame of a body (M, 3), for all ways in which two blobs are two markers."""
+    spans = np.linalg.norm(body[:, None, :2] - body[None, :, :2], axis=-1)
+    order = np.argsort(spans, axis=None)[::-1][: 2 * _PAIRS : 2]  # every pair stands there twice
+    first, second = np.nonzero(~np.eye(len(points), dtype=bool))
+    apart = points[first] - points[second]
+    placements = []
+    for a, b in zip(*np.unravel_index(order, spans.shape), strict=True):
+        # x_a + t = u (z_a + s) for both; their difference tells s, the shift in depth
+        wanted = body[a, :2] - body[b, :2] - points[first] * body[a, 2] + points[second] * body[b, 2]
+        depth = np.einsum("pc,pc->p", apart, wanted) / np.einsum("pc,pc->p", apart, apart)
+        bent = np.linalg.norm(wanted - depth[:, None] * apart, axis=1) > _BENT * spans[a, b]
+        good = (depth > _NEAREST_M) & (depth < _FARTHEST_M) & ~bent
+        depth, one, other = depth[good], points[first[good]], points[second[good]]
+        across = one * (body[a, 2] + depth)[:, None] - body[a, :2]
+        across += other * (body[b, 2] + depth)[:, None] - body[b, :2]
+        placements.append(np.column_stack((0.5 * across, depth)))
+    shifts = np.concatenate(placements)
+    if len(shifts) == 0:
+        return []
+    local = body + shifts[:, None]
+    seen = local[..., :2] / local[..., 2:]
+    squares = np.sum((seen[:, :, None] - points) ** 2, axis=-1).min(axis=2) * local[..., 2] ** 2
+    costs = np.minimum(squares, _GATE_M**2).sum(axis=1)
+    likely = np.argsort(costs)[:_REFINED]
+    return [(float(costs[index]), local[index]) for index in likely]
+
+
+def _refined(points: Array, local: Array, up: Array) -> tuple[float, IntArray, Array]:
+    """Return cost, labels (N,) and the body (M, 3) after assigning blobs and moving the body in turn."""
+    labels = np.full(len(points), -1, dtype=np.int64)
+    start, pose = local, np.zeros(6)
+    cost = np.inf
+    for _ in range(_ROUNDS):
+        distances = np.linalg.norm(_across(local[None], points[:, None]), axis=-1)
+        rows, columns = linear_sum_assignment(np.minimum(distances, _GATE_M) ** 2)
+        near = distances[rows, columns] < _GATE_M
+        new = np.full(len(points), -1, dtype=np.int64)
+        new[rows[near]] = columns[near]
+        missed = len(local) - int(np.sum(near))
+        cost = float(np.sum(distances[rows[near], columns[near]] ** 2)) + missed * _GATE_M**2
+        if np.array_equal(new, labels) or np.sum(near) < 4:
+            return cost, new, local
+        labels = new
+        local, pose = _moved(points[rows[near]], columns[near], start, pose, up)
+    return cost, labels, local
+
+
+def _moved(points: Array, markers: IntArray, start: Array, pose: Array, up: Array) -> tuple[Array, Array]:
+    """Return the body moved to meet the rays of its markers by Gauss-Newton steps, and its turn and shift (6,).
+
+    It turns about its middle; out of the upright (`up` in the camera's frame) only as far as a standing person does.
+    """
+    middle = start.mean(axis=0)
+    sigma_tilt = (np.eye(3) - np.outer(up, up)) / _TILT_SIGMA_RAD
+    for _ in range(4):
+        turned = rot.rotate(rot.from_rotation_vector(pose[:3]), start - middle)
+        local = turned + middle + pose[3:]
+        residual = _across(local[markers], points)
+        rows = np.zeros((len(points), 2, 3))
+        rows[:, 0, 0] = rows[:, 1, 1] = 1.0
+        rows[:, :, 2] = -points
+        # d (w x r) / d w = -[r]x
+        cross = np.zeros((len(points), 3, 3))
+        x, y, z = turned[markers].T
+        cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 0] = z, -y, -z
+        cross[:, 1, 2], cross[:, 2, 0], cross[:, 2, 1] = x, y, -x
+        jacobian = np.concatenate((rows @ cross, rows), axis=2).reshape(-1, 6) / _SIGMA_M
+        prior = np.hstack((sigma_tilt, np.zeros((3, 3))))
+        matrix = np.vstack((jacobian, prior))
+        right = np.concatenate((residual.ravel() / _SIGMA_M, sigma_tilt @ pose[:3]))
+        pose = pose - np.linalg.lstsq(matrix, right, rcond=None)[0]
+    local = rot.rotate(rot.from_rotation_vector(pose[:3]), start - middle) + middle + pose[3:]
+    return local, pose
+
+
+def _across(local: Array, points: Array) -> Array:
+    """Return how far (..., 2) points of the camera's frame lie from rays, metres across the ray at their depth."""
+    return np.asarray(local[..., :2] - points * local[..., 2:])

@@ -1,0 +1,100 @@
+"""One camera alone: who stands before it is recognised by a calibration pose, and followed by rays from then on."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from perfanim.core import rotations as rot
+from perfanim.core.calibration_pose import standing, t_pose
+from perfanim.core.camera import CameraRig
+from perfanim.core.marker_frame import MarkerFrame
+from perfanim.core.marker_set import Subject, load_marker_set
+from perfanim.core.session import Session
+from perfanim.core.simulate.performer.performance import performance
+from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.single_view_start import label_single_view
+from perfanim.core.skeleton import marker_positions
+
+FPS = 60.0
+PIXEL = 0.1 / 600.0
+
+
+@pytest.fixture(scope="module")
+def person(subject):
+    return Subject("one", subject.skeleton, load_marker_set("one-camera"))
+
+
+@pytest.fixture(scope="module")
+def camera():
+    return default_rig().cameras[0]
+
+
+def posed(person, pose):
+    """Markers of the person in a pose, with the root at the origin."""
+    skeleton, markers = person.skeleton, person.marker_set
+    return marker_positions(skeleton, markers.joint_indices(skeleton), markers.offsets_m, pose(skeleton), np.zeros(3))
+
+
+@pytest.mark.parametrize(("turn", "hidden"), [(0.0, ()), (0.3, (2, 9)), (-0.3, (0, 7))])
+def test_a_calibration_pose_is_recognised_wherever_the_performer_stands(person, camera, turn, hidden):
+    poses = [posed(person, pose) for pose in (t_pose, standing)]
+    generator = np.random.default_rng(int(10 * turn) + 5)
+    for pose in poses:
+        place = np.array([generator.uniform(-0.4, 0.4), 0.02 - pose[:, 1].min(), generator.uniform(-0.5, 0.5)])
+        world = rot.rotate(rot.from_rotation_vector([0.0, turn, 0.0]), pose) + place
+        seen = np.setdiff1d(np.arange(len(world)), hidden)
+        points = camera.undistort(camera.project(world[seen])) + generator.normal(scale=PIXEL, size=(len(seen), 2))
+        far_off = np.array([[0.5, 0.4], [-0.5, 0.35]])
+        order = generator.permutation(len(points) + 2)
+        start = label_single_view(np.concatenate((points, far_off))[order], camera, poses)
+        assert start is not None
+        np.testing.assert_array_equal(start.labels, np.concatenate((seen, [-1, -1]))[order])
+        # a tenth of a pixel of noise is a millimetre across the ray; the depth follows from the body's size
+        assert np.linalg.norm(start.markers_m - world, axis=1).max() < 0.02
+
+
+def test_blobs_that_are_no_body_start_nothing(person, camera):
+    points = np.random.default_rng(1).uniform(-0.4, 0.4, (14, 2))
+    assert label_single_view(points, camera, [posed(person, t_pose)]) is None
+    assert label_single_view(points[:5], camera, [posed(person, t_pose)]) is None
+    assert label_single_view(np.empty((0, 2)), camera, [posed(person, t_pose)]) is None
+
+
+def without_depth(frame, camera):
+    """The frame with its first camera's blobs only."""
+    points = camera.undistort(frame.blobs[0][:, :2].astype(np.float64))
+    alone = np.zeros(len(points), dtype=np.int64)
+    return MarkerFrame(
+        frame.number,
+        frame.time_s,
+        blobs=frame.blobs[:1],
+        single_cameras=alone,
+        single_blobs=np.arange(len(points)),
+        single_points=points,
+    )
+
+
+def test_a_walk_is_followed_by_one_camera(person, database, record):
+    motion = performance([("walking", 2.0)], FPS, person.skeleton, seed=1_000_003)
+    markers = person.marker_set
+    joints = markers.joint_indices(person.skeleton)
+    rows = marker_positions(person.skeleton, joints, markers.offsets_m, motion.rotations, motion.root_positions_m)
+    both = default_rig()
+    errors, away = {}, {}
+    for rig in (CameraRig(both.cameras[:1]), both):
+        session, film = Session(person, database, rig), replace(record, rig=rig)
+        poses = []
+        for number, row in enumerate(rows):
+            frame = film(row, number, cameras=True, fps=FPS)
+            poses.append(session.step(frame if len(rig) == 2 else without_depth(frame, rig.cameras[0])))
+        found = np.array([pose.rotations for pose in poses])
+        angles = np.degrees(rot.angle_between(found, motion.rotations))[:, 1:]
+        errors[len(rig)] = float(angles.mean())
+        solved = np.array([pose.markers_m for pose in poses])
+        # in the image every marker is where it is seen: none was taken for another
+        pixels = np.linalg.norm(rig.cameras[0].project(solved) - rig.cameras[0].project(rows), axis=2)
+        assert pixels.max() < 10.0
+        roots = np.array([pose.root_position_m for pose in poses])
+        away[len(rig)] = float(np.linalg.norm(roots - motion.root_positions_m, axis=1).max())
+    assert away[1] < 0.1
+    assert errors[1] < 1.5 * errors[2]
