@@ -12,6 +12,7 @@ from ..errors import CaptureError
 from .image_set import Image, ImageSet, next_number
 from .watch import is_repeated
 
+_SPARE_FRAMES = 2  # that one video may have more at its end: the last ones may be lost too
 _STREAM_PREFIXES = ("http://", "https://", "rtsp://", "rtmp://", "udp://", "tcp://")
 
 
@@ -94,7 +95,7 @@ class VideoSource:
         for reader in current:
             reader.read()
         ended = [path for path, reader in zip(self._paths, readers, strict=True) if reader.image is None]
-        if ended and len(ended) < len(readers):
+        if ended and not all(reader.ends_within(_SPARE_FRAMES) for reader in readers):
             raise CaptureError(
                 f"ends after {before + 1} frames, before the other video",
                 where=ended[0],
@@ -163,6 +164,13 @@ class _Reader:
         passed_s = stamp_s - self._stamp_s
         self.number = next_number(self.number, passed_s, self._period_s) if self.number >= 0 else 0
         self.image, self._stamp_s = image, stamp_s
+
+    def ends_within(self, frames: int) -> bool:
+        """Read on to the end; return whether no more than so many frames are left, this one counted."""
+        for _ in range(frames):
+            if self.image is not None:
+                self.read()
+        return self.image is None
 
 
 def _open(path: str) -> Any:

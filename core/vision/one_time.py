@@ -18,6 +18,7 @@ IntArray = NDArray[np.int64]
 _REMEMBERED = 40  # images: two thirds of a second at 60 Hz
 _NEAREST = 5  # images in which a blob's track is looked for
 _AMONG = 3  # images that its parabola goes through
+_LEAST_STEP_S, _LARGEST_STEP_S = 0.001, 0.25
 _REACH = 1.0  # periods: a camera without an image this near saw nothing at the time
 
 
@@ -33,8 +34,7 @@ class _Seen:
 class TimeAligner:
     """Moves the blobs of each camera to where they were at the earliest of the moments that the images show.
 
-    Nothing is extrapolated and no image is waited for: what is newer than that moment lies between two images that are
-    in hand already.
+    No image is waited for: what is newer than that moment lies between two images that are in hand already.
 
     Args:
         rig: the cameras.
@@ -44,6 +44,7 @@ class TimeAligner:
     def __init__(self, rig: CameraRig, offsets: Sequence[TimeOffset]) -> None:
         self.offsets = tuple(offsets)
         self._linkers = [BlobLinker(camera.image_size[0]) for camera in rig.cameras]
+        self._last_s = -np.inf
         self._seen: list[deque[_Seen]] = [deque(maxlen=_REMEMBERED) for _ in rig.cameras]
 
     def align(self, time_s: float, stamps_s: Array, blobs: Sequence[Float32]) -> tuple[float, tuple[Float32, ...]]:
@@ -61,6 +62,9 @@ class TimeAligner:
             if new and (not seen or moment_s > seen[-1].moment_s):
                 seen.append(_Seen(moment_s, rows, linker.link(moment_s, rows[:, :2].astype(np.float64))))
         common_s = min(moments)
+        if 0.0 <= self._last_s - common_s < _LARGEST_STEP_S:  # another offset has been told: time does not go back
+            common_s = self._last_s + _LEAST_STEP_S
+        self._last_s = common_s
         at = [
             _blobs_at(seen, common_s) if new else np.empty((0, 5), dtype=np.float32)
             for seen, new in zip(self._seen, there, strict=True)

@@ -94,6 +94,8 @@ def estimate_time_offset(
     refined = TimeOffset()
     for _ in range(_ROUNDS):
         refined = pair.refined(offset, drift)
+        if not refined.is_found:
+            return refined
         offset, drift = refined.offset_s, refined.drift
     return refined if abs(offset - about_s) <= largest_s + _GRID_STEP_S else TimeOffset()
 

@@ -6,6 +6,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from perfanim.core.errors import CaptureError
 from perfanim.core.sources import cameras, videos
 from perfanim.core.sources.cameras import CameraSource
 from perfanim.core.sources.image_set import next_number
@@ -106,6 +107,15 @@ def test_a_frame_that_one_video_lost_or_shows_twice_is_left_out_there_only(monke
         "right.mkv shows 1 frame(s) twice; the second were left out",
         "right.mkv lacks 2 frame(s) that another video has",
     )
+
+
+def test_the_last_frame_may_be_lost_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = list(range(20))
+    monkeypatch.setattr(videos, "_open", lambda path: PlayedVideo(whole[:19] if "left" in path else whole))
+    assert [s.number for s in VideoSource([Path("left.mkv"), Path("right.mkv")])] == whole[:19]
+    monkeypatch.setattr(videos, "_open", lambda path: PlayedVideo(whole[:15] if "left" in path else whole))
+    with pytest.raises(CaptureError, match=r"left\.mkv: ends after 15 frames, before the other video"):
+        list(VideoSource([Path("left.mkv"), Path("right.mkv")]))
 
 
 def test_still_videos_are_whole(monkeypatch: pytest.MonkeyPatch) -> None:

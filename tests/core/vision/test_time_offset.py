@@ -137,6 +137,20 @@ def test_a_camera_without_image_sees_nothing_and_time_goes_on(rig):
     np.testing.assert_allclose(np.diff(times), 1 / FPS)
 
 
+def test_time_does_not_go_back_when_another_offset_is_told(rig):
+    aligner = TimeAligner(rig, [TimeOffset(), TimeOffset()])
+    rows = np.array([[100.0, 200.0, 3.0, 200.0, 0.0]], dtype=np.float32)
+    times = []
+    for number in range(20):
+        if number == 10:
+            aligner.offsets = (TimeOffset(), TimeOffset(offset_s=-0.05))
+        time_s, moved = aligner.align(0.0, np.full(2, number / FPS), (rows, rows))
+        times.append(time_s)
+        assert [len(blobs) for blobs in moved] == [1, 1]
+    assert min(np.diff(times)) > 0.0
+    assert times[-1] == pytest.approx(19 / FPS - 0.05)
+
+
 def at_once(function, *arguments) -> "Future":
     done: Future = Future()
     done.set_result(function(*arguments))
