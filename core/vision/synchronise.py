@@ -16,7 +16,7 @@ def synchronised(
 ) -> tuple[list[MarkerFrame], tuple[TimeOffset, ...]]:
     """Return the frames with all blobs at one time and located anew, and the cameras' time offsets.
 
-    Where no offset is larger than three times its uncertainty, the frames are as they were.
+    Where no offset is known to a millisecond and larger than three times its uncertainty, the frames are as they were.
 
     Args:
         rig: the cameras.
