@@ -112,7 +112,8 @@ def pose_points(take: MarkerTake, marker_set: MarkerSet, poses: Sequence[str], s
         distances = {name: _distance(points, template) for name, template in templates.items()}
         nearest = min(distances, key=lambda name: distances[name])
         if distances[nearest] < _LIKE_POSE_M:
-            spread = float(np.nanmax(np.nanstd(positions[window], axis=0)))
+            shown = np.isfinite(points[:, 0])
+            spread = float(np.nanstd(positions[window][:, shown], axis=0).max())
             held.setdefault(nearest, []).append((distances[nearest], spread, points))
     for pose in poses:
         if pose not in held:
@@ -228,7 +229,8 @@ def calibrate_subject(
     names = fit.skeleton.names
     lengths = np.linalg.norm(fit.skeleton.tips_m, axis=1)
     marker_residuals = dict(zip(marker_set.names, residuals.tolist(), strict=True))
-    advice = _advice(fit, poses, residual, dict(zip(marker_set.texts, residuals.tolist(), strict=True)))
+    advice = _hidden(seen, marker_set, poses)
+    advice += _advice(fit, poses, residual, dict(zip(marker_set.texts, residuals.tolist(), strict=True)))
     return SubjectCalibration(
         subject=Subject(name, fit.skeleton, marker_set.with_offsets(offsets), residual),
         bones_m=dict(zip(names, lengths.tolist(), strict=True)),
@@ -306,6 +308,16 @@ def _shown(fit: BodyFit, points: Array, marker_set: MarkerSet) -> tuple[Array, A
     shown = positions[:, joints] + rot.rotate(world[:, joints], usual_offsets(marker_set))
     offsets = rot.rotate(rot.conjugate(world[:, joints]), points - positions[:, joints])
     return shown, np.nanmean(offsets, axis=0)
+
+
+def _hidden(seen: NDArray[np.bool_], marker_set: MarkerSet, poses: Sequence[str]) -> tuple[str, ...]:
+    """Return which markers which poses did not show: what they were to tell stays open."""
+    return tuple(
+        f"the marker of the {text} was not seen in {_HELD_AS[pose]}: hold it so that both cameras see all markers"
+        for pose, shown in zip(poses, seen, strict=True)
+        for text, there in zip(marker_set.texts, shown, strict=True)
+        if not there
+    )
 
 
 def _advice(fit: BodyFit, poses: Sequence[str], residual_m: float, markers_m: dict[str, float]) -> tuple[str, ...]:

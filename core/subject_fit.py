@@ -25,7 +25,7 @@ Pose = Callable[[Skeleton], Array]
 _ROUNDS = 30
 _STEP_RAD = 1e-5
 _CONVERGED = 1e-3  # of a standard deviation
-_FEWEST_HALVINGS = 5
+_MOST_HALVINGS = 5
 _LEAST_VARIANCE_M = 1e-3  # of a direction in which prototypes differ: below, it is left out
 
 # standard deviations of what is not known
@@ -218,7 +218,7 @@ class _Fit:
         for _ in range(_ROUNDS):
             normal, gradient = self._normal(state)
             step = -np.linalg.solve(normal, gradient)
-            for _ in range(_FEWEST_HALVINGS):
+            for _ in range(_MOST_HALVINGS):
                 moved = self._moved(state, step)
                 moved_cost = self._cost(moved)
                 if moved_cost <= cost:

@@ -329,7 +329,10 @@ def test_a_marker_hidden_in_one_of_the_poses_is_found_in_another():
     points = np.array([markers_of(person, pose) for pose in map(POSES.__getitem__, CALIBRATION)])
     whole = calibrate_subject(points, BOXING, PROTOTYPES, "a", *CALIBRATION).subject
     points[1, BOXING.names.index("LHAN")] = np.nan
-    found = calibrate_subject(points, BOXING, PROTOTYPES, "a", *CALIBRATION).subject
+    result = calibrate_subject(points, BOXING, PROTOTYPES, "a", *CALIBRATION)
+    found = result.subject
+    assert result.verdict == "usable"
+    assert "the marker of the left hand was not seen in the pose with hanging arms" in result.advice[0]
     # one hand in one pose: what it told of the left arm, of the order of what people differ in
     np.testing.assert_allclose(found.skeleton.offsets_m, whole.skeleton.offsets_m, atol=SEGMENT_SPREAD * 0.6)
     points[:, BOXING.names.index("LHAN")] = np.nan
