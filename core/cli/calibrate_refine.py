@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ def add_parser(group: Any) -> None:
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Refine, write the rig, return the summary."""
-    from ..camera import CameraRig, load_rig, save_rig
+    from ..camera import load_rig, save_rig
     from ..errors import CalibrationError
     from ..sources.spec import open_image_source
     from ..vision.pipeline import MarkerPipeline
@@ -53,24 +54,30 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         source.close()
     progress(0.8, "placing the cameras")
     result = refine_rig(rig, frames)
-    if not result.after_px < result.before_px:
-        raise CalibrationError(
-            "the markers do not tell where the cameras are any better than the calibration",
-            where=str(args.cameras),
-            advice="keep it; if markers are lost or doubled, calibrate again with the board",
-        )
-    save_rig(CameraRig(result.rig.cameras, dict(rig.metadata) | {"refined": True}), args.out)
     names = [camera.name for camera in rig.cameras]
-    advice = []
+    moved = names[int(np.argmax(result.turned_deg))]
+    if result.bumped and not result.sure:
+        raise CalibrationError(
+            f"{moved} was bumped against {names[0]}, and the markers tell where it is to "
+            f"{100.0 * result.depth_sigma:.1f} % of their distance only",
+            where=str(args.cameras),
+            advice="calibrate again with the board",
+        )
     if result.bumped:
-        moved = names[int(np.argmax(result.turned_deg))]
         advice = [f"{moved} was bumped against {names[0]}: use the refined calibration, or calibrate again"]
+    elif not result.sure:
+        advice = ["the cameras stand as calibrated; the markers do not tell it more closely, so nothing was changed"]
+    else:
+        advice = []
+    save_rig(replace(rig, cameras=result.rig.cameras) if result.sure else rig, args.out)
     return {
         "bumped": result.bumped,
         "before_px": result.before_px,
         "after_px": result.after_px,
         "turned_deg": dict(zip(names, result.turned_deg.tolist(), strict=True)),
         "moved_mm": dict(zip(names, result.moved_mm.tolist(), strict=True)),
+        "depth_sigma_percent": 100.0 * result.depth_sigma,
+        "changed": result.sure,
         "points": result.points,
         "advice": advice,
         "out": str(args.out),

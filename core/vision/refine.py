@@ -22,7 +22,12 @@ Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
 _GATES_DEG = (3.0, 1.0, 0.4)  # a bumped camera's lines miss by degrees; each pass lets fewer wrong pairs in
-_FARTHEST = np.array([0.2, 0.2, 0.2, 0.3, 0.3, 0.3])  # turn (radians) and shift (m) that are looked for
+# What markers do not tell stays as calibrated. They tell little of turns and shifts that almost make up for each other,
+# and there what lenses and times leave over, which is alike for all markers of a place, would be taken for a bump.
+_USUAL_BUMP = np.array([0.03, 0.03, 0.03, 0.02, 0.02, 0.02])  # turn (radians) and shift (m), one sigma
+_SYSTEMATIC_PX = 0.3
+_SURE = 0.02  # bones come out longer or shorter by about as much
+_INDEPENDENT = 100.0  # so many markers are worth as much as all
 _LEAST_POINTS = 200
 _LEAST_FRAMES = 20
 _ROBUST_PX = 0.5
@@ -39,6 +44,8 @@ class Refinement:
         before_px, after_px: median distance in pixels of markers from where the cameras agree they are, with the old
             and the new places, over the same pairs of markers.
         turned_deg, moved_mm: (C,) how far each camera is from where it was thought to be.
+        depth_sigma: standard deviation of the markers' places that the new cameras' uncertainty makes, as a fraction of
+            their distance. Cameras close together see markers too alike to tell a turn towards each other.
         points: markers used.
     """
 
@@ -47,12 +54,18 @@ class Refinement:
     after_px: float
     turned_deg: Array
     moved_mm: Array
+    depth_sigma: float
     points: int
 
     @property
     def bumped(self) -> bool:
         """Whether the cameras no longer stand as they were calibrated."""
         return self.before_px > max(_BUMPED_PX, _BUMPED_FACTOR * self.after_px)
+
+    @property
+    def sure(self) -> bool:
+        """Whether the markers tell the new places well enough to measure with them."""
+        return self.depth_sigma < _SURE
 
 
 def refine_rig(rig: CameraRig, frames: Sequence[Sequence[Float32]]) -> Refinement:
@@ -77,7 +90,7 @@ def refine_rig(rig: CameraRig, frames: Sequence[Sequence[Float32]]) -> Refinemen
                 f"{_LEAST_POINTS} at {_LEAST_FRAMES} are needed",
                 advice="move markers through the whole space before the cameras for half a minute, or calibrate again",
             )
-        found = _placed(found, observed, weights)
+        found, depth_sigma = _placed(found, observed, weights)
     return Refinement(
         found,
         _median_px(rig, observed, weights),
@@ -86,6 +99,7 @@ def refine_rig(rig: CameraRig, frames: Sequence[Sequence[Float32]]) -> Refinemen
         np.array(
             [1000.0 * np.linalg.norm(a.centre_m - b.centre_m) for a, b in zip(rig.cameras, found.cameras, strict=True)]
         ),
+        depth_sigma,
         len(observed),
     )
 
@@ -109,9 +123,12 @@ def _matched(rig: CameraRig, frames: Sequence[Sequence[Float32]], gate_px: float
     return np.concatenate(observed), np.concatenate(weights), np.concatenate(moments)
 
 
-def _placed(rig: CameraRig, observed: Array, weights: Array) -> CameraRig:
-    """Return the rig whose cameras, all but the first, are moved so that the markers' rays meet best."""
+def _placed(rig: CameraRig, observed: Array, weights: Array) -> tuple[CameraRig, float]:
+    """Return the rig whose cameras, all but the first, are moved so that the markers' rays meet best, and
+    `Refinement.depth_sigma`.
+    """
     seen = weights > 0.0
+    usual = np.tile(_USUAL_BUMP, len(rig) - 1)
 
     def residuals(unknown: Array) -> Array:
         moved = _moved(rig, unknown)
@@ -120,19 +137,29 @@ def _placed(rig: CameraRig, observed: Array, weights: Array) -> CameraRig:
         for index, camera in enumerate(moved.cameras):
             local = camera.to_camera(points[seen[:, index]])
             rows.append((local[:, :2] / local[:, 2:] - observed[seen[:, index], index]) * camera.focal_px)
-        return np.concatenate(rows).ravel()
+        told = _tamed(np.concatenate(rows).ravel() / _ROBUST_PX) * _ROBUST_PX / _SYSTEMATIC_PX
+        return np.concatenate((told * np.sqrt(_INDEPENDENT / len(observed)), unknown / usual))
 
-    limits = np.tile(_FARTHEST, len(rig) - 1)
-    result = least_squares(
-        residuals,
-        np.zeros(len(limits)),
-        bounds=(-limits, limits),
-        loss="soft_l1",
-        f_scale=_ROBUST_PX,
-        x_scale=limits,
-        ftol=1e-6,
-    )
-    return _moved(rig, result.x)
+    result = least_squares(residuals, np.zeros(len(usual)), bounds=(-10.0 * usual, 10.0 * usual), x_scale=usual)
+    covariance = np.linalg.inv(result.jac.T @ result.jac)
+    return _moved(rig, result.x), _depth_sigma(rig, result.x, covariance, observed, weights)
+
+
+def _depth_sigma(rig: CameraRig, found: Array, covariance: Array, observed: Array, weights: Array) -> float:
+    points = triangulate(_moved(rig, found).cameras, observed, weights, 1.0)[0]
+    far = np.linalg.norm(points - rig.cameras[0].centre_m, axis=1)
+    sizes, axes = np.linalg.eigh(covariance)
+    squares = 0.0
+    for size, axis in zip(sizes, axes.T, strict=True):
+        step = 0.1 * np.sqrt(max(size, 0.0))  # a tenth of a deviation: points far off would not move in proportion
+        other = triangulate(_moved(rig, found + step * axis).cameras, observed, weights, 1.0)[0]
+        squares += float(np.median(np.linalg.norm(other - points, axis=1) / far / 0.1)) ** 2
+    return float(np.sqrt(squares))
+
+
+def _tamed(errors: Array) -> Array:
+    """Return errors whose squares are soft L1 of the errors: like them when small, their root when large."""
+    return np.asarray(np.sign(errors) * np.sqrt(2.0 * (np.sqrt(1.0 + errors**2) - 1.0)))
 
 
 def _moved(rig: CameraRig, unknown: Array) -> CameraRig:

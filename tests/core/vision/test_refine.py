@@ -75,6 +75,15 @@ def test_one_of_three_cameras(rig):
     assert result.turned_deg[1] < 0.1
 
 
+def test_cameras_too_close_together_are_told_to_be_unsure(rig):
+    left = rig.cameras[0]
+    near = replace(left, name="near", translation_m=left.translation_m - left.rotation @ np.array([0.15, 0.0, 0.0]))
+    close = replace(rig, cameras=(left, near))
+    result = refine_rig(close, marker_frames(bumped(close, 1, (1.0, 0.5, 0.0), (0.0, 0.0, 0.0)), 60, 5))
+    assert result.bumped and not result.sure
+    assert refine_rig(rig, marker_frames(rig, 60, 5)).sure
+
+
 def test_too_few_markers_are_told(rig):
     with pytest.raises(CalibrationError, match="200 at 20 are needed"):
         refine_rig(rig, marker_frames(rig, 30, 2))
