@@ -64,6 +64,13 @@ def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, capsys, arguments, s
     assert shown.out == "" and not list(tmp_path.iterdir())
 
 
+def test_videos_and_pictures_are_not_mixed(tmp_path, capsys):
+    (tmp_path / "a.mp4").write_bytes(b"")
+    arguments = ["--camera", f"a={tmp_path}/a.mp4", "--camera", "b=b/*.png", "--board", "chessboard:9x6:20mm"]
+    assert main(["calibrate", "cameras", *arguments, "--out", str(tmp_path / "cameras.toml")]) == 1
+    assert "a is a video and b is not" in capsys.readouterr().err
+
+
 def test_board_is_written_as_pdf(tmp_path, capsys):
     out = tmp_path / "board.pdf"
     assert main(["calibrate", "board", "--spec", "chessboard:9x6:24mm", "--out", str(out), "--json"]) == 0

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
-from perfanim.core.sources.files import list_images, pair_by_number, read_image
+from perfanim.core.sources.files import by_number, list_images, pair_by_number, read_image
 from perfanim.core.sources.image_set import ImageSet
 from perfanim.core.sources.images import ImageFileSource
 
@@ -92,3 +92,12 @@ def test_image_sets_hold_one_time_per_image_and_colour_images_only():
         ImageSet(0, (0.0,), (picture, picture))
     with pytest.raises(CaptureError, match="8-bit colour"):
         ImageSet(0, (0.0,), (picture[..., 0],))
+
+
+def test_a_moment_that_one_of_three_cameras_missed_keeps_its_number():
+    seen = ((1, 2, 3), (2, 3, 4), (1, 3, 4))
+    lists = [[Path(f"{side}_{n:02d}.png") for n in numbers] for side, numbers in zip("abc", seen, strict=True)]
+    tables = by_number(lists)
+    assert [sorted(table) for table in tables] == [list(numbers) for numbers in seen]
+    pairs, leftover = pair_by_number(lists)
+    assert [number for number, _ in pairs] == [3] and len(leftover) == 6
