@@ -110,4 +110,3 @@ def test_the_other_sequences_keep_their_markers_and_nothing_else(folder, calibra
     # a false point in one place for more than three frames would have been taken for a marker or counted here
     unlabelled = [int((labels < 0).sum()) for labels in tracking.labels]
     assert sum(unlabelled) <= 3 * max(tracking.dropped_pieces, 1)
-
