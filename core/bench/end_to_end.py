@@ -38,7 +38,7 @@ from .report import write_json, write_rows
 
 Seen = NDArray[np.bool_]
 
-MARKER_SET = "boxing"
+MARKER_SET, ONE_CAMERA_SET = "boxing", "one-camera"
 PAPER = {"true markers": 2.31, "video": 2.54}  # boxing, degrees per joint angle
 _HELD_S = 1.5  # each calibration pose
 _EMPTY_FRAMES = 60
@@ -49,9 +49,10 @@ _UNITS = ("deg_per_joint", "deg_per_angle", "mpjpe_mm", "bone_direction_deg", "j
 def end_to_end(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
     """Film a walking and a boxing take that are out of the database, track and solve them; write the table.
 
-    Five rows a take: true markers with the true subject; true markers that are there only when two cameras see them;
-    true markers with the subject calibrated from the images of the T pose, and of all poses; and the video, with
-    nothing of the truth.
+    Six rows a take: true markers with the true subject; true markers that are there only when two cameras see them;
+    true markers with the subject calibrated from the images of the T pose, and of all poses; the video, with nothing of
+    the truth; and the video of the first camera alone, with more markers and, as one camera measures no body, the true
+    subject.
 
     Args:
         data: folder that holds `cmu`.
@@ -116,6 +117,7 @@ def _solved(
         "true markers, subject of the T pose": _from_take(take, of_one, database),
         "true markers, subject of all poses": _from_take(take, found, database),
         "video": _from_video(frames, found, database, rig, source.fps),
+        "video of one camera, 14 markers": _from_one_camera(source.motion, database, rig),
     }
     truth = sliced(source.motion, start, len(frames))
     rows: list[dict[str, Any]] = []
@@ -134,6 +136,13 @@ def _hidden(take: MarkerTake, seen: Seen) -> MarkerTake:
 
 def _from_take(take: MarkerTake, subject: Subject, database: Database) -> Motion:
     return solve_take(take, subject, database, SolveSettings(), lambda fraction, text: None).motion
+
+
+def _from_one_camera(motion: Motion, database: Database, rig: CameraRig) -> Motion:
+    studio = Renderer(CameraRig(default_rig().cameras[:1]), StudioSettings(exposure_s=_EXPOSURE_S))
+    source, one = simulated_source(motion, ONE_CAMERA_SET, studio), CameraRig(rig.cameras[:1])
+    subject = Subject("true", motion.skeleton, source.subject.marker_set)
+    return _from_video(_filmed(source, one)[0], subject, database, one, motion.fps)
 
 
 def _from_video(frames: list[MarkerFrame], subject: Subject, database: Database, rig: CameraRig, fps: float) -> Motion:
