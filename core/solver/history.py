@@ -10,6 +10,7 @@ from bisect import bisect_left
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.blas import sgemm
 
 from .. import rotations as rot
 from ..database.store import Database
@@ -128,8 +129,10 @@ class PoseHistory(Past):
 
     def __init__(self, database: Database, components: Array, lags_s: tuple[float, ...]) -> None:
         super().__init__(lags_s)
-        self._poses = database.poses.reshape(database.frames, -1)
         self._components = components.astype(np.float32)
+        # by SciPy's BLAS, as the NumPy of some Blenders has a slow one; transposed, which copies nothing
+        poses = database.poses.reshape(database.frames, -1)
+        self._projected = np.asarray(sgemm(1.0, self._components.T, poses.T)).T
         self._earlier = EarlierFrames(database, lags_s)
 
     def observed(self, time_s: float) -> Array:
@@ -142,4 +145,4 @@ class PoseHistory(Past):
 
     def of_frames(self, frames: IntArray) -> FloatArray:
         """Return the same for database frames (K,), (K, L, C)."""
-        return np.asarray(self._poses[self._earlier.of(frames)] @ self._components)
+        return np.asarray(self._projected[self._earlier.of(frames)])

@@ -1,10 +1,11 @@
 """Search for the database frames closest to the markers and the motion so far (Eq. 2)."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.blas import sgemv
 
 Array = NDArray[np.float64]
 FloatArray = NDArray[np.float32]
@@ -85,15 +86,22 @@ class ExhaustiveSearch:
         seen = np.isfinite(query.markers_m.ravel())
         target = np.where(seen, query.markers_m.ravel(), 0.0).astype(np.float32)
         mask = seen.astype(np.float32)
-        result = self._marker_norms[frames] @ mask
-        result -= 2.0 * (self._markers[frames] @ target)
+        result = _times(self._marker_norms[frames], mask)
+        result -= 2.0 * _times(self._markers[frames], target)
         result += target @ target
         result *= np.float32(query.marker_weight)
         if query.pose is not None and query.pose_weight > 0.0:
             pose = query.pose.astype(np.float32)
-            between = self._pose_norms[frames] - 2.0 * (self._poses[frames] @ pose) + pose @ pose
+            between = self._pose_norms[frames] - 2.0 * _times(self._poses[frames], pose) + pose @ pose
             result += np.float32(query.pose_weight) * between
         return result
+
+
+def _times(rows: NDArray[Any], vector: FloatArray) -> FloatArray:
+    """Return rows @ vector, by SciPy's OpenBLAS: some Blenders' NumPy uses a BLAS without vector instructions."""
+    if len(rows) == 0:  # which it refuses
+        return np.zeros(0, dtype=np.float32)
+    return np.asarray(sgemv(1.0, rows.T, vector, trans=1))
 
 
 def closest(distances: FloatArray, count: int) -> tuple[IntArray, Array]:
