@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, get_blas_funcs, solve_triangular
+from scipy.linalg.blas import dgemm
 
 from .. import rotations as rot
 from .observation import Observation, control_jacobian, control_residual
@@ -74,7 +75,12 @@ def continued_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
     The product of two Gaussians in the form of a Kalman update with a direct observation of the pose.
     """
     gain = _solved(prior.covariance + covariance, prior.covariance).T
-    return Prior(prior.mean + gain @ (expected - prior.mean), gain @ covariance)
+    return Prior(prior.mean + gain @ (expected - prior.mean), _product(gain, covariance))
+
+
+def _product(left: Array, right: Array) -> Array:
+    """Return left @ right, by SciPy as in `_gram`; as the transposes' product, which copies nothing."""
+    return np.asarray(dgemm(1.0, right.T, left.T)).T
 
 
 def _gram(rows: NDArray[Any]) -> NDArray[Any]:
@@ -119,7 +125,7 @@ def fit_to_markers(
         markers, full = subject.markers_and_jacobian(pose.reshape(-1, 3), root)
         jacobian = control_jacobian(observation, full)
         by_root, by_pose = jacobian[:, :6], jacobian[:, 6:]
-        gains = np.concatenate((root_variance * by_root.T, prior.covariance @ by_pose.T))
+        gains = np.concatenate((root_variance * by_root.T, _product(prior.covariance, by_pose.T)))
         innovation = by_pose @ (pose - prior.mean) + by_root @ np.concatenate((shift, turn))
         innovation -= control_residual(observation, markers)
         covariance = jacobian @ gains
