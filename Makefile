@@ -21,7 +21,7 @@ demo: $(STAMP)
 	$(BIN)/perfanim demo --out out/demo
 
 test: $(STAMP)
-	$(BIN)/python -m pytest tests --ignore tests/window --ignore tests/gplvm
+	$(BIN)/python -m pytest tests --ignore tests/window --ignore tests/gplvm -n auto --dist loadfile
 
 # GPy wants an older scipy than the rest is tested with.
 $(GPLVM_STAMP): pyproject.toml

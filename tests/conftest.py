@@ -1,7 +1,9 @@
 """Fixtures shared by all tests: where the recordings of others lie, if they are there."""
 
+import fcntl
 import os
 import subprocess
+import tempfile
 from collections.abc import Generator
 from pathlib import Path
 
@@ -26,7 +28,9 @@ def mocap_dir() -> Path:
     tool = SHARED / "tools" / "unpack-data"
     if not tool.is_file():
         pytest.skip("../shared/tools/unpack-data is not here")
-    done = subprocess.run([str(tool)], check=True, capture_output=True, text=True)
+    with (Path(tempfile.gettempdir()) / "perfanim-unpack.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # tests run in several processes: one of them unpacks
+        done = subprocess.run([str(tool)], check=True, capture_output=True, text=True)
     return Path(done.stdout.strip().splitlines()[-1])
 
 

@@ -3,7 +3,7 @@
 Requests (JSON):
     {"job": "capture", ...}: a whole capture, images to poses; starts a process of its own for the cameras.
     {"job": "cameras", ...}: images to marker frames.
-    {"job": "record", "what": "board" or "pose", ...}: what the calibrations need, with progress and a RESULT.
+    {"job": "record board", ...}, {"job": "record pose", ...}: what the calibrations need, with progress and a RESULT.
     {"job": "command", "arguments": [...]}: a command of the command line, with its progress as STATUS messages and
         its summary as RESULT, so that long work never freezes Blender.
 """
@@ -18,7 +18,13 @@ from typing import Any
 from ..errors import CaptureError, PerfanimError
 from .channel import Channel
 
-_JOBS = {"capture": ".capture_job", "cameras": ".camera_job", "command": ".command_job", "record": ".record_job"}
+_JOBS = {
+    "capture": ".capture_job",
+    "cameras": ".camera_job",
+    "command": ".command_job",
+    "record board": ".record_board",
+    "record pose": ".record_pose",
+}
 
 
 def main(port: int, token: str) -> int:

@@ -85,8 +85,7 @@ class PERFANIM_OT_record_board(JobOperator, bpy.types.Operator):
         if chosen.source == "SIMULATED":
             chosen.board_columns, chosen.board_rows, chosen.board_square_mm = SIMULATED_BOARD
         return {
-            "job": "record",
-            "what": "board",
+            "job": "record board",
             "source": capture_setup.source(chosen),
             "board": board_spec(chosen),
             "pictures": chosen.board_pictures,

@@ -76,8 +76,7 @@ class PERFANIM_OT_record_t_pose(JobOperator, bpy.types.Operator):
         chosen = settings(context)
         return {
             **capture_setup.cameras(chosen),
-            "job": "record",
-            "what": "pose",
+            "job": "record pose",
             "marker_set": states.marker_set_source(chosen),
             "countdown_s": chosen.countdown_s,
             "seconds": T_POSE_S,
