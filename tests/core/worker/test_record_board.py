@@ -1,4 +1,4 @@
-"""Recording for the calibrations, by the real worker."""
+"""Recording the board for the calibration, by the real worker."""
 
 import time
 from pathlib import Path
@@ -16,7 +16,7 @@ PATIENCE_S = 120.0
 
 def outcome(request: dict[str, Any]) -> tuple[Message, list[str]]:
     """Return the result or error of a recording, and what it said meanwhile."""
-    client, messages = WorkerClient({"job": "record", **request}), []
+    client, messages = WorkerClient({"job": "record board", **request}), []
     limit = time.monotonic() + PATIENCE_S
     try:
         while not client.ended:
@@ -41,7 +41,7 @@ def blank(tmp_path: Path) -> dict[str, Any]:
 
 
 def test_pictures_are_kept_when_both_cameras_see_the_board(tmp_path: Path) -> None:
-    request = {"what": "board", "source": {"kind": "simulated"}, "board": "chessboard:9x6:80mm", "pictures": 3}
+    request = {"source": {"kind": "simulated"}, "board": "chessboard:9x6:80mm", "pictures": 3}
     (tmp_path / "left").mkdir()
     (tmp_path / "left" / "old.png").touch()
     last, said = outcome({**request, "every_s": 5.0, "out": str(tmp_path)})
@@ -54,7 +54,7 @@ def test_pictures_are_kept_when_both_cameras_see_the_board(tmp_path: Path) -> No
 
 
 def test_pictures_without_the_board_are_an_error_that_says_so(blank: dict[str, Any], tmp_path: Path) -> None:
-    request = {"what": "board", "source": blank, "board": "chessboard:9x6:24mm", "pictures": 3, "every_s": 0.0}
+    request = {"source": blank, "board": "chessboard:9x6:24mm", "pictures": 3, "every_s": 0.0}
     last, said = outcome({**request, "out": str(tmp_path / "board")})
     assert "both cameras saw the board in 0 of 9 pictures" in str(last.error())
     assert "not seen: left and right" in said
@@ -62,7 +62,7 @@ def test_pictures_without_the_board_are_an_error_that_says_so(blank: dict[str, A
 
 
 def test_there_is_time_to_move_the_board(blank: dict[str, Any], tmp_path: Path) -> None:
-    request = {"what": "board", "source": blank, "board": "chessboard:9x6:24mm", "pictures": 3, "every_s": 30.0}
+    request = {"source": blank, "board": "chessboard:9x6:24mm", "pictures": 3, "every_s": 30.0}
     last, said = outcome({**request, "out": str(tmp_path / "board")})
     assert "in 0 of 0 pictures" in str(last.error())  # the images were over before the first was due
     assert "30: hold the board still" in said
