@@ -19,6 +19,7 @@ from ..camera import CameraRig, load_rig
 from ..errors import CaptureError
 from ..sources.spec import ImageSetLike, ImageSource, open_source
 from ..vision.detect import DetectionSettings
+from ..vision.live_bump import LiveBumpWatch
 from ..vision.live_offset import LiveTimeOffsets
 from ..vision.one_time import TimeAligner
 from ..vision.pipeline import MarkerPipeline, PipelineSettings
@@ -45,7 +46,10 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     try:
         with ThreadPoolExecutor(1) as later, opened(request, channel) as (source, pipeline):
             channel.send_status("waiting for images")
-            offsets = None if is_simulated(request) else LiveTimeOffsets(pipeline.rig, _aligner(pipeline), later.submit)
+            offsets = bumps = None
+            if not is_simulated(request):
+                offsets = LiveTimeOffsets(pipeline.rig, _aligner(pipeline), later.submit)
+                bumps = LiveBumpWatch(pipeline.rig, later.submit)
             for images in source if is_live(request) else _paced(source):
                 if channel.stop_requested.is_set():
                     break
@@ -53,7 +57,10 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
                 seen = pipeline.detect(images)
                 if offsets is not None:
                     offsets.saw(seen)
-                channel.send_frame(stamp_s, pipeline.locate(seen))
+                frame = pipeline.locate(seen)
+                channel.send_frame(stamp_s, frame)
+                if bumps is not None and (warning := bumps.saw(frame, pipeline.last_errors_px)):
+                    channel.send_warning(warning)
                 if in_flight is not None:
                     channel.wait_taken(int(in_flight))
     except Stopped:
