@@ -148,6 +148,11 @@ class CameraRig:
 
 def save_rig(rig: CameraRig, path: str | Path) -> None:
     """Write the rig in anipose's layout: one table a camera, rotation as a rotation vector."""
+    write_toml(path, rig_tables(rig))
+
+
+def rig_tables(rig: CameraRig) -> dict[str, Any]:
+    """Return the tables that `save_rig` writes."""
     tables: dict[str, Any] = {}
     for i, camera in enumerate(rig.cameras):
         tables[f"cam_{i}"] = {
@@ -158,7 +163,7 @@ def save_rig(rig: CameraRig, path: str | Path) -> None:
             "rotation": rot.to_rotation_vector(rot.from_matrix(camera.rotation)),
             "translation": camera.translation_m,
         }
-    write_toml(path, tables | {"metadata": dict(rig.metadata) | {"length_unit": "m"}})
+    return tables | {"metadata": dict(rig.metadata) | {"length_unit": "m"}}
 
 
 def load_rig(path: str | Path) -> CameraRig:
@@ -178,13 +183,18 @@ def load_rig(path: str | Path) -> CameraRig:
     tables = read_toml(path)
     if "cameras" in tables:
         return _levelled(_cameras_from(caliscope_rows(tables, str(path)), str(path)), {})
+    return rig_from(tables, str(path))
+
+
+def rig_from(tables: Mapping[str, Any], where: str) -> CameraRig:
+    """Return the rig of tables in anipose's layout, `rig_tables`' inverse; errors as in `load_rig`."""
     keys = [key for key in sorted(tables, key=_camera_order) if key.startswith("cam_")]
     rows = [{"name": key} | tables[key] if isinstance(tables[key], Mapping) else tables[key] for key in keys]
-    cameras = _cameras_from(rows, str(path))
+    cameras = _cameras_from(rows, where)
     metadata = tables.get("metadata", {})
     unit = metadata.get("length_unit", "unknown") if isinstance(metadata, Mapping) else None
     if unit not in ("m", "mm", "unknown"):
-        raise CalibrationError("metadata is not understood", where=str(path), advice='length_unit is "m" or "mm"')
+        raise CalibrationError("metadata is not understood", where=where, advice='length_unit is "m" or "mm"')
     if unit == "mm" or (unit == "unknown" and _spread(cameras) > 10.0):
         cameras = tuple(_scaled(camera, 1e-3) for camera in cameras)
     return CameraRig(cameras, metadata) if unit != "unknown" else _levelled(cameras, metadata)

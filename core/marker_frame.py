@@ -1,4 +1,4 @@
-"""What the cameras tell about one moment, and its bytes on the way from the capture process to the solver."""
+"""What the cameras tell about one moment, and its bytes on the way to the solver's process and in takes."""
 
 import math
 import struct
@@ -14,8 +14,10 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _MAGIC = b"PFMF"
-_VERSION = 2
+_VERSION = 3  # takes hold these bytes: a newer version must read this one too
 _HEADER = struct.Struct("<4sHHqdIIII")  # magic, version, cameras, number, time, points, rays, note bytes, body bytes
+_STAMP = struct.Struct("<d")
+_NOT_MOVED = 0xFFFFFFFF  # in place of the count of a camera's detected blobs: they are its blobs
 
 
 def _no_points() -> Array:
@@ -33,6 +35,7 @@ class MarkerFrame:
         covariances_m2: (N, 3, 3) their uncertainty.
         labels: (N,) index in the marker set where the source knows it, else -1.
         blobs: per camera (n, 5): x, y (pixels, distorted), radius_px, brightness 0-255, hue 0-180.
+        detected: the blobs as the images show them, where `blobs` were moved to another time; default `blobs`.
         point_blobs: (N, C) blob of each point in each camera, -1 where none.
         single_cameras, single_blobs: (R,) camera and blob of markers seen by one camera only.
         single_points: (R, 2) their undistorted normalised coordinates.
@@ -47,6 +50,7 @@ class MarkerFrame:
     covariances_m2: Array = field(default_factory=lambda: np.empty((0, 3, 3)))
     labels: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     blobs: tuple[NDArray[np.float32], ...] = ()
+    detected: tuple[NDArray[np.float32], ...] = ()
     point_blobs: IntArray = field(default_factory=lambda: np.empty((0, 0), dtype=np.int64))
     single_cameras: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     single_blobs: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
@@ -57,6 +61,10 @@ class MarkerFrame:
 
     def __post_init__(self) -> None:
         points, rays, cameras = len(self.points_m), len(self.single_cameras), len(self.blobs)
+        if not self.detected:
+            object.__setattr__(self, "detected", self.blobs)
+        if len(self.detected) != cameras:
+            raise CaptureError(f"{len(self.detected)} images of {cameras} cameras", where=f"frame {self.number}")
         if len(self.labels) == 0 and points:
             object.__setattr__(self, "labels", np.full(points, -1, dtype=np.int64))
         if len(self.single_labels) == 0 and rays:
@@ -85,9 +93,11 @@ class MarkerFrame:
 def pack(frame: MarkerFrame) -> bytes:
     """Return the frame as bytes: little-endian header, then arrays in the order of `_layout`."""
     notes = "\n".join(frame.notes).encode("utf-8")
-    counts = np.array([len(blobs) for blobs in frame.blobs], dtype="<u4")
-    parts = [counts.tobytes()]
-    parts += [np.ascontiguousarray(blobs, dtype="<f4").tobytes() for blobs in frame.blobs]
+    moved = [d for d, blobs in zip(frame.detected, frame.blobs, strict=True) if d is not blobs]
+    counts = [len(blobs) for blobs in frame.blobs]
+    counts += [_NOT_MOVED if d is b else len(d) for d, b in zip(frame.detected, frame.blobs, strict=True)]
+    parts = [np.array(counts, dtype="<u4").tobytes()]
+    parts += [np.ascontiguousarray(blobs, dtype="<f4").tobytes() for blobs in (*frame.blobs, *moved)]
     layout = _layout(len(frame.points_m), len(frame.single_cameras), len(frame.blobs))
     parts += [np.ascontiguousarray(getattr(frame, name), dtype=kind).tobytes() for name, _, kind in layout]
     body = b"".join(parts) + notes
@@ -115,13 +125,31 @@ def unpack(data: bytes) -> MarkerFrame:
             "the capture process speaks another version", advice="restart Blender after updating the extension"
         )
     reader = _Reader(data, _HEADER.size)
-    counts = reader.array((cameras,), "<u4")
-    blobs = tuple(reader.array((int(count), 5), "<f4") for count in counts)
+    counts = reader.array((2, cameras), "<u4")
+    blobs = tuple(reader.array((int(count), 5), "<f4") for count in counts[0])
+    detected = tuple(
+        b if count == _NOT_MOVED else reader.array((int(count), 5), "<f4")
+        for b, count in zip(blobs, counts[1], strict=True)
+    )
     arrays = {name: reader.array(shape, kind) for name, shape, kind in _layout(points, rays, cameras)}
     notes = reader.bytes(note_bytes).decode("utf-8", errors="replace")
     if len(data) != _HEADER.size + body_bytes or reader.position != len(data):
         raise CaptureError("a marker frame was cut off", where=f"frame {number}")
-    return MarkerFrame(number, time_s, blobs=blobs, notes=tuple(notes.split("\n")) if notes else (), **arrays)
+    told = tuple(notes.split("\n")) if notes else ()
+    return MarkerFrame(number, time_s, blobs=blobs, detected=detected, notes=told, **arrays)
+
+
+def pack_stamped(stamp_s: float, frame: MarkerFrame) -> bytes:
+    """Return `pack` with the moment before it at which the images were in hand (`time.perf_counter()`, seconds)."""
+    return _STAMP.pack(stamp_s) + pack(frame)
+
+
+def unpack_stamped(data: bytes) -> tuple[float, MarkerFrame]:
+    """Return stamp and frame of `pack_stamped`; errors as in `unpack`."""
+    if len(data) < _STAMP.size:
+        raise CaptureError("a marker frame was cut off")
+    (stamp_s,) = _STAMP.unpack_from(data)
+    return stamp_s, unpack(data[_STAMP.size :])
 
 
 def _layout(points: int, rays: int, cameras: int) -> list[tuple[str, tuple[int, ...], str]]:

@@ -182,6 +182,11 @@ class Subject:
 
 def save_subject(subject: Subject, path: str | Path) -> None:
     """Write a subject as TOML."""
+    write_toml(path, subject_tables(subject))
+
+
+def subject_tables(subject: Subject) -> dict[str, Any]:
+    """Return the tables of a subject file."""
     skeleton = subject.skeleton
     joints = [
         {
@@ -194,7 +199,7 @@ def save_subject(subject: Subject, path: str | Path) -> None:
         }
         for i, (name, parent) in enumerate(zip(skeleton.names, skeleton.parents, strict=True))
     ]
-    tables = {
+    return {
         "kind": "perfanim subject",
         "version": 1,
         "name": subject.name,
@@ -202,22 +207,25 @@ def save_subject(subject: Subject, path: str | Path) -> None:
         "marker_set": marker_set_table(subject.marker_set),
         "joint": joints,
     }
-    write_toml(path, tables)
 
 
 def load_subject(path: str | Path) -> Subject:
     """Return a subject from its TOML file."""
-    table = read_toml(path)
+    return subject_from(read_toml(path), str(path))
+
+
+def subject_from(table: Mapping[str, Any], where: str) -> Subject:
+    """Return the subject of a subject file's tables; SubjectError when they are not one of this version."""
     if table.get("kind") != "perfanim subject" or table.get("version") != 1:
         raise SubjectError(
-            "is not a subject file of this version", where=str(path), advice="calibrate the subject again"
+            "is not a subject file of this version", where=where, advice="calibrate the subject again"
         )
     try:
         skeleton = _skeleton_from(table["joint"])
-        marker_set = marker_set_from(dict(table["marker_set"]), where=str(path))
+        marker_set = marker_set_from(dict(table["marker_set"]), where=where)
         return Subject(str(table["name"]), skeleton, marker_set, float(table["residual_m"]))
     except (KeyError, TypeError, ValueError) as error:
-        raise SubjectError(f"is damaged ({error})", where=str(path), advice="calibrate the subject again") from error
+        raise SubjectError(f"is damaged ({error})", where=where, advice="calibrate the subject again") from error
 
 
 def _skeleton_from(joints: list[Mapping[str, Any]]) -> Skeleton:

@@ -124,6 +124,7 @@ class MarkerPipeline:
             points_m=matches.points_m,
             covariances_m2=matches.covariances_m2,
             blobs=blobs,
+            detected=seen.blobs,
             point_blobs=matches.blobs,
             single_cameras=np.concatenate(single_cameras),
             single_blobs=np.concatenate(single_blobs),

@@ -17,12 +17,13 @@ from ..camera import CameraRig, load_rig
 from ..database.store import open_database
 from ..errors import CaptureError, PerfanimError, SettingsError
 from ..marker_set import load_subject
+from ..pose_bytes import SolvedPose
 from ..session import Session
 from ..simulate.studio.rig import default_rig
 from ..solver.settings import SolveSettings
 from .channel import Channel
 from .client import WorkerClient
-from .protocol import Message, MessageKind, SolvedPose
+from .protocol import Message, MessageKind
 
 STOP_LIMIT_S = 5.0
 _IDLE_S = 0.02

@@ -14,7 +14,8 @@ from typing import Any
 
 from ..errors import PerfanimError
 from ..marker_frame import MarkerFrame
-from .protocol import Decoder, Message, MessageKind, SolvedPose, encode_frame, encode_json, encode_pose
+from ..pose_bytes import SolvedPose
+from .protocol import Decoder, Message, MessageKind, encode_frame, encode_json, encode_pose
 
 HEARTBEAT_S = 0.5
 _PARENT_GONE_GRACE_S = 3.0

@@ -12,17 +12,14 @@ from enum import IntEnum
 from typing import Any
 
 from ..errors import CaptureError
-from ..marker_frame import MarkerFrame, pack, unpack
-from ..pose_frame import PoseFrame
-from .pose_bytes import pack_pose, unpack_pose
+from ..marker_frame import MarkerFrame, pack_stamped, unpack_stamped
+from ..pose_bytes import SolvedPose, pack_solved, unpack_solved
 
 VERSION = 1
 MAX_PAYLOAD = 64 * 1024 * 1024
 
 _HEADER = struct.Struct("<2sBBI")
 _MAGIC = b"PA"
-_STAMP = struct.Struct("<d")
-_POSE_HEAD = struct.Struct("<ddI")  # stamp, seconds in the solver, frames waiting
 
 
 class MessageKind(IntEnum):
@@ -69,34 +66,15 @@ class Message:
 
     def frame(self) -> tuple[float, MarkerFrame]:
         """Return (moment at which the images were in hand, marker frame) of a FRAME message."""
-        if self.kind is not MessageKind.FRAME or len(self.payload) < _STAMP.size:
+        if self.kind is not MessageKind.FRAME:
             raise CaptureError(f"a {self.kind.name} message holds no marker frame", where="worker")
-        (stamp,) = _STAMP.unpack_from(self.payload)
-        return stamp, unpack(self.payload[_STAMP.size :])
+        return unpack_stamped(self.payload)
 
-    def pose(self) -> "SolvedPose":
+    def pose(self) -> SolvedPose:
         """Return the pose of a POSE message."""
-        if self.kind is not MessageKind.POSE or len(self.payload) < _POSE_HEAD.size:
+        if self.kind is not MessageKind.POSE:
             raise CaptureError(f"a {self.kind.name} message holds no pose", where="worker")
-        stamp, solve_s, waiting = _POSE_HEAD.unpack_from(self.payload)
-        return SolvedPose(unpack_pose(self.payload[_POSE_HEAD.size :]), stamp, solve_s, waiting)
-
-
-@dataclass(frozen=True)
-class SolvedPose:
-    """A pose on its way to Blender.
-
-    Args:
-        pose: of one marker frame.
-        stamp_s: `time.perf_counter()` when the frame's images were in hand.
-        solve_s: time that `Session.step` took.
-        waiting: marker frames that had arrived by then and were not solved.
-    """
-
-    pose: PoseFrame
-    stamp_s: float
-    solve_s: float = 0.0
-    waiting: int = 0
+        return unpack_solved(self.payload)
 
 
 def encode(kind: MessageKind, payload: bytes = b"") -> bytes:
@@ -118,13 +96,12 @@ def _plain(value: Any) -> Any:
 
 def encode_frame(stamp_s: float, frame: MarkerFrame) -> bytes:
     """Return a FRAME message as bytes; `stamp_s` is `time.perf_counter()` when the images were in hand."""
-    return encode(MessageKind.FRAME, _STAMP.pack(stamp_s) + pack(frame))
+    return encode(MessageKind.FRAME, pack_stamped(stamp_s, frame))
 
 
 def encode_pose(solved: SolvedPose) -> bytes:
     """Return a POSE message as bytes."""
-    head = _POSE_HEAD.pack(solved.stamp_s, solved.solve_s, solved.waiting)
-    return encode(MessageKind.POSE, head + pack_pose(solved.pose))
+    return encode(MessageKind.POSE, pack_solved(solved))
 
 
 class Decoder:

@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
+from perfanim.core.pose_bytes import SolvedPose
 from perfanim.core.pose_frame import PoseFrame
-from perfanim.core.worker.protocol import Decoder, Message, MessageKind, SolvedPose, encode, encode_json, encode_pose
+from perfanim.core.worker.protocol import Decoder, Message, MessageKind, encode, encode_json, encode_pose
 from perfanim.perfanim_addon.capture_state import STOP_LIMIT_S, CaptureRun, Phase
 
 

@@ -11,13 +11,15 @@ ARRAYS = ("points_m", "covariances_m2", "labels", "point_blobs", "single_cameras
 
 def full() -> MarkerFrame:
     generator = np.random.default_rng(0)
+    left, right = generator.normal(size=(5, 5)).astype(np.float32), np.empty((0, 5), dtype=np.float32)
     return MarkerFrame(
         number=-(2**40),
         time_s=12.345678901234,
         points_m=generator.normal(size=(4, 3)),
         covariances_m2=generator.normal(size=(4, 3, 3)),
         labels=np.array([3, -1, 0, 1]),
-        blobs=(generator.normal(size=(5, 5)).astype(np.float32), np.empty((0, 5), dtype=np.float32)),
+        blobs=(left, right),
+        detected=(left + np.float32(0.25), right),
         point_blobs=generator.integers(-1, 5, (4, 2)),
         single_cameras=np.array([0, 1]),
         single_blobs=np.array([4, 2]),
@@ -32,7 +34,7 @@ def assert_same(a: MarkerFrame, b: MarkerFrame) -> None:
     for name in ARRAYS:
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
     assert len(a.blobs) == len(b.blobs)
-    for mine, theirs in zip(a.blobs, b.blobs, strict=True):
+    for mine, theirs in zip(a.blobs + a.detected, b.blobs + b.detected, strict=True):
         np.testing.assert_array_equal(mine, theirs)
         assert mine.dtype == theirs.dtype
 

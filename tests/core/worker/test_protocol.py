@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
 from perfanim.core.marker_frame import MarkerFrame
+from perfanim.core.pose_bytes import SolvedPose, pack_pose, unpack_pose
 from perfanim.core.pose_frame import PoseFrame
-from perfanim.core.worker.pose_bytes import pack_pose, unpack_pose
 from perfanim.core.worker.protocol import (
     Decoder,
     Message,
     MessageKind,
-    SolvedPose,
     encode,
     encode_frame,
     encode_json,

@@ -1,16 +1,48 @@
-"""A pose frame as bytes on its way from the solver's process to Blender; versioned and checked, never pickle."""
+"""A pose frame as bytes, on its way from the solver's process to Blender and in takes; versioned, checked, no pickle."""
 
 import struct
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import CaptureError
-from ..pose_frame import PoseFrame
+from .errors import CaptureError
+from .pose_frame import PoseFrame
 
 _MAGIC = b"PFPF"
 _VERSION = 1
 # magic, version, joints, markers, note bytes, number, time, confidence, RMS, neighbours, dimensions
 _HEADER = struct.Struct("<4sHHHHqdddii")
+_SOLVED_HEAD = struct.Struct("<ddI")  # stamp, seconds in the solver, frames waiting
+
+
+@dataclass(frozen=True)
+class SolvedPose:
+    """A pose as it leaves the solver.
+
+    Args:
+        pose: of one marker frame.
+        stamp_s: `time.perf_counter()` when the frame's images were in hand.
+        solve_s: time that `Session.step` took.
+        waiting: marker frames that had arrived by then and were not solved.
+    """
+
+    pose: PoseFrame
+    stamp_s: float
+    solve_s: float = 0.0
+    waiting: int = 0
+
+
+def pack_solved(solved: SolvedPose) -> bytes:
+    """Return a solved pose as bytes."""
+    return _SOLVED_HEAD.pack(solved.stamp_s, solved.solve_s, solved.waiting) + pack_pose(solved.pose)
+
+
+def unpack_solved(data: bytes) -> SolvedPose:
+    """Return the solved pose of `pack_solved`; CaptureError when the bytes are not one whole one of this version."""
+    if len(data) < _SOLVED_HEAD.size:
+        raise CaptureError("a pose was cut off", where="worker")
+    stamp_s, solve_s, waiting = _SOLVED_HEAD.unpack_from(data)
+    return SolvedPose(unpack_pose(data[_SOLVED_HEAD.size :]), stamp_s, solve_s, waiting)
 
 
 def pack_pose(pose: PoseFrame) -> bytes:
