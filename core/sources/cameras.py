@@ -5,12 +5,14 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from itertools import zip_longest
 from typing import Any
 
 import cv2
 import numpy as np
 
 from ..errors import CaptureError
+from .camera_controls import CameraControls, apply_controls
 from .image_set import Image, ImageSet
 from .pairing import ImagePairing
 
@@ -38,31 +40,43 @@ class CameraSource:
         devices: device numbers (or stream addresses), one per camera.
         size: (width, height) asked for, or None for the camera's default.
         fps: rate asked for.
+        controls: exposure, gain and focus of each camera; none: as the cameras are.
+
+    Attributes:
+        warnings: what a camera did not take.
 
     Raises:
         CaptureError: a camera does not open or gives no image; when iterated: for 10 s no camera gave any.
     """
 
     def __init__(
-        self, devices: Sequence[int | str], size: tuple[int, int] | None = None, fps: float | None = None
+        self,
+        devices: Sequence[int | str],
+        size: tuple[int, int] | None = None,
+        fps: float | None = None,
+        controls: Sequence[CameraControls] = (),
     ) -> None:
         if len(set(devices)) != len(devices):
             raise CaptureError(
                 f"camera {devices[0]} is chosen more than once", advice="choose a different device for each camera"
             )
         self.name = "capture"
-        self.warnings: tuple[str, ...] = ()
         self.frames = 0  # unknown: until it is closed
         self._names = [str(device) for device in devices]
         self._closed = False
         self._news = threading.Event()
         self._readers: list[_Reader] = []
         try:
-            for device in devices:
-                self._readers.append(_Reader(partial(_open, device, size, fps), self._news))
+            for device, told in zip_longest(devices, controls[: len(devices)]):
+                self._readers.append(_Reader(partial(_open, device, size, fps), self._news, told))
         except CaptureError:
             self.close()
             raise
+        self.warnings: tuple[str, ...] = tuple(
+            f"camera {device} does not take {' and '.join(reader.refused)}: set it by its maker's program"
+            for device, reader in zip(devices, self._readers, strict=True)
+            if reader.refused
+        )
         rate = self._readers[0].fps
         self.fps = rate if 1.0 <= rate <= 1000.0 else (fps or 30.0)
 
@@ -119,16 +133,24 @@ class CameraSource:
 class _Reader:
     """Reads one camera in a thread, from `begin` to `stop`, and opens it again when it is gone."""
 
-    def __init__(self, opened: Callable[[], Any], news: threading.Event) -> None:
+    def __init__(self, opened: Callable[[], Any], news: threading.Event, controls: CameraControls | None) -> None:
         self.gone = False
+        self.refused: Sequence[str] = ()
         self._opened = opened
+        self._controls = controls
         self._news = news
         self._images: deque[tuple[float, Image]] = deque(maxlen=_HELD)
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
-        self._capture, first = opened()
+        first = self._open()
         self.shape = first.shape
         self.fps = float(self._capture.get(cv2.CAP_PROP_FPS))
+
+    def _open(self) -> Image:
+        self._capture, image = self._opened()
+        if self._controls is not None:
+            self.refused = apply_controls(self._capture, self._controls)
+        return np.asarray(image)
 
     def begin(self) -> None:
         """Start reading; what has been read already is forgotten."""
@@ -181,7 +203,7 @@ class _Reader:
 
     def _reopen(self) -> None:
         try:
-            self._capture, _ = self._opened()
+            self._open()
         except CaptureError:
             self._stop.wait(_REOPEN_S)
 

@@ -1,7 +1,8 @@
 """Opening an image source from its description, which can travel as JSON to the capture process.
 
 Kinds: {"kind": "simulated", ...} (see `simulate.studio.open_simulated`), {"kind": "videos", "paths": [...]},
-{"kind": "images", "paths": [...]}, {"kind": "cameras", "devices": [0, 1], "size": [640, 480]}; all take "fps".
+{"kind": "images", "paths": [...]}, {"kind": "cameras", "devices": [0, 1], "size": [640, 480], "controls": [{...}, {...}]}
+(see `CameraControls`); all take "fps".
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import CaptureError, SettingsError
+from .camera_controls import CameraControls
 from .cameras import CameraSource
 from .images import ImageFileSource, is_image_pattern
 from .videos import VideoSource, is_stream
@@ -73,7 +75,8 @@ def open_source(spec: Mapping[str, Any]) -> ImageSource:
         return ImageFileSource(_list(spec, "paths"), fps or 30.0)
     if kind == "cameras":
         size = spec.get("size")
-        return CameraSource(_list(spec, "devices"), (int(size[0]), int(size[1])) if size else None, fps)
+        controls = [CameraControls.of_spec(told) for told in spec.get("controls", ())]
+        return CameraSource(_list(spec, "devices"), (int(size[0]), int(size[1])) if size else None, fps, controls)
     raise SettingsError(f"unknown image source {kind!r}", advice="use simulated, videos, images or cameras")
 
 

@@ -46,6 +46,8 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     try:
         with ThreadPoolExecutor(1) as later, opened(request, channel) as (source, pipeline):
             channel.send_status("waiting for images")
+            for warning in getattr(source, "warnings", ()):
+                channel.send_warning(warning)
             offsets = bumps = None
             if not is_simulated(request):
                 offsets = LiveTimeOffsets(pipeline.rig, _aligner(pipeline), later.submit)
