@@ -1,4 +1,4 @@
-"""A pose frame as bytes, on its way from the solver's process to Blender and in takes; versioned, checked, no pickle."""
+"""A pose frame as bytes, on its way from the solver to Blender and in takes; versioned and checked, never pickle."""
 
 import struct
 from dataclasses import dataclass

@@ -4,28 +4,36 @@ from pathlib import Path
 
 from ..errors import FormatError
 from ..marker_take import MarkerTake, load_take, save_take
+from ..take_file.reading import ENDING
 from .c3d import read_c3d
+from .c3d_write import write_c3d
+from .own_take import read_own_take
 from .take_csv import read_csv, write_csv
 from .trc import read_trc, write_trc
 
-READABLE = (".c3d", ".trc", ".csv", ".take.npz")
-WRITABLE = (".take.npz", ".csv", ".trc")
+READABLE = (".c3d", ".trc", ".csv", ".take.npz", ENDING)
+WRITABLE = (".take.npz", ".c3d", ".csv", ".trc")
+
+
+def is_recorded(path: Path | str) -> bool:
+    """Return whether a file name is that of a recorded take."""
+    return Path(path).name.lower().endswith(ENDING)
 
 
 def read_take(path: Path | str) -> MarkerTake:
-    """Return the marker take of a .c3d, .trc, .csv (Motive's export or our own) or .take.npz file.
+    """Return the marker take of a .c3d, .trc, .csv (Motive's export or our own), .take.npz or .perftake file.
 
     Positions are metres in the file's own axes; what is missing is NaN.
 
     Raises:
         FormatError: another kind of file, damaged, or without markers.
-        TakeError: an own take of another version.
+        TakeError: an own take of another version, or a recorded one without poses.
     """
     path = Path(path)
     name = path.name.lower()
     if name.endswith(".npz"):
         return load_take(path)
-    readers = {".c3d": read_c3d, ".trc": read_trc, ".csv": read_csv}
+    readers = {".c3d": read_c3d, ".trc": read_trc, ".csv": read_csv, ENDING: read_own_take}
     if path.suffix.lower() not in readers:
         raise FormatError("is no marker take", where=str(path), advice="give one of " + ", ".join(READABLE))
     return readers[path.suffix.lower()](path)
@@ -44,7 +52,7 @@ def write_take(take: MarkerTake, path: Path | str) -> None:
         FormatError: an ending that cannot be written, or the folder cannot be.
     """
     check_writable(path)
-    for ending, write in ((".take.npz", save_take), (".csv", write_csv), (".trc", write_trc)):
+    for ending, write in ((".take.npz", save_take), (".c3d", write_c3d), (".csv", write_csv), (".trc", write_trc)):
         if Path(path).name.lower().endswith(ending):
             write(take, path)
             return

@@ -1,0 +1,183 @@
+"""Writing a take while capturing: nothing that is handed over waits longer than a tenth of a second in memory.
+
+Two threads do the work, so that neither a slow disk nor a full one holds the capture up: one writes, one asks the
+system every half second to bring what is written to the disk. Whoever hands something over only appends to a list.
+Should the process be killed, what it has written stays in the system's hands; half a chunk at the end is known by its
+sum.
+"""
+
+import contextlib
+import json
+import os
+import threading
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+
+from ..errors import TakeError
+from ..marker_frame import unpack_stamped
+from .chunks import ChunkKind, encode_chunk, join_records, preamble
+from .footer import Footer
+from .lock import lock
+from .setup import TakeNotes, TakeSetup
+
+WRITE_EVERY_S = 0.1
+SYNC_EVERY_S = 0.5
+RETRY_EVERY_S = 1.0
+MOST_WAITING = 256 * 1024 * 1024  # bytes kept in memory while the disk is full
+
+
+class TakeWriter:
+    """One take while it is recorded.
+
+    Args:
+        path: must not exist.
+        setup, notes: of the take.
+        tell: called with one line when something goes wrong or is well again; from a thread of the writer's.
+
+    Raises:
+        TakeError: the file exists or cannot be written.
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        setup: TakeSetup,
+        notes: TakeNotes | None = None,
+        tell: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        self.path = Path(path)
+        self.frames = self.poses = 0
+        self._tell = tell
+        self._setup = setup
+        self._file = _created(self.path)
+        self._whole = 0  # bytes of the file that are whole chunks
+        self._index: list[tuple[int, int]] = []  # kind and offset, by sequence number
+        self._frames_in: deque[bytes] = deque()
+        self._poses_in: deque[bytes] = deque()
+        self._first_frame = self._last_frame = b""
+        self._waiting = bytearray(preamble())  # encoded, not written
+        self._dropped = 0
+        self._told = ""
+        self._closed = False
+        self._ending = threading.Event()
+        self._unsynced = threading.Event()
+        self._queue(ChunkKind.SETUP, setup.to_json())
+        self._queue(ChunkKind.NOTES, (notes or TakeNotes()).to_json())
+        self._write()
+        self._threads = [threading.Thread(target=work, daemon=True) for work in (self._write_loop, self._sync_loop)]
+        for thread in self._threads:
+            thread.start()
+
+    def add_frame(self, record: bytes) -> None:
+        """Keep a marker frame (`marker_frame.pack_stamped`)."""
+        self._frames_in.append(record)
+
+    def add_pose(self, record: bytes) -> None:
+        """Keep a solved pose (`pose_bytes.pack_solved`)."""
+        self._poses_in.append(record)
+
+    def close(self, reason: str = "") -> None:
+        """Write what is left and the end mark; `reason` says what ended the take early. Safe to call twice."""
+        if self._closed:
+            return
+        self._ending.set()
+        for thread in self._threads:
+            thread.join()
+        self._collect()
+        if reason:
+            self._event(reason)
+        self._queue(ChunkKind.SETUP, self._setup.to_json())  # again, for the case that the first is damaged
+        self._queue_end()
+        self._write()
+        with contextlib.suppress(OSError):
+            os.fsync(self._file)
+        self._closed = True
+        os.close(self._file)
+
+    def _write_loop(self) -> None:
+        while not self._ending.wait(RETRY_EVERY_S if self._told else WRITE_EVERY_S):
+            self._collect()
+            self._write()
+
+    def _sync_loop(self) -> None:
+        while not self._ending.wait(SYNC_EVERY_S):
+            if self._unsynced.is_set():
+                self._unsynced.clear()
+                with contextlib.suppress(OSError):  # shows on writing as well
+                    os.fsync(self._file)
+
+    def _collect(self) -> None:
+        """Make chunks of what has been handed over."""
+        frames = [self._frames_in.popleft() for _ in range(len(self._frames_in))]
+        poses = [self._poses_in.popleft() for _ in range(len(self._poses_in))]
+        if len(self._waiting) > MOST_WAITING:
+            self._dropped += len(frames)
+            return
+        if self._dropped:
+            self._event(f"{self._dropped} frames could not be kept: the disk was full")
+            self._dropped = 0
+        self.frames += len(frames)
+        self.poses += len(poses)
+        if frames:
+            self._first_frame, self._last_frame = self._first_frame or frames[0], frames[-1]
+            self._queue(ChunkKind.FRAMES, join_records(frames))
+        if poses:
+            self._queue(ChunkKind.POSES, join_records(poses))
+
+    def _event(self, text: str) -> None:
+        self._queue(ChunkKind.EVENT, json.dumps({"frames": self.frames, "text": text}).encode("utf-8"))
+
+    def _queue(self, kind: ChunkKind, payload: bytes) -> None:
+        sequence = len(self._index)
+        self._index.append((kind, self._whole + len(self._waiting)))
+        self._waiting += encode_chunk(kind, sequence, payload)
+
+    def _queue_end(self) -> None:
+        at = self._whole + len(self._waiting)
+        facts = {"frames": self.frames, "poses": self.poses, "duration_s": self._duration_s()}
+        self._queue(ChunkKind.END, Footer(facts, (*self._index, (int(ChunkKind.END), at))).pack())
+
+    def _duration_s(self) -> float:
+        """Return the time from the first frame to the last."""
+        if not self._last_frame:
+            return 0.0
+        return unpack_stamped(self._last_frame)[1].time_s - unpack_stamped(self._first_frame)[1].time_s
+
+    def _write(self) -> None:
+        """Write what waits; what the disk does not take goes on waiting."""
+        if not self._waiting:
+            return
+        try:
+            written = 0
+            while written < len(self._waiting):
+                written += os.write(self._file, memoryview(self._waiting)[written:])
+        except OSError as error:
+            os.lseek(self._file, self._whole, os.SEEK_SET)
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._file, self._whole)
+            if not self._told:
+                self._told = f"the take is not being written ({error.strerror}): free some space on its disk"
+                self._tell(self._told)
+            return
+        self._whole += len(self._waiting)
+        self._waiting = bytearray()
+        self._unsynced.set()
+        if self._told:
+            self._told = ""
+            self._tell("the take is being written again, nothing is missing" if not self._dropped else
+                       "the take is being written again")  # fmt: skip
+
+
+def _created(path: Path) -> int:
+    """Return the handle of a new file, locked for this process."""
+    flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle = os.open(path, flags, 0o666)
+    except OSError as error:
+        raise TakeError(
+            f"cannot be recorded ({error.strerror})", where=str(path), advice="choose another name or folder"
+        ) from error
+    lock(handle)
+    return handle

@@ -1,0 +1,47 @@
+"""Marker frames and poses of a take, made up."""
+
+import numpy as np
+from perfanim.core.marker_frame import MarkerFrame, pack_stamped
+from perfanim.core.pose_bytes import SolvedPose, pack_solved
+from perfanim.core.pose_frame import PoseFrame
+
+MARKERS = 9
+
+
+def frame_record(number: int) -> bytes:
+    """A marker frame with points, rays and blobs that were moved in one camera."""
+    rng = np.random.default_rng(number)
+    left, right = (rng.normal(size=(MARKERS, 5)).astype(np.float32) for _ in range(2))
+    frame = MarkerFrame(
+        number,
+        number / 60,
+        rng.normal(size=(3, 3)),
+        rng.normal(size=(3, 3, 3)),
+        blobs=(left, right),
+        detected=(left, right + np.float32(0.5)),
+        point_blobs=rng.integers(0, MARKERS, (3, 2)),
+        single_cameras=np.array([1]),
+        single_blobs=np.array([4]),
+        single_points=rng.normal(size=(1, 2)),
+        camera_times_s=np.array([number / 60, np.nan]),
+        notes=("left camera frozen",) if number % 5 == 0 else (),
+    )
+    return pack_stamped(1000.0 + number / 60, frame)
+
+
+def pose_record(number: int) -> bytes:
+    """A solved pose."""
+    rng = np.random.default_rng(number + 1)
+    rotations = rng.normal(size=(29, 4))
+    pose = PoseFrame(
+        number,
+        number / 60,
+        rotations / np.linalg.norm(rotations, axis=1, keepdims=True),
+        rng.normal(size=3),
+        0.5,
+        rng.normal(size=(MARKERS, 3)),
+        np.vstack((rng.normal(size=(MARKERS - 1, 3)), np.full((1, 3), np.nan))),
+        np.arange(MARKERS) % 3 - 1,
+        0.004,
+    )
+    return pack_solved(SolvedPose(pose, 1000.0 + number / 60, 0.002, 0))
