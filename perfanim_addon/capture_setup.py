@@ -4,12 +4,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import bpy
+
 from ..core.errors import CaptureError, PerfanimError
 from ..core.marker_set import Subject, save_subject
 from ..core.product_skeleton import default_skeleton
 from ..core.skeleton import Skeleton
 from ..core.worker.client import WorkerClient
-from . import states
+from . import preferences, states
 from .capture_state import CaptureRun
 from .place import absolute, user_folder
 
@@ -95,6 +97,7 @@ def source(settings: Any) -> dict[str, Any]:
             "devices": [settings.left_device, settings.right_device],
             "size": [settings.width, settings.height],
             "fps": settings.camera_fps,
+            "controls": preferences.camera_controls(bpy.context),
         }
     names = ("left_video", "right_video") if settings.source == "VIDEOS" else ("left_folder", "right_folder")
     paths = [absolute(getattr(settings, name)) for name in names]

@@ -8,6 +8,7 @@ import bpy
 from . import preferences, running, states
 from .job import Job
 from .live import Capture
+from .panel_camera_controls import PERFANIM_PT_camera_controls
 from .properties import settings
 
 # Width of a character, and of what a line has beside its text (icon, margins, tabs), in unscaled pixels.
@@ -255,6 +256,7 @@ def wrapped(text: str, width: int) -> list[str]:
 
 _CLASSES = (
     PERFANIM_PT_cameras,
+    PERFANIM_PT_camera_controls,
     PERFANIM_PT_markers,
     PERFANIM_PT_subject,
     PERFANIM_PT_database,

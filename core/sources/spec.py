@@ -1,7 +1,7 @@
 """Opening an image source from its description, which can travel as JSON to the capture process.
 
 Kinds: {"kind": "simulated", ...} (see `simulate.studio.open_simulated`), {"kind": "videos", "paths": [...]},
-{"kind": "images", "paths": [...]}, {"kind": "cameras", "devices": [0, 1], "size": [640, 480], "controls": [{...}, {...}]}
+{"kind": "images", "paths": [...]}, {"kind": "cameras", "devices": [0, 1], "size": [640, 480], "controls": [{...}, ...]}
 (see `CameraControls`); all take "fps".
 """
 

@@ -1,3 +1,4 @@
+import importlib
 import sys
 from types import ModuleType
 from typing import Any
@@ -44,6 +45,24 @@ def test_preferences_and_tab(addon: ModuleType, extension: str) -> None:
     assert all(cls.is_registered for cls in panels._CLASSES)
     preferences.tab = ""
     assert {cls.bl_category for cls in panels._CLASSES} == {"Perfanim"}
+
+
+def test_what_the_cameras_are_told_is_kept_in_the_preferences(addon: ModuleType, extension: str) -> None:
+    left = bpy.context.preferences.addons[extension].preferences.left_camera
+    setup = importlib.import_module(f"{extension}.perfanim_addon.capture_setup")
+    settings = bpy.context.scene.perfanim
+    settings.source = "CAMERAS"
+    try:
+        told = setup.source(settings)["controls"]
+        assert told == [{"exposure_s": None, "gain": None, "focus": None}] * 2
+        left.exposure_auto, left.exposure_ms = False, 2.5
+        left.gain_auto, left.gain = False, 12.0
+        told = setup.source(settings)["controls"]
+        assert told[0]["exposure_s"] == pytest.approx(0.0025) and told[0]["gain"] == 12.0
+        assert told[0]["focus"] is None and told[1]["exposure_s"] is None
+    finally:
+        left.exposure_auto = left.gain_auto = True
+        settings.source = "SIMULATED"
 
 
 def test_a_broken_library_leaves_preferences_and_an_explanation(
