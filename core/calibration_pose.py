@@ -79,6 +79,13 @@ POSES: dict[str, Callable[[Skeleton], Array]] = {
     "motorcycle": motorcycle,
 }
 CALIBRATION = ("t", "hanging", "motorcycle")  # which together tell where the limbs begin and end
+# what to say to somebody who is to take the pose
+INSTRUCTIONS = {
+    "t": "stand upright, arms straight out to the sides, palms down",
+    "standing": "stand upright, arms hanging",
+    "hanging": "arms straight down, a hand's breadth from the body, backs of the hands half forward",
+    "motorcycle": "knees bent, arms stretched straight forward, hands at the height of the chest, palms down",
+}
 
 
 def _upright(bone_m: Array) -> Array:

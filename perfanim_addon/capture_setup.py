@@ -6,6 +6,7 @@ from typing import Any
 
 import bpy
 
+from ..core.camera import CameraRig, save_rig
 from ..core.errors import CaptureError, PerfanimError
 from ..core.marker_set import Subject, save_subject
 from ..core.product_skeleton import default_skeleton
@@ -60,15 +61,22 @@ def cameras(settings: Any) -> dict[str, Any]:
     Raises:
         PerfanimError: a file is missing or bad.
     """
-    known = states.is_known(settings)
-    if not known:
-        _good(states.rig(absolute(settings.calibration)))
     return {
         "source": source(settings),
-        "rig": None if known else absolute(settings.calibration),
+        "rig": None if states.is_known(settings) else _calibration(settings),
         "background_s": float(settings.background_s),
         "threshold": None if settings.threshold_auto else float(settings.threshold),
     }
+
+
+def _calibration(settings: Any) -> str:
+    """Return the file of the calibration of the cameras in use."""
+    path = absolute(settings.calibration)
+    rig: CameraRig = _good(states.rig(path))
+    if len(rig) > 1 and states.is_one_camera(settings):
+        path = str(user_folder("calibrations") / ".left.toml")
+        save_rig(CameraRig(rig.cameras[:1], rig.metadata), path)
+    return path
 
 
 def _good(found: Any) -> Any:
@@ -94,13 +102,12 @@ def source(settings: Any) -> dict[str, Any]:
     if settings.source == "CAMERAS":
         return {
             "kind": "cameras",
-            "devices": [settings.left_device, settings.right_device],
+            "devices": [settings.left_device, settings.right_device][: 1 if states.is_one_camera(settings) else 2],
             "size": [settings.width, settings.height],
             "fps": settings.camera_fps,
             "controls": preferences.camera_controls(bpy.context),
         }
-    names = ("left_video", "right_video") if settings.source == "VIDEOS" else ("left_folder", "right_folder")
-    paths = [absolute(getattr(settings, name)) for name in names]
+    paths = [absolute(getattr(settings, name)) for name in states.source_paths(settings)]
     for path in paths:
         if not Path(path).exists():
             raise CaptureError("not found", where=path, advice="choose another under Cameras")

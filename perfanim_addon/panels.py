@@ -116,14 +116,21 @@ class PERFANIM_PT_subject(_Step, bpy.types.Panel):
 
     def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
         """Draw."""
-        layout.prop(chosen, "subject")
+        row = layout.row(align=True)
+        row.prop(chosen, "subject")
+        row.operator_menu_enum("perfanim.use_profile", "profile", text="", icon="COMMUNITY")
         box = layout.box().column()
-        if not states.is_known(chosen):
+        box.prop(chosen, "subject_name")
+        if not states.is_known(chosen) and not states.is_one_camera(chosen):
             if chosen.source == "CAMERAS":
-                box.prop(chosen, "countdown_s")
+                _props(box, chosen, "countdown_s", "between_s")
+            box.operator("perfanim.calibrate_performer", icon="OUTLINER_OB_ARMATURE")
             box.operator("perfanim.record_t_pose", icon="ARMATURE_DATA")
-        _props(box, chosen, "subject_name", "subject_take")
-        box.operator("perfanim.calibrate_subject", icon="OUTLINER_OB_ARMATURE")
+        _props(box, chosen, "subject_take", "take_poses")
+        box.operator("perfanim.calibrate_subject", icon="FILE_REFRESH")
+        row = box.row(align=True)
+        row.prop(chosen, "subject_height")
+        row.operator("perfanim.average_performer", text="", icon="USER")
 
 
 class PERFANIM_PT_database(_Step, bpy.types.Panel):

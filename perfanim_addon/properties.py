@@ -63,7 +63,10 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         name="Left", description="Device number of the camera on the left as seen by the cameras", default=0, min=0
     )
     right_device: bpy.props.IntProperty(
-        name="Right", description="Device number of the camera on the right as seen by the cameras", default=1, min=0
+        name="Right",
+        description="Device number of the camera on the right as seen by the cameras; -1: one camera alone",
+        default=1,
+        min=-1,
     )
     width: bpy.props.IntProperty(
         name="Width", description="Image width", default=640, min=160, max=4096, subtype="PIXEL"
@@ -75,9 +78,9 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         name="Rate (Hz)", description="Images per second that the cameras are asked for", default=60, min=1, max=500
     )
     left_video: _file("Left", "Video of the left camera")
-    right_video: _file("Right", "Video of the right camera")
+    right_video: _file("Right", "Video of the right camera; empty: one camera alone")
     left_folder: _folder("Left", "Folder with the left camera's numbered images")
-    right_folder: _folder("Right", "Folder with the right camera's numbered images")
+    right_folder: _folder("Right", "Folder with the right camera's numbered images; empty: one camera alone")
     files_fps: bpy.props.FloatProperty(
         name="Rate (Hz)", description="Images per second at which the images were taken", default=60, min=1, max=500
     )
@@ -142,7 +145,23 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         max=60,
         subtype="TIME_ABSOLUTE",
     )
-    subject_take: _file("Take", "Marker take that begins with a T pose")
+    between_s: bpy.props.FloatProperty(
+        name="Next Pose",
+        description="Time from each calibration pose to the next",
+        default=5,
+        min=1,
+        max=60,
+        subtype="TIME_ABSOLUTE",
+    )
+    subject_height: bpy.props.FloatProperty(
+        name="Height (m)", description="Height of the performer, in metres", default=1.75, min=1.2, max=2.3
+    )
+    subject_take: _file("Take", "Marker take in which the performer holds calibration poses, the T pose first")
+    take_poses: bpy.props.BoolProperty(
+        name="All Three Poses",
+        description="The take shows the T pose, hanging arms and the motorcycle pose; otherwise the T pose alone",
+        default=False,
+    )
 
     database: _file("Database", "Motion database; empty: the starter motion of the add-on")
     database_fps: bpy.props.FloatProperty(

@@ -119,7 +119,7 @@ def cameras(settings: Any) -> State:
     """State of the Cameras panel."""
     if is_known(settings):
         return State(True, "simulated")
-    for name in _source_paths(settings):
+    for name in source_paths(settings):
         path = absolute(getattr(settings, name))
         side = name.partition("_")[0]
         if not path:
@@ -131,16 +131,33 @@ def cameras(settings: Any) -> State:
     found = rig(absolute(settings.calibration))
     if isinstance(found, PerfanimError):
         return _problem(found, "bad calibration")
-    return State(True, _rig_text(found))
+    return State(True, _rig_text(found, is_one_camera(settings)))
 
 
-def _source_paths(settings: Any) -> tuple[str, ...]:
-    if settings.source == "VIDEOS":
-        return ("left_video", "right_video")
-    return ("left_folder", "right_folder") if settings.source == "IMAGES" else ()
+def is_one_camera(settings: Any) -> bool:
+    """Return whether the left camera captures alone: no right one is chosen, or the calibration has no other."""
+    if settings.source == "SIMULATED":
+        return False
+    if settings.source == "CAMERAS":
+        alone = settings.right_device < 0
+    else:
+        alone = not getattr(settings, "right_video" if settings.source == "VIDEOS" else "right_folder")
+    found = rig(absolute(settings.calibration)) if settings.calibration else None
+    return alone or (isinstance(found, CameraRig) and len(found) == 1)
 
 
-def _rig_text(found: CameraRig) -> str:
+def source_paths(settings: Any) -> tuple[str, ...]:
+    """Return the names of the settings that hold what the cameras took, of the cameras in use."""
+    both: dict[str, tuple[str, ...]] = {
+        "VIDEOS": ("left_video", "right_video"),
+        "IMAGES": ("left_folder", "right_folder"),
+    }
+    return both.get(settings.source, ())[: 1 if is_one_camera(settings) else 2]
+
+
+def _rig_text(found: CameraRig, one: bool) -> str:
+    if one:
+        return "one camera"
     centres = [camera.centre_m for camera in found.cameras]
     apart = float(((centres[0] - centres[-1]) ** 2).sum() ** 0.5)
     rms = found.metadata.get("error")
@@ -160,14 +177,23 @@ def performer(settings: Any) -> State:
     if not settings.subject:
         if is_known(settings):
             return State(True, "simulated performer")
-        return State(False, "not calibrated", "calibrate the performer, or open a subject file, under Subject")
+        how = "use an average body" if is_one_camera(settings) else "calibrate the performer"
+        return State(False, "not calibrated", f"{how}, or open a subject file, under Subject")
     found = subject(absolute(settings.subject))
     if isinstance(found, PerfanimError):
         return _problem(found, "bad file")
     worn = worn_subject(settings)
     if isinstance(worn, PerfanimError) and markers(settings).ready:
         return _problem(worn, "other markers")
-    return State(True, f"{found.name}, {found.residual_m * 1000:.0f} mm")
+    return State(True, performer_text(absolute(settings.subject)))
+
+
+def performer_text(path: str) -> str:
+    """Return who is in a subject file and how well its markers were explained, in a few words."""
+    found = subject(path)
+    if isinstance(found, PerfanimError):
+        return f"{Path(path).stem} (bad file)"
+    return f"{found.name}, {found.residual_m * 1000:.0f} mm" if found.residual_m else f"{found.name}, average body"
 
 
 def motion(settings: Any) -> State:

@@ -4,6 +4,7 @@ Requests (JSON):
     {"job": "capture", ...}: a whole capture, images to poses; starts a process of its own for the cameras.
     {"job": "cameras", ...}: images to marker frames.
     {"job": "record board", ...}, {"job": "record pose", ...}: what the calibrations need, with progress and a RESULT.
+    {"job": "calibrate performer", ...}: the poses recorded and the performer measured from them.
     {"job": "command", "arguments": [...]}: a command of the command line, with its progress as STATUS messages and
         its summary as RESULT, so that long work never freezes Blender.
 """
@@ -24,6 +25,7 @@ _JOBS = {
     "command": ".command_job",
     "record board": ".record_board",
     "record pose": ".record_pose",
+    "calibrate performer": ".calibrate_performer",
 }
 
 

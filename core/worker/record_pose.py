@@ -1,15 +1,19 @@
-"""The performer in the T pose, from which the subject is calibrated.
+"""The performer in calibration poses, one after the other, from which the subject is calibrated.
 
-Request: what `camera_job` takes, and "marker_set" (name or file), "countdown_s" (time to take the pose, cameras only),
-"seconds" (how long it is recorded), "out" (take to write), "floor_out" (calibration to write in a world with the floor
-where the feet stand, if the present one has no floor).
+Request: what `camera_job` takes, and "marker_set" (name or file), "poses" (of `POSES`, upright one first),
+"countdown_s" (time to take the first pose, cameras only), "between_s" (time from each pose to the next), "seconds" (how
+long each is held), "out" (take to write), "floor_out" (calibration to write in a world with the floor where the feet
+stand, if the present one has no floor).
+
+The take goes on between the poses, so that its trajectories do; `pose_points` finds the poses in it.
 """
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from ..calibration_pose import t_pose
+from ..calibration_pose import INSTRUCTIONS, POSES
 from ..camera import CameraRig, save_rig
 from ..errors import CalibrationError, CaptureError, TakeError
 from ..floor_from_feet import floor_points, moved_to_rig
@@ -17,14 +21,18 @@ from ..formats.takes import write_take
 from ..marker_frame import MarkerFrame
 from ..marker_set import MarkerSet, load_marker_set
 from ..marker_take import MarkerTake
+from ..simulate.studio.staging import ARRIVAL_S
 from ..sources.spec import ImageSetLike, ImageSource
+from ..subject_calibration import check_poses
 from ..tracking import track_markers
 from ..tracking_names import named_take
 from ..tracking_single import single_views
 from ..vision.floor import rig_on_floor
-from .camera_job import Stopped, is_live, opened
+from .camera_job import Stopped, is_live, is_simulated, opened
 from .channel import Channel
 from .countdown import Line, counted_down
+
+_LONGEST_S = 60.0  # of a recording in which poses are looked for
 
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:
@@ -34,37 +42,71 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
         PerfanimError: the source cannot be opened or used, or does not show the performer.
     """
     try:
-        channel.send_result(_record(request, channel))
+        channel.send_result(recorded(request, channel)[1])
     except Stopped:
         return
 
 
-def _record(request: Mapping[str, Any], channel: Channel) -> dict[str, Any]:
-    """Write a take of the T pose; a floor is found from its feet."""
+def recorded(request: Mapping[str, Any], channel: Channel) -> tuple[MarkerTake, dict[str, Any]]:
+    """Write a take of the poses; a floor is found from the feet of the first. Return it and what was written.
+
+    Raises:
+        Stopped: a stop was asked for meanwhile. PerfanimError: as in `run`.
+    """
     marker_set = load_marker_set(request["marker_set"])
+    poses = [str(pose) for pose in request["poses"]]
+    check_poses(poses)
+    if is_simulated(request):
+        held = {"poses": poses, "held_s": float(request["seconds"])}
+        request = {**request, "source": {**request["source"], **held}, "between_s": ARRIVAL_S}
     with opened(request, channel) as (source, pipeline):
-        images = iter(source)
-        if is_live(request):
-            counted_down(images, float(request["countdown_s"]), channel, Line("take the T pose"))
-        seconds = float(request["seconds"])
-        frames = [pipeline.process(image_set) for image_set in _for_seconds(images, seconds, channel)]
+        frames = [pipeline.process(images) for images in _moments(request, poses, iter(source), channel)]
     rig = pipeline.rig
+    channel.send_status("joining the markers to trajectories")
     take = _tracked(frames, source, marker_set, rig)
     result: dict[str, Any] = {"frames": take.frames, "out": str(request["out"])}
     if request.get("rig") and "floor" not in rig.metadata:
         try:
-            level = rig_on_floor(rig, floor_points(take, marker_set, t_pose))
+            level = rig_on_floor(rig, floor_points(take, marker_set, POSES[poses[0]]))
         except (TakeError, CalibrationError) as error:
-            result["advice"] = str(error)
+            result["floor_advice"] = str(error)
         else:
             save_rig(level, request["floor_out"])
             take = moved_to_rig(take, rig, level)
             result["calibration"] = str(request["floor_out"])
     write_take(take, request["out"])
-    return result
+    return take, result
 
 
-def _for_seconds(images: Iterator[ImageSetLike], seconds: float, channel: Channel) -> Iterator[ImageSetLike]:
+def _moments(
+    request: Mapping[str, Any], poses: list[str], images: Iterator[ImageSetLike], channel: Channel
+) -> Iterator[ImageSetLike]:
+    """Yield the image sets from the first pose to the last, and tell the performer what to do."""
+    hold_s, between_s = float(request["seconds"]), float(request["between_s"])
+    if is_live(request):
+        counted_down(images, float(request["countdown_s"]), channel, Line(INSTRUCTIONS[poses[0]]))
+    elif not is_simulated(request) and len(poses) > 1:
+        # nobody can be told when: the poses are somewhere in the recording
+        yield from _for_seconds(images, _LONGEST_S, channel, lambda left_s: "looking for the markers")
+        return
+    for number, pose in enumerate(poses):
+        words = INSTRUCTIONS[pose]
+        if number:
+            yield from _for_seconds(images, between_s, channel, _counting(words))
+        yield from _for_seconds(images, hold_s, channel, _holding(words))
+
+
+def _counting(words: str) -> Callable[[float], str]:
+    return lambda left_s: f"{math.ceil(left_s)}: {words}"
+
+
+def _holding(words: str) -> Callable[[float], str]:
+    return lambda left_s: f"hold still: {words}"
+
+
+def _for_seconds(
+    images: Iterator[ImageSetLike], seconds: float, channel: Channel, line: Callable[[float], str]
+) -> Iterator[ImageSetLike]:
     start_s = None
     for image_set in images:
         start_s = image_set.times_s[0] if start_s is None else start_s
@@ -73,13 +115,13 @@ def _for_seconds(images: Iterator[ImageSetLike], seconds: float, channel: Channe
             raise Stopped
         if passed_s >= seconds:
             return
-        channel.send_status("hold the T pose", passed_s / seconds)
+        channel.send_status(line(seconds - passed_s), passed_s / seconds)
         yield image_set
 
 
 def _tracked(frames: list[MarkerFrame], source: ImageSource, marker_set: MarkerSet, rig: CameraRig) -> MarkerTake:
     if not frames:
-        raise CaptureError("there were no images of the T pose", advice="check the source")
-    tracking = track_markers(frames, "T pose", source.fps, len(marker_set))
+        raise CaptureError("there were no images of the poses", advice="check the source")
+    tracking = track_markers(frames, "calibration", source.fps, len(marker_set))
     single = single_views(tracking, frames, rig)
     return named_take(replace(tracking.take, single=single), marker_set)

@@ -3,6 +3,7 @@
 import sys
 import time
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -104,7 +105,9 @@ def test_cameras_are_calibrated_from_board_pictures(part: Any, extension: str, t
             assert cv2.imwrite(str(tmp_path / side / f"{picture.number:03d}.png"), image)
     text = run_job(part, operator, SimpleNamespace())
     assert "px" in text
-    state = part("states").cameras(SimpleNamespace(source="CAMERAS", practise=False, calibration=chosen.calibration))
+    state = part("states").cameras(
+        SimpleNamespace(source="CAMERAS", right_device=1, practise=False, calibration=chosen.calibration)
+    )
     assert state.ready
     assert "1.80 m" in state.text
 
@@ -116,8 +119,8 @@ def test_the_board_is_written_to_be_printed(part: Any, tmp_path: Path) -> None:
     assert (tmp_path / "board.pdf").read_bytes().startswith(b"%PDF")
 
 
-def test_a_newcomer_calibrates_everything_in_the_sidebar(part: Any, tmp_path: Path) -> None:
-    """Board pictures, cameras, T pose, performer: with the simulated ones treated like real ones."""
+def test_a_newcomer_calibrates_everything_in_the_sidebar(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Board pictures, cameras, the performer in three poses: with the simulated ones treated like real ones."""
     chosen, states = bpy.context.scene.perfanim, part("states")
     chosen.practise = True
     assert "calibrate the cameras" in states.first_problem(chosen)
@@ -130,10 +133,14 @@ def test_a_newcomer_calibrates_everything_in_the_sidebar(part: Any, tmp_path: Pa
     text = run_job(part, cameras.PERFANIM_OT_calibrate_cameras, SimpleNamespace())
     assert text.startswith("good")
     assert "calibrate the performer" in states.first_problem(chosen)
-    text = run_job(part, subject.PERFANIM_OT_record_t_pose, SimpleNamespace())
-    assert text == "120 frames of the T pose: calibrate now"
-    run_job(part, subject.PERFANIM_OT_calibrate_subject, SimpleNamespace())
+    assert not bpy.ops.perfanim.use_profile.poll()
+    chosen.subject_name = "Zoë 2"
+    monkeypatch.setattr(subject, "HELD_S", 1.25)
+    text = run_job(part, subject.PERFANIM_OT_calibrate_performer, SimpleNamespace())
+    assert text.startswith(("good: residual ", "usable: residual "))
     assert states.first_problem(chosen) == ""
+    assert states.performer(chosen).text.startswith("Zoë 2, ")
+    assert [label for _, label, _ in subject._profile_items(None, bpy.context)] == [states.performer(chosen).text]
     # upright is where the performer's body points, who leans up to 3 degrees: 0.17 m at the cameras, 3.3 m away
     found, true = load_rig(chosen.calibration), default_rig()
     for camera, other in zip(found.cameras, true.cameras, strict=True):
@@ -141,6 +148,17 @@ def test_a_newcomer_calibrates_everything_in_the_sidebar(part: Any, tmp_path: Pa
         tilt = camera.rotation @ [0.0, 1.0, 0.0] @ (other.rotation @ [0.0, 1.0, 0.0])
         assert np.degrees(np.arccos(min(tilt, 1.0))) < 3.0
     performer = load_subject(chosen.subject)
+    assert performer.name == "Zoë 2"
     lengths = [np.linalg.norm(s.offsets_m[1:], axis=1).sum() for s in (performer.skeleton, default_skeleton(1.75))]
     assert lengths[0] == pytest.approx(lengths[1], rel=0.05)
     assert part("capture_setup").cameras(chosen)["rig"] == chosen.calibration
+
+
+def test_the_performer_hears_the_last_seconds_and_the_hold(part: Any) -> None:
+    cue = part("operators.subject").cue
+    said = ["learning the background", "4: arms out", "3: arms out", "3: arms out", "2: arms out", "1: arms out"]
+    said += ["hold still: arms out", "hold still: arms out", "5: arms down"]
+    heard = [cue(before, now) for before, now in pairwise(said)]
+    low, high, done = heard[1], heard[5], heard[7]
+    assert heard == [None, low, None, low, low, high, None, done]
+    assert len({low, high, done, None}) == 4

@@ -21,6 +21,7 @@ from .performance import Performance, make_performance
 from .render import FrameTruth, Renderer, StudioFrame
 from .rig import FPS, default_rig
 from .settings import StudioSettings
+from .staging import with_poses
 
 Image = NDArray[np.uint8]
 
@@ -119,21 +120,21 @@ def open_simulated(spec: Mapping[str, Any]) -> SimulatedSource:
     """Return the simulated performer as described; every key has a default.
 
     Keys: behaviour ("demo": the demo's performance, or one of the performer's), seconds (60), style ("neutral"),
-    seed (0), height_m (1.75), marker_set ("boxing"), cameras (2), fps (60), live (False), loop (as live), and
-    studio: a table of `StudioSettings`.
+    seed (0), height_m (1.75), marker_set ("boxing"), cameras (2), fps (60), live (False), loop (as live), poses
+    (calibration poses held before it, none) and held_s (each of them, 2), and studio: a table of `StudioSettings`.
 
     Raises:
         SettingsError: an unknown key, behaviour, style or setting.
         MarkerSetError: the marker set is unknown or has no offsets.
     """
     known = {"kind", "behaviour", "seconds", "style", "seed", "height_m", "marker_set", "cameras", "fps", "live"}
-    unknown = sorted(set(spec) - known - {"loop", "studio"})
+    unknown = sorted(set(spec) - known - {"loop", "studio", "poses", "held_s"})
     if unknown:
         raise SettingsError("unknown setting " + ", ".join(unknown), where="simulated performer")
     live = bool(spec.get("live", False))
     loop = bool(spec.get("loop", live))
     fps = float(spec.get("fps") or FPS)
-    motion = _motion(spec, fps)
+    motion = with_poses(_motion(spec, fps), spec.get("poses", ()), float(spec.get("held_s", 2.0)))
     renderer = Renderer(default_rig(int(spec.get("cameras", 2))), studio_settings(spec.get("studio", {})))
     return simulated_source(motion, str(spec.get("marker_set", "boxing")), renderer, fps=fps, live=live, loop=loop)
 

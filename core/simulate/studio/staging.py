@@ -15,7 +15,7 @@ from .body import make_body
 
 Array = NDArray[np.float64]
 
-_ARRIVAL_S = 1.0  # time from a pose to the next, or to the motion's first
+ARRIVAL_S = 1.0  # time from a pose to the next, or to the motion's first
 
 
 def on_stage(motion: Motion) -> Motion:
@@ -63,7 +63,7 @@ def with_poses(motion: Motion, poses: Sequence[str], seconds: float) -> Motion:
 
 def _between(start: tuple[Array, Array], end: tuple[Array, Array], fps: float) -> tuple[Array, Array]:
     """Return the frames, rotations (F, J, 4) and root positions (F, 3), that lead from one pose to another."""
-    steps = max(round(_ARRIVAL_S * fps), 1)
+    steps = max(round(ARRIVAL_S * fps), 1)
     f = np.arange(1, steps) / steps
     ease = f * f * (3.0 - 2.0 * f)
     shape = (len(ease), *start[0].shape)

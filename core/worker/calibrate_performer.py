@@ -1,0 +1,35 @@
+"""The performer recorded in the calibration poses and measured from them, in one go.
+
+Request: what `record_pose` takes, and "name" (of the performer) and "subject_out" (subject to write). The RESULT is
+that of `record_pose` with "subject" (the file), "residual_mm", "verdict" and "advice".
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from ..assets import SKELETONS
+from ..marker_set import load_marker_set, save_subject
+from ..simulate.performer.bodies import load_bodies
+from ..subject_calibration import calibrate_subject, pose_points
+from .camera_job import Stopped
+from .channel import Channel
+from .record_pose import recorded
+
+
+def run(request: Mapping[str, Any], channel: Channel) -> None:
+    """Record and calibrate; there is no RESULT when a stop was asked for.
+
+    Raises:
+        PerfanimError: the source cannot be opened or used, does not show the performer, or a pose was not held.
+    """
+    try:
+        take, result = recorded(request, channel)
+    except Stopped:
+        return
+    channel.send_status("measuring the performer")
+    marker_set, poses = load_marker_set(request["marker_set"]), [str(pose) for pose in request["poses"]]
+    points = pose_points(take, marker_set, poses)
+    found = calibrate_subject(points, marker_set, load_bodies(SKELETONS), str(request["name"]), *poses)
+    save_subject(found.subject, request["subject_out"])
+    measured = {"residual_mm": 1e3 * found.subject.residual_m, "verdict": found.verdict, "advice": list(found.advice)}
+    channel.send_result({**result, **measured, "subject": str(request["subject_out"])})

@@ -1,0 +1,51 @@
+"""Recording the performer in calibration poses, by the real worker."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+from perfanim.core.calibration_pose import INSTRUCTIONS
+from perfanim.core.formats.takes import read_take
+from perfanim.core.marker_set import load_marker_set
+from perfanim.core.subject_calibration import pose_points
+from perfanim.core.worker.client import WorkerClient
+from perfanim.core.worker.protocol import MessageKind
+
+PATIENCE_S = 120.0
+
+
+def test_the_performer_is_told_each_pose_and_recorded_in_it(tmp_path: Path) -> None:
+    request = {
+        "job": "record pose",
+        "source": {"kind": "simulated", "marker_set": "boxing", "fps": 30},
+        "marker_set": "boxing",
+        "poses": ["t", "hanging"],
+        "countdown_s": 9.0,
+        "between_s": 9.0,
+        "seconds": 1.25,
+        "out": str(tmp_path / "poses.take.npz"),
+    }
+    client, messages = WorkerClient(request), []
+    limit = time.monotonic() + PATIENCE_S
+    try:
+        while not client.ended:
+            messages += client.poll()
+            client.wait(0.05)
+            assert time.monotonic() < limit
+    finally:
+        client.close()
+    said = list(dict.fromkeys(str(m.json()["activity"]) for m in messages if m.kind is MessageKind.STATUS))
+    poses = [line for line in said if any(words in line for words in INSTRUCTIONS.values())]
+    # the simulated performer needs a second from one pose to the next, and is ready for the first
+    assert poses == [
+        "hold still: " + INSTRUCTIONS["t"],
+        "1: " + INSTRUCTIONS["hanging"],
+        "hold still: " + INSTRUCTIONS["hanging"],
+    ]
+    (result,) = [m.json() for m in messages if m.kind is MessageKind.RESULT]
+    take, worn = read_take(result["out"]), load_marker_set("boxing")
+    assert take.frames == result["frames"] >= 3.4 * 30
+    points = pose_points(take, worn, request["poses"])
+    hands = [worn.names.index(name) for name in ("LHAN", "RHAN")]
+    across = np.linalg.norm(points[:, hands[0]] - points[:, hands[1]], axis=-1)
+    assert across[0] > 2.0 * across[1]  # arms out, then down
