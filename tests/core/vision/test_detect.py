@@ -62,6 +62,27 @@ def test_foreground_is_where_any_channel_differs_by_more_than_the_threshold(draw
     assert dilated[99:102, 199:202].all() and dilated.sum() == 18 * 255
 
 
+def test_foreground_is_also_what_is_darker_than_the_background(draw):
+    lit = np.zeros((480, 640, 3)) + 200.0
+    quiet = learned_background(draw(np.empty((0, 2)), 1, background=lit, noise=0.0) for _ in range(3))
+    image = draw(np.empty((0, 2)), 1, background=lit, noise=0.0)
+    image[100, 200] = (200, 169, 200)
+    image[110, 200] = (200, 170, 230)
+    image[120, 200] = (0, 200, 200)
+    mask = Detector(quiet, DetectionSettings(threshold=30.0, dilation_px=0)).foreground(image)
+    assert mask[100, 200] == 255 and mask[120, 200] == 255
+    assert mask.sum() == 2 * 255
+
+
+def test_blobs_measured_together_are_what_each_is_alone(draw):
+    centres = grid(8, 6)
+    images = [draw(centres[i : i + 1], 2.0 + i, noise=0.0, background=0.0) for i in range(len(centres))]
+    blobs = Detector().detect(np.maximum.reduce(images))
+    alone = np.concatenate([Detector().detect(image) for image in images])
+    assert len(blobs) == len(alone) == len(centres)
+    np.testing.assert_array_equal(matched(blobs, centres), matched(alone, centres))
+
+
 def test_noisy_pixels_need_more_than_quiet_ones(draw):
     rng = np.random.default_rng(4)
     learner = BackgroundLearner()
