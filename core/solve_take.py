@@ -1,13 +1,17 @@
 """A whole marker take solved to a motion."""
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import rotations as rot
+from .camera import CameraRig
 from .database.store import Database
+from .errors import TakeError
+from .marker_frame import MarkerFrame
 from .marker_set import Subject
 from .marker_take import MarkerTake
 from .motion import Motion
@@ -15,6 +19,7 @@ from .pose_frame import PoseFrame
 from .session import Session
 from .solver.settings import SolveSettings
 from .sources.take import take_frames
+from .take_file.reading import TakeFile, rate
 
 _REPORT_EVERY = 30  # frames between two signs of progress
 
@@ -53,19 +58,79 @@ def solve_take(
     progress: Callable[[float, str], None],
 ) -> SolvedTake:
     """Solve every frame of a labelled take in order, with what single cameras show where the take has it."""
-    frames = take_frames(take, subject.marker_set)
     session = Session(subject, database, take.single.rig if take.single is not None else None, settings)
+    frames = list(take_frames(take, subject.marker_set))
+    poses, seconds = _solved(frames, session, f"solving {take.name}", progress)
+    return SolvedTake(tuple(poses), motion_of(poses, subject, take.name, take.fps), seconds)
+
+
+def solve_recorded(
+    take: TakeFile,
+    frames: Sequence[MarkerFrame],
+    rig: CameraRig,
+    subject: Subject,
+    database: Database,
+    settings: SolveSettings,
+    progress: Callable[[float, str], None],
+) -> SolvedTake:
+    """Solve a recorded take as it was solved live.
+
+    Args:
+        take: what was recorded.
+        frames: its marker frames, or others made of its 2D detections.
+        rig: the cameras that see them.
+
+    Raises:
+        TakeError: there are not two frames.
+    """
+    session = Session(subject, database, rig, settings)
+    name = take.notes.name
+    poses, seconds = _solved(frames, session, f"solving {name}", progress)
+    return SolvedTake(tuple(poses), steady_motion(poses, subject, name, str(take.path)), seconds)
+
+
+def _solved(
+    frames: Sequence[MarkerFrame], session: Session, activity: str, progress: Callable[[float, str], None]
+) -> tuple[list[PoseFrame], NDArray[np.float64]]:
+    """Return the poses of frames in order, and the time (F,) that each took."""
     poses, seconds = [], []
     for i, frame in enumerate(frames):
         if i % _REPORT_EVERY == 0:
-            progress(i / take.frames, f"solving {take.name}")
+            progress(i / len(frames), activity)
         start = time.perf_counter()
         poses.append(session.step(frame))
         seconds.append(time.perf_counter() - start)
-    return SolvedTake(tuple(poses), motion_of(poses, subject, take.name, take.fps), np.array(seconds))
+    return poses, np.array(seconds)
 
 
-def motion_of(poses: list[PoseFrame], subject: Subject, name: str, fps: float) -> Motion:
+def steady_motion(poses: Sequence[PoseFrame], subject: Subject, name: str, where: str) -> Motion:
+    """Return recorded poses as a motion: one frame a number, those that were lost on the way between their neighbours.
+
+    Raises:
+        TakeError: there are not two poses, or their numbers do not ascend.
+    """
+    numbers = np.array([pose.number for pose in poses])
+    if len(numbers) < 2 or np.any(np.diff(numbers) < 1):
+        raise TakeError(f"has {len(numbers)} poses that make no motion", where=where, advice="record a longer take")
+    fps = rate(np.array([pose.time_s for pose in poses]), numbers)
+    motion = motion_of(poses, subject, name, fps)
+    wanted = np.arange(numbers[0], numbers[-1] + 1)
+    if len(wanted) == len(numbers):
+        return motion
+    after = np.maximum(np.searchsorted(numbers, wanted), 1)
+    before = after - 1
+    share = ((wanted - numbers[before]) / (numbers[after] - numbers[before]))[:, None]
+    rotations, positions = motion.rotations, motion.root_positions_m
+    return replace(
+        motion,
+        rotations=rot.slerp(
+            rotations[before], rotations[after], np.broadcast_to(share, (len(wanted), len(rotations[0])))
+        ),
+        root_positions_m=positions[before] + share * (positions[after] - positions[before]),
+    )
+
+
+def motion_of(poses: Sequence[PoseFrame], subject: Subject, name: str, fps: float) -> Motion:
     """Return pose frames of steady rate as a motion of the subject's skeleton."""
     return Motion(
         name,

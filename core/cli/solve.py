@@ -5,57 +5,107 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..database.store import open_database
-from ..errors import SubjectError
+from ..camera import load_rig
+from ..database.store import identity, open_database
+from ..errors import SubjectError, TakeError
 from ..formats.bvh import write_bvh
-from ..formats.takes import read_take
+from ..formats.takes import is_recorded, read_take
 from ..marker_filter import smoothed, smoothed_motion
 from ..marker_set import Subject, load_marker_set, load_subject
 from ..marker_take import MarkerTake
 from ..motion_files import read_skeleton
-from ..solve_take import solve_take
+from ..solve_take import SolvedTake, solve_recorded, solve_take
 from ..solver.settings import METHODS, SolveSettings
+from ..take_file.reading import read_take_file
 
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
     parser = subparsers.add_parser("solve", help="full-body motion from a marker take")
-    parser.add_argument("take", metavar="TAKE", help="marker take: .take.npz, .c3d, .trc or .csv")
-    parser.add_argument("--database", required=True, metavar="DB", help="motion database")
-    body = parser.add_mutually_exclusive_group(required=True)
-    body.add_argument("--subject", metavar="FILE", help="calibrated subject (skeleton and marker offsets)")
+    parser.add_argument("take", metavar="TAKE", help="marker take: .take.npz, .c3d, .trc or .csv; or a .perftake")
+    parser.add_argument(
+        "--database", metavar="DB", help="motion database (a .perftake knows the one it was recorded with)"
+    )
+    body = parser.add_mutually_exclusive_group()
+    body.add_argument(
+        "--subject", metavar="FILE", help="calibrated subject, skeleton and marker offsets (a .perftake holds its own)"
+    )
     body.add_argument("--skeleton", metavar="FILE", help=".asf or .bvh whose bones are used; needs --marker-set")
     parser.add_argument("--marker-set", metavar="NAME", help="shipped marker set or TOML file (default: the subject's)")
-    parser.add_argument("--method", choices=METHODS, default="best", help="how poses are found (default best)")
+    parser.add_argument(
+        "--cameras",
+        metavar="cameras.toml",
+        help="of a .perftake: another calibration, by which its 2D detections are located anew (default: as live)",
+    )
+    parser.add_argument("--method", choices=METHODS, help="how poses are found (default best; of a .perftake, as live)")
     parser.add_argument(
         "--smooth",
         type=float,
         metavar="HZ",
-        help="low-pass markers before and motion after, without lag; 6 suits walking (default: off)",
+        help="low-pass markers before and motion after, without lag; 6 suits walking; of a .perftake the motion alone "
+        "(default: off)",
     )
     parser.add_argument("--out", required=True, metavar="MOTION.bvh", help="motion to write")
     parser.add_argument("--units", choices=("m", "cm"), default="m", help="unit of the BVH file (default m)")
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, wrong_usage=parser.error)
 
 
 def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
     """Solve a take and write its motion."""
+    recorded = is_recorded(args.take)
+    if not recorded and args.database is None:
+        args.wrong_usage("the following arguments are required: --database")
+    if not recorded and args.subject is None and args.skeleton is None:
+        args.wrong_usage("one of the arguments --subject --skeleton is required")
+    if not recorded and args.cameras is not None:
+        args.wrong_usage("argument --cameras: only a .perftake holds what cameras saw")
     progress(0.0, "reading")
+    solved, facts = _solve_recorded(args, progress) if recorded else _solve_markers(args, progress)
+    motion = solved.motion if args.smooth is None else smoothed_motion(solved.motion, args.smooth)
+    write_bvh(motion, args.out, args.units)
+    return solved.summary() | {"fps": motion.fps} | facts | {"out": str(Path(args.out))}
+
+
+def _solve_markers(
+    args: argparse.Namespace, progress: Callable[[float, str], None]
+) -> tuple[SolvedTake, dict[str, Any]]:
+    """Solve labelled markers."""
     take = read_take(args.take)
     if args.smooth is not None:
         take = smoothed(take, args.smooth)
     subject = _subject(args)
-    database = open_database(args.database)
-    settings = SolveSettings(method=args.method)
-    solved = solve_take(take, subject, database, settings, progress)
-    motion = solved.motion if args.smooth is None else smoothed_motion(solved.motion, args.smooth)
-    write_bvh(motion, args.out, args.units)
-    return solved.summary() | {
-        "method": settings.method,
-        "fps": take.fps,
-        "warnings": _differences(take, subject),
-        "out": str(Path(args.out)),
-    }
+    settings = SolveSettings(method=args.method or "best")
+    solved = solve_take(take, subject, open_database(args.database), settings, progress)
+    return solved, {"method": settings.method, "warnings": _differences(take, subject)}
+
+
+def _solve_recorded(
+    args: argparse.Namespace, progress: Callable[[float, str], None]
+) -> tuple[SolvedTake, dict[str, Any]]:
+    """Solve what cameras saw, with what was in use then unless something else is given."""
+    take = read_take_file(args.take)
+    setup = take.setup
+    rig, frames = setup.camera_rig(), take.frames
+    if args.cameras is not None:
+        from ..vision.located_anew import located_anew  # images' libraries are slow to load
+
+        progress(0.0, "locating the markers anew")
+        rig = load_rig(args.cameras)
+        frames = tuple(located_anew(rig, frames))
+    subject = _subject(args, setup.worn_subject())
+    try:
+        settings = SolveSettings(**dict(setup.settings) | ({"method": args.method} if args.method else {}))
+    except TypeError as error:
+        raise TakeError(f"was solved with settings that are unknown here ({error})", where=str(args.take)) from error
+    path = args.database or setup.database.get("path", "")
+    if not path:
+        raise TakeError("does not tell its motion database", where=str(args.take), advice="give --database")
+    database = open_database(path)
+    solved = solve_recorded(take, frames, rig, subject, database, settings, progress)
+    warnings = list(take.problems)
+    if args.database is None and identity(database)["sha256"] != setup.database.get("sha256"):
+        warnings.append(f"{path} has changed since the take was recorded")
+    return solved, {"method": settings.method, "warnings": warnings, "complete": take.complete}
 
 
 def _differences(take: MarkerTake, subject: Subject) -> list[str]:
@@ -68,13 +118,13 @@ def _differences(take: MarkerTake, subject: Subject) -> list[str]:
     ] * bool(unused)
 
 
-def _subject(args: argparse.Namespace) -> Subject:
-    if args.subject is None:
+def _subject(args: argparse.Namespace, recorded: Subject | None = None) -> Subject:
+    if args.skeleton is not None:
         if args.marker_set is None:
             raise SubjectError("--skeleton needs --marker-set", advice="name the marker set that was worn")
         skeleton = read_skeleton(args.skeleton)
         return Subject(Path(args.skeleton).stem, skeleton, load_marker_set(args.marker_set))
-    subject = load_subject(args.subject)
+    subject = load_subject(args.subject) if args.subject is not None or recorded is None else recorded
     if args.marker_set is None:
         return subject
     chosen = load_marker_set(args.marker_set)
@@ -83,7 +133,7 @@ def _subject(args: argparse.Namespace) -> Subject:
     if uncalibrated:
         raise SubjectError(
             "no offset is known for " + ", ".join(uncalibrated),
-            where=str(args.subject),
+            where=str(args.subject or args.take),
             advice="calibrate the subject with this marker set",
         )
     markers = tuple(known.get(marker.name, marker) for marker in chosen.markers)

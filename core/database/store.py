@@ -303,6 +303,14 @@ def open_database(path: str | Path) -> Database:
     )
 
 
+def identity(database: Database) -> dict[str, Any]:
+    """Return what tells later whether a database is this one: its file, frames, rate and the digest of its header."""
+    with database.path.open("rb") as stream:
+        digest = _PREAMBLE.unpack(stream.read(_PREAMBLE.size))[-1].hex()
+    path = str(database.path.resolve())
+    return {"path": path, "frames": database.frames, "fps": database.fps, "sha256": digest}
+
+
 def _mapped(path: Path, start: int, row: Mapping[str, Any]) -> NDArray[Any]:
     return np.memmap(path, dtype=row["dtype"], mode="r", offset=start + row["offset"], shape=tuple(row["shape"]))
 

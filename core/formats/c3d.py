@@ -49,6 +49,11 @@ def read_c3d(path: Path | str) -> MarkerTake:
     return _Reader(read_bytes(path), str(path)).read()
 
 
+def declared_frames(path: Path | str) -> int:
+    """Return how many frames the header of a C3D file promises, 0 when it leaves that open; errors as in `read_c3d`."""
+    return _Reader(read_bytes(path), str(path)).declared()
+
+
 class _Reader:
     def __init__(self, data: bytes, where: str) -> None:
         if len(data) < 2 * _BLOCK or data[1] != _KEY:
@@ -82,6 +87,10 @@ class _Reader:
         times = (numbers - layout.first_frame) / layout.fps
         names = self._names(parameters, layout.points)
         return make_take(self.where, Path(self.where).stem, layout.fps, names, positions, numbers, times)
+
+    def declared(self) -> int:
+        frames = max(self._word(5) - self._word(4) + 1, 0)
+        return frames if frames < 0xFFFF else 0
 
     def _names(self, parameters: dict[tuple[str, str], list[Any]], count: int) -> list[str]:
         labels: list[str] = []

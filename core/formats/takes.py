@@ -5,6 +5,7 @@ from pathlib import Path
 from ..errors import FormatError
 from ..marker_take import MarkerTake, load_take, save_take
 from ..take_file.reading import ENDING
+from . import c3d, trc
 from .c3d import read_c3d
 from .c3d_write import write_c3d
 from .own_take import read_own_take
@@ -37,6 +38,13 @@ def read_take(path: Path | str) -> MarkerTake:
     if path.suffix.lower() not in readers:
         raise FormatError("is no marker take", where=str(path), advice="give one of " + ", ".join(READABLE))
     return readers[path.suffix.lower()](path)
+
+
+def declared_frames(path: Path | str) -> int:
+    """Return how many frames the header of a file that `read_take` reads promises, 0 when it has no place for that."""
+    counters = {".c3d": c3d.declared_frames, ".trc": trc.declared_frames}
+    count = counters.get(Path(path).suffix.lower())
+    return count(path) if count else 0
 
 
 def check_writable(path: Path | str) -> None:

@@ -40,6 +40,13 @@ def read_trc(path: Path | str) -> MarkerTake:
     return make_take(where, Path(where).stem, fps, names, positions, rows[:, 0], rows[:, 1])
 
 
+def declared_frames(path: Path | str) -> int:
+    """Return how many frames the header of a TRC file promises, 0 when it leaves that open; errors as in `read_trc`."""
+    lines = read_bytes(path).decode("utf-8", errors="replace").splitlines()
+    frames = _number(_header(lines, str(path)).get("numframes", ""))
+    return int(frames) if frames > 0.0 else 0
+
+
 def _header(lines: list[str], where: str) -> dict[str, str]:
     keys, values = lines[1].split("\t"), lines[2].split("\t")
     header = {k.strip().lower(): v.strip() for k, v in zip(keys, values, strict=False)}

@@ -55,6 +55,7 @@ class TakeWriter:
         self._index: list[tuple[int, int]] = []  # kind and offset, by sequence number
         self._frames_in: deque[bytes] = deque()
         self._poses_in: deque[bytes] = deque()
+        self._events_in: deque[str] = deque()
         self._first_frame = self._last_frame = b""
         self._waiting = bytearray(preamble())  # encoded, not written
         self._dropped = 0
@@ -77,16 +78,18 @@ class TakeWriter:
         """Keep a solved pose (`pose_bytes.pack_solved`)."""
         self._poses_in.append(record)
 
-    def close(self, reason: str = "") -> None:
-        """Write what is left and the end mark; `reason` says what ended the take early. Safe to call twice."""
+    def add_event(self, text: str) -> None:
+        """Keep a line about what went wrong."""
+        self._events_in.append(text)
+
+    def close(self) -> None:
+        """Write what is left and the end mark; safe to call twice."""
         if self._closed:
             return
         self._ending.set()
         for thread in self._threads:
             thread.join()
         self._collect()
-        if reason:
-            self._event(reason)
         self._queue(ChunkKind.SETUP, self._setup.to_json())  # again, for the case that the first is damaged
         self._queue_end()
         self._write()
@@ -124,6 +127,8 @@ class TakeWriter:
             self._queue(ChunkKind.FRAMES, join_records(frames))
         if poses:
             self._queue(ChunkKind.POSES, join_records(poses))
+        while self._events_in:
+            self._event(self._events_in.popleft())
 
     def _event(self, text: str) -> None:
         self._queue(ChunkKind.EVENT, json.dumps({"frames": self.frames, "text": text}).encode("utf-8"))

@@ -4,7 +4,8 @@ Three processes share the work: the cameras' (OpenCV), this one (the solver) and
 nothing to do but to put poses on the armature, so that the window stays as quick as without a capture. Every marker
 frame that the cameras' process hands over is solved here in order and handed on; nobody drops or waits.
 
-Request: "cameras" (request of `camera_job`), "subject" (file), "database" (file), "settings" (of `SolveSettings`).
+Request: "cameras" (request of `camera_job`), "subject" (file), "database" (file), "settings" (of `SolveSettings`),
+"take" (file that keeps the capture as it comes, see `take_file`; without it none does), "character" (who is driven).
 """
 
 import os
@@ -14,18 +15,21 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..camera import CameraRig, load_rig
-from ..database.store import open_database
+from ..database.store import Database, identity, open_database
 from ..errors import CaptureError, PerfanimError, SettingsError
 from ..marker_set import load_subject
-from ..pose_bytes import SolvedPose
+from ..pose_bytes import SolvedPose, pack_solved
 from ..session import Session
 from ..simulate.studio.rig import default_rig
 from ..solver.settings import SolveSettings
+from ..take_file.setup import TakeNotes, TakeSetup
+from ..take_file.writer import TakeWriter
 from .channel import Channel
 from .client import WorkerClient
 from .protocol import Message, MessageKind
 
 STOP_LIMIT_S = 5.0
+GONE_LIMIT_S = 1.0  # the same when Blender is gone: the process has three seconds then, see `channel`
 _IDLE_S = 0.02
 _FULL_S = 0.25
 _RECORDED_NICENESS = 14
@@ -49,10 +53,20 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
         cameras["in_flight"] = _FRAMES_AHEAD
     channel.send_status("opening the cameras")
     client = WorkerClient({**cameras, "job": "cameras"})
+    take = None
     try:
+        database = open_database(request["database"])
+        setup, session = _session(request, cameras, database)
+        take = _take(request, setup, channel)
         ahead = _POSES_AHEAD if kind == "simulated" else None
-        _Relay(client, _session(request, cameras), channel, ahead).run()
+        _Relay(client, session, channel, ahead, take).run()
+    except PerfanimError as error:
+        if take is not None:
+            take.add_event(f"ended: {error}")
+        raise
     finally:
+        if take is not None:
+            take.close()
         client.close()
 
 
@@ -62,13 +76,27 @@ def _give_way(niceness: int) -> None:
         os.nice(niceness)
 
 
-def _session(request: Mapping[str, Any], cameras: Mapping[str, Any]) -> Session:
+def _session(request: Mapping[str, Any], cameras: Mapping[str, Any], database: Database) -> tuple[TakeSetup, Session]:
+    """Return what a take of the capture begins with, and the session made of just that."""
+    given = request.get("settings", {})
     try:
-        settings = SolveSettings(**request.get("settings", {}))
+        settings = SolveSettings(**given)
     except TypeError as error:
         raise SettingsError(str(error), where="solver") from error
-    subject, database = load_subject(request["subject"]), open_database(request["database"])
-    return Session(subject, database, _rig(cameras), settings)
+    setup = TakeSetup.of(_rig(cameras), load_subject(request["subject"]), given, identity(database), cameras)
+    return setup, Session(setup.worn_subject(), database, setup.camera_rig(), settings)
+
+
+def _take(request: Mapping[str, Any], setup: TakeSetup, channel: Channel) -> TakeWriter | None:
+    """Return the take that is asked for; one that cannot be written is told and does not hold the capture up."""
+    if not request.get("take"):
+        return None
+    notes = TakeNotes(character=str(request.get("character", "")))
+    try:
+        return TakeWriter(str(request["take"]), setup, notes, channel.send_warning)
+    except PerfanimError as error:
+        channel.send_warning(f"this capture is not kept as a take: {error}")
+        return None
 
 
 def _rig(cameras: Mapping[str, Any]) -> CameraRig:
@@ -76,15 +104,23 @@ def _rig(cameras: Mapping[str, Any]) -> CameraRig:
 
 
 class _Relay:
-    """Takes messages of the cameras' process, solves frames, hands everything on."""
+    """Takes messages of the cameras' process, keeps and solves frames, hands everything on."""
 
-    def __init__(self, client: WorkerClient, session: Session, channel: Channel, poses_ahead: int | None) -> None:
+    def __init__(
+        self,
+        client: WorkerClient,
+        session: Session,
+        channel: Channel,
+        poses_ahead: int | None,
+        take: TakeWriter | None,
+    ) -> None:
         self._client = client
+        self._kept = take
         self._poses_ahead = poses_ahead
         self._session = session
         self._channel = channel
         self._pending: deque[Message] = deque()
-        self._solved: SolvedPose | None = None  # ahead of time: Blender has it as soon as it has taken the last
+        self._solved: bytes | None = None  # ahead of time: Blender has it as soon as it has taken the last
         self._stop_asked_s = 0.0
         self._error: PerfanimError | None = None
 
@@ -92,6 +128,9 @@ class _Relay:
         """Go on until the cameras' process has ended and all its frames are solved; raises what ended it early."""
         while self._solved or self._pending or not (self._client.ended or self._error):
             self._collect()
+            if self._channel.gone.is_set():  # the frames are kept; their poses can be solved at any time
+                self._pending.clear()
+                self._solved = None
             if self._solved is not None and not self._is_far_ahead():
                 self._hand_over(self._solved)
             elif self._solved is not None and self._poses_ahead is not None:
@@ -125,29 +164,37 @@ class _Relay:
         if not self._stop_asked_s:
             self._stop_asked_s = time.monotonic()
             self._client.request_stop()
-        elif time.monotonic() - self._stop_asked_s > STOP_LIMIT_S:
+        elif time.monotonic() - self._stop_asked_s > (GONE_LIMIT_S if self._channel.gone.is_set() else STOP_LIMIT_S):
             raise CaptureError("the cameras did not stop in time", advice="unplug the camera that hangs")
 
     def _take(self, message: Message) -> None:
         if message.kind is MessageKind.FRAME:
             self._pending.append(message)
+            if self._kept is not None:
+                self._kept.add_frame(message.payload)
         elif message.kind is MessageKind.STATUS:
             content = message.json()
             self._channel.send_status(str(content.get("activity", "")), content.get("fraction"))
         elif message.kind is MessageKind.WARNING:
-            self._channel.send_warning(str(message.json().get("text", "")))
+            text = str(message.json().get("text", ""))
+            self._channel.send_warning(text)
+            if self._kept is not None:
+                self._kept.add_event(text)
         elif message.kind is MessageKind.END:
             self._channel.final["handed_over"] = int(message.json().get("frames", -1))
         elif message.kind is MessageKind.ERROR:
             raise message.error()
 
-    def _solve(self, message: Message) -> SolvedPose:
+    def _solve(self, message: Message) -> bytes:
         stamp_s, frame = message.frame()
         started_s = time.perf_counter()
         pose = self._session.step(frame)
-        return SolvedPose(pose, stamp_s, time.perf_counter() - started_s, len(self._pending))
+        record = pack_solved(SolvedPose(pose, stamp_s, time.perf_counter() - started_s, len(self._pending)))
+        if self._kept is not None:
+            self._kept.add_pose(record)
+        return record
 
-    def _hand_over(self, solved: SolvedPose) -> None:
+    def _hand_over(self, record: bytes) -> None:
         self._solved = None
-        self._channel.send_pose(solved)
+        self._channel.send_pose(record)
         self._client.confirm_taken(self._channel.frames)

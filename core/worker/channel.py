@@ -12,10 +12,12 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..errors import PerfanimError
 from ..marker_frame import MarkerFrame
-from ..pose_bytes import SolvedPose
-from .protocol import Decoder, Message, MessageKind, encode_frame, encode_json, encode_pose
+from .protocol import Decoder, Message, MessageKind, encode, encode_frame, encode_json, encode_preview
 
 HEARTBEAT_S = 0.5
 _PARENT_GONE_GRACE_S = 3.0
@@ -34,6 +36,7 @@ class Channel:
         self._queue: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
         self._requests: queue.SimpleQueue[Message] = queue.SimpleQueue()
         self.stop_requested = threading.Event()
+        self.gone = threading.Event()  # Blender has closed the connection, or died: nobody reads what is sent
         self._news = threading.Condition()  # of `taken` or `stop_requested`
         self.activity = "starting"
         self.frames = 0
@@ -68,10 +71,14 @@ class Channel:
         self.frames += 1
         self._queue.put(encode_frame(stamp_s, frame))
 
-    def send_pose(self, solved: SolvedPose) -> None:
-        """Hand a solved pose over."""
+    def send_pose(self, record: bytes) -> None:
+        """Hand a solved pose over (`pose_bytes.pack_solved`)."""
         self.frames += 1
-        self._queue.put(encode_pose(solved))
+        self._queue.put(encode(MessageKind.POSE, record))
+
+    def send_preview(self, picture: NDArray[np.uint8]) -> None:
+        """Hand over a picture (height, width, 3), RGB, to be shown."""
+        self._queue.put(encode_preview(picture))
 
     def send_status(self, activity: str, fraction: float | None = None, **details: Any) -> None:
         """Say what is being done; `fraction` of the work done where that is known."""
@@ -137,7 +144,8 @@ class Channel:
                         self._news.notify_all()
                 else:
                     self._requests.put(message)
-        # Blender closed the connection or died. A job that does not end by itself now must not stay as an orphan.
+        # A job that does not end by itself now must not stay as an orphan.
+        self.gone.set()
         self._request_stop()
         self._requests.put(Message(MessageKind.REQUEST))
         time.sleep(_PARENT_GONE_GRACE_S)

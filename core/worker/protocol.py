@@ -11,14 +11,18 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..errors import CaptureError
 from ..marker_frame import MarkerFrame, pack_stamped, unpack_stamped
-from ..pose_bytes import SolvedPose, pack_solved, unpack_solved
+from ..pose_bytes import SolvedPose, unpack_solved
 
 VERSION = 1
 MAX_PAYLOAD = 64 * 1024 * 1024
 
 _HEADER = struct.Struct("<2sBBI")
+_PICTURE = struct.Struct("<HH")  # width, height
 _MAGIC = b"PA"
 
 
@@ -36,6 +40,7 @@ class MessageKind(IntEnum):
     WARNING = 15  # JSON: text
     END = 16  # JSON: frames handed over; nothing follows
     POSE = 17  # stamp, time in the solver, frames waiting, and pose frame
+    PREVIEW = 18  # width, height and RGB bytes of a picture to be shown, row after row from the top
 
 
 @dataclass(frozen=True)
@@ -76,6 +81,16 @@ class Message:
             raise CaptureError(f"a {self.kind.name} message holds no pose", where="worker")
         return unpack_solved(self.payload)
 
+    def preview(self) -> NDArray[np.uint8]:
+        """Return the picture (height, width, 3), RGB, of a PREVIEW message."""
+        if self.kind is not MessageKind.PREVIEW or len(self.payload) < _PICTURE.size:
+            raise CaptureError(f"a {self.kind.name} message holds no picture", where="worker")
+        width, height = _PICTURE.unpack_from(self.payload)
+        values = np.frombuffer(self.payload, np.uint8, offset=_PICTURE.size)
+        if len(values) != width * height * 3:
+            raise CaptureError("a picture is damaged", where="worker", advice="start again")
+        return values.reshape(height, width, 3)
+
 
 def encode(kind: MessageKind, payload: bytes = b"") -> bytes:
     """Return a message as bytes."""
@@ -99,9 +114,10 @@ def encode_frame(stamp_s: float, frame: MarkerFrame) -> bytes:
     return encode(MessageKind.FRAME, pack_stamped(stamp_s, frame))
 
 
-def encode_pose(solved: SolvedPose) -> bytes:
-    """Return a POSE message as bytes."""
-    return encode(MessageKind.POSE, pack_solved(solved))
+def encode_preview(picture: NDArray[np.uint8]) -> bytes:
+    """Return a PREVIEW message of a picture (height, width, 3), RGB, as bytes."""
+    height, width = picture.shape[:2]
+    return encode(MessageKind.PREVIEW, _PICTURE.pack(width, height) + np.ascontiguousarray(picture).tobytes())
 
 
 class Decoder:

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
-from perfanim.core.pose_bytes import SolvedPose
+from perfanim.core.pose_bytes import SolvedPose, pack_solved
 from perfanim.core.pose_frame import PoseFrame
-from perfanim.core.worker.protocol import Decoder, Message, MessageKind, encode, encode_json, encode_pose
+from perfanim.core.worker.protocol import Decoder, Message, MessageKind, encode, encode_json
 from perfanim.perfanim_addon.capture_state import STOP_LIMIT_S, CaptureRun, Phase
 
 
@@ -55,7 +55,7 @@ class PlayedWorker:
 def poses(numbers: Sequence[int], stamp: float = 100.0, waiting: int = 0) -> list[bytes]:
     none, nowhere = np.empty(0, dtype=np.int64), np.empty((0, 3))
     made = [PoseFrame(n, n / 60, np.zeros((29, 4)), np.zeros(3), 0.5, nowhere, nowhere, none, 0.0) for n in numbers]
-    return [encode_pose(SolvedPose(pose, stamp, 0.004, waiting)) for pose in made]
+    return [encode(MessageKind.POSE, pack_solved(SolvedPose(pose, stamp, 0.004, waiting))) for pose in made]
 
 
 def a_run() -> tuple[CaptureRun, PlayedWorker, Clock]:

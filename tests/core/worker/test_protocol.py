@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
 from perfanim.core.marker_frame import MarkerFrame
-from perfanim.core.pose_bytes import SolvedPose, pack_pose, unpack_pose
+from perfanim.core.pose_bytes import SolvedPose, pack_pose, pack_solved, unpack_pose
 from perfanim.core.pose_frame import PoseFrame
 from perfanim.core.worker.protocol import (
     Decoder,
@@ -13,7 +13,6 @@ from perfanim.core.worker.protocol import (
     encode,
     encode_frame,
     encode_json,
-    encode_pose,
 )
 
 
@@ -62,7 +61,7 @@ def test_poses_travel_whole() -> None:
         dimensions=7,
         notes=("LHND hidden", "slow"),
     )
-    (message,) = Decoder().feed(encode_pose(SolvedPose(pose, 12.5, 0.004, 3)))
+    (message,) = Decoder().feed(encode(MessageKind.POSE, pack_solved(SolvedPose(pose, 12.5, 0.004, 3))))
     solved = message.pose()
     assert (solved.stamp_s, solved.solve_s, solved.waiting) == (12.5, 0.004, 3)
     for field in fields(PoseFrame):

@@ -1,0 +1,157 @@
+"""`perfanim take`: what is in a recorded take, one that was cut off made whole, and its motion or markers."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import FormatError, SettingsError
+from ..formats.bvh import write_bvh
+from ..formats.own_take import marker_take
+from ..formats.takes import WRITABLE, declared_frames, is_recorded, read_take, write_take
+from ..solve_take import steady_motion
+from ..take_file.edit import recover
+from ..take_file.reading import ENDING, TakeFile, rate, read_take_file, take_name
+
+Progress = Callable[[float, str], None]
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the `take` command group."""
+    parser = subparsers.add_parser("take", help="recorded takes: what is in them, recover, export")
+    group = parser.add_subparsers(metavar="WHAT", required=True)
+    info = group.add_parser("info", help="what is in a take, and whether all of it is there")
+    info.add_argument("take", metavar="TAKE", help=f"{ENDING}, .c3d, .trc, .csv or .take.npz")
+    info.set_defaults(run=run_info)
+    mend = group.add_parser("recover", help="write what is intact of a take that was cut off or damaged as a whole one")
+    mend.add_argument("take", metavar="TAKE", help=f"recorded take ({ENDING}); it stays as it is")
+    mend.add_argument("--out", metavar="TAKE", help=f"take to write (default: NAME-recovered{ENDING} beside it)")
+    mend.set_defaults(run=run_recover)
+    export = group.add_parser("export", help="motion or markers of a recorded take as they were solved live")
+    export.add_argument(
+        "take", metavar="TAKE", help=f"recorded take ({ENDING}); one that was cut off gives what it has"
+    )
+    export.add_argument(
+        "--out", required=True, metavar="FILE", help=f"motion (.bvh) or markers ({', '.join(WRITABLE)})"
+    )
+    export.add_argument("--units", choices=("m", "cm"), default="m", help="unit of a BVH file (default m)")
+    export.set_defaults(run=run_export)
+
+
+def run_info(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Return what is in a take."""
+    progress(0.0, "reading")
+    return _recorded_info(read_take_file(args.take)) if is_recorded(args.take) else _marker_info(args.take)
+
+
+def _recorded_info(take: TakeFile) -> dict[str, Any]:
+    frames, setup = take.frames, take.setup
+    numbers = np.array([frame.number for frame in frames], dtype=np.int64)
+    times_s = np.array([frame.time_s for frame in frames])
+    subject = setup.worn_subject()
+    poses = [solved.pose for solved in take.poses]
+    return {
+        "format": "recorded take",
+        "name": take.notes.name,
+        "frames": len(frames),
+        "duration_s": float(times_s[-1] - times_s[0]) if len(frames) else 0.0,
+        "fps": rate(times_s, numbers) if len(frames) > 1 else None,
+        "complete": take.complete,
+        "lost_frames": _left_out(numbers),
+        "markers": len(subject.marker_set),
+        "names": list(subject.marker_set.names),
+        "visible_fraction": float(np.mean([np.isfinite(p.observed_m[:, 0]) for p in poses])) if poses else None,
+        "poses": len(poses),
+        "confidence": float(np.mean([pose.confidence for pose in poses])) if poses else None,
+        "cameras": len(setup.camera_rig()),
+        "subject": subject.name,
+        "marker_set": subject.marker_set.name,
+        "database": setup.database.get("path", ""),
+        "created": setup.created,
+        "software": setup.software,
+        "notes": take.notes.notes,
+        "rating": take.notes.rating,
+        "character": take.notes.character,
+        "events": list(take.events),
+        "bytes": take.path.stat().st_size,
+        "problems": take.problems,
+    }
+
+
+def _marker_info(path: str) -> dict[str, Any]:
+    take, declared = read_take(path), declared_frames(path)
+    promised = (
+        f"the header promises {declared} frames: the file was cut off, write it again with the program it is from"
+    )
+    return {
+        "format": "marker take",
+        "name": take.name,
+        "frames": take.frames,
+        "duration_s": float(take.times_s[-1] - take.times_s[0]),
+        "fps": take.fps,
+        "complete": take.frames >= declared,
+        "lost_frames": _left_out(take.frame_numbers) + max(declared - take.frames, 0),
+        "markers": len(take.names),
+        "names": list(take.names),
+        "visible_fraction": float(take.visible.mean()),
+        "problems": [promised] * (take.frames < declared),
+    }
+
+
+def _left_out(numbers: Any) -> int:
+    """Return how many frames are missing between the first and the last."""
+    return int(numbers[-1] - numbers[0]) + 1 - len(numbers) if len(numbers) else 0
+
+
+def run_recover(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Write a whole take of what is intact."""
+    path = Path(args.take)
+    out = Path(args.out) if args.out else path.with_name(f"{take_name(path)}-recovered{ENDING}")
+    if not is_recorded(out):
+        raise SettingsError(f"{out} does not end in {ENDING}", advice="or it would not be known as a take")
+    if out.exists() and not args.out:
+        raise FormatError("is there already", where=str(out), advice="give another name with --out")
+    progress(0.0, "reading")
+    take = read_take_file(path)
+    problems = [str(fault) for fault in take.faults]
+    recover(take, out)
+    frames = take.frames
+    return {
+        "frames": len(frames),
+        "poses": len(take.poses),
+        "duration_s": float(frames[-1].time_s - frames[0].time_s) if frames else 0.0,
+        "left_out": problems,
+        "out": str(out),
+    }
+
+
+def run_export(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Write the motion or the markers."""
+    out = Path(args.out)
+    endings = (".bvh", *WRITABLE)
+    if not out.name.lower().endswith(endings):
+        raise FormatError("has an ending that cannot be written", where=str(out), advice=f"use {', '.join(endings)}")
+    progress(0.0, "reading")
+    if not is_recorded(args.take):
+        markers = read_take(args.take)
+        if out.suffix.lower() == ".bvh":
+            raise FormatError(
+                "holds markers and no motion", where=str(args.take), advice="perfanim solve makes motion of markers"
+            )
+        write_take(markers, out)
+        return {"frames": markers.frames, "fps": markers.fps, "warnings": [], "out": str(out)}
+    take = read_take_file(args.take)
+    warnings = list(take.problems)
+    unsolved = len(take.stamped_frames) - len(take.poses)
+    if unsolved > 0:
+        warnings.append(f"{unsolved} frames were not solved live and are left out: perfanim solve takes all of them")
+    if out.suffix.lower() == ".bvh":
+        poses = [solved.pose for solved in take.poses]
+        motion = steady_motion(poses, take.setup.worn_subject(), take.notes.name, str(args.take))
+        write_bvh(motion, out, args.units)
+        return {"frames": motion.frames, "fps": motion.fps, "warnings": warnings, "out": str(out)}
+    markers = marker_take(take)
+    write_take(markers, out)
+    return {"frames": markers.frames, "fps": markers.fps, "warnings": warnings, "out": str(out)}

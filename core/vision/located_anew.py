@@ -1,0 +1,30 @@
+"""Marker frames of recorded 2D detections, as another calibration sees them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ..camera import CameraRig
+from ..errors import TakeError
+from ..marker_frame import MarkerFrame
+from .pipeline import MarkerPipeline
+from .synchronise import synchronised
+
+
+def located_anew(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[MarkerFrame]:
+    """Return the frames with their markers located from nothing but the blobs that the images showed.
+
+    How late each camera is is found from the whole take, where it tells, and made good for.
+
+    Raises:
+        TakeError: the frames come from another number of cameras.
+    """
+    for frame in frames:
+        if len(frame.detected) != len(rig):
+            raise TakeError(
+                f"was recorded by {len(frame.detected)} cameras, the calibration has {len(rig)}",
+                where=f"frame {frame.number}",
+                advice="give a calibration of the same cameras",
+            )
+    pipeline = MarkerPipeline(rig)
+    located = [pipeline.locate(replace(frame, blobs=frame.detected)) for frame in frames]
+    return synchronised(rig, located)[0]
