@@ -19,6 +19,8 @@ WORLD_FROM_CAMERA = np.diag([1.0, -1.0, -1.0])
 """Axes of the world seen by a level camera that the performer faces, used until a floor is known."""
 
 _UNDISTORT_ITERATIONS = 20
+_UNDISTORT_ERROR = 1e-7  # normalised, before the last step
+_LEAST_DETERMINANT = 0.05
 
 
 @dataclass(frozen=True)
@@ -83,18 +85,9 @@ class Camera:
         return np.asarray(distorted @ self.matrix[:2, :2].T + self.matrix[:2, 2])
 
     def undistort(self, pixels: ArrayLike) -> Array:
-        """Return undistorted normalised coordinates (..., 2) of pixels, by fixed-point iteration."""
-        (fx, skew, cx), (_, fy, cy), _ = self.matrix  # upper triangular: no solver, which would start threads
+        """Return undistorted normalised coordinates (..., 2) of pixels."""
         p = np.asarray(pixels, dtype=np.float64)
-        y = (p[..., 1] - cy) / fy
-        target = np.stack(((p[..., 0] - cx - skew * y) / fx, y), axis=-1)
-        result = target.copy()
-        for _ in range(_UNDISTORT_ITERATIONS):
-            error = target - _distort(result, self.distortion)
-            result = result + error
-            if error.size == 0 or np.nanmax(np.abs(error), initial=0.0) < 1e-9:
-                break
-        return result
+        return _undistort(p, *_intrinsics(self))
 
     def rays(self, normalised: ArrayLike) -> Array:
         """Return unit directions (..., 3) in the world of undistorted normalised coordinates (..., 2)."""
@@ -109,16 +102,60 @@ class Camera:
         return float(0.5 * (self.matrix[0, 0] + self.matrix[1, 1]))
 
 
+def undistort_all(cameras: Sequence[Camera], pixels: Sequence[Array]) -> list[Array]:
+    """Return the undistorted normalised coordinates (n, 2) of each camera's pixels (n, 2), as `Camera.undistort`.
+
+    For the few markers of some images this takes as long as for those of one.
+    """
+    counts = [len(rows) for rows in pixels]
+    columns = zip(*(_intrinsics(camera) for camera in cameras), strict=True)
+    found = _undistort(np.concatenate(pixels), *(np.repeat(column, counts, axis=0) for column in columns))
+    return np.split(found, np.cumsum(counts)[:-1])
+
+
+def _intrinsics(camera: Camera) -> tuple[Array, Array]:
+    """Return fx, skew, cx, fy, cy (5,) and the distortion (5,)."""
+    return camera.matrix.ravel()[[0, 1, 2, 4, 5]], camera.distortion
+
+
+def _undistort(pixels: Array, intrinsics: Array, distortion: Array) -> Array:
+    """Invert matrix and lens (..., 5) each, of pixels (..., 2), by Newton's method."""
+    fx, skew, cx, fy, cy = np.moveaxis(intrinsics, -1, 0)
+    k1, k2, p1, p2, k3 = np.moveaxis(distortion, -1, 0)
+    target_y = (pixels[..., 1] - cy) / fy
+    target_x = (pixels[..., 0] - cx - skew * target_y) / fx
+    x, y = target_x, target_y
+    for _ in range(_UNDISTORT_ITERATIONS):
+        distorted_x, distorted_y, radial, r2 = _distorted(x, y, distortion)
+        error_x, error_y = distorted_x - target_x, distorted_y - target_y
+        slope = 2.0 * k1 + r2 * (4.0 * k2 + r2 * 6.0 * k3)
+        xx = radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x
+        yy = radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x
+        xy = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y
+        # a lens model that folds back far outside the image must not throw points away
+        determinant = np.maximum(xx * yy - xy * xy, _LEAST_DETERMINANT)
+        x = x - (yy * error_x - xy * error_y) / determinant
+        y = y - (xx * error_y - xy * error_x) / determinant
+        # squared by the step that was just taken
+        if not max(np.max(np.abs(error_x), initial=0.0), np.max(np.abs(error_y), initial=0.0)) > _UNDISTORT_ERROR:
+            break
+    return np.stack((x, y), axis=-1)
+
+
 def _distort(normalised: Array, distortion: Array) -> Array:
     """Apply radial and tangential distortion (Brown 1966, as in OpenCV) to normalised coordinates (..., 2)."""
-    k1, k2, p1, p2, k3 = distortion
-    x, y = normalised[..., 0], normalised[..., 1]
+    x, y, _, _ = _distorted(normalised[..., 0], normalised[..., 1], distortion)
+    return np.stack((x, y), axis=-1)
+
+
+def _distorted(x: Array, y: Array, distortion: Array) -> tuple[Array, Array, Array, Array]:
+    """Return distorted x and y, the radial factor, and the squared radius."""
+    k1, k2, p1, p2, k3 = np.moveaxis(distortion, -1, 0)
     r2 = x * x + y * y
     radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    result = np.empty_like(normalised)
-    result[..., 0] = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
-    result[..., 1] = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
-    return result
+    distorted_x = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
+    distorted_y = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
+    return distorted_x, distorted_y, radial, r2
 
 
 @dataclass(frozen=True)

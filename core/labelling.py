@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from .camera import Camera
+from .camera import Camera, undistort_all
 from .marker_frame import MarkerFrame
 from .vision.triangulate import triangulate
 
@@ -164,17 +164,23 @@ class Labeller:
         blobs = np.full((count, len(cameras)), -1, dtype=np.int64)
         normalised = np.full((count, len(cameras), 2), np.nan)
         strangeness = np.full((count, len(cameras)), np.inf)
+        shown: list[IntArray] = []
+        pixels_shown: list[Array] = []
         for index, camera in enumerate(cameras):
             pixels = frame.blobs[index][:, :2].astype(np.float64)
             depth = np.maximum(camera.to_camera(expected)[:, 2], 0.1)
             with np.errstate(invalid="ignore"):
                 distances = np.linalg.norm(pixels[:, None] - camera.project(expected)[None], axis=-1)
             limits = gates * camera.focal_px / depth
-            rows, columns = _assigned(np.nan_to_num(distances, nan=np.inf), np.broadcast_to(limits, distances.shape))
+            rows, columns = _assigned(np.where(np.isnan(distances), np.inf, distances), limits[None])
             blobs[columns, index] = rows
-            normalised[columns, index] = camera.undistort(pixels[rows])
             strangeness[columns, index] = distances[rows, columns] / limits[columns]
-        points, covariances = _joined(cameras, blobs, normalised, strangeness, expected, gates)
+            shown.append(columns)
+            pixels_shown.append(pixels[rows])
+        for index, coordinates in enumerate(undistort_all(cameras, pixels_shown)):
+            normalised[shown[index], index] = coordinates
+        known = _known_points(frame, blobs)
+        points, covariances = _joined(cameras, blobs, normalised, strangeness, expected, gates, known)
         self._remember(points, np.where(np.isfinite(points[:, 0]), np.arange(count), -1), elapsed_s)
         return LabelledBlobs(blobs, normalised, points, covariances)
 
@@ -199,8 +205,23 @@ class Labeller:
         seen.positions_m[markers] = points
 
 
+def _known_points(frame: MarkerFrame, blobs: IntArray) -> Array:
+    """Return the points (M, 3) that the cameras' side found for the same blobs (M, C), NaN where it joined others."""
+    result = np.full((len(blobs), 3), np.nan)
+    if len(frame.points_m) and frame.point_blobs.shape[1] == blobs.shape[1]:
+        markers, points = np.nonzero(np.all(blobs[:, None] == frame.point_blobs[None], axis=2))
+        result[markers] = frame.points_m[points]
+    return result
+
+
 def _joined(
-    cameras: Sequence[Camera], blobs: IntArray, normalised: Array, strangeness: Array, expected: Array, gates: Array
+    cameras: Sequence[Camera],
+    blobs: IntArray,
+    normalised: Array,
+    strangeness: Array,
+    expected: Array,
+    gates: Array,
+    known: Array,
 ) -> tuple[Array, Array]:
     """Locate markers that two or more cameras see; where their rays do not meet, drop the stranger blob, in place."""
     points, covariances = np.full((len(blobs), 3), np.nan), np.full((len(blobs), 3, 3), np.nan)
@@ -209,7 +230,8 @@ def _joined(
         both = np.flatnonzero((seen.sum(axis=1) >= 2) & ~np.isfinite(points[:, 0]))
         if len(both) == 0:
             return points, covariances
-        found, spread, errors = triangulate(cameras, normalised[both], seen[both].astype(np.float64), _PIXEL_SIGMA)
+        weights = seen[both].astype(np.float64)
+        found, spread, errors = triangulate(cameras, normalised[both], weights, _PIXEL_SIGMA, known[both])
         away = np.linalg.norm(found - expected[both], axis=1)
         good = (errors.max(axis=1, where=seen[both], initial=0.0) < _MEETING_PX) & (away < gates[both])
         points[both[good]], covariances[both[good]] = found[good], spread[good]
@@ -217,6 +239,7 @@ def _joined(
             stranger = int(np.argmax(np.where(seen[marker], strangeness[marker], -1.0)))
             blobs[marker, stranger] = -1
             normalised[marker, stranger] = np.nan
+            known[marker] = np.nan
 
 
 def _assigned(distances: Array, gates: Array) -> tuple[IntArray, IntArray]:

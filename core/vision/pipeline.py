@@ -15,7 +15,7 @@ from .background import Background, background_behind, learn_backgrounds
 from .coherence import PointPredictor
 from .detect import DetectionSettings, Detector
 from .one_time import TimeAligner
-from .stereo import Matches, StereoMatcher, StereoSettings
+from .stereo import Matches, StereoMatcher, StereoSettings, unused
 from .swapped import SwapWatch
 
 Image = NDArray[np.uint8]
@@ -114,7 +114,7 @@ class MarkerPipeline:
         swapped = self._swapped.note(blobs, matches)
         single_cameras, single_blobs, single_points = [], [], []
         for camera, coordinates in enumerate(normalised):
-            free = np.setdiff1d(np.arange(len(coordinates)), matches.blobs[:, camera])
+            free = unused(matches.blobs, camera, len(coordinates))
             single_cameras.append(np.full(len(free), camera, dtype=np.int64))
             single_blobs.append(free.astype(np.int64))
             single_points.append(coordinates[free])

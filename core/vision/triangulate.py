@@ -10,10 +10,11 @@ from ..camera import Camera
 Array = NDArray[np.float64]
 
 _GAUSS_NEWTON_STEPS = 3
+_SMALL_STEP_M = 1e-7
 
 
 def triangulate(
-    cameras: Sequence[Camera], normalised: Array, weights: Array, pixel_sigma: float
+    cameras: Sequence[Camera], normalised: Array, weights: Array, pixel_sigma: float, start_m: Array | None = None
 ) -> tuple[Array, Array, Array]:
     """Return points (N, 3), covariances (N, 3, 3) and reprojection errors (N, C) in pixels.
 
@@ -25,23 +26,30 @@ def triangulate(
         normalised: (N, C, 2) undistorted normalised coordinates; ignored where the weight is zero.
         weights: (N, C) 1 where the camera sees the point, else 0; at least two ones in a row.
         pixel_sigma: standard deviation of a centre along each axis, pixels.
+        start_m: (N, 3) where the points were found to be before, NaN where they were not.
     """
     observed = np.where(weights[..., None] > 0, normalised, 0.0)
-    points = _linear(cameras, observed, weights)
+    if start_m is not None and np.all(np.isfinite(start_m)):
+        points = start_m
+    else:
+        points = _linear(cameras, observed, weights)
+        if start_m is not None:
+            points = np.where(np.isfinite(start_m), start_m, points)
     rotations = np.stack([camera.rotation for camera in cameras])
     shifts = np.stack([camera.translation_m for camera in cameras])
     focal = np.array([camera.focal_px for camera in cameras])
     # pixel units: the distortion changes the scale by little over a marker's error
     scale = weights * focal / pixel_sigma
-    for _ in range(_GAUSS_NEWTON_STEPS):
+    for steps_left in range(_GAUSS_NEWTON_STEPS, -1, -1):
         residual, jacobian = _residuals(rotations, shifts, points, observed, scale)
-        normal = np.einsum("ncki,nckj->nij", jacobian, jacobian)
-        gradient = np.einsum("ncki,nck->ni", jacobian, residual)
-        points = points - np.einsum("nij,nj->ni", inverse_3x3(normal), gradient)
-    residual, jacobian = _residuals(rotations, shifts, points, observed, scale)
-    covariances = inverse_3x3(np.einsum("ncki,nckj->nij", jacobian, jacobian))
-    errors = np.linalg.norm(residual, axis=2) * pixel_sigma
-    return points, 0.5 * (covariances + covariances.transpose(0, 2, 1)), errors
+        across = jacobian.reshape(len(points), -1, 3).transpose(0, 2, 1)
+        covariances = inverse_3x3(across @ across.transpose(0, 2, 1))
+        step = (covariances @ (across @ residual.reshape(len(points), -1, 1)))[..., 0]
+        if steps_left == 0 or np.max(np.abs(step), initial=0.0) < _SMALL_STEP_M:
+            break
+        points = points - step
+    errors = np.sqrt(np.sum(residual**2, axis=2)) * pixel_sigma
+    return points, covariances, errors
 
 
 def _linear(cameras: Sequence[Camera], observed: Array, weights: Array) -> Array:

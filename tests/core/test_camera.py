@@ -5,7 +5,7 @@ import cv2
 import numpy as np
 import pytest
 from perfanim.core import rotations as rot
-from perfanim.core.camera import Camera, CameraRig, load_rig, save_rig
+from perfanim.core.camera import Camera, CameraRig, load_rig, save_rig, undistort_all
 from perfanim.core.errors import CalibrationError, FormatError, PerfanimError
 from perfanim.core.files import read_toml, write_toml
 
@@ -56,6 +56,13 @@ def test_undistort_is_the_inverse(lens: int) -> None:
     back = view.to_pixels(view.undistort(grid))
     assert back.shape == (7, 9, 2)
     np.testing.assert_allclose(back, grid, atol=1e-3)  # thousandths of a pixel up to the corners
+
+
+def test_pixels_of_several_cameras_are_undistorted_as_those_of_each() -> None:
+    cameras = [camera(lens, seed=lens) for lens in range(3)]
+    pixels = [view.project(points_before(view, count=count)) for view, count in zip(cameras, (5, 0, 12), strict=True)]
+    for found, view, rows in zip(undistort_all(cameras, pixels), cameras, pixels, strict=True):
+        np.testing.assert_allclose(found, view.undistort(rows), atol=1e-9)
 
 
 def test_undistort_bears_missing_and_no_pixels() -> None:

@@ -33,6 +33,18 @@ def test_exact_pixels_give_the_exact_point_through_distortion(rig):
     assert errors.max() < 1e-6
 
 
+def test_where_points_were_found_before_changes_nothing_but_the_way_there(rig):
+    noisy = [blobs[:, :2].astype(np.float64) for blobs in seen(rig, body(), 0.5)]
+    coordinates = np.stack([camera.undistort(rows) for camera, rows in zip(rig.cameras, noisy, strict=True)], axis=1)
+    plain = triangulate(rig.cameras, coordinates, np.ones((12, 2)), 0.5)
+    start = plain[0] + np.random.default_rng(2).normal(0, 0.001, plain[0].shape)
+    start[3] = np.nan
+    again = triangulate(rig.cameras, coordinates, np.ones((12, 2)), 0.5, start)
+    np.testing.assert_allclose(again[0], plain[0], atol=1e-6)  # a thousandth of a millimetre
+    np.testing.assert_allclose(again[1], plain[1], rtol=1e-3, atol=1e-9)
+    np.testing.assert_allclose(again[2], plain[2], atol=1e-3)
+
+
 def test_covariance_is_that_of_the_scatter(rig):
     point = np.array([[0.2, 0.1, -3.0]])
     rng = np.random.default_rng(1)
