@@ -61,7 +61,7 @@ class MarkerFrame:
 
     def __post_init__(self) -> None:
         points, rays, cameras = len(self.points_m), len(self.single_cameras), len(self.blobs)
-        if not self.detected:
+        if len(self.detected) == 0:
             object.__setattr__(self, "detected", self.blobs)
         if len(self.detected) != cameras:
             raise CaptureError(f"{len(self.detected)} images of {cameras} cameras", where=f"frame {self.number}")
