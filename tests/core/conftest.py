@@ -149,7 +149,7 @@ class _Recorder:
             np.tile(sigma_m**2 * np.eye(3), (len(both), 1, 1)),
             known[both],
             tuple(blobs),
-            np.array([[seen[i].index(r) for i in range(len(views))] for r in both]).reshape(len(both), len(views)),
+            point_blobs=np.array([[seen[i].index(r) for i in range(len(views))] for r in both]).reshape(-1, len(views)),
             single_cameras=np.array([index for _, index in alone], dtype=np.int64),
             single_blobs=np.array([seen[index].index(r) for r, index in alone], dtype=np.int64),
             single_points=single.reshape(-1, 2),
