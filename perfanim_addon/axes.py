@@ -6,23 +6,20 @@ relative to its rest matrix, whose columns follow the bone and its roll. Pure nu
 """
 
 from dataclasses import dataclass
-from itertools import permutations, product
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core import rotations as rot
 from ..core.errors import CharacterError
+from ..core.retarget.rest_align import facing
 from ..core.skeleton import Skeleton, forward_kinematics
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 BLENDER_FROM_PRODUCT: Array = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-
-# A rig whose rest pose stands within this angle of an axis-aligned frame is taken to be meant that way: its own lean
-# (hips before or behind the head) is posture and no turn of the rig.
-_SNAP_RADIANS = np.radians(25.0)
 
 # Limb segments whose direction in the rig's rest pose may differ from the product's (A pose, legs together), with the
 # joint they point at. Spine, clavicles and feet keep the rig's own shape: there a difference is posture or an ankle's
@@ -120,34 +117,7 @@ def _facing(skeleton: Skeleton, heads: Array) -> Array:
 
     left = head("lfemur") - head("rfemur") + head("lhumerus") - head("rhumerus")
     up = head("upperneck") - 0.5 * (head("lfemur") + head("rfemur"))
-    if np.linalg.norm(np.cross(left, up)) < 1e-6 * max(np.linalg.norm(up), 1e-30):
-        raise CharacterError("the rest pose has no left and right", advice="check the bones' names and positions")
-    nearest = np.zeros(3)
-    nearest[np.argmax(np.abs(up))] = np.sign(up[np.argmax(np.abs(up))])
-    if rot.angle_between(rot.between(up, nearest), rot.identity()) < _SNAP_RADIANS:
-        up = nearest
-    measured = _frame(left, up)
-    aligned = max(_axis_aligned_rotations(), key=lambda frame: float(np.sum(frame * measured)))
-    turn = rot.angle_between(rot.from_matrix(aligned), rot.from_matrix(measured))
-    return aligned if turn < _SNAP_RADIANS else measured
-
-
-def _frame(left: Array, up: Array) -> Array:
-    """Return the rotation (3, 3) with columns left, up, forward, `up` kept in direction."""
-    forward = np.cross(left, up)
-    forward = forward / np.linalg.norm(forward)
-    up = up / np.linalg.norm(up)
-    return np.stack((np.cross(up, forward), up, forward), axis=1)
-
-
-def _axis_aligned_rotations() -> list[Array]:
-    frames = []
-    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
-        frame = np.zeros((3, 3))
-        frame[np.arange(3), order] = signs
-        if np.linalg.det(frame) > 0.0:
-            frames.append(frame)
-    return frames
+    return facing(left, up)
 
 
 def _scale(skeleton: Skeleton, heads: Array) -> float:

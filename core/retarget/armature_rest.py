@@ -1,0 +1,87 @@
+"""What of an armature matters for finding its joints and posing it, as plain arrays."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import CharacterError
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class ArmatureRest:
+    """Bones in their rest pose, parents before their children, in the armature's own space and unit, whatever its axes.
+
+    Args:
+        names: (B) bone names, unique.
+        parents: (B,) index of the parent bone, -1 without one.
+        heads, tails: (B, 3) ends of the bones.
+        axes: (B, 3, 3) armature-from-bone rest rotations (columns: the bone's axes).
+        deform: (B,) whether the bone moves vertices.
+        inherits_rotation: (B,) whether the parent turns the bone.
+        local_location: (B,) whether the bone's location is measured in its rest axes.
+
+    Raises:
+        CharacterError: no bones, or arrays that do not belong together.
+    """
+
+    names: tuple[str, ...]
+    parents: IntArray
+    heads: Array
+    tails: Array
+    axes: Array
+    deform: NDArray[np.bool_]
+    inherits_rotation: NDArray[np.bool_]
+    local_location: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        count = len(self.names)
+        if count == 0:
+            raise CharacterError("the armature has no bones", advice="pick the armature that moves the character")
+        shapes = [array.shape for array in (self.parents, self.heads, self.tails, self.axes)]
+        if shapes != [(count,), (count, 3), (count, 3), (count, 3, 3)]:
+            raise CharacterError(f"{count} bones cannot have arrays of shapes {shapes}")
+        if np.any(self.parents >= np.arange(count)):
+            raise CharacterError("parents must come before their children")
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @cached_property
+    def index(self) -> dict[str, int]:
+        """Bone index by name."""
+        return {name: bone for bone, name in enumerate(self.names)}
+
+    @cached_property
+    def children(self) -> tuple[tuple[int, ...], ...]:
+        """Indices of the children of each bone."""
+        found: list[list[int]] = [[] for _ in self.names]
+        for bone, parent in enumerate(self.parents):
+            if parent >= 0:
+                found[int(parent)].append(bone)
+        return tuple(tuple(row) for row in found)
+
+    def line(self, bone: int) -> list[int]:
+        """Return the bone and those above it, nearest first."""
+        found = [bone]
+        while self.parents[found[-1]] >= 0:
+            found.append(int(self.parents[found[-1]]))
+        return found
+
+    def is_above(self, upper: int, lower: int) -> bool:
+        """Tell whether `upper` is `lower` or one of its ancestors."""
+        return upper in self.line(lower)
+
+    def shared_ancestor(self, bones: list[int]) -> int:
+        """Return the lowest bone that is above all the given ones (or one of them), -1 if there is none."""
+        lines = [self.line(bone) for bone in bones]
+        return next((bone for bone in lines[0] if all(bone in line for line in lines[1:])), -1)
+
+    def path(self, upper: int, lower: int) -> list[int]:
+        """Return the bones from `upper` down to `lower`, both included; empty if `upper` is not above `lower`."""
+        line = self.line(lower)
+        return line[: line.index(upper) + 1][::-1] if upper in line else []

@@ -1,0 +1,394 @@
+"""Which bone of an armature is which joint of the product's skeleton: by a preset, by names, by shape, and checked.
+
+Names decide where they tell all of a limb and agree with the hierarchy; else the limb's shape does. The trunk and the
+neck go by the hierarchy between hips, arms and head, as rigs have any number of bones there. Each joint comes with
+how sure it is and why.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from itertools import pairwise
+
+import numpy as np
+
+from ..errors import CharacterError
+from ..product_skeleton import JOINT_NAMES
+from .armature_rest import ArmatureRest, Array
+from .bone_names import HEAD_WORDS, HIPS_WORDS, LIMB_WORDS, parse_bone_name
+from .structure import Limbs, arm_joints, check_upright, cosine, find_limbs, leg_joints
+
+NEEDED = ("root", "lfemur", "rfemur", "lhumerus", "rhumerus")  # without these nobody knows how the character stands
+EXPECTED = (
+    *NEEDED, "ltibia", "rtibia", "lfoot", "rfoot", "lradius", "rradius", "thorax", "head",
+)  # fmt: skip
+
+_LEG, _ARM = ("femur", "tibia", "foot"), ("humerus", "radius")  # what names must tell of a limb to be believed
+_TRUNK_SHARES = {"lowerback": 0.0, "upperback": 0.5}  # of the way from the hips to the thorax
+_UNEVEN = 0.15  # relative difference between left and right from which a limb is doubtful
+_ONE_PLACE = 0.02  # of the body's size: bones that begin closer than this begin at the same place
+_FEET_TELL = 0.5  # cosine between the feet and the front that the names give, from which the feet contradict them
+
+
+class State(Enum):
+    """How sure a joint's bone is."""
+
+    MAPPED = "mapped"
+    MISSING = "missing"
+    DOUBTFUL = "doubtful"
+
+
+@dataclass(frozen=True)
+class JointMatch:
+    """The bone of one joint: "" when missing; the reason is a few words for the user, "" when there is none to give."""
+
+    bone: str
+    state: State
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class BoneMap:
+    """A bone for each of the product's joints that the armature has.
+
+    Args:
+        matches: for every name of `JOINT_NAMES` what was found.
+        origin: where the map comes from: a preset's name, "names", "names and shape", "shape".
+    """
+
+    matches: Mapping[str, JointMatch]
+    origin: str
+
+    @property
+    def bones(self) -> dict[str, str]:
+        """Joint -> bone of all joints that have one."""
+        return {joint: match.bone for joint, match in self.matches.items() if match.bone}
+
+    def of_state(self, state: State) -> list[str]:
+        """Return the joints of a state."""
+        return [joint for joint, match in self.matches.items() if match.state is state]
+
+    @property
+    def complete(self) -> bool:
+        """Whether all joints that a humanoid has are mapped and none is doubtful."""
+        expected = all(self.matches[joint].state is State.MAPPED for joint in EXPECTED)
+        return expected and not self.of_state(State.DOUBTFUL)
+
+
+def find_bone_map(rest: ArmatureRest, presets: Mapping[str, Mapping[str, str]] | None = None) -> BoneMap:
+    """Return the map of an armature.
+
+    Args:
+        rest: the armature in its rest pose.
+        presets: name -> joint -> bone; one that fits entirely comes before everything else.
+
+    Raises:
+        CharacterError: it is no biped, with the reason; or arms, legs and hips cannot be told.
+    """
+    for name, preset in (presets or {}).items():
+        if (bones := _fitting(rest, preset)) is not None:
+            return checked_map(rest, bones, name)
+    found, by_name = _by_names(rest)
+    limbs = find_limbs(rest) if not all(by_name.values()) else None
+    if limbs is not None:
+        _fill_limbs(rest, found, by_name, limbs)
+    origin = "names" if all(by_name.values()) else "names and shape" if any(by_name.values()) else "shape"
+    missing = [joint for joint in NEEDED if joint not in found and joint != "root"]
+    if missing:
+        raise CharacterError(
+            "no biped is seen in it: neither names nor shape tell " + _listed(missing),
+            advice="choose these bones by hand, or another armature",
+        )
+    _shift_if_named_by_ends(rest, found)
+    _find_trunk(rest, found)
+    swapped = _swap_if_feet_say_so(rest, found)
+    return checked_map(rest, {joint: rest.names[bone] for joint, bone in found.items()}, origin, swapped)
+
+
+def checked_map(rest: ArmatureRest, bones: Mapping[str, str], origin: str, swapped: bool = False) -> BoneMap:
+    """Return the map of given bones with the state of each joint.
+
+    Raises:
+        CharacterError: the armature lacks one of the bones, a bone that is needed is not given, or it is no biped.
+    """
+    unknown = [bone for bone in bones.values() if bone not in rest.index]
+    if unknown:
+        raise CharacterError("the armature has no bone " + _listed(unknown), advice="choose another map or bones")
+    lacking = [joint for joint in NEEDED if joint not in bones]
+    if lacking:
+        raise CharacterError("no bone is given for " + _listed(lacking), advice="choose these bones")
+    found = {joint: rest.index[bone] for joint, bone in bones.items()}
+    _refuse_unless_biped(rest, found)
+    doubts = _doubts(rest, found)
+    matches = {}
+    for joint in JOINT_NAMES:
+        if joint not in found:
+            matches[joint] = JointMatch("", State.MISSING, _why_missing(joint, found))
+        elif joint in doubts:
+            matches[joint] = JointMatch(bones[joint], State.DOUBTFUL, doubts[joint])
+        else:
+            side = "named for the other side; its feet tell which way it faces" if swapped and joint[0] in "lr" else ""
+            matches[joint] = JointMatch(bones[joint], State.MAPPED, side if joint[1:] in LIMB_WORDS else "")
+    return BoneMap(matches, origin)
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
+
+
+def _fitting(rest: ArmatureRest, preset: Mapping[str, str]) -> dict[str, str] | None:
+    """Return a preset's bones by their names in this armature (whatever namespace stands before), None if it lacks one.
+
+    Fingers, thumbs and toes may be absent: they are often left out of a rig.
+    """
+    bare = {name.split(":")[-1]: name for name in reversed(rest.names)}
+    bones = {}
+    for joint, bone in preset.items():
+        name = bone if bone in rest.index else bare.get(bone.split(":")[-1])
+        if name is not None:
+            bones[joint] = name
+        elif joint[1:] not in ("fingers", "thumb", "toes"):
+            return None
+    return bones
+
+
+def _by_names(rest: ArmatureRest) -> tuple[dict[str, int], dict[str, bool]]:
+    """Return joints told by names, and for each limb ("lleg", ...) whether the names tell all that is needed of it."""
+    parsed = [parse_bone_name(name) for name in rest.names]
+    depth = np.array([len(rest.line(bone)) for bone in range(len(rest))])
+    used = [bone for bone in range(len(rest)) if not parsed[bone].helper]
+    hips = min(
+        (bone for bone in used if not parsed[bone].side and parsed[bone].words in HIPS_WORDS),
+        key=lambda bone: (HIPS_WORDS.index(parsed[bone].words), depth[bone]),
+        default=-1,
+    )
+    below = [hips < 0 or rest.is_above(int(rest.line(hips)[-1]), bone) for bone in range(len(rest))]
+
+    def first(words: Sequence[str], side: str, taken: set[int]) -> int:
+        candidates = [b for b in used if parsed[b].side == side and parsed[b].words in words and b not in taken]
+        return min(
+            candidates,
+            key=lambda b: (words.index(parsed[b].words), not below[b], depth[b], parsed[b].numbers, b),
+            default=-1,
+        )
+
+    found: dict[str, int] = {} if hips < 0 else {"root": hips}
+    by_name = {}
+    for side in "lr":
+        taken: set[int] = set()
+        limb: dict[str, int] = {}
+        for joint, words in LIMB_WORDS.items():
+            bone = first(words, side, taken)
+            if bone >= 0 and not (joint == "wrist" and first(("hand",), side, taken) < 0):
+                limb[joint] = bone
+                taken.add(bone)
+        if "humerus" not in limb and "clavicle" in limb:  # the only bone called shoulder
+            limb["humerus"] = limb.pop("clavicle")
+        limb |= _numbered_fingers(rest, side)
+        for name, needed in (("leg", _LEG), ("arm", _ARM)):
+            told = all(joint in limb for joint in needed)
+            by_name[side + name] = told and all(rest.is_above(limb[a], limb[b]) for a, b in pairwise(needed))
+        found |= {side + joint: bone for joint, bone in limb.items()}
+    head = first(HEAD_WORDS, "", set())
+    if head >= 0:
+        found["head"] = head
+    return found, by_name
+
+
+def _numbered_fingers(rest: ArmatureRest, side: str) -> dict[str, int]:
+    """Return thumb and middle finger where all five are called finger and a number: finger3-1, Finger2."""
+    bases: dict[int, int] = {}
+    for bone, name in enumerate(rest.names):
+        parsed = parse_bone_name(name)
+        if parsed.side == side and parsed.words == "finger" and parsed.numbers:
+            bases.setdefault(parsed.numbers[0], bone)
+    order = sorted(bases)
+    return {"thumb": bases[order[0]], "fingers": bases[order[2]]} if len(order) == 5 else {}
+
+
+def _fill_limbs(rest: ArmatureRest, found: dict[str, int], by_name: dict[str, bool], limbs: Limbs) -> None:
+    """Take the limbs that the names do not tell from the shape; hands and toes with them."""
+    for kind, chains, told, joints in (
+        ("leg", limbs.legs, leg_joints, ("femur", "tibia", "foot", "toes")),
+        ("arm", limbs.arms, arm_joints, ("clavicle", "humerus", "radius", "wrist", "hand", "fingers", "thumb")),
+    ):
+        if by_name["l" + kind] and by_name["r" + kind]:
+            continue
+        for side in "lr":
+            for joint in joints:
+                found.pop(side + joint, None)
+            found |= {side + joint: bone for joint, bone in told(rest, chains[side]).items()}
+
+
+def _shift_if_named_by_ends(rest: ArmatureRest, found: dict[str, int]) -> None:
+    """Move each limb one bone outwards where bones are called by the joint at their end: both thighs begin at once."""
+    size = float(np.max(np.ptp(rest.heads, axis=0)))
+    chains: tuple[tuple[str, ...], ...] = (
+        ("femur", "tibia", "foot", "toes"),
+        ("humerus", "radius", "hand", "fingers"),
+    )
+    for chain in chains:
+        starts = [rest.heads[found[side + chain[0]]] for side in "lr"]
+        if float(np.linalg.norm(starts[0] - starts[1])) > _ONE_PLACE * size:
+            continue
+        for side in "lr":
+            bones = [found.get(side + joint, -1) for joint in chain] + [-1]
+            if chain[0] == "humerus":
+                found.setdefault(side + "clavicle", bones[0])
+            for joint, bone in zip(chain, bones[1:], strict=True):
+                found.pop(side + joint, None)
+                if bone >= 0:
+                    found[side + joint] = bone
+
+
+def _find_trunk(rest: ArmatureRest, found: dict[str, int]) -> None:
+    """Set root, thorax, back, neck and head by the hierarchy between legs, arms and head."""
+    arms = [found.get(side + "clavicle", found[side + "humerus"]) for side in "lr"]
+    thorax = rest.shared_ancestor(arms)
+    legs = [found[side + "femur"] for side in "lr"]
+    branching = rest.shared_ancestor([*legs, *arms])
+    root = found.get("root", -1)
+    if root < 0 or not all(rest.is_above(root, bone) for bone in (*legs, *arms)):
+        root = branching
+    if root < 0:
+        raise CharacterError("arms and legs hang on no common bone", advice="choose the hips by hand")
+    found["root"] = root
+    trunk = rest.path(root, thorax)[1:] if thorax >= 0 else []
+    if trunk:
+        found["thorax"] = trunk[-1]
+        for joint, bone in _by_share(rest, root, trunk).items():
+            found[joint] = bone
+    top = thorax if thorax >= 0 else root
+    if "head" not in found or not rest.is_above(top, found["head"]):
+        head = _topmost(rest, top, set(arms))
+        found.pop("head", None)
+        if head >= 0:
+            found["head"] = head
+    if "head" in found:
+        neck = rest.path(top, found["head"])[1:-1]
+        if neck:
+            found |= {"lowerneck": neck[0]} | ({"upperneck": neck[-1]} if len(neck) > 1 else {})
+
+
+def _by_share(rest: ArmatureRest, root: int, trunk: list[int]) -> dict[str, int]:
+    """Return the bones of a trunk below its last that are nearest to where the lower and the upper back begin."""
+    way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(rest.heads[[root, *trunk]], axis=0), axis=1))))
+    shares = dict(zip(trunk, way[1:] / max(float(way[-1]), 1e-9), strict=True))
+    free = trunk[:-1]
+    found: dict[str, int] = {}
+    if len(free) == 1:
+        nearest = min(_TRUNK_SHARES, key=lambda joint: abs(shares[free[0]] - _TRUNK_SHARES[joint]))
+        return {nearest: free[0]}
+    for joint, share in _TRUNK_SHARES.items():
+        if free:
+            bone = min(free, key=lambda b: abs(shares[b] - share))
+            found[joint] = bone
+            free = [b for b in free if shares[b] > shares[bone]]
+    return found
+
+
+def _topmost(rest: ArmatureRest, top: int, arms: set[int]) -> int:
+    """Return the last bone of the chain that goes up from the thorax between the arms, -1 without one."""
+    bone, found = top, -1
+    while True:
+        children = [
+            child
+            for child in rest.children[bone]
+            if not parse_bone_name(rest.names[child]).side
+            and not any(rest.is_above(child, arm) for arm in arms)
+            and not parse_bone_name(rest.names[child]).helper
+        ]
+        named = [c for c in children if parse_bone_name(rest.names[c]).words in ("spine", "neck", *HEAD_WORDS)]
+        if found >= 0 and not named and len(children) != 1:
+            return found
+        if not children:
+            return found
+        if found >= 0 and not named and parse_bone_name(rest.names[found]).words in ("spine", *HEAD_WORDS):
+            return found  # the face hangs on the head
+        bone = found = (named or children)[0]
+
+
+def _axes(rest: ArmatureRest, found: Mapping[str, int]) -> tuple[Array, Array]:
+    """Return the directions up the trunk and to the left."""
+    hips, shoulders = (
+        0.5 * (rest.heads[found["l" + joint]] + rest.heads[found["r" + joint]]) for joint in ("femur", "humerus")
+    )
+    left = sum(rest.heads[found["l" + joint]] - rest.heads[found["r" + joint]] for joint in ("femur", "humerus"))
+    return shoulders - hips, np.asarray(left)
+
+
+def _swap_if_feet_say_so(rest: ArmatureRest, found: dict[str, int]) -> bool:
+    """Swap the sides where the feet point backwards: such a rig is named as its viewer sees it."""
+    up, left = _axes(rest, found)
+    front = np.cross(left, up)
+    agreement = []
+    for side in "lr":
+        if side + "foot" not in found:
+            return False
+        foot = found[side + "foot"]
+        toes = found.get(side + "toes", -1)
+        way = (rest.heads[toes] if toes >= 0 else rest.tails[foot]) - rest.heads[foot]
+        agreement.append(cosine(way, front))
+    if max(agreement) > -_FEET_TELL:
+        return False
+    sided = {joint: bone for joint, bone in found.items() if joint[1:] in LIMB_WORDS and joint[0] in "lr"}
+    for joint in sided:
+        del found[joint]
+    found |= {("r" if joint[0] == "l" else "l") + joint[1:]: bone for joint, bone in sided.items()}
+    return True
+
+
+def _refuse_unless_biped(rest: ArmatureRest, found: Mapping[str, int]) -> None:
+    up, left = _axes(rest, found)
+    if float(np.linalg.norm(up)) < 1e-9 or float(np.linalg.norm(np.cross(left, up))) < 1e-9:
+        raise CharacterError("shoulders and hips lie at one place", advice="check the bones that are chosen")
+    ways = []
+    for side in "lr":
+        end = next((found[side + joint] for joint in ("foot", "tibia") if side + joint in found), -1)
+        if end >= 0:
+            ways.append(rest.heads[found[side + "femur"]] - rest.heads[end])
+    if ways:
+        check_upright(float(np.mean([cosine(way, up) for way in ways])))
+
+
+def _doubts(rest: ArmatureRest, found: Mapping[str, int]) -> dict[str, str]:
+    """Return joint -> why its bone is doubtful."""
+    doubts: dict[str, str] = {}
+    chains = (("root", "femur", "tibia", "foot", "toes"), ("root", "clavicle", "humerus", "radius", "hand", "fingers"))
+    for side in "lr":
+        for chain in chains:
+            given = [joint if joint == "root" else side + joint for joint in chain]
+            given = [joint for joint in given if joint in found]
+            for upper, lower in pairwise(given):
+                if not rest.is_above(found[upper], found[lower]) and rest.deform[found[lower]]:
+                    doubts[lower] = f"does not hang on {rest.names[found[upper]]}"
+    used: dict[int, str] = {}
+    for joint, bone in found.items():
+        if bone in used:
+            doubts[joint] = f"is the bone of {used[bone]} too"
+        used[bone] = joint
+    for upper, lower in (("femur", "tibia"), ("tibia", "foot"), ("humerus", "radius"), ("radius", "hand")):
+        if not all(side + joint in found for side in "lr" for joint in (upper, lower)):
+            continue
+        sizes = [
+            float(np.linalg.norm(rest.heads[found[side + lower]] - rest.heads[found[side + upper]])) for side in "lr"
+        ]
+        if abs(sizes[0] - sizes[1]) > _UNEVEN * max(sizes):
+            for side in "lr":
+                doubts.setdefault(side + upper, "left and right differ in length")
+    _, left = _axes(rest, found)
+    for joint in ("tibia", "foot", "radius", "hand"):
+        if "l" + joint in found and "r" + joint in found:
+            across = rest.heads[found["l" + joint]] - rest.heads[found["r" + joint]]
+            if float(across @ left) < 0.0:
+                for side in "lr":
+                    doubts.setdefault(side + joint, "lies on the other side")
+    return doubts
+
+
+def _why_missing(joint: str, found: Mapping[str, int]) -> str:
+    if joint in ("lowerback", "upperback", "lowerneck", "upperneck"):
+        return "the rig has fewer bones here; the others take its turn"
+    if joint[1:] == "wrist":
+        return "the forearm and the hand take its turn"
+    return "no bone found"

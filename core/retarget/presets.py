@@ -1,0 +1,83 @@
+"""Bone maps as files that can be shared: a name and, for each joint, a bone (TOML).
+
+    name = "My rig"
+
+    [joints]
+    root = "Hips"
+    lfemur = "Thigh_L"
+
+Shipped ones exist only for rigs whose names alone would mislead; all others are found by `bone_map.find_bone_map`.
+"""
+
+from pathlib import Path
+
+from ..assets import ASSETS
+from ..errors import CharacterError, FormatError
+from ..files import read_toml, write_toml
+from ..product_skeleton import JOINT_NAMES
+
+BONE_MAPS = ASSETS / "bone_maps"
+_ENDING = ".toml"
+
+
+def read_bone_map(path: Path | str) -> dict[str, str]:
+    """Return joint -> bone of a file.
+
+    Raises:
+        FormatError: it cannot be read, or is no bone map.
+    """
+    joints = read_toml(path).get("joints")
+    if not isinstance(joints, dict) or not all(isinstance(bone, str) and bone for bone in joints.values()):
+        raise FormatError("is no bone map", where=str(path), advice='give a file with a table [joints]: root = "Hips"')
+    unknown = [joint for joint in joints if joint not in JOINT_NAMES]
+    if unknown:
+        raise FormatError(
+            "has joints that there are not: " + ", ".join(unknown[:6]),
+            where=str(path),
+            advice="joints are called " + ", ".join(JOINT_NAMES),
+        )
+    return {joint: joints[joint] for joint in JOINT_NAMES if joint in joints}
+
+
+def write_bone_map(path: Path | str, name: str, bones: dict[str, str]) -> None:
+    """Write joint -> bone as a file that `read_bone_map` reads."""
+    write_toml(path, {"name": name, "joints": {joint: bones[joint] for joint in JOINT_NAMES if joint in bones}})
+
+
+def preset_paths(user_folder: Path | None = None) -> dict[str, Path]:
+    """Return name -> file of the shipped presets and those in the user's folder, which come first."""
+    folders = [folder for folder in (user_folder, BONE_MAPS) if folder is not None and folder.is_dir()]
+    found: dict[str, Path] = {}
+    for folder in folders:
+        for path in sorted(folder.glob("*" + _ENDING)):
+            found.setdefault(path.stem, path)
+    return found
+
+
+def read_presets(user_folder: Path | None = None) -> dict[str, dict[str, str]]:
+    """Return name -> joint -> bone of all presets; a file of the user's that is damaged is left out."""
+    found = {}
+    for name, path in preset_paths(user_folder).items():
+        try:
+            found[name] = read_bone_map(path)
+        except FormatError:
+            continue
+    return found
+
+
+def named_bone_map(name_or_file: str) -> dict[str, str]:
+    """Return joint -> bone of a shipped preset or of a file.
+
+    Raises:
+        CharacterError: there is neither.
+        FormatError: the file is no bone map.
+    """
+    paths = preset_paths()
+    if name_or_file in paths:
+        return read_bone_map(paths[name_or_file])
+    if not Path(name_or_file).is_file():
+        raise CharacterError(
+            f"there is no bone map {name_or_file!r}",
+            advice=f"give a file, or one of {', '.join(sorted(paths))}; without --map it is found by itself",
+        )
+    return read_bone_map(name_or_file)

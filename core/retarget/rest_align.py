@@ -1,0 +1,246 @@
+"""How a character's rest pose lies in the product's: which way it faces, how large it is, how its limbs are held.
+
+Trunk, collars, neck and head are upright in any rest pose and soles lie flat, so they keep the character's own shape;
+feet are only turned about the vertical until they point as in the product's rest pose. Legs and arms are turned the
+shortest way until their bones point as there, each with the limb above it, whether the rest pose is a T, an A or any
+other; hands also about the forearm until the palms face down.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import permutations, product
+
+import numpy as np
+
+from .. import rotations as rot
+from ..errors import CharacterError
+from ..skeleton import Skeleton
+from .armature_rest import ArmatureRest, Array
+from .bone_names import parse_bone_name
+from .structure import cosine
+
+# A rig whose rest pose stands within this angle of an axis-aligned frame is taken to be meant that way: its own lean
+# (hips before or behind the head) is posture and no turn of the rig.
+_SNAP_RADIANS = np.radians(25.0)
+_PALM_MOST = np.radians(110.0)  # a palm further off than this is not believed
+_TAIL_TELLS = 0.5  # cosine between a bone and the one before it from which its tail, which importers guess, is believed
+_GROUND_NEAR = 0.12  # of the leg's length: how far the lowest bone of the feet may be from the armature's ground
+
+# joint -> the joint at the end of its bone, nearest first
+ENDS: dict[str, tuple[str, ...]] = {
+    "femur": ("tibia",),
+    "tibia": ("foot",),
+    "humerus": ("radius",),
+    "radius": ("wrist", "hand"),
+    "wrist": ("hand",),
+    "hand": ("fingers",),
+}
+_ABOVE = {
+    "tibia": ("femur",),
+    "radius": ("humerus",),
+    "wrist": ("radius", "humerus"),
+    "hand": ("wrist", "radius", "humerus"),
+}
+_HAND_PARTS = ("fingers", "thumb")
+
+
+@dataclass(frozen=True)
+class RestAlignment:
+    """A character's rest pose as the product sees it.
+
+    Args:
+        armature_from_product: (3, 3) rotation.
+        units_per_metre: length in the armature's space of a metre of the performer, from the length of the legs.
+        heads_m: (B, 3) bone heads in the product's axes, in metres of the performer.
+        ground_m: height in the same space of the ground on which the character stands.
+        turns: joint -> (4,) quaternion that turns its bone from the character's rest pose to the product's.
+    """
+
+    armature_from_product: Array
+    units_per_metre: float
+    heads_m: Array
+    ground_m: float
+    turns: dict[str, Array]
+
+
+def align_character(skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str, int]) -> RestAlignment:
+    """Return how a character's rest pose lies in the product's.
+
+    Args:
+        skeleton: the performer's.
+        rest: the character's armature.
+        joints: joint -> bone index, with hips, thighs and upper arms at least.
+
+    Raises:
+        CharacterError: its left and right cannot be told, or the legs have no length.
+    """
+    left = sum(rest.heads[joints["l" + name]] - rest.heads[joints["r" + name]] for name in ("femur", "humerus"))
+    middles = [0.5 * (rest.heads[joints["l" + name]] + rest.heads[joints["r" + name]]) for name in ("femur", "humerus")]
+    frame = facing(np.asarray(left), middles[1] - middles[0])
+    scale = _leg_lengths(skeleton, rest, joints)
+    heads = rest.heads @ frame / scale
+    tails = rest.tails @ frame / scale
+    turns = _turns(skeleton, rest, joints, heads, tails)
+    return RestAlignment(frame, scale, heads, _ground(rest, joints, heads), turns)
+
+
+def facing(left: Array, up: Array) -> Array:
+    """Return the armature-from-product rotation (3, 3) of a rig by the directions to its left and up its trunk.
+
+    Raises:
+        CharacterError: the directions are one.
+    """
+    if np.linalg.norm(np.cross(left, up)) < 1e-6 * max(float(np.linalg.norm(up)), 1e-30):
+        raise CharacterError("the rest pose has no left and right", advice="check the bones' names and positions")
+    nearest = np.zeros(3)
+    nearest[np.argmax(np.abs(up))] = np.sign(up[np.argmax(np.abs(up))])
+    if rot.angle_between(rot.between(up, nearest), rot.identity()) < _SNAP_RADIANS:
+        up = nearest
+    measured = _frame(left, up)
+    frames = _axis_aligned_rotations()
+    aligned = frames[int(np.argmax([float(np.sum(frame * measured)) for frame in frames]))]
+    turn = rot.angle_between(rot.from_matrix(aligned), rot.from_matrix(measured))
+    return aligned if turn < _SNAP_RADIANS else measured
+
+
+def _frame(left: Array, up: Array) -> Array:
+    """Return the rotation (3, 3) with columns left, up, forward, `up` kept in direction."""
+    forward = np.cross(left, up)
+    forward = forward / np.linalg.norm(forward)
+    up = up / np.linalg.norm(up)
+    return np.stack((np.cross(up, forward), up, forward), axis=1)
+
+
+def _axis_aligned_rotations() -> list[Array]:
+    frames = []
+    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
+        frame = np.zeros((3, 3))
+        frame[np.arange(3), order] = signs
+        if np.linalg.det(frame) > 0.0:
+            frames.append(frame)
+    return frames
+
+
+def _leg_lengths(skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str, int]) -> float:
+    """Return armature units per metre: the ratio of leg lengths, so that a step covers a step."""
+    character, own = 0.0, 0.0
+    for side, (upper, lower) in product("lr", (("femur", "tibia"), ("tibia", "foot"))):
+        if side + upper in joints and side + lower in joints:
+            character += float(np.linalg.norm(rest.heads[joints[side + lower]] - rest.heads[joints[side + upper]]))
+            own += float(np.linalg.norm(skeleton.offsets_m[skeleton.index(side + lower)]))
+    if character <= 0.0 or own <= 0.0:
+        raise CharacterError("the legs have no length", advice="check the bones of shins and feet")
+    return character / own
+
+
+def _ground(rest: ArmatureRest, joints: Mapping[str, int], heads: Array) -> float:
+    """Return the height of the ground: the armature's own where the feet are near it, else that of the feet."""
+    feet = [joints[side + name] for side in "lr" for name in ("tibia", "foot", "toes") if side + name in joints]
+    lowest = float(np.min(heads[feet, 1]))
+    leg = float(np.max(heads[[joints["lfemur"], joints["rfemur"]], 1])) - lowest
+    return 0.0 if abs(lowest) < _GROUND_NEAR * leg else lowest
+
+
+def _turns(
+    skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str, int], heads: Array, tails: Array
+) -> dict[str, Array]:
+    turns: dict[str, Array] = {}
+    for name in skeleton.names:
+        if name not in joints:
+            continue
+        kind, side = name[1:], name[0]
+        turn = rot.identity()
+        if kind in _HAND_PARTS:
+            turn = next((turns[side + j] for j in ("hand", "wrist", "radius") if side + j in turns), turn)
+        elif kind in ENDS:
+            turn = next((turns[side + j] for j in _ABOVE.get(kind, ()) if side + j in turns), turn)
+            direction = bone_direction(name, rest, joints, heads, tails)
+            if direction is not None:
+                turn = rot.multiply(rot.between(rot.rotate(turn, direction), _wanted(skeleton, name, joints)), turn)
+        elif kind in ("foot", "toes"):
+            turn = turns[side + "foot"] if side + "foot" in turns else _heading(skeleton, joints, heads, side)
+        turns[name] = turn
+    for side in "lr":
+        _face_palm_down(skeleton, rest, joints, heads, turns, side)
+    return turns
+
+
+def _wanted(skeleton: Skeleton, name: str, joints: Mapping[str, int]) -> Array:
+    """Return the way from a joint to the end of its bone in the product's rest pose."""
+    end = next((name[0] + j for j in ENDS[name[1:]] if name[0] + j in joints and name[0] + j in skeleton.names), None)
+    positions = skeleton.rest_positions_m
+    joint = skeleton.index(name)
+    return positions[skeleton.index(end)] - positions[joint] if end is not None else skeleton.tips_m[joint]
+
+
+def bone_direction(
+    name: str, rest: ArmatureRest, joints: Mapping[str, int], heads: Array, tails: Array
+) -> Array | None:
+    """Return the way from a joint of a limb to the end of its bone in the character's rest pose, None if untold."""
+    side, kind, bone = name[0], name[1:], joints[name]
+    end = next((joints[side + j] for j in ENDS[kind] if side + j in joints), None)
+    if end is not None:
+        way = heads[end] - heads[bone]
+        return way if float(np.linalg.norm(way)) > 1e-6 else None
+    above = next((joints[side + j] for j in _ABOVE.get(kind, ()) if side + j in joints), None)
+    way = tails[bone] - heads[bone]
+    if above is None or cosine(way, heads[bone] - heads[above]) > _TAIL_TELLS:
+        return way
+    return None
+
+
+def _heading(skeleton: Skeleton, joints: Mapping[str, int], heads: Array, side: str) -> Array:
+    """Return the turn about the vertical that brings a foot's heading to the product's."""
+    if side + "toes" not in joints:
+        return rot.identity()
+    way = heads[joints[side + "toes"]] - heads[joints[side + "foot"]]
+    wanted = skeleton.offsets_m[skeleton.index(side + "toes")]
+    angle = np.arctan2(wanted[0], wanted[2]) - np.arctan2(way[0], way[2])
+    return rot.from_rotation_vector(np.array([0.0, angle, 0.0]))
+
+
+def _face_palm_down(
+    skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str, int], heads: Array, turns: dict[str, Array], side: str
+) -> None:
+    """Turn the hand about its direction until the thumb's side faces forward, and the forearm half as much."""
+    hand = side + "hand"
+    if hand not in joints:
+        return
+    across = _across_hand(rest, joints, heads, side)
+    if across is None:
+        return
+    along = _wanted(skeleton, hand, joints)
+    along = along / np.linalg.norm(along)
+    across = rot.rotate(turns[hand], across)
+    across = across - along * float(across @ along)
+    forward = np.array([0.0, 0.0, 1.0]) - along * along[2]
+    angle = float(np.arctan2(np.cross(across, forward) @ along, across @ forward))
+    if float(np.linalg.norm(across)) < 1e-6 or abs(angle) > _PALM_MOST:
+        return
+    for joint, share in ((hand, 1.0), (side + "fingers", 1.0), (side + "thumb", 1.0), (side + "radius", 0.5)):
+        if joint in turns:
+            turns[joint] = rot.multiply(rot.from_rotation_vector(share * angle * along), turns[joint])
+
+
+def _across_hand(rest: ArmatureRest, joints: Mapping[str, int], heads: Array, side: str) -> Array | None:
+    """Return the direction across the palm towards the thumb, None where no finger tells it."""
+    index, little = (_knuckle(rest, joints[side + "hand"], side, words) for words in (("index",), ("pinky", "little")))
+    if index >= 0 and little >= 0:
+        return heads[index] - heads[little]
+    if side + "thumb" in joints:
+        return heads[joints[side + "thumb"]] - heads[joints[side + "hand"]]
+    return None
+
+
+def _knuckle(rest: ArmatureRest, hand: int, side: str, words: tuple[str, ...]) -> int:
+    """Return the first bone below the hand with one of the words in its name, -1 without one."""
+    return next(
+        (
+            bone
+            for bone in range(hand + 1, len(rest))
+            if any(word in parse_bone_name(rest.names[bone]).words for word in words)
+            and parse_bone_name(rest.names[bone]).side in (side, "")
+            and rest.is_above(hand, bone)
+        ),
+        -1,
+    )

@@ -1,0 +1,177 @@
+"""Limbs of an armature told by its shape alone: two symmetric pairs of chains on a trunk, whatever they are called."""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from ..errors import CharacterError
+from .armature_rest import ArmatureRest, Array
+from .bone_names import parse_bone_name
+
+_LONG_LIMB = 0.2  # of the armature's greatest extent: the least length of an arm or leg
+_ALIKE = 0.15  # relative difference of length up to which two chains are a pair
+_SHORT_BONE = 0.12  # of a limb's length: shorter bones at its start belong to pelvis or shoulder
+_TURNED = np.cos(np.radians(35.0))  # a bone that bends off further than this is a foot
+_UPRIGHT = np.cos(np.radians(50.0))  # between the trunk and the way from the feet to the hips
+
+
+@dataclass(frozen=True)
+class Limbs:
+    """Chains of bones (indices, from the trunk outwards): sides "l" and "r" of legs and arms."""
+
+    legs: dict[str, list[int]]
+    arms: dict[str, list[int]]
+
+
+def find_limbs(rest: ArmatureRest) -> Limbs | None:
+    """Return the limbs of a biped's armature, None if it has no two pairs of them.
+
+    Raises:
+        CharacterError: it has, but its trunk does not stand on them.
+    """
+    pairs = _pairs(rest)
+    best: tuple[float, tuple[list[int], list[int]], tuple[list[int], list[int]]] | None = None
+    for legs, arms in ((a, b) for one, other in combinations(pairs[:4], 2) for a, b in ((one, other), (other, one))):
+        score = _uprightness(rest, legs, arms)
+        if set(legs[0]) & set(arms[0]) or set(legs[0]) & set(arms[1]):
+            continue
+        if best is None or score > best[0]:
+            best = (score, legs, arms)
+    if best is None:
+        return None
+    score, legs, arms = best
+    check_upright(score)
+    left = _left(rest, legs, arms)
+    return Limbs(_by_side(rest, legs, left), _by_side(rest, arms, left))
+
+
+def _pairs(rest: ArmatureRest) -> list[tuple[list[int], list[int]]]:
+    """Return pairs of alike chains that leave one bone, the longest first."""
+    size = float(np.max(np.ptp(rest.heads, axis=0)))
+    reach = np.zeros(len(rest))
+    for bone in range(len(rest) - 1, 0, -1):
+        parent = int(rest.parents[bone])
+        if parent >= 0:
+            step = float(np.linalg.norm(rest.heads[bone] - rest.heads[parent]))
+            reach[parent] = max(reach[parent], step + reach[bone])
+    found = []
+    for children in rest.children:
+        for a, b in combinations(children, 2):
+            longer = max(reach[a], reach[b])
+            if longer < _LONG_LIMB * size or abs(reach[a] - reach[b]) > _ALIKE * longer:
+                continue
+            chains = _main_chain(rest, a, reach), _main_chain(rest, b, reach)
+            apart = float(np.linalg.norm(rest.heads[chains[0][-1]] - rest.heads[chains[1][-1]]))
+            if apart > 0.05 * size and min(len(chains[0]), len(chains[1])) >= 2:
+                found.append((longer, chains))
+    return [chains for _, chains in sorted(found, key=lambda item: -item[0])]
+
+
+def _main_chain(rest: ArmatureRest, bone: int, reach: Array) -> list[int]:
+    """Return the bones from one outwards along its longest branch, up to where a hand spreads into fingers."""
+    chain = [bone]
+    while True:
+        children = [child for child in rest.children[chain[-1]] if not parse_bone_name(rest.names[child]).helper]
+        if not children or (len(chain) >= 3 and len(children) >= 3):
+            return chain
+        step = [float(np.linalg.norm(rest.heads[c] - rest.heads[chain[-1]])) + float(reach[c]) for c in children]
+        chain.append(children[int(np.argmax(step))])
+
+
+def _uprightness(rest: ArmatureRest, legs: tuple[list[int], list[int]], arms: tuple[list[int], list[int]]) -> float:
+    """Return the mean cosine between the legs' way up and the way from the legs to the arms."""
+    hips, shoulders = (np.mean([rest.heads[chain[0]] for chain in pair], axis=0) for pair in (legs, arms))
+    ways = [rest.heads[chain[0]] - rest.heads[chain[-1]] for chain in legs]
+    return float(np.mean([cosine(way, shoulders - hips) for way in ways]))
+
+
+def check_upright(score: float) -> None:
+    """Raise CharacterError unless the cosine between trunk and legs is that of somebody who stands on two feet."""
+    if score < _UPRIGHT:
+        angle = np.degrees(np.arccos(np.clip(score, -1.0, 1.0)))
+        raise CharacterError(
+            f"it is no biped: its trunk leans {angle:.0f} degrees from the line of its legs, as on four feet",
+            advice="choose a character that stands on two legs in its rest pose",
+        )
+
+
+def cosine(a: Array, b: Array) -> float:
+    """Return the cosine of the angle between two vectors, 0 if one has no length."""
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(a @ b) / size if size > 0.0 else 0.0
+
+
+def _left(rest: ArmatureRest, legs: tuple[list[int], list[int]], arms: tuple[list[int], list[int]]) -> Array:
+    """Return the direction to the character's left: by the names, else by the way its feet point."""
+    across = np.zeros(3)
+    for a, b in (legs, arms):
+        way = rest.heads[a[-1]] - rest.heads[b[-1]]
+        sides = [parse_bone_name(rest.names[chain[-1]]).side for chain in (a, b)]
+        across += way * (1.0 if sides == ["l", "r"] else -1.0 if sides == ["r", "l"] else 0.0)
+    if np.any(across):
+        return across
+    hips, shoulders = (np.mean([rest.heads[chain[0]] for chain in pair], axis=0) for pair in (legs, arms))
+    forward = np.sum([rest.heads[chain[-1]] - rest.heads[chain[-2]] for chain in legs], axis=0)
+    return np.cross(shoulders - hips, forward)
+
+
+def _by_side(rest: ArmatureRest, pair: tuple[list[int], list[int]], left: Array) -> dict[str, list[int]]:
+    a, b = pair
+    if float((rest.heads[a[-1]] - rest.heads[b[-1]]) @ left) < 0.0:
+        a, b = b, a
+    return {"l": a, "r": b}
+
+
+def leg_joints(rest: ArmatureRest, chain: list[int]) -> dict[str, int]:
+    """Return femur, tibia, foot and toes of a leg's chain; fewer where it is too short."""
+    chain = _without_short_start(rest, chain)
+    down = rest.heads[chain[-1]] - rest.heads[chain[0]]
+    ankle = _evenly_bent(rest, chain)
+    for place in range(2, len(chain) - 1):  # the first bone behind the knee that turns off forwards
+        if cosine(rest.heads[chain[place + 1]] - rest.heads[chain[place]], down) < _TURNED:
+            ankle = place
+            break
+    names = {"femur": chain[0]}
+    if ankle >= 2:
+        names |= {"tibia": _middle(rest, chain[: ankle + 1]), "foot": chain[ankle]}
+    elif len(chain) == 2:
+        names["tibia"] = chain[1]
+    if ankle + 1 < len(chain) and "foot" in names:
+        names["toes"] = chain[ankle + 1]
+    return names
+
+
+def _evenly_bent(rest: ArmatureRest, chain: list[int]) -> int:
+    """Return the place in the chain of the ankle above which some joint, the knee, is nearest to half of the way."""
+    way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(rest.heads[chain], axis=0), axis=1))))
+    uneven = {place: float(np.min(np.abs(way[1:place] / way[place] - 0.5))) for place in range(2, len(chain))}
+    return min(uneven, key=lambda place: uneven[place], default=len(chain) - 1)
+
+
+def arm_joints(rest: ArmatureRest, chain: list[int]) -> dict[str, int]:
+    """Return clavicle, humerus, radius and hand of an arm's chain; fewer where it is too short."""
+    rest_of_arm = _without_short_start(rest, chain) if len(chain) > 3 else chain
+    names = {"clavicle": chain[0]} if rest_of_arm[0] != chain[0] else {}
+    if not names and len(chain) >= 4:
+        names, rest_of_arm = {"clavicle": chain[0]}, chain[1:]
+    names["humerus"] = rest_of_arm[0]
+    if len(rest_of_arm) >= 3:
+        names |= {"radius": _middle(rest, rest_of_arm), "hand": rest_of_arm[-1]}
+    elif len(rest_of_arm) == 2:
+        names["radius"] = rest_of_arm[1]
+    return names
+
+
+def _without_short_start(rest: ArmatureRest, chain: list[int]) -> list[int]:
+    steps = np.linalg.norm(np.diff(rest.heads[chain], axis=0), axis=1)
+    start = 0
+    while start < len(steps) - 2 and steps[start] < _SHORT_BONE * float(steps.sum()):
+        start += 1
+    return chain[start:]
+
+
+def _middle(rest: ArmatureRest, chain: list[int]) -> int:
+    """Return the bone between the ends whose head is nearest to half of the way: knee or elbow."""
+    way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(rest.heads[chain], axis=0), axis=1))))
+    return chain[1 + int(np.argmin(np.abs(way[1:-1] - 0.5 * way[-1])))]
