@@ -142,6 +142,7 @@ class _Recorder:
             blobs[index][:, :2] = camera.project(points_m[seen[index]])
             blobs[index][:, 2:] = 4.0, 200.0, 0.0
         single = np.array([self.rig.cameras[i].undistort(self.rig.cameras[i].project(points_m[r])) for r, i in alone])
+        places = np.array([[seen[i].index(r) for i in range(len(views))] for r in both])
         return MarkerFrame(
             number,
             number / fps,
@@ -149,7 +150,7 @@ class _Recorder:
             np.tile(sigma_m**2 * np.eye(3), (len(both), 1, 1)),
             known[both],
             tuple(blobs),
-            point_blobs=np.array([[seen[i].index(r) for i in range(len(views))] for r in both]).reshape(-1, len(views)),
+            point_blobs=places.reshape(len(both), len(views)),
             single_cameras=np.array([index for _, index in alone], dtype=np.int64),
             single_blobs=np.array([seen[index].index(r) for r, index in alone], dtype=np.int64),
             single_points=single.reshape(-1, 2),
