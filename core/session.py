@@ -113,7 +113,17 @@ class Session:
             labels = start.labels if start else np.full(len(frame.points_m), -1)
             self._labeller.begin(frame.points_m, labels)
             return Observation.of_points(_by_marker(frame.points_m, labels, count))
-        elapsed = frame.time_s - self._last.time_s if self._last else 0.0
+        return self.label_followed(frame, predicted, frame.time_s - self._last.time_s if self._last else 0.0)
+
+    def label_followed(self, frame: MarkerFrame, predicted: Array, elapsed: float) -> Observation:
+        """Return what was seen of each marker of a body that is followed.
+
+        Args:
+            frame: without labels.
+            predicted: (M, 3) markers of the last synthesized pose, metres.
+            elapsed: time since that pose, seconds.
+        """
+        count = len(self.subject.marker_set)
         if not self._cameras or len(frame.blobs) != len(self._cameras):
             labels = self._labeller.label(frame.points_m, frame.covariances_m2, predicted, elapsed)
             return self._reconsidered(

@@ -6,7 +6,7 @@ known), "background_s" (seconds in which the empty room is learned, cameras only
 """
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import islice
@@ -42,31 +42,52 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     Raises:
         PerfanimError: the source cannot be opened, stops giving images, or does not fit the calibration.
     """
-    in_flight = request.get("in_flight")
     try:
-        with ThreadPoolExecutor(1) as later, opened(request, channel) as (source, pipeline):
+        with opened(request, channel) as (source, pipeline):
             channel.send_status("waiting for images")
             for warning in getattr(source, "warnings", ()):
                 channel.send_warning(warning)
-            offsets = bumps = None
-            if not is_simulated(request):
-                offsets = LiveTimeOffsets(pipeline.rig, _aligner(pipeline), later.submit)
-                bumps = LiveBumpWatch(pipeline.rig, later.submit)
-            for images in source if is_live(request) else _paced(source):
-                if channel.stop_requested.is_set():
-                    break
-                stamp_s = time.perf_counter()
-                seen = pipeline.detect(images)
-                if offsets is not None:
-                    offsets.saw(seen)
-                frame = pipeline.locate(seen)
-                channel.send_frame(stamp_s, frame)
-                if bumps is not None and (warning := bumps.saw(frame, pipeline.last_errors_px)):
-                    channel.send_warning(warning)
-                if in_flight is not None:
-                    channel.wait_taken(int(in_flight))
+            images = source if is_live(request) else _paced(source)
+            hand_over(images, pipeline, channel, request.get("in_flight"), exact_times=is_simulated(request))
     except Stopped:
         return
+
+
+def hand_over(
+    images: Iterable[ImageSetLike],
+    pipeline: MarkerPipeline,
+    channel: Channel,
+    in_flight: int | None = None,
+    *,
+    exact_times: bool,
+) -> None:
+    """Hand over the marker frames of images until there are no more, or a stop is asked for.
+
+    Args:
+        images: sets of one image per camera.
+        pipeline: makes marker frames of them.
+        channel: where they go.
+        in_flight: frames that may be on their way; None: no limit.
+        exact_times: the time stamps are those of the moments shown, and the cameras stand still.
+    """
+    with ThreadPoolExecutor(1) as later:
+        offsets = bumps = None
+        if not exact_times:
+            offsets = LiveTimeOffsets(pipeline.rig, _aligner(pipeline), later.submit)
+            bumps = LiveBumpWatch(pipeline.rig, later.submit)
+        for moment in images:
+            if channel.stop_requested.is_set():
+                break
+            stamp_s = time.perf_counter()
+            seen = pipeline.detect(moment)
+            if offsets is not None:
+                offsets.saw(seen)
+            frame = pipeline.locate(seen)
+            channel.send_frame(stamp_s, frame)
+            if bumps is not None and (warning := bumps.saw(frame, pipeline.last_errors_px)):
+                channel.send_warning(warning)
+            if in_flight is not None:
+                channel.wait_taken(int(in_flight))
 
 
 def is_live(request: Mapping[str, Any]) -> bool:
