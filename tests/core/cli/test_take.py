@@ -1,0 +1,193 @@
+"""`perfanim take` and solving recorded takes: as live, with another calibration, of cut files."""
+
+import json
+
+import numpy as np
+import pytest
+from perfanim.core import rotations as rot
+from perfanim.core.camera import save_rig
+from perfanim.core.cli.main import main
+from perfanim.core.database.store import identity
+from perfanim.core.formats.takes import read_take
+from perfanim.core.marker_frame import pack_stamped
+from perfanim.core.marker_take import MarkerTake, save_take
+from perfanim.core.motion_files import read_motion
+from perfanim.core.pose_bytes import SolvedPose, pack_solved
+from perfanim.core.session import Session
+from perfanim.core.solver.settings import SolveSettings
+from perfanim.core.take_file.chunks import scan
+from perfanim.core.take_file.reading import read_take_file
+from perfanim.core.take_file.setup import TakeNotes, TakeSetup
+from perfanim.core.take_file.writer import TakeWriter
+
+LOST = (20, 21, 22)  # frames that the cameras left out
+FPS = 30.0
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory, true_markers, subject, database, stage_rig, record):
+    """A take of two seconds without three frames, a little of it in every chunk, and its live poses."""
+    folder = tmp_path_factory.mktemp("recorded")
+    setup = TakeSetup.of(stage_rig, subject, {"best_neighbours": 200}, identity(database), {})
+    session = Session(subject, database, stage_rig, SolveSettings(**setup.settings))
+    writer = TakeWriter(folder / "walk.perftake", setup, TakeNotes("Walk 1", character="Xbot"))
+    for number in (n for n in range(len(true_markers)) if n not in LOST):
+        frame = record(true_markers[number], number, cameras=True, fps=FPS, hidden=((5, 0),) if number > 40 else ())
+        writer.add_frame(pack_stamped(float(number), frame))
+        writer.add_pose(pack_solved(SolvedPose(session.step(frame), float(number))))
+        if number % 3 == 0:
+            writer._collect()
+    writer.close()
+    save_rig(stage_rig, folder / "rig.toml")
+    return folder / "walk.perftake"
+
+
+def run(capsys, *line):
+    """Run a command and return its JSON."""
+    assert main([*map(str, line), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_info(recorded, capsys):
+    facts = run(capsys, "take", "info", recorded)
+    expected = {
+        "name": "Walk 1", "frames": 57, "poses": 57, "complete": True, "lost_frames": 3, "markers": 8, "fps": 30.0,
+        "cameras": 2, "subject": "walker", "marker_set": "locomotion", "character": "Xbot", "problems": [],
+    }  # fmt: skip
+    assert {key: facts[key] for key in expected} == expected
+    assert facts["duration_s"] == pytest.approx(59 / 30)
+    assert facts["confidence"] > 0.5
+    assert main(["take", "info", str(recorded)]) == 0
+    assert "lost frames: 3" in capsys.readouterr().out
+
+
+def test_info_of_other_systems_takes(tmp_path, recorded, capsys):
+    markers = read_take(recorded)
+    for ending in ("c3d", "trc", "csv", "take.npz"):
+        run(capsys, "take", "export", recorded, "--out", tmp_path / f"a.{ending}")
+        facts = run(capsys, "take", "info", tmp_path / f"a.{ending}")
+        assert facts["complete"]
+        assert (facts["markers"], facts["names"], facts["fps"]) == (8, list(markers.names), 30.0)
+        assert facts["frames"] + facts["lost_frames"] == 60
+        assert facts["duration_s"] == pytest.approx(59 / 30, abs=1e-5)
+        again = read_take(tmp_path / f"a.{ending}")
+        rows = np.searchsorted(again.frame_numbers - again.frame_numbers[0], markers.frame_numbers)
+        np.testing.assert_allclose(again.positions_m[rows], markers.positions_m, atol=1e-6)
+    for ending, keep in (("c3d", -5000), ("trc", -3000)):
+        whole = (tmp_path / f"a.{ending}").read_bytes()
+        cut = whole[:keep] if ending == "c3d" else whole[: whole.rindex(b"\n", 0, keep)]
+        (tmp_path / f"cut.{ending}").write_bytes(cut)
+        facts = run(capsys, "take", "info", tmp_path / f"cut.{ending}")
+        assert not facts["complete"]
+        assert "cut off" in facts["problems"][0]
+
+
+def test_exported_motion_keeps_its_time_where_frames_were_lost(tmp_path, recorded, capsys):
+    facts = run(capsys, "take", "export", recorded, "--out", tmp_path / "a.bvh")
+    motion = read_motion(tmp_path / "a.bvh")
+    assert (facts["frames"], motion.frames, motion.fps) == (60, 60, pytest.approx(30.0, abs=1e-3))
+    poses = {solved.pose.number: solved.pose for solved in read_take_file(recorded).poses}
+    for number, pose in poses.items():
+        assert np.degrees(rot.angle_between(motion.rotations[number], pose.rotations)).max() < 0.01
+        np.testing.assert_allclose(motion.root_positions_m[number], pose.root_position_m, atol=1e-5)
+    before, after = poses[19].root_position_m, poses[23].root_position_m
+    np.testing.assert_allclose(motion.root_positions_m[21], 0.5 * (before + after), atol=1e-5)
+
+
+def test_solving_again_gives_what_live_gave(tmp_path, recorded, capsys):
+    facts = run(capsys, "solve", recorded, "--out", tmp_path / "again.bvh")
+    assert (facts["frames"], facts["complete"], facts["method"], facts["warnings"]) == (57, True, "best", [])
+    run(capsys, "take", "export", recorded, "--out", tmp_path / "live.bvh")
+    again, live = read_motion(tmp_path / "again.bvh"), read_motion(tmp_path / "live.bvh")
+    assert np.degrees(rot.angle_between(again.rotations, live.rotations)).max() < 0.01  # what BVH keeps
+    other = run(capsys, "solve", recorded, "--method", "lwr", "--out", tmp_path / "lwr.bvh")
+    assert other["method"] == "lwr"
+
+
+def test_solving_again_from_the_detections_alone(tmp_path, recorded, stage_rig, capsys):
+    facts = run(capsys, "solve", recorded, "--out", tmp_path / "a.bvh")
+    rig = recorded.parent / "rig.toml"
+    anew = run(capsys, "solve", recorded, "--cameras", rig, "--out", tmp_path / "b.bvh")
+    assert anew["marker_rms_mm"] == pytest.approx(facts["marker_rms_mm"], abs=0.5)
+    a, b = read_motion(tmp_path / "a.bvh"), read_motion(tmp_path / "b.bvh")
+    assert np.linalg.norm(a.root_positions_m - b.root_positions_m, axis=1).max() < 0.005
+    save_rig(type(stage_rig)(stage_rig.cameras[:1]), tmp_path / "one.toml")
+    assert (
+        main(["solve", str(recorded), "--cameras", str(tmp_path / "one.toml"), "--out", str(tmp_path / "c.bvh")]) == 1
+    )
+    assert "was recorded by 2 cameras, the calibration has 1" in capsys.readouterr().err
+
+
+def test_a_cut_take_is_recovered_and_solved(tmp_path, recorded, capsys):
+    chunks, _ = scan(recorded.read_bytes(), "")
+    cut = tmp_path / "cut.perftake"
+    cut.write_bytes(recorded.read_bytes()[: chunks[20].offset + 99])
+    before = cut.read_bytes()
+    facts = run(capsys, "take", "info", cut)
+    assert not facts["complete"]
+    assert facts["problems"][0].startswith("the file is cut off within chunk 20")
+    solved = run(capsys, "solve", cut, "--out", tmp_path / "a.bvh")
+    assert solved["frames"] == facts["frames"] < 57
+    assert solved["warnings"] == facts["problems"]
+    done = run(capsys, "take", "recover", cut)
+    assert done["out"] == str(tmp_path / "cut-recovered.perftake")
+    assert done["frames"] == facts["frames"]
+    again = run(capsys, "take", "info", done["out"])
+    assert again["complete"]
+    assert again["frames"] == facts["frames"]
+    assert cut.read_bytes() == before
+    assert main(["take", "recover", str(cut)]) == 1
+    assert "is there already" in capsys.readouterr().err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.bvh", "cut-recovered.perftake", "cut.perftake"]
+
+
+def test_bad_input_is_told_in_one_line(tmp_path, recorded, capsys):
+    (tmp_path / "words.perftake").write_text("no take at all, but some words of somebody")
+    (tmp_path / "empty.perftake").write_bytes(b"")
+    chunks, _ = scan(recorded.read_bytes(), "")
+    (tmp_path / "start.perftake").write_bytes(recorded.read_bytes()[: chunks[0].offset + 9])
+    (tmp_path / "bare.perftake").write_bytes(recorded.read_bytes()[: chunks[2].offset])
+    save_take(MarkerTake("a", 60.0, ("A",), np.zeros((3, 1, 3))), tmp_path / "a.take.npz")
+    lines = {
+        "take info {tmp}/gone.perftake": "cannot be read",
+        "take info {tmp}/words.perftake": "is no recorded take",
+        "take info {tmp}/empty.perftake": "is empty",
+        "take info {tmp}/start.perftake": "has lost its calibration and subject",
+        "take info {tmp}/words.txt": "is no marker take",
+        "take recover {tmp}/start.perftake": "has lost its calibration and subject",
+        "take recover {tmp}/words.perftake": "is no recorded take",
+        "take recover {take} --out {tmp}/a.bvh": "does not end in .perftake",
+        "take recover {take} --out {take}": "would be overwritten",
+        "take export {take} --out {tmp}/a.doc": "has an ending that cannot be written",
+        "take export {tmp}/a.take.npz --out {tmp}/a.bvh": "holds markers and no motion",
+        "take export {tmp}/bare.perftake --out {tmp}/b.bvh": "has 0 poses",
+        "take export {tmp}/bare.perftake --out {tmp}/b.csv": "has 0 solved frames",
+        "solve {tmp}/bare.perftake --out {tmp}/b.bvh": "has 0 poses",
+        "solve {take} --database {tmp}/gone.db --out {tmp}/b.bvh": "gone.db: cannot be read",
+        "solve {take} --marker-set gone --out {tmp}/b.bvh": "there is no marker set or file 'gone'",
+        "calibrate subject {tmp}/bare.perftake --marker-set boxing --out {tmp}/b.toml": "has 0 solved frames",
+    }  # fmt: skip
+    before = sorted(tmp_path.iterdir())
+    for line, message in lines.items():
+        assert main([part.format(tmp=tmp_path, take=recorded) for part in line.split()]) == 1, line
+        printed = capsys.readouterr()
+        assert (printed.out, printed.err.count("\n")) == ("", 1), line
+        assert message in printed.err
+        assert sorted(tmp_path.iterdir()) == before, line
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "solve a.c3d --out b.bvh",
+        "solve a.c3d --database d --out b.bvh",
+        "solve a.c3d --database d --subject s --cameras c --out b.bvh",
+        "take",
+        "take info",
+    ],
+)
+def test_wrong_usage_exits_with_2(line, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(line.split())
+    assert ended.value.code == 2
+    assert "usage" in capsys.readouterr().err
