@@ -6,7 +6,7 @@ import numpy as np
 
 from .camera import CameraRig
 from .errors import CaptureError
-from .simulate.studio.boards import DEFAULT_BOARD, BoardPose, board_pictures, draw_board
+from .simulate.studio.boards import DEFAULT_BOARD, board_on_floor, board_pictures, draw_board
 from .simulate.studio.source import SimulatedSource
 from .vision.board import find_board
 from .vision.calibrate import CalibrationResult, calibrate_from_points
@@ -15,7 +15,6 @@ from .vision.rig_fit import CameraViews
 from .vision.triangulate import triangulate
 
 _BOARD_VIEWS = 24
-_BOARD_BEFORE_M = 0.6  # the board lies a little before the performer, where both cameras see all of it
 
 
 def calibrate_studio(source: SimulatedSource) -> CalibrationResult:
@@ -40,9 +39,7 @@ def studio_on_floor(rig: CameraRig, source: SimulatedSource) -> CameraRig:
         CaptureError: a camera does not show the board.
     """
     board = DEFAULT_BOARD
-    middle = board.points_m.mean(axis=0)
-    flat = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-    pose = BoardPose(flat, np.array([0.0, 0.0, _BOARD_BEFORE_M]) - flat @ middle)
+    pose, before_m = board_on_floor(board)
     corners = []
     for i, camera in enumerate(source.rig.cameras):
         image = source.renderer.lit_room(i)
@@ -54,4 +51,4 @@ def studio_on_floor(rig: CameraRig, source: SimulatedSource) -> CameraRig:
         corners.append(rig.cameras[i].undistort(view.pixels))
     seen = np.stack(corners, axis=1)
     points, _, _ = triangulate(rig.cameras, seen, np.ones(seen.shape[:2]), 0.3)
-    return rig_on_floor(rig, points, _BOARD_BEFORE_M)
+    return rig_on_floor(rig, points, before_m)

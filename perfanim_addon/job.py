@@ -3,6 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..core.worker.client import WorkerClient
 from ..core.worker.protocol import Message, MessageKind
 
@@ -20,14 +23,20 @@ class Job:
         panel: whose line shows the result.
         request: what the worker is asked for (see `core.worker.process`).
         python: interpreter of the worker, None for Blender's own.
+        finishable: whether it can be asked to end early with what it has.
     """
 
-    def __init__(self, title: str, panel: str, request: Mapping[str, Any], python: str | None) -> None:
+    def __init__(
+        self, title: str, panel: str, request: Mapping[str, Any], python: str | None, finishable: bool = False
+    ) -> None:
         self.title = title
         self.panel = panel
+        self.finishable = finishable
         self.text = "starting"
+        self.heading = ""  # how far it is, for the panel's header line
         self.fraction = 0.0
         self.summary: dict[str, Any] | None = None
+        self._preview: Message | None = None
         self._client = WorkerClient(request, python)
 
     @property
@@ -41,15 +50,29 @@ class Job:
             self._take(message)
 
     def _take(self, message: Message) -> None:
+        if message.kind is MessageKind.PREVIEW:
+            self._preview = message
+            return
         content = message.json()
         if message.kind is MessageKind.STATUS:
             self.text = str(content.get("activity", self.text))
+            self.heading = str(content.get("heading", self.heading))
             fraction = content.get("fraction")
             self.fraction = float(fraction) if isinstance(fraction, int | float) else self.fraction
         elif message.kind is MessageKind.RESULT:
             self.summary = content
         elif message.kind is MessageKind.ERROR:
             raise message.error()
+
+    def take_preview(self) -> NDArray[np.uint8] | None:
+        """Return the newest picture (height, width, 3), RGB, of what the cameras see; None when there is no new one."""
+        message, self._preview = self._preview, None
+        return None if message is None else message.preview()
+
+    def finish(self) -> None:
+        """Ask the worker to end with what it has; go on calling `tick` until `ended`."""
+        self.finishable = False
+        self._client.request_stop()
 
     def close(self) -> None:
         """End the worker."""

@@ -28,10 +28,14 @@ class _Step:
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
         """Draw the state at the right of the header line."""
-        state = type(self).state(settings(context))
         row = self.layout.row()
-        row.alert = not state.ready
-        row.label(text=state.text, icon="CHECKMARK" if state.ready else "ERROR")
+        job = running.current()
+        if isinstance(job, Job) and job.panel == self.key and job.heading:
+            row.label(text=job.heading, icon="TIME")
+        else:
+            state = type(self).state(settings(context))
+            row.alert = not state.ready
+            row.label(text=state.text, icon="CHECKMARK" if state.ready else "ERROR")
         row.separator()
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -79,11 +83,16 @@ class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
         _props(box, chosen, "board_columns", "board_rows", "board_square_mm")
         if chosen.source == "CAMERAS":
             box.operator("perfanim.save_board", icon="FILE")
+            _props(box, chosen, "board_views", "board_timed")
+            if chosen.board_timed:
+                box.prop(chosen, "board_every_s")
         if chosen.source in ("CAMERAS", "SIMULATED"):
-            _props(box, chosen, "board_pictures", "board_every_s")
-            box.operator("perfanim.record_board", icon="IMAGE_DATA")
-        _props(box, chosen, "board_left", "board_right")
-        box.operator("perfanim.calibrate_cameras", icon="CAMERA_STEREO")
+            box.operator("perfanim.calibrate_board", icon="CAMERA_STEREO")
+            box.operator("perfanim.set_floor", icon="AXIS_TOP")
+        if chosen.source != "SIMULATED":
+            box = layout.box().column()
+            _props(box, chosen, "board_left", "board_right")
+            box.operator("perfanim.calibrate_cameras", icon="IMAGE_DATA")
 
 
 class PERFANIM_PT_markers(_Step, bpy.types.Panel):
@@ -231,12 +240,14 @@ def draw_progress(layout: bpy.types.UILayout, fraction: float, text: str) -> Non
 
 
 def draw_job(layout: bpy.types.UILayout, panel: str) -> None:
-    """Draw the progress of a job of this panel, and its Cancel."""
+    """Draw the progress of a job of this panel, its Cancel and, where it has one, Finish Now."""
     job = running.current()
     if isinstance(job, Job) and job.panel == panel:
         row = layout.row(align=True)
         draw_progress(row, job.fraction, job.text)
         row.operator("perfanim.cancel_job", text="", icon="X")
+        if job.finishable:
+            layout.operator("perfanim.finish_job", icon="CHECKMARK")
 
 
 def draw_text(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str) -> None:

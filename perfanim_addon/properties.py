@@ -98,12 +98,21 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         min=1,
         max=1000,
     )
-    board_pictures: bpy.props.IntProperty(
-        name="Pictures", description="How many pictures of the board are taken", default=20, min=3, max=200
+    board_views: bpy.props.IntProperty(
+        name="Views at Most",
+        description="It ends after so many views of the board even if the result is not good",
+        default=40,
+        min=3,
+        max=200,
+    )
+    board_timed: bpy.props.BoolProperty(
+        name="Timed",
+        description="Take a view after a countdown instead of when the board is held still",
+        default=False,
     )
     board_every_s: bpy.props.FloatProperty(
         name="Every",
-        description="Time to move the board between two pictures",
+        description="Time to move the board between two views",
         default=3,
         min=0.5,
         max=60,

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import bpy
 
 from ..core.errors import PerfanimError
+from . import preview
 
 
 class Activity(Protocol):
@@ -46,13 +47,14 @@ def begin(context: bpy.types.Context, activity: Activity, interval_s: float) -> 
 
 
 def end() -> None:
-    """End whatever runs: remove the timer and close the worker. Safe to call at any time."""
+    """End whatever runs: remove the timer and the preview, close the worker. Safe to call at any time."""
     activity, timer = _state.activity, _state.timer
     _state.activity = _state.timer = None
     if timer is not None:
         bpy.context.window_manager.event_timer_remove(timer)
     if activity is not None:
         activity.close()
+        preview.hide()
         redraw_sidebars()
 
 

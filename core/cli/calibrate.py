@@ -3,10 +3,13 @@
 import argparse
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import SettingsError
 from . import calibrate_refine, calibrate_subject
+
+if TYPE_CHECKING:
+    from ..vision.calibrate import CalibrationResult
 
 Progress = Callable[[float, str], None]
 
@@ -78,6 +81,11 @@ def run_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         square_m = board.square_m
         result = _from_files(patterns, board, progress, left_right=bool(args.left))
     save_rig(result.rig, args.out)
+    return {**summary_of(result, square_m), "out": str(args.out)}
+
+
+def summary_of(result: "CalibrationResult", square_m: float = 0.0) -> dict[str, Any]:
+    """Return what is told of a calibration; `square_m` is the board's square, 0 where it is not known."""
     summary: dict[str, Any] = {
         "verdict": result.verdict,
         "stereo_rms_px": result.stereo_rms_px,
@@ -90,7 +98,6 @@ def run_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         "rejected": [{"picture": row.picture, "reason": row.reason} for row in result.rejected],
         "views_px": {name: _of_camera(result.views_px, name) for name in result.rms_px},
         "advice": list(result.advice),
-        "out": str(args.out),
     }
     if result.late_s:
         summary["late_ms"] = {name: 1000.0 * late for name, late in result.late_s.items()}

@@ -26,6 +26,7 @@ _SIZE = re.compile(r"^\s*(\d+)\s*[xX]\s*(\d+)\s*$")
 _ENLARGEMENT = 2
 _CUT_MARGIN = 6.0
 _MINIMUM_CHARUCO_CORNERS = 6
+_GLIMPSE_WIDTH = 400  # pixels: found as often as in 640, in half the time
 _REACH = 0.3  # of the distance between corners: half the side of the window that refines one
 
 
@@ -161,6 +162,20 @@ def find_board(image: Image, board: Board) -> BoardView | None:
     if pixels is None:
         return None
     return BoardView(np.arange(len(pixels), dtype=np.int64), pixels)
+
+
+def glimpse_board(image: Image, board: Board) -> BoardView | None:
+    """Return the board's corners as `find_board` does, quickly and to about a pixel: found in a reduced image."""
+    grey = grey_of(image)
+    scale = min(1.0, _GLIMPSE_WIDTH / grey.shape[1])
+    small = np.asarray(cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    if board.kind == "charuco":
+        view = _find_charuco(small, board)
+    else:
+        found, corners = cv2.findChessboardCornersSB(small, board.corner_grid, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
+        pixels = np.asarray(corners, dtype=np.float64).reshape(-1, 2) if found else np.zeros((0, 2))
+        view = BoardView(np.arange(len(pixels), dtype=np.int64), pixels) if found else None
+    return None if view is None else BoardView(view.ids, (view.pixels + 0.5) / scale - 0.5)
 
 
 def grey_of(image: Image) -> Image:

@@ -169,9 +169,13 @@ def _opencv_points(points_m: Array, views: Sequence[BoardView]) -> tuple[list[Ar
     return objects, images  # type: ignore[return-value]
 
 
+def sides_exchanged(centre: Array) -> bool:
+    """Return whether the right camera, at a place (3,) in the left one's frame, stands on the left of it."""
+    return bool(centre[0] < -0.5 * np.linalg.norm(centre))
+
+
 def _check_sides(second_from_first: Transform, left: str, right: str) -> None:
-    centre = inverse(second_from_first)[1]  # of the second camera, in the first one's frame
-    if centre[0] < -0.5 * np.linalg.norm(centre):
+    if sides_exchanged(inverse(second_from_first)[1]):
         raise CalibrationError(
             f"the pictures given for {left} come from the camera on the right and those for {right} from the left",
             advice="exchange --left and --right",

@@ -1,13 +1,20 @@
 """The world's floor, origin and axes from the board lying on the floor."""
 
+from collections.abc import Sequence
+from itertools import product
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..camera import Camera, CameraRig
 from ..errors import CalibrationError
+from .board import Board, BoardView
+from .triangulate import triangulate
 
 Array = NDArray[np.float64]
 
+_SIGMA_PX = 0.3  # of a corner
+_LARGEST_ERROR = 3.0 / 640.0  # of the image width: a camera was moved since
 _FLATNESS_M = 0.01  # corners further off their plane than this are no corners of a flat board
 
 
@@ -42,6 +49,33 @@ def rig_on_floor(rig: CameraRig, floor_points_m: ArrayLike, behind_m: float = 0.
     origin = middle - behind_m * forward
     cameras = tuple(_moved(camera, new_from_old, origin) for camera in rig.cameras)
     return CameraRig(cameras, dict(rig.metadata) | {"floor": "y = 0"})
+
+
+def board_in_space(rig: CameraRig, views: Sequence[BoardView], board: Board) -> Array:
+    """Return the corners (N, 3) of a board, in metres, that every camera of a rig sees whole at one moment.
+
+    A chessboard may be numbered from either end in each view; the views are taken as they agree best.
+
+    Raises:
+        CalibrationError: a view is of a part of the board only, or the views do not agree.
+    """
+    if len(views) != len(rig) or any(len(view.ids) != len(board.points_m) for view in views):
+        raise CalibrationError("not all cameras see the whole board", advice="lay it where they all do")
+    ways = [(False, True) if board.kind == "chessboard" and index else (False,) for index in range(len(views))]
+    best, least = np.zeros((0, 3)), np.inf
+    for turned in product(*ways):
+        ordered = [view.turned() if turn else view for view, turn in zip(views, turned, strict=True)]
+        seen = [camera.undistort(view.pixels) for camera, view in zip(rig.cameras, ordered, strict=True)]
+        weights = np.ones((len(board.points_m), len(views)))
+        points, _, errors = triangulate(rig.cameras, np.stack(seen, axis=1), weights, _SIGMA_PX)
+        error = float(np.sqrt(np.mean(errors**2)))
+        if error < least:
+            best, least = points, error
+    if not least < _LARGEST_ERROR * rig.cameras[0].image_size[0]:
+        raise CalibrationError(
+            f"the cameras do not agree on where the board is ({least:.1f} px)", advice="calibrate the cameras again"
+        )
+    return best
 
 
 def _moved(camera: Camera, new_from_old: Array, origin: Array) -> Camera:

@@ -3,7 +3,9 @@
 Requests (JSON):
     {"job": "capture", ...}: a whole capture, images to poses; starts a process of its own for the cameras.
     {"job": "cameras", ...}: images to marker frames.
-    {"job": "record board", ...}, {"job": "record pose", ...}: what the calibrations need, with progress and a RESULT.
+    {"job": "record board", ...}: the cameras calibrated from a board held before them.
+    {"job": "record floor", ...}: the floor found from the board lying on it.
+    {"job": "record pose", ...}: what the performer's calibration needs.
     {"job": "calibrate performer", ...}: the poses recorded and the performer measured from them.
     {"job": "command", "arguments": [...]}: a command of the command line, with its progress as STATUS messages and
         its summary as RESULT, so that long work never freezes Blender.
@@ -24,6 +26,7 @@ _JOBS = {
     "cameras": ".camera_job",
     "command": ".command_job",
     "record board": ".record_board",
+    "record floor": ".record_floor",
     "record pose": ".record_pose",
     "calibrate performer": ".calibrate_performer",
 }

@@ -1,10 +1,16 @@
-"""Pictures of the board, from which the cameras are calibrated.
+"""The cameras calibrated from a board that somebody carries before them.
 
-Request: "source" (see `sources.spec`), "board" (its SPEC), "pictures" (how many), "every_s" (time to move the board
-between two pictures, cameras only), "out" (folder; gets left/ and right/).
+Request: "source" (see `sources.spec`), "board" (its SPEC), "limit" (views at which it ends though the result is not
+good), "every_s" (null: a view is taken when the board is held still; else seconds between two views), "out" (folder;
+gets the pictures taken, a folder for each camera), "preview" (see `preview`).
+
+A STOP ends it with the views taken so far. The RESULT is that of `perfanim calibrate cameras`, and "rig", the
+calibration as tables: whoever asked writes it, so that a calibration that was cancelled replaces none.
 """
 
+import time
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -12,85 +18,117 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import CalibrationError, CaptureError
+from ..camera import rig_tables
+from ..cli.calibrate import summary_of
+from ..errors import CaptureError
 from ..files import atomic_path
-from ..simulate.studio.boards import board_pictures
+from ..simulate.studio.boards import CarriedBoard, board_poses
 from ..simulate.studio.render import Renderer
 from ..simulate.studio.rig import default_rig
-from ..sources.spec import open_source
-from ..vision.board import Board, find_board, parse_board
-from ..vision.rig_fit import MINIMUM_VIEWS
-from .camera_job import Stopped
+from ..sources.image_set import camera_title, usable_images
+from ..sources.spec import ImageSetLike, ImageSource, open_source
+from ..vision.board import Board, parse_board
+from ..vision.board_preview import draw_corners, draw_coverage, draw_taken, draw_wanted
+from ..vision.board_session import BoardSession, Sight
 from .channel import Channel
-from .countdown import Line, counted_down
+from .preview import PreviewSender
 
 Image = NDArray[np.uint8]
 
 SIDES = ("left", "right")
-_TRIES_PER_PICTURE = 3
+_SIMULATED_PLACES = 40
+_SHOWN_S = 0.6  # that a view was taken
 
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:
-    """Record; the RESULT says what was written, and there is none when a stop was asked for.
+    """Calibrate; the RESULT says how good it is.
 
     Raises:
         PerfanimError: the source cannot be opened or used, or does not show the board.
     """
+    board, folder = parse_board(request["board"]), Path(request["out"])
+    _clear(folder)
+    channel.send_status("opening the cameras", 0.0)
+    source = _opened(request["source"], board)
     try:
-        channel.send_result(_record(request, channel))
-    except Stopped:
-        return
+        with ThreadPoolExecutor(1) as later:
+            every_s = request.get("every_s")
+            session = BoardSession(
+                board,
+                SIDES,
+                [camera_title(index, SIDES) for index in range(len(SIDES))],
+                later.submit,
+                int(request["limit"]),
+                None if every_s is None else float(every_s),
+            )
+            _watch(iter(source), session, folder, PreviewSender(request, channel), channel)
+            channel.send_status("calibrating", 1.0)
+            result = session.finish()
+    finally:
+        source.close()
+    pictures = {side: str(folder / side) for side in SIDES}
+    channel.send_result({**summary_of(result, board.square_m), "rig": rig_tables(result.rig), **pictures})
 
 
-def _record(request: Mapping[str, Any], channel: Channel) -> dict[str, Any]:
-    """Write pictures that show the board to both cameras; others are not kept."""
-    board, wanted, folder = parse_board(request["board"]), int(request["pictures"]), Path(request["out"])
+def _clear(folder: Path) -> None:
     for side in SIDES:
         (folder / side).mkdir(parents=True, exist_ok=True)
         for old in (folder / side).glob("*.png"):
             old.unlink()
-    taken = tries = 0
-    line = Line("hold the board still", 0.0)
-    channel.send_status("opening the cameras", 0.0)
-    for images in _moments(request, board, channel, line):
-        tries += 1
-        blind = [side for side, image in zip(SIDES, images, strict=True) if find_board(image, board) is None]
-        if not blind:
-            for side, image in zip(SIDES, images, strict=True):
-                _write_image(folder / side / f"{taken:03d}.png", image)
-            taken += 1
-        line.text = f"not seen: {' and '.join(blind)}" if blind else f"{taken} of {wanted} taken, move the board"
-        line.fraction = taken / wanted
-        channel.send_status(line.text, line.fraction)
-        if taken == wanted or tries == _TRIES_PER_PICTURE * wanted:
-            break
-    if taken < min(wanted, MINIMUM_VIEWS):
-        raise CalibrationError(
-            f"both cameras saw the board in {taken} of {tries} pictures, {min(wanted, MINIMUM_VIEWS)} are needed",
-            advice="check its numbers of corners, hold it whole into both images, and give it light",
-        )
-    return {"pictures": taken, "tries": tries, **{side: str(folder / side) for side in SIDES}}
 
 
-def _moments(request: Mapping[str, Any], board: Board, channel: Channel, line: Line) -> Iterator[tuple[Image, ...]]:
-    """Yield the images of the moments at which pictures are due, counting down to each."""
-    if request["source"].get("kind") == "simulated":
-        count = _TRIES_PER_PICTURE * int(request["pictures"])
-        for picture in board_pictures(Renderer(default_rig()), board, count):
-            if channel.stop_requested.is_set():
-                raise Stopped
-            yield picture.images
-        return
-    source = open_source(request["source"])
-    try:
-        rest = iter(source)
-        while True:
-            images = counted_down(rest, float(request["every_s"]), channel, line)
-            if images is None:
-                return
-            yield images.images
-    finally:
-        source.close()
+def _opened(spec: Mapping[str, Any], board: Board) -> ImageSource:
+    if spec.get("kind") != "simulated":
+        return open_source(spec)
+    rig = default_rig()
+    return CarriedBoard(Renderer(rig), board, board_poses(rig, board, _SIMULATED_PLACES))
+
+
+def _watch(
+    images: Iterator[ImageSetLike], session: BoardSession, folder: Path, preview: PreviewSender, channel: Channel
+) -> None:
+    """Show the session all images until it is done, a stop is asked for, or they are over."""
+    said, taken_s = ("", -1), -_SHOWN_S
+    for image_set in images:
+        if channel.stop_requested.is_set():
+            return
+        sight = session.see(float(np.nanmean(image_set.times_s)), image_set.images, usable_images(image_set))
+        if sight.taken:
+            taken_s = time.monotonic()
+            for side, image in zip(SIDES, image_set.images, strict=True):
+                _write_image(folder / side / f"{session.views - 1:03d}.png", image)
+        if sight.look is not None:
+            preview.send(image_set.images, _Drawing(session, sight, time.monotonic() - taken_s < _SHOWN_S).draw)
+        advice = "; ".join(getattr(image_set, "notes", ())) or sight.advice
+        if (advice, session.views) != said:
+            said = (advice, session.views)
+            channel.send_status(advice, session.fraction, heading=_heading(session))
+        if session.done:
+            return
+
+
+def _heading(session: BoardSession) -> str:
+    return f"{session.views} views" + (f", {session.result.verdict}" if session.result is not None else "")
+
+
+class _Drawing:
+    """Draws what was found into each camera's reduced picture."""
+
+    def __init__(self, session: BoardSession, sight: Sight, taken: bool) -> None:
+        self._session = session
+        self._sight = sight
+        self._taken = taken
+
+    def draw(self, camera: int, picture: Image, image_width: int) -> None:
+        """Draw into the picture (BGR) of a camera, whose image is `image_width` wide."""
+        draw_coverage(picture, self._session.coverage[camera])
+        view = self._sight.look.views[camera] if self._sight.look is not None else None
+        if view is not None:
+            draw_corners(picture, view, image_width)
+        if self._sight.target is not None and self._sight.target[0] == camera:
+            draw_wanted(picture, self._sight.target[1])
+        if self._taken:
+            draw_taken(picture)
 
 
 def _write_image(path: Path, image: Image) -> None:

@@ -6,13 +6,16 @@ from typing import Any
 import bpy
 from bpy_extras.io_utils import ExportHelper
 
+from ...core.camera import rig_from, save_rig
 from ...core.errors import CalibrationError
-from .. import capture_setup
+from .. import capture_setup, sound, states
 from ..place import absolute, user_folder
 from ..properties import PERFANIM_PG_settings, settings
 from .jobs import JobOperator
 
 PANEL = "cameras"
+_TAKEN_HZ = 1320.0
+_SCALE_OFF = 0.02
 SIMULATED_BOARD = (9, 6, 80.0)  # inner corners and square in mm of the board that the simulated performer holds
 
 
@@ -25,7 +28,7 @@ class PERFANIM_OT_calibrate_cameras(JobOperator, bpy.types.Operator):
     """Find lenses and places of the two cameras from images of a chessboard, taken at the same moments by both"""
 
     bl_idname = "perfanim.calibrate_cameras"
-    bl_label = "Calibrate with Board"
+    bl_label = "Calibrate from Pictures"
     title = "Calibrating the cameras"
     panel = PANEL
 
@@ -55,49 +58,120 @@ class PERFANIM_OT_calibrate_cameras(JobOperator, bpy.types.Operator):
     def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         """Use the new calibration."""
         settings(context).calibration = self._target
-        text = f"{summary.get('verdict', 'done')}: {float(summary.get('stereo_rms_px', 0.0)):.2f} px"
-        advice = summary.get("advice") or ""
-        advice = "; ".join(advice) if isinstance(advice, list) else str(advice)
-        return f"{text}; {advice}" if advice else text
+        return _told(summary)
 
 
-class PERFANIM_OT_record_board(JobOperator, bpy.types.Operator):
-    """Take pictures of the chessboard with both cameras at once, with time to move it between two; then calibrate"""
+class _Watching(JobOperator):
+    """Base of what watches the board with both cameras."""
 
-    bl_idname = "perfanim.record_board"
-    bl_label = "Record Pictures"
-    title = "Recording the board"
     panel = PANEL
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Needs cameras."""
+        """Needs two cameras."""
         if not super().poll(context):
             return False
-        if settings(context).source not in ("CAMERAS", "SIMULATED"):
-            cls.poll_message_set("Pictures are recorded with cameras: choose folders, or cameras as the source")
+        chosen = settings(context)
+        if chosen.source not in ("CAMERAS", "SIMULATED"):
+            cls.poll_message_set("Needs cameras as the source; pictures of the board are calibrated from their folders")
+            return False
+        if chosen.source == "CAMERAS" and chosen.right_device < 0:
+            cls.poll_message_set("One camera alone cannot be calibrated: choose the right one too")
             return False
         return True
+
+
+class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
+    """Hold the chessboard before both cameras, still for a moment in each place: views of it are taken by themselves,
+    and it ends by itself once the calibration is good"""
+
+    bl_idname = "perfanim.calibrate_board"
+    bl_label = "Calibrate with Board"
+    title = "Calibrating the cameras"
+    finishable = True
 
     def request(self, context: bpy.types.Context) -> dict[str, Any]:
         """Return what the worker is asked for."""
         chosen = settings(context)
-        if chosen.source == "SIMULATED":
-            chosen.board_columns, chosen.board_rows, chosen.board_square_mm = SIMULATED_BOARD
         return {
+            **_watched(chosen),
             "job": "record board",
-            "source": capture_setup.source(chosen),
-            "board": board_spec(chosen),
-            "pictures": chosen.board_pictures,
-            "every_s": chosen.board_every_s,
+            "limit": chosen.board_views,
+            "every_s": chosen.board_every_s if chosen.board_timed and chosen.source == "CAMERAS" else None,
             "out": str(user_folder("calibrations", "board")),
         }
 
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Poll the worker at each tick, and let who holds the board hear that a view was taken."""
+        before = self._job.heading
+        result = super().modal(context, event)
+        if self._job.heading.split()[:1] != before.split()[:1] and before:
+            sound.beep(_TAKEN_HZ)
+        return result
+
     def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """Use the pictures."""
+        """Use the new calibration."""
         chosen = settings(context)
         chosen.board_left, chosen.board_right = summary["left"], summary["right"]
-        return f"{summary['pictures']} pictures of {summary['tries']} show the board to both cameras: calibrate now"
+        _use_rig(chosen, summary, "cameras.toml")
+        covered = ", ".join(f"{100.0 * part:.0f} %" for part in summary["coverage"].values())
+        return f"{_told(summary)}; {summary['used']} views, covered {covered}"
+
+
+class PERFANIM_OT_set_floor(_Watching, bpy.types.Operator):
+    """Lay the chessboard on the floor where you will stand, whole before both cameras: the floor is found, and the
+    middle of the board becomes the scene's origin"""
+
+    bl_idname = "perfanim.set_floor"
+    bl_label = "Set Floor from Board"
+    title = "Finding the floor"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Needs a calibration of both."""
+        if not super().poll(context):
+            return False
+        state = states.cameras(settings(context))
+        if not state.ready:
+            cls.poll_message_set(state.problem)
+        return state.ready
+
+    def request(self, context: bpy.types.Context) -> dict[str, Any]:
+        """Return what the worker is asked for."""
+        chosen = settings(context)
+        return {**_watched(chosen), "job": "record floor", "rig": absolute(chosen.calibration)}
+
+    def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+        """Use the cameras in the new world."""
+        _use_rig(settings(context), summary, "cameras-on-floor.toml")
+        off = float(summary["scale"]) - 1.0
+        text = "the floor is where the board lies, the origin in its middle"
+        if abs(off) > _SCALE_OFF:
+            text += f"; the board looks {100.0 * abs(off):.0f} % too {'large' if off > 0 else 'small'}: "
+            text += "check the side of its squares, or calibrate again"
+        return text
+
+
+def _watched(chosen: PERFANIM_PG_settings) -> dict[str, Any]:
+    """Return what the worker is asked for to watch the board."""
+    source = capture_setup.source(chosen)
+    if chosen.source == "SIMULATED":
+        chosen.board_columns, chosen.board_rows, chosen.board_square_mm = SIMULATED_BOARD
+    else:  # both, though the present calibration may be of one alone
+        source["devices"] = [chosen.left_device, chosen.right_device]
+    return {"source": source, "board": board_spec(chosen), "preview": True}
+
+
+def _use_rig(chosen: PERFANIM_PG_settings, summary: dict[str, Any], name: str) -> None:
+    target = user_folder("calibrations") / name
+    save_rig(rig_from(summary["rig"], name), target)
+    chosen.calibration = str(target)
+
+
+def _told(summary: dict[str, Any]) -> str:
+    """Return how good a calibration is and what would make it better."""
+    text = f"{summary.get('verdict', 'done')}: {float(summary.get('stereo_rms_px', 0.0)):.2f} px"
+    return "; ".join((text, *summary.get("advice", ())))
 
 
 class PERFANIM_OT_save_board(JobOperator, bpy.types.Operator, ExportHelper):
@@ -119,6 +193,6 @@ class PERFANIM_OT_save_board(JobOperator, bpy.types.Operator, ExportHelper):
         return f"print {Path(summary['out']).name} on {summary['paper']} at 100 %, then measure a square"
 
 
-_CLASSES = (PERFANIM_OT_save_board, PERFANIM_OT_record_board, PERFANIM_OT_calibrate_cameras)
+_CLASSES = (PERFANIM_OT_save_board, PERFANIM_OT_calibrate_board, PERFANIM_OT_set_floor, PERFANIM_OT_calibrate_cameras)
 
 register, unregister = bpy.utils.register_classes_factory(_CLASSES)

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 
 from ...core.errors import CaptureError, PerfanimError
-from .. import preferences, running
+from .. import preferences, preview, running
 from ..job import Job, command
 from . import common
 
@@ -17,11 +17,13 @@ class JobOperator:
     """Base of the operators that let the worker do something.
 
     Subclasses say what with `title`, `panel`, `arguments` of a command or else `request` (both raise PerfanimError for
-    bad settings) and take the result in `done`, which returns the line to show.
+    bad settings) and take the result in `done`, which returns the line to show. A job that is `finishable` may be asked
+    to end early with what it has.
     """
 
     title = ""
     panel = ""
+    finishable = False
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -44,7 +46,8 @@ class JobOperator:
         """Start the worker and go on by the timer."""
         running.set_message(self.panel, "")
         try:
-            job = Job(self.title, self.panel, self.request(context), preferences.worker_python(context))
+            python = preferences.worker_python(context)
+            job = Job(self.title, self.panel, self.request(context), python, self.finishable)
         except PerfanimError as error:
             return common.failed(self, self.panel, error)
         self._job = job
@@ -77,6 +80,9 @@ class JobOperator:
             context.workspace.status_text_set(None)
             text = f"{type(error).__name__}: {error}"
             return common.failed(self, self.panel, CaptureError(text, advice="see the console, and report this"))
+        picture = job.take_preview()
+        if picture is not None:
+            preview.show(picture, job.text)
         context.workspace.status_text_set(f"{job.title}: {job.fraction:.0%} {job.text}")
         running.redraw_sidebars()
         return {"PASS_THROUGH"}
@@ -114,4 +120,27 @@ class PERFANIM_OT_cancel_job(bpy.types.Operator):
         return {"FINISHED"}
 
 
-register, unregister = bpy.utils.register_classes_factory((PERFANIM_OT_cancel_job,))
+class PERFANIM_OT_finish_job(bpy.types.Operator):
+    """End the work now, with what it has so far"""
+
+    bl_idname = "perfanim.finish_job"
+    bl_label = "Finish Now"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only while a job runs that can end early."""
+        job = running.current()
+        if not (isinstance(job, Job) and job.finishable):
+            cls.poll_message_set("Nothing is running that can be finished early")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Ask for the end; the job's own timer takes the result."""
+        job = running.current()
+        if isinstance(job, Job):
+            job.finish()
+        return {"FINISHED"}
+
+
+register, unregister = bpy.utils.register_classes_factory((PERFANIM_OT_cancel_job, PERFANIM_OT_finish_job))

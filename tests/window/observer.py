@@ -72,12 +72,13 @@ def capture_facts():
     if running is None or capture is None:
         return {"registered": False}
     messages = {panel: text for panel, (text, _icon) in running._state.messages.items()}
-    facts = {"registered": True, "messages": messages, "activity": None}
+    facts = {"registered": True, "messages": messages, "activity": None, "heading": ""}
     activity = running.current()
     facts["timer"] = running._state.timer is not None
     if activity is not None:
         facts["activity"] = type(activity).__name__
         facts["line"] = getattr(activity, "text", "")
+        facts["heading"] = getattr(activity, "heading", "")
         run = getattr(activity, "run", None)
         if run is not None:
             facts["phase"] = run.phase.name
@@ -85,6 +86,13 @@ def capture_facts():
             facts["statistics"] = vars(run.statistics)
             remember(run)
     return facts
+
+
+def preview_facts():
+    preview = part("preview")
+    if preview is None:
+        return {}
+    return {"shown": preview._state.handler is not None, "image": preview.NAME in bpy.data.images}
 
 
 last_run = None
@@ -131,6 +139,7 @@ def report():
         "regions": found,
         "button_colour": [round(255 * c) for c in colour[:3]],
         "capture": capture_facts(),
+        "preview": preview_facts(),
         "changes": len(changes),
         "pose": hashlib.sha256(_last_pose).hexdigest(),
         "armature": obj.name if obj else "",

@@ -3,10 +3,13 @@
 import time
 from typing import Any
 
+import cv2
+import numpy as np
 from desktop import BlenderWindow, Desktop
 
 HEADER_PX = 28  # height of a closed panel
 HEADER_TOP_PX = 14
+CORNER_COLOUR = np.array((60, 220, 255))  # blue, green, red
 
 
 def click_through(window: BlenderWindow, operator: str, panel: str) -> str:
@@ -19,6 +22,16 @@ def click_through(window: BlenderWindow, operator: str, panel: str) -> str:
     return str(window.wait(ended, f"end of {operator}")["capture"]["messages"][panel])
 
 
+def corners_seen(desktop: Desktop, window: BlenderWindow, picture_name: str) -> int:
+    """Return how many pixels of the viewport have the colour in which corners of the board are marked."""
+    image = cv2.imread(str(desktop.screenshot(picture_name)))
+    assert image is not None
+    region = window.state()["regions"]["WINDOW"]
+    left, top = window.from_top(region, 0, 0)
+    pixels = image[int(top) : int(top) + region[3], int(left) : int(left) + region[2]].astype(int)
+    return int((np.abs(pixels - CORNER_COLOUR).max(axis=2) < 40).sum())
+
+
 def toggle_panel(desktop: Desktop, window: BlenderWindow, number: int) -> None:
     """Click on a panel's header to open or close it, all before it being closed."""
     region = window.state()["regions"]["UI"]
@@ -28,20 +41,26 @@ def toggle_panel(desktop: Desktop, window: BlenderWindow, number: int) -> None:
 
 def test_calibrating_and_capturing_without_leaving_the_sidebar(desktop: Desktop, window: BlenderWindow) -> None:
     window.open_tab("Perfanim")
-    window.order("set", values={"practise": True, "board_pictures": 14})
+    window.order("set", values={"practise": True})
     toggle_panel(desktop, window, 0)
     refused = window.order("call", operator="start_capture")
     assert "calibrate the cameras" in refused["error"]
-    assert "result" in window.order("call", operator="record_board")
-    window.wait(lambda s: s["capture"]["activity"] == "Job" and "taken" in s["capture"]["line"], "a picture")
-    desktop.screenshot("newcomer-1-board")
-    window.wait(lambda s: s["capture"]["activity"] is None, "end of the pictures")
-    assert click_through(window, "calibrate_cameras", "cameras").startswith("good")
+    assert "result" in window.order("call", operator="calibrate_board")
+    window.wait(lambda s: s["preview"]["shown"] and s["capture"]["heading"].startswith("3 views"), "three views")
+    assert corners_seen(desktop, window, "newcomer-1-board") > 100
+    ended = window.wait(lambda s: s["capture"]["activity"] is None, "end of the calibration")
+    assert ended["capture"]["messages"]["cameras"].startswith("good")
+    assert ended["preview"] == {"shown": False, "image": False}
+    assert "result" in window.order("call", operator="set_floor")
+    window.wait(lambda s: s["preview"]["shown"], "the board on the floor")
+    desktop.screenshot("newcomer-1-floor")
+    ended = window.wait(lambda s: s["capture"]["activity"] is None, "end of the floor")
+    assert ended["capture"]["messages"]["cameras"].startswith("the floor is where the board lies")
     desktop.screenshot("newcomer-2-cameras")
     toggle_panel(desktop, window, 0)
     toggle_panel(desktop, window, 2)
     assert "frames of the T pose" in click_through(window, "record_t_pose", "subject")
-    assert click_through(window, "calibrate_subject", "subject").startswith("residual")
+    assert click_through(window, "calibrate_subject", "subject").partition(": ")[2].startswith("residual")
     time.sleep(1.0)
     desktop.screenshot("newcomer-3-ready")
     assert "result" in window.order("call", operator="start_capture")

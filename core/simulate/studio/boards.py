@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ... import rotations as rot
 from ...camera import Camera, CameraRig
 from ...errors import SettingsError
+from ...sources.image_set import ImageSet
 from ...vision.board import Board
 from .lens import undistorted_grid
 from .render import Renderer
@@ -22,13 +23,17 @@ Image = NDArray[np.uint8]
 
 DEFAULT_BOARD = Board("chessboard", 9, 6, 0.08)
 
-_SAMPLES = 4  # samples to a pixel each way
+_SAMPLES = 4  # to a pixel each way
 _MARGIN = 0.7  # white rim about the squares, in squares
 _DARK, _WHITE = 26.0, 205.0
 _LENS_BLUR_PX = 0.5
 _CANDIDATES = 600
 _CELL_PX = 64
 _FIRST_NUMBER = 10_000_000  # frame numbers of board pictures, apart from those of performances
+_CARRIED_FPS = 8.0
+_CARRIED_FRAMES, _HELD_FRAMES = 3, 6
+_CARRIED_SAMPLES = 2
+_BEFORE_PERFORMER_M = 0.6  # all cameras see all of a board that lies there
 
 
 @dataclass(frozen=True)
@@ -97,8 +102,73 @@ def board_pictures(
         yield BoardPicture(number, pose, tuple(images), corners)
 
 
-def draw_board(image: Image, camera: Camera, board: Board, pose: BoardPose) -> None:
+def board_on_floor(board: Board = DEFAULT_BOARD) -> tuple[BoardPose, float]:
+    """Return where a board lies on the floor before the performer, and how far its middle is before the origin (m)."""
+    flat = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    return BoardPose(flat, [0.0, 0.0, _BEFORE_PERFORMER_M] - flat @ board.points_m.mean(axis=0)), _BEFORE_PERFORMER_M
+
+
+class CarriedBoard:
+    """A board that somebody carries from place to place and holds still in each, as a source of images.
+
+    Args:
+        renderer: the cameras.
+        board: the board.
+        poses: the places.
+    """
+
+    def __init__(self, renderer: Renderer, board: Board, poses: Sequence[BoardPose]) -> None:
+        self.fps = _CARRIED_FPS
+        self._renderer = renderer
+        self._board = board
+        self._poses = tuple(poses)
+        self._closed = False
+
+    def __iter__(self) -> Iterator[ImageSet]:
+        """Yield image sets until the board has been in all places, or `close`."""
+        number = 0
+        last: BoardPose | None = None
+        for pose in self._poses:
+            for step in range(_CARRIED_FRAMES if last is not None else 0):
+                between = _between(last or pose, pose, (step + 1) / (_CARRIED_FRAMES + 1))
+                yield self._taken(number, self._drawn(between, _CARRIED_SAMPLES))
+                number += 1
+            drawn = self._drawn(pose, _SAMPLES)
+            for _ in range(_HELD_FRAMES):
+                if self._closed:
+                    return
+                yield self._taken(number, drawn)
+                number += 1
+            last = pose
+
+    def close(self) -> None:
+        """Let the iteration end."""
+        self._closed = True
+
+    def _drawn(self, pose: BoardPose, samples: int) -> list[Image]:
+        images = []
+        for i, camera in enumerate(self._renderer.rig.cameras):
+            images.append(self._renderer.lit_room(i))
+            draw_board(images[-1], camera, self._board, pose, samples)
+        return images
+
+    def _taken(self, number: int, drawn: Sequence[Image]) -> ImageSet:
+        images = [image.copy() for image in drawn]
+        for i, image in enumerate(images):
+            self._renderer.add_noise(image, i, _FIRST_NUMBER + number)
+        return ImageSet(number, (number / self.fps,) * len(images), tuple(images))
+
+
+def _between(start: BoardPose, end: BoardPose, f: float) -> BoardPose:
+    a, b = (rot.from_matrix(pose.world_from_board) for pose in (start, end))
+    turn = rot.slerp(a, b, np.asarray(f))
+    return BoardPose(rot.to_matrix(turn), start.position_m + f * (end.position_m - start.position_m))
+
+
+def draw_board(image: Image, camera: Camera, board: Board, pose: BoardPose, samples: int = _SAMPLES) -> None:
     """Draw a chessboard into a camera's image, in place: bent by the lens, anti-aliased, a little blurred.
+
+    `samples` is how many a pixel is the mean of each way.
 
     Raises:
         SettingsError: the board is not a chessboard.
@@ -112,21 +182,21 @@ def draw_board(image: Image, camera: Camera, board: Board, pose: BoardPose) -> N
     right, bottom = min(int(high[0]) + 1, image.shape[1]), min(int(high[1]) + 1, image.shape[0])
     if left >= right or top >= bottom:
         return
-    normalised = undistorted_grid(camera, _fine(left, right), _fine(top, bottom))
+    normalised = undistorted_grid(camera, _fine(left, right, samples), _fine(top, bottom, samples))
     camera_from_board = camera.rotation @ pose.world_from_board
     homography = np.column_stack((camera_from_board[:, :2], camera.to_camera(pose.position_m)))
     x, y, w = np.einsum(
         "ij,hwj->ihw", np.linalg.inv(homography), np.dstack((normalised, np.ones(normalised.shape[:2])))
     )
-    paper, ink = (_shrunk(layer, bottom - top, right - left) for layer in _pattern(board, x / w, y / w))
+    paper, ink = (_shrunk(layer, bottom - top, right - left, samples) for layer in _pattern(board, x / w, y / w))
     light = 0.72 + 0.28 * abs(float(camera_from_board[2, 2]))
     value = light * (_WHITE * (paper - ink) + _DARK * ink)
     patch = image[top:bottom, left:right]
     patch[:] = np.clip(np.rint(patch * (1.0 - paper[..., None]) + value[..., None]), 0, 255).astype(np.uint8)
 
 
-def _fine(start: int, stop: int) -> Array:
-    return np.asarray(start - 0.5 + (np.arange((stop - start) * _SAMPLES) + 0.5) / _SAMPLES)
+def _fine(start: int, stop: int, samples: int) -> Array:
+    return np.asarray(start - 0.5 + (np.arange((stop - start) * samples) + 0.5) / samples)
 
 
 def _pattern(board: Board, x: Array, y: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -139,9 +209,9 @@ def _pattern(board: Board, x: Array, y: Array) -> tuple[NDArray[np.float32], NDA
     return paper.astype(np.float32), dark.astype(np.float32)
 
 
-def _shrunk(layer: NDArray[np.float32], height: int, width: int) -> Array:
-    blurred = cv2.GaussianBlur(layer, (0, 0), _LENS_BLUR_PX * _SAMPLES, borderType=cv2.BORDER_REPLICATE)
-    return np.asarray(blurred.reshape(height, _SAMPLES, width, _SAMPLES).mean(axis=(1, 3)), dtype=np.float64)
+def _shrunk(layer: NDArray[np.float32], height: int, width: int, samples: int) -> Array:
+    blurred = cv2.GaussianBlur(layer, (0, 0), _LENS_BLUR_PX * samples, borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(blurred.reshape(height, samples, width, samples).mean(axis=(1, 3)), dtype=np.float64)
 
 
 def _outline(board: Board) -> Array:

@@ -1,0 +1,49 @@
+"""What the cameras see of the board, to be shown to who holds it: corners found, parts covered, where it is wanted."""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from .board import BoardView
+from .board_session import REGIONS
+
+Image = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
+Colour = tuple[int, int, int]
+
+_COVERED: Colour = (80, 190, 80)  # BGR, as all here
+_COVERED_SHARE = 0.35
+_CORNER: Colour = (60, 220, 255)
+_WANTED: Colour = (255, 170, 60)
+_TAKEN: Colour = (80, 255, 80)
+
+
+def draw_coverage(picture: Image, covered: Mask) -> None:
+    """Tint the cells (rows, columns) of a picture (BGR), in place, in which the board has been."""
+    height, width = picture.shape[:2]
+    mask = cv2.resize(covered.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST).astype(bool)
+    tinted = (1.0 - _COVERED_SHARE) * picture[mask] + _COVERED_SHARE * np.array(_COVERED)
+    picture[mask] = np.rint(tinted).astype(np.uint8)
+
+
+def draw_corners(picture: Image, view: BoardView, image_width: int) -> None:
+    """Mark the board's corners, seen in an image so wide, in a picture of it (BGR), in place."""
+    scale = picture.shape[1] / image_width
+    for x, y in np.rint((view.pixels + 0.5) * scale - 0.5).astype(int).tolist():
+        cv2.circle(picture, (x, y), 1, _CORNER, -1, cv2.LINE_AA)
+
+
+def draw_wanted(picture: Image, region: Sequence[int]) -> None:
+    """Frame the region (row, column) of a picture (BGR), in place, into which the board is to be brought."""
+    height, width = picture.shape[:2]
+    (top, left), (bottom, right) = (
+        ((region[0] + i) * height // REGIONS, (region[1] + i) * width // REGIONS) for i in (0, 1)
+    )
+    cv2.rectangle(picture, (left + 1, top + 1), (right - 2, bottom - 2), _WANTED, 2)
+
+
+def draw_taken(picture: Image) -> None:
+    """Frame a picture (BGR) in place: this view was taken."""
+    cv2.rectangle(picture, (0, 0), (picture.shape[1] - 1, picture.shape[0] - 1), _TAKEN, 6)

@@ -1,0 +1,112 @@
+"""A board watched live: where each camera sees it, and whether it is held still."""
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from .board import Board, BoardView
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+STILL_S = 0.5
+_STILL = 2.0 / 640.0  # of the image width: what a hand trembles within that time; less smears no corner
+_LEAST_LOOKS = 3
+_FOCAL = 0.9  # of the image width: an ordinary lens, near enough to tell how a board is tilted
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where an image shows the board: `centre` (2,) from the image's middle and `size` (root of its area), in image
+    widths; `normal` (3,), the board's unit normal in the camera's frame, away from the camera, for a usual lens.
+    """
+
+    centre: Array
+    size: float
+    normal: Array
+
+    @property
+    def tilt_rad(self) -> float:
+        """Angle between the board's normal and the line of sight to its middle."""
+        sight = np.array([*self.centre / _FOCAL, 1.0])
+        return float(np.arccos(min(1.0, abs(float(self.normal @ sight)) / float(np.linalg.norm(sight)))))
+
+
+@dataclass(frozen=True)
+class Look:
+    """What one set of images shows: a view per camera, None where the board is not seen, and whether it is still."""
+
+    views: tuple[BoardView | None, ...]
+    still: bool
+
+    @property
+    def together(self) -> bool:
+        """Whether every camera sees the board."""
+        return None not in self.views
+
+
+class BoardWatch:
+    """Finds the board in images as they come, and tells when it has been held still for half a second.
+
+    Args:
+        board: the board.
+        find: finds it in one image, as `board.glimpse_board` or `board.find_board` do.
+    """
+
+    def __init__(self, board: Board, find: Callable[[Image, Board], BoardView | None]) -> None:
+        self._board = board
+        self._find = find
+        self._past: deque[tuple[float, tuple[BoardView | None, ...]]] = deque()
+
+    def see(self, time_s: float, images: Sequence[Image], usable: Sequence[bool]) -> Look:
+        """Take the images of the next moment, one per camera; those that are not usable show nothing."""
+        views = tuple(
+            self._find(image, self._board) if use else None for image, use in zip(images, usable, strict=True)
+        )
+        if None in views:
+            self._past.clear()
+            return Look(views, False)
+        while len(self._past) > 1 and time_s - self._past[1][0] >= STILL_S:  # the oldest is at least so old
+            self._past.popleft()
+        limits = [_STILL * image.shape[1] for image in images]
+        still = (
+            len(self._past) + 1 >= _LEAST_LOOKS
+            and time_s - self._past[0][0] >= STILL_S
+            and all(_moved(then, now) <= limit
+                    for _, past in self._past
+                    for then, now, limit in zip(past, views, limits, strict=True))
+        )  # fmt: skip
+        self._past.append((time_s, views))
+        return Look(views, still)
+
+
+def _moved(then: BoardView | None, now: BoardView | None) -> float:
+    """Return the median distance in pixels that the corners of two views are apart; a board may be numbered anew."""
+    if then is None or now is None:
+        return float("inf")
+    _, first, second = np.intersect1d(then.ids, now.ids, return_indices=True)
+    if not len(first):
+        return float("inf")
+    pairs = [(then.pixels[first], now.pixels[second])]
+    if len(then.ids) == len(now.ids):
+        pairs.append((then.pixels[::-1], now.pixels))
+    return min(float(np.median(np.linalg.norm(a - b, axis=1))) for a, b in pairs)
+
+
+def place_of(view: BoardView, board: Board, image_size: tuple[int, int]) -> Place:
+    """Return where a view has the board, in an image of this size (w, h)."""
+    width = float(image_size[0])
+    hull = cv2.convexHull(view.pixels.astype(np.float32))
+    size = float(np.sqrt(max(cv2.contourArea(hull), 1e-9))) / width
+    middle = 0.5 * np.array([image_size[0] - 1, image_size[1] - 1])
+    homography, _ = cv2.findHomography(board.points_m[view.ids, :2], (view.pixels - middle) / (_FOCAL * width))
+    # columns of the homography: the board's axes in the camera, up to one scale (Zhang 2000, section 2.2)
+    normal = np.array([0.0, 0.0, 1.0])
+    if homography is not None:
+        normal = np.cross(homography[:, 0], homography[:, 1])
+        normal /= max(float(np.linalg.norm(normal)), 1e-12)
+    return Place((view.pixels.mean(axis=0) - middle) / width, size, -normal if normal[2] < 0.0 else normal)

@@ -1,0 +1,45 @@
+"""Pictures of what the cameras see, for Blender to show: small, few, and only when they were asked for.
+
+Request: "preview" (true to send them).
+"""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from .channel import Channel
+
+Image = NDArray[np.uint8]
+
+_WIDTH = 320  # of one camera's picture
+_EVERY_S = 0.2
+
+
+class PreviewSender:
+    """Sends the cameras' images side by side, at most five times a second; nothing at all if nobody asked for it."""
+
+    def __init__(self, request: Mapping[str, Any], channel: Channel) -> None:
+        self._channel = channel
+        self._wanted = bool(request.get("preview", False))
+        self._due_s = 0.0
+
+    def send(self, images: Sequence[Image], draw: Callable[[int, Image, int], None]) -> None:
+        """Send the images (BGR) of one moment, if that is due.
+
+        `draw` is given each camera's number, its reduced picture to draw into, and the width of its image.
+        """
+        if not self._wanted or time.monotonic() < self._due_s:
+            return
+        self._due_s = time.monotonic() + _EVERY_S
+        pictures = []
+        for number, image in enumerate(images):
+            height = round(image.shape[0] * _WIDTH / image.shape[1])
+            pictures.append(np.asarray(cv2.resize(image, (_WIDTH, height), interpolation=cv2.INTER_AREA), np.uint8))
+            draw(number, pictures[-1], image.shape[1])
+        tallest = max(len(picture) for picture in pictures)
+        padded = [np.pad(picture, ((0, tallest - len(picture)), (0, 0), (0, 0))) for picture in pictures]
+        self._channel.send_preview(np.concatenate(padded, axis=1)[..., ::-1])

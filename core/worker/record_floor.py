@@ -1,0 +1,85 @@
+"""The floor, found from the board lying on it.
+
+Request: "source" (see `sources.spec`), "board" (its SPEC), "rig" (calibration file), "preview" (see `preview`).
+The RESULT has "rig", the calibration as tables in a world whose floor is y = 0 and whose origin is the board's middle,
+and "scale", how large the board is by the calibration against its SPEC. There is none when a stop was asked for.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera import load_rig, rig_tables
+from ..errors import CalibrationError
+from ..simulate.studio.boards import CarriedBoard, board_on_floor
+from ..simulate.studio.render import Renderer
+from ..simulate.studio.rig import default_rig
+from ..sources.image_set import camera_title, usable_images
+from ..sources.spec import ImageSource, open_source
+from ..vision.board import Board, find_board, parse_board
+from ..vision.board_preview import draw_corners
+from ..vision.board_watch import BoardWatch, Look
+from ..vision.floor import board_in_space, rig_on_floor
+from .channel import Channel
+from .preview import PreviewSender
+
+Image = NDArray[np.uint8]
+
+
+def run(request: Mapping[str, Any], channel: Channel) -> None:
+    """Find the floor.
+
+    Raises:
+        PerfanimError: the source cannot be opened or used, or does not show the board on the floor.
+    """
+    board, rig = parse_board(request["board"]), load_rig(str(request["rig"]))
+    channel.send_status("opening the cameras", 0.0)
+    source = _opened(request["source"], board)
+    try:
+        look = _still_board(source, board, PreviewSender(request, channel), channel)
+    finally:
+        source.close()
+    if look is None:
+        return
+    points_m = board_in_space(rig, [view for view in look.views if view is not None], board)
+    columns, rows = board.corner_grid
+    sides = np.diff(points_m.reshape(rows, columns, 3), axis=1)
+    scale = float(np.median(np.linalg.norm(sides, axis=2))) / board.square_m
+    channel.send_result({"rig": rig_tables(rig_on_floor(rig, points_m)), "scale": scale})
+
+
+def _opened(spec: Mapping[str, Any], board: Board) -> ImageSource:
+    if spec.get("kind") != "simulated":
+        return open_source(spec)
+    return CarriedBoard(Renderer(default_rig()), board, [board_on_floor(board)[0]])
+
+
+def _still_board(source: ImageSource, board: Board, preview: PreviewSender, channel: Channel) -> Look | None:
+    """Return what is seen once the board lies still before all cameras, None when a stop is asked for first."""
+    watch = BoardWatch(board, find_board)
+    for image_set in source:
+        if channel.stop_requested.is_set():
+            return None
+        look = watch.see(float(np.nanmean(image_set.times_s)), image_set.images, usable_images(image_set))
+        preview.send(image_set.images, partial(_draw, look))
+        if look.still:
+            return look
+        channel.send_status("let it lie still" if look.together else _show_it(look))
+    raise CalibrationError(
+        "the cameras did not see the board lying still together", advice="lay it where they all see the whole of it"
+    )
+
+
+def _draw(look: Look, camera: int, picture: Image, image_width: int) -> None:
+    view = look.views[camera]
+    if view is not None:
+        draw_corners(picture, view, image_width)
+
+
+def _show_it(look: Look) -> str:
+    names: Sequence[str] = ("left", "right") if len(look.views) == 2 else [str(i + 1) for i in range(len(look.views))]
+    blind = [camera_title(index, names) for index, view in enumerate(look.views) if view is None]
+    return f"lay the board on the floor where {' and '.join(blind)} {'sees' if len(blind) == 1 else 'see'} all of it"

@@ -1,0 +1,102 @@
+"""What the cameras see, shown in a corner of the 3D viewports and, for image editors, as an image of this file.
+
+Nothing of Blender's data is kept between two pictures, and nothing is left once it is hidden.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+NAME = "Perfanim Preview"
+
+_WIDTH = 640  # unscaled pixels, as all here
+_SHARE = 0.6  # of the viewport's width at most
+_MARGIN = 16.0
+_TEXT = 16.0
+
+
+@dataclass
+class _State:
+    handler: Any = None
+    line: str = ""
+
+
+_state = _State()
+
+
+def show(picture: NDArray[np.uint8], line: str) -> None:
+    """Show a picture (height, width, 3), RGB, and a line above it, until `hide`."""
+    height, width = picture.shape[:2]
+    image = bpy.data.images.get(NAME)
+    if image is None:
+        image = bpy.data.images.new(NAME, width, height)
+        image.colorspace_settings.name = "Non-Color"  # shown as it is
+    elif tuple(image.size) != (width, height):
+        image.scale(width, height)
+    pixels = np.ones((height, width, 4), dtype=np.float32)
+    pixels[..., :3] = picture[::-1] / np.float32(255.0)
+    image.pixels.foreach_set(pixels.ravel())
+    image.update()
+    _state.line = line
+    if _state.handler is None:
+        _state.handler = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
+    _redraw()
+
+
+def hide() -> None:
+    """Take the picture away. Safe to call at any time."""
+    if _state.handler is None:
+        return
+    bpy.types.SpaceView3D.draw_handler_remove(_state.handler, "WINDOW")
+    _state.handler = None
+    image = bpy.data.images.get(NAME)
+    if image is not None:
+        bpy.data.images.remove(image)
+    _redraw()
+
+
+def _redraw() -> None:
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type in ("VIEW_3D", "IMAGE_EDITOR"):
+                area.tag_redraw()
+
+
+def _draw() -> None:
+    """Draw into the viewport that is being drawn."""
+    # imported here: without a window there is no GPU
+    import blf
+    import gpu
+    from gpu_extras.presets import draw_texture_2d
+
+    image = bpy.data.images.get(NAME)
+    if image is None:
+        return
+    scale = bpy.context.preferences.system.ui_scale
+    left, right = _free(bpy.context.area, bpy.context.region)
+    width = min(_WIDTH * scale, _SHARE * (right - left))
+    height = width * image.size[1] / image.size[0]
+    x, y = left + _MARGIN * scale, _MARGIN * scale
+    draw_texture_2d(gpu.texture.from_image(image), (x, y), width, height)
+    font = 0
+    blf.size(font, _TEXT * scale)
+    blf.color(font, 1.0, 1.0, 1.0, 1.0)
+    blf.enable(font, blf.SHADOW)
+    blf.shadow(font, 5, 0.0, 0.0, 0.0, 1.0)
+    blf.position(font, x, y + height + 0.5 * _TEXT * scale, 0.0)
+    blf.draw(font, _state.line)
+    blf.disable(font, blf.SHADOW)
+
+
+def _free(area: bpy.types.Area, region: bpy.types.Region) -> tuple[float, float]:
+    """Return from where to where, in pixels of a viewport's region, no toolbar or sidebar lies over it."""
+    left, right = 0.0, float(region.width)
+    for other in area.regions:
+        if other.type == "TOOLS":
+            left = max(left, other.x + other.width - region.x)
+        elif other.type == "UI" and other.width > 1:
+            right = min(right, other.x - region.x)
+    return left, max(right, left + 1.0)
