@@ -12,7 +12,7 @@ from ..core.marker_set import Subject, save_subject
 from ..core.product_skeleton import default_skeleton
 from ..core.skeleton import Skeleton
 from ..core.worker.client import WorkerClient
-from . import preferences, states
+from . import preferences, states, takes
 from .capture_state import CaptureRun
 from .place import absolute, user_folder
 
@@ -51,7 +51,14 @@ def make(settings: Any) -> Setup:
         subject = Subject("Simulated performer", default_skeleton(SIMULATED_HEIGHT_M), marker_set)
     subject_path = str(user_folder("subjects") / ".captured.toml")
     save_subject(subject, subject_path)
-    request = {"job": "capture", "cameras": cameras(settings), "subject": subject_path, "database": database_path}
+    request = {
+        "job": "capture",
+        "cameras": cameras(settings),
+        "subject": subject_path,
+        "database": database_path,
+        "take": str(takes.new_path()),
+        "character": settings.armature.name if settings.armature else "",
+    }
     return Setup(request, subject.skeleton)
 
 

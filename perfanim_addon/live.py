@@ -1,12 +1,15 @@
 """A capture in Blender: the worker's frames through the session onto an armature, and at the end into an Action."""
 
+from collections.abc import Sequence
+
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.pose_frame import PoseFrame
 from ..core.product_skeleton import default_skeleton
 from ..core.skeleton import Skeleton
-from . import capture_setup
+from . import capture_setup, takes
 from .actions import scene_frames, write_action
 from .armature_driver import ArmatureDriver
 from .capture_state import CaptureRun, Phase
@@ -14,6 +17,8 @@ from .character import create_character
 from .job import Job, command
 from .properties import settings
 from .stage import free_place, look_at
+
+Array = NDArray[np.float64]
 
 LEAST_STEP_S = 1e-4
 
@@ -27,6 +32,43 @@ def add_character(context: bpy.types.Context, skeleton: Skeleton) -> str:
     settings(context).armature = character
     look_at(context, place)
     return name
+
+
+def pose_arrays(poses: Sequence[PoseFrame]) -> tuple[Array, Array, Array]:
+    """Return times (F,) in seconds, rotations (F, J, 4) and root positions (F, 3) in metres of poses."""
+    times_s = np.array([pose.time_s for pose in poses])
+    return times_s, np.stack([p.rotations for p in poses]), np.stack([p.root_position_m for p in poses])
+
+
+def write_poses(
+    context: bpy.types.Context,
+    object_name: str,
+    times_s: Array,
+    rotations: Array,
+    root_positions_m: Array,
+    skeleton: Skeleton,
+    start_frame: float,
+    name: str,
+) -> str:
+    """Write poses as an action of an armature, or of a new character where that is gone; return the action's name.
+
+    Args:
+        times_s: (F,) the first stands at `start_frame`, t seconds later is `start_frame` + t * the scene's frames per
+            second.
+        rotations, root_positions_m: (F, J, 4), (F, 3) as `write_action` takes them.
+        skeleton: the performer's.
+        name: wished name of the action.
+
+    Raises:
+        CharacterError: the armature cannot be driven, or there are no poses.
+    """
+    if object_name not in bpy.data.objects:
+        object_name = add_character(context, skeleton)
+    frames = scene_frames(increasing(times_s), context.scene, start_frame)
+    action = write_action(object_name, frames, rotations, root_positions_m, skeleton, name=name)
+    if settings(context).extend_scene:
+        context.scene.frame_end = max(context.scene.frame_end, int(np.ceil(frames[-1])))
+    return action
 
 
 class Capture:
@@ -124,6 +166,7 @@ class Capture:
         if self.run is not None:
             self.run.tick()
             self.run.close()
+            takes.forget()  # this one is there now
 
     def keep(self, context: bpy.types.Context) -> str:
         """Write all poses as one Action, once; return the line that says so, "" when there is nothing to keep.
@@ -141,16 +184,17 @@ class Capture:
         if not poses or self._skeleton is None or self._driver is None:
             self._restore_action()
             return ""
-        name = self._driver.object_name
-        if name not in bpy.data.objects:  # deleted while capturing: the recording is kept all the same
-            name = add_character(context, self._skeleton)
-        times = increasing(np.array([pose.time_s for pose in poses]))
-        frames = scene_frames(times, context.scene, self._start_frame)
-        rotations = np.stack([pose.rotations for pose in poses])
-        positions = np.stack([pose.root_position_m for pose in poses])
-        action = write_action(name, frames, rotations, positions, self._skeleton)
-        if settings(context).extend_scene:
-            context.scene.frame_end = max(context.scene.frame_end, int(np.ceil(frames[-1])))
+        times_s, rotations, positions = pose_arrays(poses)
+        action = write_poses(
+            context,
+            self._driver.object_name,
+            times_s,
+            rotations,
+            positions,
+            self._skeleton,
+            self._start_frame,
+            "Capture",
+        )
         return f"{len(poses)} frames recorded in {action}"
 
     def _restore_action(self) -> None:
@@ -173,7 +217,7 @@ def _release_action(armature: bpy.types.Object) -> str:
     return name
 
 
-def increasing(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+def increasing(times_s: Array) -> Array:
     """Return times (F,) with those that do not come after their predecessor moved to 0.1 ms behind it."""
     ramp = LEAST_STEP_S * np.arange(len(times_s))
     return np.maximum.accumulate(times_s - ramp) + ramp

@@ -12,9 +12,10 @@ DEFAULT_TAB = "Perfanim"
 
 
 def _tab_changed(preferences: "PERFANIM_AP_preferences", context: bpy.types.Context) -> None:
-    panels = sys.modules.get(f"{__package__}.panels")
-    if panels is not None:
-        panels.move_to_tab(preferences.tab or DEFAULT_TAB)
+    for name in ("panels", "panel_takes"):
+        panels = sys.modules.get(f"{__package__}.{name}")
+        if panels is not None:
+            panels.move_to_tab(preferences.tab or DEFAULT_TAB)
 
 
 def _automatic(what: str) -> Any:

@@ -20,7 +20,9 @@ _REST = (
     "operators.database",
     "operators.character",
     "operators.capture",
+    "operators.takes",
     "panels",
+    "panel_takes",
 )
 _FALLBACK = ("panel_broken",)
 

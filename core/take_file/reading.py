@@ -194,6 +194,23 @@ def summarise(path: Path | str) -> TakeSummary:
         raise TakeError(f"cannot be read ({error.strerror})", where=str(path), advice="check the path") from error
 
 
+def has_frames(path: Path | str) -> bool:
+    """Return whether a take holds a frame, looking no further than to the first.
+
+    Raises:
+        TakeError: it is no take, or cannot be read.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            preamble_faults(file.read(PREAMBLE_BYTES + HEADER_BYTES), str(path))
+            chunk = read_chunk(file, PREAMBLE_BYTES)
+            while chunk is not None and chunk.kind != ChunkKind.FRAMES:
+                chunk = read_chunk(file, file.tell())
+            return chunk is not None
+    except OSError as error:
+        raise TakeError(f"cannot be read ({error.strerror})", where=str(path), advice="check the path") from error
+
+
 def _listed(path: Path, file: BinaryIO, footer: Footer) -> TakeSummary:
     """Return the summary of a take from the last notes and a set-up of its index."""
     last = {kind: offset for kind, offset in footer.index if kind in (ChunkKind.SETUP, ChunkKind.NOTES)}

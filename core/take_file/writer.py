@@ -10,6 +10,7 @@ import contextlib
 import json
 import os
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
@@ -24,6 +25,7 @@ from .setup import TakeNotes, TakeSetup
 WRITE_EVERY_S = 0.1
 SYNC_EVERY_S = 0.5
 RETRY_EVERY_S = 1.0
+_LOCK_TRIES, _LOCK_PAUSE_S = 20, 0.005
 MOST_WAITING = 256 * 1024 * 1024  # bytes kept in memory while the disk is full
 
 
@@ -184,5 +186,8 @@ def _created(path: Path) -> int:
         raise TakeError(
             f"cannot be recorded ({error.strerror})", where=str(path), advice="choose another name or folder"
         ) from error
-    lock(handle)
+    for _ in range(_LOCK_TRIES):  # a reader who looks whether it is locked holds it for a moment
+        if lock(handle):
+            break
+        time.sleep(_LOCK_PAUSE_S)
     return handle

@@ -67,6 +67,8 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     finally:
         if take is not None:
             take.close()
+            if not take.frames:  # stopped before the first
+                take.path.unlink(missing_ok=True)
         client.close()
 
 

@@ -13,6 +13,7 @@ import pytest
 from perfanim.core.camera import save_rig
 from perfanim.core.marker_set import save_subject
 from perfanim.core.simulate.studio.source import open_simulated
+from perfanim.core.take_file.reading import read_take_file
 from played import key_times
 
 PATIENCE_S = 600.0
@@ -57,6 +58,11 @@ def test_the_defaults_capture_a_new_character_into_one_action(part: Any) -> None
     figures, poses = capture.run.statistics, capture.run.poses
     assert figures.handed_over == figures.received == len(poses) >= 60
     assert f"{len(poses)} frames recorded" in text
+    take = read_take_file(part("takes").listed()[0].path)
+    assert take.complete
+    assert len(take.frames) == len(take.poses) == len(poses)
+    for kept, pose in zip(take.poses, poses, strict=True):
+        np.testing.assert_array_equal(kept.pose.rotations, pose.rotations)
     assert len(bpy.data.actions) == 1
     times = key_times(part("actions").curves_of(character))
     seconds = np.array([pose.time_s for pose in poses])

@@ -1,0 +1,208 @@
+"""The Takes panel: recorded takes and what is done with them; under Capture, the offer to recover what was cut off."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import bpy
+
+from ..core.errors import PerfanimError
+from ..core.take_file.edit import append_notes
+from ..core.take_file.reading import TakeSummary, summarise
+from ..core.take_file.setup import MOST_STARS
+from . import panels, preferences, running, takes
+from .live import Capture
+
+KEY = "takes"
+ROWS = 4
+
+_filling = [False]  # the list's items are being set from the files, not by the user
+
+
+def _changed(item: "PERFANIM_PG_take", _context: bpy.types.Context) -> None:
+    """Write what the user has changed about a take to its file."""
+    if _filling[0]:
+        return
+    try:
+        known = summarise(item.path).notes
+        append_notes(item.path, replace(known, name=item.title, notes=item.notes, rating=item.rating))
+    except PerfanimError as error:
+        running.set_message(KEY, str(error), "ERROR")
+    takes.forget()
+
+
+class PERFANIM_PG_take(bpy.types.PropertyGroup):
+    """A take in the list."""
+
+    path: bpy.props.StringProperty(name="File", description="File of the take")
+    title: bpy.props.StringProperty(name="Name", description="What the take is called", update=_changed)
+    notes: bpy.props.StringProperty(name="Notes", description="Anything worth remembering", update=_changed)
+    rating: bpy.props.IntProperty(
+        name="Rating", description="Stars, 0 to 5", min=0, max=MOST_STARS, default=0, update=_changed
+    )
+    complete: bpy.props.BoolProperty(name="Complete", description="Whether the take came to its end")
+    length: bpy.props.StringProperty(name="Length", description="Minutes and seconds")
+    created: bpy.props.StringProperty(name="Date", description="When the take began")
+
+
+class PERFANIM_PG_takes(bpy.types.PropertyGroup):
+    """The list of the takes in the user's folder."""
+
+    items: bpy.props.CollectionProperty(type=PERFANIM_PG_take)
+    active: bpy.props.IntProperty(name="Take", description="The take that the buttons below are about")
+
+
+class PERFANIM_UL_takes(bpy.types.UIList):
+    """One line a take."""
+
+    bl_idname = "PERFANIM_UL_takes"
+
+    def draw_item(
+        self,
+        context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        data: Any,
+        item: PERFANIM_PG_take,
+        icon: int,
+        active_data: Any,
+        active_property: str,
+    ) -> None:
+        """Draw name, stars and length; a double click on the name changes it."""
+        split = layout.split(factor=0.6)
+        if item.complete:
+            split.prop(item, "title", text="", emboss=False, icon="REC")
+            split.label(text=f"{'★' * item.rating}  {item.length}")
+        else:
+            split.label(text=item.title, icon="ERROR")
+            split.label(text="cut off")
+
+
+class PERFANIM_PT_takes(bpy.types.Panel):
+    """What was recorded."""
+
+    bl_label = "Takes"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = preferences.DEFAULT_TAB
+    bl_options = {"DEFAULT_CLOSED"}
+    bl_order = 100
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the list, and what is known of the active take."""
+        layout = self.layout
+        if isinstance(running.current(), Capture):
+            layout.label(text="Takes are listed after the capture")
+            return
+        shown = _list(context)
+        if not shown.items:
+            layout.label(text="Every capture is kept here")
+        else:
+            layout.template_list("PERFANIM_UL_takes", "", shown, "items", shown, "active", rows=ROWS)
+        if 0 <= shown.active < len(shown.items):
+            _draw_take(layout, shown.items[shown.active])
+        panels.draw_job(layout, KEY)
+        panels.draw_text(context, layout, *running.message(KEY))
+
+
+def _draw_take(layout: bpy.types.UILayout, item: PERFANIM_PG_take) -> None:
+    if not item.complete:
+        layout.operator("perfanim.recover_take", icon="FILE_REFRESH").path = item.path
+        layout.operator("perfanim.delete_take", icon="TRASH").path = item.path
+        return
+    layout.label(text=item.created)
+    column = layout.column()
+    column.use_property_split = True
+    column.use_property_decorate = False
+    column.prop(item, "rating")
+    column.prop(item, "notes")
+    layout.operator("perfanim.play_take", icon="ARMATURE_DATA").path = item.path
+    row = layout.row(align=True)
+    row.operator_menu_enum("perfanim.solve_take", "method", icon="FILE_REFRESH").path = item.path
+    row.operator("perfanim.delete_take", text="", icon="TRASH").path = item.path
+
+
+def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
+    """Offer, below the Capture panel, to recover the newest take that was cut off; nothing while capturing."""
+    if isinstance(running.current(), Capture):
+        return
+    cut = takes.cut_off()
+    if cut:
+        count = "A take was" if len(cut) == 1 else f"{len(cut)} takes were"
+        panels.draw_text(context, panel.layout, f"{count} cut off when Blender or its worker ended", "ERROR")
+        button = panel.layout.operator("perfanim.recover_take", text=f"Recover {cut[0].stem}", icon="FILE_REFRESH")
+        button.path = str(cut[0])
+    if not isinstance(running.current(), Capture):
+        panels.draw_job(panel.layout, KEY)
+
+
+def _list(context: bpy.types.Context) -> PERFANIM_PG_takes:
+    """Return the list; when it is not what is in the folder, let it be filled as soon as drawing is over."""
+    shown = context.window_manager.perfanim_takes
+    current = [(item.path, item.title, item.notes, item.rating, item.complete) for item in shown.items]
+    if current != [_facts(take) for take in takes.listed()] and not bpy.app.timers.is_registered(_fill):
+        bpy.app.timers.register(_fill)
+    return shown
+
+
+def _facts(take: TakeSummary) -> tuple[str, str, str, int, bool]:
+    return str(take.path), take.notes.name, take.notes.notes, take.notes.rating, take.complete
+
+
+def _fill() -> None:
+    """Set the list's items from the files; Blender's timer calls it once."""
+    shown = bpy.context.window_manager.perfanim_takes
+    chosen = shown.items[shown.active].path if 0 <= shown.active < len(shown.items) else ""
+    with _not_by_the_user():
+        shown.items.clear()
+        for take in takes.listed():
+            _set(shown.items.add(), take)
+    paths = [item.path for item in shown.items]
+    shown.active = paths.index(chosen) if chosen in paths else 0
+    running.redraw_sidebars()
+
+
+def _set(item: PERFANIM_PG_take, take: TakeSummary) -> None:
+    item.path, item.title, item.notes, item.rating, item.complete = _facts(take)
+    item.length = f"{int(take.duration_s) // 60}:{int(take.duration_s) % 60:02d}"
+    item.created = take.created.replace("T", " ")[:16]
+
+
+@contextmanager
+def _not_by_the_user() -> Iterator[None]:
+    _filling[0] = True
+    try:
+        yield
+    finally:
+        _filling[0] = False
+
+
+def move_to_tab(name: str) -> None:
+    """Show the panel in another tab of the sidebar."""
+    bpy.utils.unregister_class(PERFANIM_PT_takes)
+    PERFANIM_PT_takes.bl_category = name
+    bpy.utils.register_class(PERFANIM_PT_takes)
+
+
+_CLASSES = (PERFANIM_PG_take, PERFANIM_PG_takes, PERFANIM_UL_takes)
+
+
+def register() -> None:
+    """Register the list and the panel, and hang the offer on the Capture panel."""
+    for cls in _CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.WindowManager.perfanim_takes = bpy.props.PointerProperty(type=PERFANIM_PG_takes)
+    PERFANIM_PT_takes.bl_category = preferences.tab(bpy.context)
+    bpy.utils.register_class(PERFANIM_PT_takes)
+    panels.PERFANIM_PT_capture.append(draw_offer)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    panels.PERFANIM_PT_capture.remove(draw_offer)
+    if bpy.app.timers.is_registered(_fill):
+        bpy.app.timers.unregister(_fill)
+    bpy.utils.unregister_class(PERFANIM_PT_takes)
+    del bpy.types.WindowManager.perfanim_takes
+    for cls in reversed(_CLASSES):
+        bpy.utils.unregister_class(cls)

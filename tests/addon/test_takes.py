@@ -1,0 +1,181 @@
+"""Recorded takes in Blender: kept by every capture, listed, recovered, played, solved again, renamed, deleted."""
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from perfanim.core.marker_frame import MarkerFrame, pack_stamped
+from perfanim.core.marker_set import Subject, load_marker_set
+from perfanim.core.pose_bytes import SolvedPose, pack_solved
+from perfanim.core.pose_frame import PoseFrame
+from perfanim.core.product_skeleton import default_skeleton
+from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.take_file.chunks import scan
+from perfanim.core.take_file.reading import read_take_file
+from perfanim.core.take_file.setup import TakeNotes, TakeSetup
+from perfanim.core.take_file.writer import TakeWriter
+from played import key_times
+
+PATIENCE_S = 600.0
+
+
+@pytest.fixture
+def part(addon: ModuleType, extension: str) -> Any:
+    def find(name: str) -> Any:
+        return sys.modules[f"{extension}.perfanim_addon.{name}"]
+
+    for path in find("takes").folder().iterdir():
+        path.unlink()
+    find("takes").forget()
+    return find
+
+
+def write_take(folder: Path, name: str, frames: int = 30, poses: int = 30) -> Path:
+    """A take of somebody who stands in the rest pose and rises."""
+    subject = Subject("Anna", default_skeleton(1.7), load_marker_set("boxing"))
+    writer = TakeWriter(folder / f"{name}.perftake", TakeSetup.of(default_rig(), subject, {}, {}, {}), TakeNotes(name))
+    none = np.full((9, 3), np.nan)
+    for number in range(frames):
+        writer.add_frame(pack_stamped(0.0, MarkerFrame(number, number / 60)))
+        if number < poses:
+            rotations = np.tile([1.0, 0.0, 0.0, 0.0], (29, 1))
+            pose = PoseFrame(
+                number, number / 60, rotations, np.array([0, 1 + number / 60, 0]), 0.5, none, none, np.full(9, -1), 0.0
+            )
+            writer.add_pose(pack_solved(SolvedPose(pose, 0.0)))
+    writer.close()
+    return writer.path
+
+
+def cut(path: Path) -> Path:
+    """The same file without its last chunk."""
+    last = scan(path.read_bytes(), "")[0][-1]
+    path.write_bytes(path.read_bytes()[: last.offset + 30])
+    return path
+
+
+def run_job(part: Any, operator: Any, played: Any) -> str:
+    """Do what the operator does between the click and the end; return its line."""
+    job = part("job").Job(
+        operator.title, operator.panel, part("job").command(operator.arguments(played, bpy.context)), None
+    )
+    limit = time.monotonic() + PATIENCE_S
+    try:
+        while not job.ended:
+            job.tick()
+            assert time.monotonic() < limit, job.text
+            time.sleep(0.02)
+    finally:
+        job.close()
+    return str(operator.done(played, bpy.context, job.summary))
+
+
+def shown(part: Any) -> list[Any]:
+    part("panel_takes")._fill()
+    return list(bpy.context.window_manager.perfanim_takes.items)
+
+
+def test_a_worker_that_is_killed_leaves_a_take_that_can_be_recovered(part: Any) -> None:
+    live, takes = part("live"), part("takes")
+    prepare = [] if part("states").starter_database_path().exists() else part("operators.database").starter_arguments()
+    capture = live.Capture(None, prepare)
+    limit = time.monotonic() + PATIENCE_S
+    try:
+        while capture.run is None or len(capture.run.poses) < 30:
+            assert time.monotonic() < limit, capture.line
+            capture.tick(bpy.context)
+            time.sleep(1 / 60)
+        assert takes.cut_off() == []  # it is being recorded
+        os.kill(capture.run._client._process.pid, signal.SIGKILL)
+        while not capture.done:
+            assert time.monotonic() < limit
+            capture.tick(bpy.context)
+            time.sleep(1 / 60)
+        text = capture.keep(bpy.context)
+    finally:
+        capture.close()
+    received = [pose.number for pose in capture.run.poses]
+    assert f"{len(received)} frames recorded" in text
+    assert capture.run.error is not None
+    (path,) = takes.cut_off()
+    assert len(read_take_file(path).poses) >= len(received) - 30  # half a second
+    operator = part("operators.takes").PERFANIM_OT_recover_take
+    text = run_job(part, operator, SimpleNamespace(path=str(path)))
+    whole = read_take_file(path.with_name(f"{path.stem} recovered.perftake"))
+    assert whole.complete
+    assert text.startswith(f"{len(whole.frames)} frames recovered, ")
+    assert takes.cut_off() == []
+    assert path.with_name(path.name + ".cut").exists()  # set aside, not deleted
+    for solved, pose in zip(whole.poses, capture.run.poses, strict=False):
+        np.testing.assert_array_equal(solved.pose.rotations, pose.rotations)
+    armature = bpy.context.scene.perfanim.armature
+    assert len(key_times(part("actions").curves_of(armature))) == len(whole.poses)
+    again = part("operators.takes").PERFANIM_OT_solve_take
+    text = run_job(part, again, SimpleNamespace(path=str(whole.path), method="lwr"))
+    assert text.startswith(f"{len(whole.frames)} frames in {whole.notes.name}")
+
+
+def test_the_list_shows_what_is_in_the_folder(part: Any) -> None:
+    takes = part("takes")
+    folder = takes.folder()
+    assert shown(part) == []
+    write_take(folder, "walk")
+    cut(write_take(folder, "jump"))
+    write_take(folder, "stand", frames=0)
+    (folder / "words.perftake").write_text("no take at all, but some words of somebody")
+    (folder / "other.txt").write_text("x")
+    cut(write_take(folder, "nothing", frames=0))
+    writer = TakeWriter(folder / "running.perftake", read_take_file(folder / "walk.perftake").setup)
+    writer.add_frame(pack_stamped(0.0, MarkerFrame(0, 0.0)))
+    try:
+        rows = {item.title: item for item in shown(part)}
+        assert set(rows) == {"walk", "jump", "stand"}
+        assert (rows["walk"].complete, rows["walk"].length) == (True, "0:00")
+        assert not rows["jump"].complete
+        assert takes.cut_off() == [folder / "jump.perftake"]
+    finally:
+        writer.close()
+    takes.forget()
+    assert "running" in {item.title for item in shown(part)}
+
+
+def test_name_notes_and_rating_are_kept_in_the_file(part: Any) -> None:
+    path = write_take(part("takes").folder(), "walk")
+    (item,) = shown(part)
+    item.title, item.notes, item.rating = "Gang 1", "left foot slides", 4
+    assert read_take_file(path).notes == TakeNotes("Gang 1", "left foot slides", 4)
+    size = path.stat().st_size
+    (item,) = shown(part)
+    assert (item.title, item.rating) == ("Gang 1", 4)
+    assert path.stat().st_size == size  # to show it is not to change it
+    cut(path)
+    item.rating = 1
+    assert "recover it first" in part("running").message("takes")[0]
+
+
+def test_a_take_is_put_on_the_character(part: Any) -> None:
+    path = write_take(part("takes").folder(), "walk", frames=30, poses=20)
+    bpy.context.scene.render.fps = 60
+    bpy.context.scene.frame_current = 11
+    text = part("operators.takes")._play(bpy.context, path)
+    armature = bpy.context.scene.perfanim.armature
+    assert text == f"20 frames in walk on {armature.name}; 10 more were not solved live: solve it again for them"
+    np.testing.assert_allclose(key_times(part("actions").curves_of(armature)), np.arange(11, 31), atol=1e-3)
+    with pytest.raises(Exception, match="has no pose that was solved live"):
+        part("operators.takes")._play(bpy.context, write_take(path.parent, "none", poses=0))
+
+
+def test_a_take_is_deleted(part: Any) -> None:
+    path = write_take(part("takes").folder(), "walk")
+    assert bpy.ops.perfanim.delete_take(path=str(path)) == {"FINISHED"}
+    assert not path.exists()
+    assert shown(part) == []
+    with pytest.raises(RuntimeError, match="cannot be read"):
+        bpy.ops.perfanim.delete_take(path=str(path))
