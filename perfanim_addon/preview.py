@@ -33,7 +33,6 @@ def show(picture: NDArray[np.uint8], line: str) -> None:
     image = bpy.data.images.get(NAME)
     if image is None:
         image = bpy.data.images.new(NAME, width, height)
-        image.colorspace_settings.name = "Non-Color"  # shown as it is
     elif tuple(image.size) != (width, height):
         image.scale(width, height)
     pixels = np.ones((height, width, 4), dtype=np.float32)
@@ -80,7 +79,9 @@ def _draw() -> None:
     width = min(_WIDTH * scale, _SHARE * (right - left))
     height = width * image.size[1] / image.size[0]
     x, y = left + _MARGIN * scale, _MARGIN * scale
-    draw_texture_2d(gpu.texture.from_image(image), (x, y), width, height)
+    # from 5.0 on the viewport does not encode what is drawn into it
+    encode = {"is_scene_linear_with_rec709_srgb_target": True} if bpy.app.version >= (5, 0, 0) else {}
+    draw_texture_2d(gpu.texture.from_image(image), (x, y), width, height, **encode)
     font = 0
     blf.size(font, _TEXT * scale)
     blf.color(font, 1.0, 1.0, 1.0, 1.0)

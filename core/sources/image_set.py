@@ -48,6 +48,12 @@ def usable_images(images: Any) -> tuple[bool, ...]:
     return tuple(getattr(images, "usable", ())) or (True,) * len(images.images)
 
 
+def moment_of(images: Any) -> float | None:
+    """Return the mean time of an image set, in seconds; None when no camera has an image of it."""
+    times_s = [time_s for time_s in images.times_s if np.isfinite(time_s)]
+    return float(np.mean(times_s)) if times_s else None
+
+
 def camera_title(index: int, names: Sequence[str]) -> str:
     """Return what a camera is called in messages: left and right where there are two."""
     return f"the {('left', 'right')[index]} camera" if len(names) == 2 else f"camera {names[index]}"

@@ -32,7 +32,7 @@ def draw_corners(picture: Image, view: BoardView, image_width: int) -> None:
     """Mark the board's corners, seen in an image so wide, in a picture of it (BGR), in place."""
     scale = picture.shape[1] / image_width
     for x, y in np.rint((view.pixels + 0.5) * scale - 0.5).astype(int).tolist():
-        cv2.circle(picture, (x, y), 1, _CORNER, -1, cv2.LINE_AA)
+        cv2.circle(picture, (x, y), 2, _CORNER, -1, cv2.LINE_AA)
 
 
 def draw_wanted(picture: Image, region: Sequence[int]) -> None:

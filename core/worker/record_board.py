@@ -25,7 +25,7 @@ from ..files import atomic_path
 from ..simulate.studio.boards import CarriedBoard, board_poses
 from ..simulate.studio.render import Renderer
 from ..simulate.studio.rig import default_rig
-from ..sources.image_set import camera_title, usable_images
+from ..sources.image_set import camera_title, moment_of, usable_images
 from ..sources.spec import ImageSetLike, ImageSource, open_source
 from ..vision.board import Board, parse_board
 from ..vision.board_preview import draw_corners, draw_coverage, draw_taken, draw_wanted
@@ -92,7 +92,11 @@ def _watch(
     for image_set in images:
         if channel.stop_requested.is_set():
             return
-        sight = session.see(float(np.nanmean(image_set.times_s)), image_set.images, usable_images(image_set))
+        time_s = moment_of(image_set)
+        if time_s is None:  # no camera gives images
+            channel.send_status("; ".join(getattr(image_set, "notes", ())))
+            continue
+        sight = session.see(time_s, image_set.images, usable_images(image_set))
         if sight.taken:
             taken_s = time.monotonic()
             for side, image in zip(SIDES, image_set.images, strict=True):

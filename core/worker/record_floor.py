@@ -17,7 +17,7 @@ from ..errors import CalibrationError
 from ..simulate.studio.boards import CarriedBoard, board_on_floor
 from ..simulate.studio.render import Renderer
 from ..simulate.studio.rig import default_rig
-from ..sources.image_set import camera_title, usable_images
+from ..sources.image_set import camera_title, moment_of, usable_images
 from ..sources.spec import ImageSource, open_source
 from ..vision.board import Board, find_board, parse_board
 from ..vision.board_preview import draw_corners
@@ -63,11 +63,16 @@ def _still_board(source: ImageSource, board: Board, preview: PreviewSender, chan
     for image_set in source:
         if channel.stop_requested.is_set():
             return None
-        look = watch.see(float(np.nanmean(image_set.times_s)), image_set.images, usable_images(image_set))
+        time_s = moment_of(image_set)
+        if time_s is None:  # no camera gives images
+            channel.send_status("; ".join(getattr(image_set, "notes", ())))
+            continue
+        look = watch.see(time_s, image_set.images, usable_images(image_set))
         preview.send(image_set.images, partial(_draw, look))
         if look.still:
             return look
-        channel.send_status("let it lie still" if look.together else _show_it(look))
+        advice = "let it lie still" if look.together else _show_it(look)
+        channel.send_status("; ".join(getattr(image_set, "notes", ())) or advice)
     raise CalibrationError(
         "the cameras did not see the board lying still together", advice="lay it where they all see the whole of it"
     )

@@ -5,6 +5,7 @@ from types import ModuleType
 from typing import Any
 
 import bpy
+import numpy as np
 import pytest
 
 
@@ -33,11 +34,23 @@ def activity(running: Any) -> PlayedActivity:
     running.begin(bpy.context, activity, 0.1)
     assert running.current() is activity
     assert running._state.timer is not None
+    running.preview.show(np.zeros((4, 6, 3), np.uint8), "look here")
+    assert running.preview.NAME in bpy.data.images
     return activity
 
 
 def gone(running: Any, activity: PlayedActivity) -> bool:
-    return activity.closed == 1 and running.current() is None and running._state.timer is None
+    shown = running.preview._state.handler is not None or running.preview.NAME in bpy.data.images
+    return activity.closed == 1 and running.current() is None and running._state.timer is None and not shown
+
+
+def test_the_preview_is_the_picture_and_changes_its_size(running: Any, activity: PlayedActivity) -> None:
+    picture = np.random.default_rng(0).integers(0, 255, (5, 7, 3)).astype(np.uint8)
+    running.preview.show(picture, "")
+    image = bpy.data.images[running.preview.NAME]
+    pixels = np.array(image.pixels[:]).reshape(5, 7, 4)
+    np.testing.assert_array_equal(np.rint(pixels[::-1, :, :3] * 255), picture)
+    assert image.users == 0  # so it is not saved with the file
 
 
 def test_ended_once(running: Any, activity: PlayedActivity) -> None:

@@ -1,22 +1,26 @@
 """The cameras calibrated from a board, and the floor found, by the real worker."""
 
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 from perfanim.core.camera import Camera, CameraRig, rig_from, save_rig
-from perfanim.core.errors import CaptureError
+from perfanim.core.errors import CalibrationError, CaptureError
 from perfanim.core.simulate.studio.boards import board_on_floor
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.sources.files import read_image
+from perfanim.core.sources.image_set import ImageSet
+from perfanim.core.worker import record_board, record_floor
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import Message, MessageKind, encode_preview
 
-PATIENCE_S = 180.0
+PATIENCE_S = 300.0
 
 
 def played(request: dict[str, Any], stop: Callable[[Message], bool] | None = None) -> list[Message]:
@@ -48,6 +52,13 @@ def said(messages: list[Message], key: str = "activity") -> list[str]:
 def asked(source: dict[str, Any], folder: Path, **more: Any) -> dict[str, Any]:
     request = {"job": "record board", "source": source, "board": "chessboard:9x6:80mm", "limit": 40}
     return {**request, "every_s": None, "out": str(folder), **more}
+
+
+class PlayedSource(list[ImageSet]):
+    """Image sets as a source."""
+
+    def close(self) -> None:
+        self.clear()
 
 
 @pytest.fixture
@@ -98,6 +109,26 @@ def test_pictures_without_the_board_are_an_error_that_says_so(blank: dict[str, A
 def test_a_countdown_goes_before_timed_views(blank: dict[str, Any], tmp_path: Path) -> None:
     told = said(played(asked(blank, tmp_path / "board", every_s=1.0)))
     assert told.index("1: show the whole board to all cameras") < told.index("show the whole board to all cameras")
+
+
+def test_what_is_wrong_with_a_camera_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    black = (np.zeros((120, 160, 3), np.uint8),) * 2
+    note = "the left camera froze 2 s ago: trying again"
+    moments = [
+        ImageSet(0, (np.nan, np.nan), black, ("no camera gives images",), (False, False)),
+        ImageSet(1, (np.nan, 0.5), black, (note,), (False, True)),
+    ]
+    for job in (record_board, record_floor):
+        told: list[str] = []
+        channel: Any = SimpleNamespace(
+            stop_requested=threading.Event(), send_status=lambda text, *_, told=told, **__: told.append(text)
+        )
+        monkeypatch.setattr(job, "open_source", lambda _spec: PlayedSource(moments))
+        save_rig(default_rig(), tmp_path / "rig.toml")
+        with pytest.raises(CalibrationError):
+            job.run({**asked({"kind": "cameras"}, tmp_path), "rig": str(tmp_path / "rig.toml")}, channel)
+        assert "no camera gives images" in told
+        assert note in told
 
 
 def test_the_floor_is_where_the_board_lies(tmp_path: Path) -> None:
