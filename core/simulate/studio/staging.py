@@ -44,14 +44,15 @@ def with_t_pose(motion: Motion, seconds: float) -> Motion:
 
 
 def with_poses(motion: Motion, poses: Sequence[str], seconds: float) -> Motion:
-    """Return the motion with poses of `POSES` before it, each held for the given time and a second before the next."""
+    """Return the motion with poses of `POSES` before it, each held for the given time and a second before the next.
+
+    They face the cameras (+z), however the motion begins: who stands sideways hides a shoulder.
+    """
     if seconds <= 0.0:
         return motion
-    heading = rot.swing_twist(motion.rotations[0, 0], np.array([0.0, 1.0, 0.0]))[1]
     rotations, path = motion.rotations, motion.root_positions_m
     for name in reversed(poses):
         pose = POSES[name](motion.skeleton)
-        pose[0] = rot.multiply(heading, pose[0])
         root = motion.root_positions_m[0].copy()
         root[1] = -lowest_point_m(replace(motion, rotations=pose[None], root_positions_m=np.zeros((1, 3))))
         still = max(round(seconds * motion.fps), 1)
