@@ -11,6 +11,7 @@ from ..bench.figure6 import figure6
 from ..bench.gap import gap
 from ..bench.heterogeneity import heterogeneity
 from ..bench.offset import offset
+from ..bench.speed import speed
 from ..bench.table1 import table1
 from ..bench.tuning import tuning
 from ..bench.vision import vision
@@ -24,6 +25,7 @@ _BENCHES = {
     "end-to-end": (end_to_end, "recorded motion filmed by simulated cameras, tracked and solved, beside true markers"),
     "figure6": (figure6, "nearest, lwr, local-pca and best frame by frame"),
     "gap": (gap, "what the distance to the paper's Figure 6 is made of: data, rate, markers, unit, model"),
+    "speed": (speed, "time of detection, of two streams to labelled points, of solve, search and import"),
     "heterogeneity": (heterogeneity, "walking solved with a database of walks and with one of everything"),
     "tuning": (tuning, "local-pca over a grid of K, B and weights, on takes that no figure reports"),
 }

@@ -7,11 +7,12 @@ known), "background_s" (seconds in which the empty room is learned, cameras only
 
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import islice
+from threading import Event
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,11 +20,8 @@ from ..camera import CameraRig, load_rig
 from ..errors import CaptureError
 from ..sources.spec import ImageSetLike, ImageSource, open_source
 from ..vision.detect import DetectionSettings
-from ..vision.live_bump import LiveBumpWatch
-from ..vision.live_offset import LiveTimeOffsets
-from ..vision.one_time import TimeAligner
+from ..vision.live import live_frames
 from ..vision.pipeline import MarkerPipeline, PipelineSettings
-from ..vision.time_offset import TimeOffset
 from .channel import Channel
 
 Image = NDArray[np.uint8]
@@ -42,52 +40,29 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     Raises:
         PerfanimError: the source cannot be opened, stops giving images, or does not fit the calibration.
     """
+    in_flight = request.get("in_flight")
+    # images of this size are done before a second thread has begun, and Blender draws on the other core
+    cv2.setNumThreads(1)
     try:
         with opened(request, channel) as (source, pipeline):
             channel.send_status("waiting for images")
             for warning in getattr(source, "warnings", ()):
                 channel.send_warning(warning)
-            images = source if is_live(request) else _paced(source)
-            hand_over(images, pipeline, channel, request.get("in_flight"), exact_times=is_simulated(request))
+            images = _until(channel.stop_requested, source if is_live(request) else _paced(source))
+            for stamp_s, frame in live_frames(images, pipeline, channel.send_warning, exact=is_simulated(request)):
+                channel.send_frame(stamp_s, frame)
+                if in_flight is not None:
+                    channel.wait_taken(int(in_flight))
     except Stopped:
         return
 
 
-def hand_over(
-    images: Iterable[ImageSetLike],
-    pipeline: MarkerPipeline,
-    channel: Channel,
-    in_flight: int | None = None,
-    *,
-    exact_times: bool,
-) -> None:
-    """Hand over the marker frames of images until there are no more, or a stop is asked for.
-
-    Args:
-        images: sets of one image per camera.
-        pipeline: makes marker frames of them.
-        channel: where they go.
-        in_flight: frames that may be on their way; None: no limit.
-        exact_times: the time stamps are those of the moments shown, and the cameras stand still.
-    """
-    with ThreadPoolExecutor(1) as later:
-        offsets = bumps = None
-        if not exact_times:
-            offsets = LiveTimeOffsets(pipeline.rig, _aligner(pipeline), later.submit)
-            bumps = LiveBumpWatch(pipeline.rig, later.submit)
-        for moment in images:
-            if channel.stop_requested.is_set():
-                break
-            stamp_s = time.perf_counter()
-            seen = pipeline.detect(moment)
-            if offsets is not None:
-                offsets.saw(seen)
-            frame = pipeline.locate(seen)
-            channel.send_frame(stamp_s, frame)
-            if bumps is not None and (warning := bumps.saw(frame, pipeline.last_errors_px)):
-                channel.send_warning(warning)
-            if in_flight is not None:
-                channel.wait_taken(int(in_flight))
+def _until(stop: Event, images: Iterable[ImageSetLike]) -> Iterator[ImageSetLike]:
+    """Yield image sets until a stop is asked for."""
+    for moment in images:
+        if stop.is_set():
+            return
+        yield moment
 
 
 def is_live(request: Mapping[str, Any]) -> bool:
@@ -98,12 +73,6 @@ def is_live(request: Mapping[str, Any]) -> bool:
 def is_simulated(request: Mapping[str, Any]) -> bool:
     """Return whether the images are the simulated performer's, whose time stamps are exact."""
     return str(request["source"].get("kind", "")) == "simulated"
-
-
-def _aligner(pipeline: MarkerPipeline) -> TimeAligner:
-    """Let the pipeline bring all blobs to one time, by the images' time stamps until more is known."""
-    pipeline.aligner = TimeAligner(pipeline.rig, [TimeOffset()] * len(pipeline.rig))
-    return pipeline.aligner
 
 
 @contextmanager

@@ -23,6 +23,8 @@ from perfanim.core.bench.figure5 import (
 from perfanim.core.bench.figure6 import degrees_per_joint, figure6, ratios
 from perfanim.core.bench.methods import METHODS, PAPER_RANGE
 from perfanim.core.bench.plots import Line, Panel, check_plots, write_plot
+from perfanim.core.bench.speed import speed
+from perfanim.core.bench.streams import STAGES, Streams
 from perfanim.core.bench.table1 import searched, table1
 from perfanim.core.cli.main import main
 from perfanim.core.database.store import open_database
@@ -30,6 +32,7 @@ from perfanim.core.database.subset import write_subset
 from perfanim.core.errors import DatabaseError, SettingsError
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.motion import sliced
+from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.solver.pose_solver import PoseSolver
 
 TRIALS = {
@@ -100,6 +103,34 @@ def test_table1_counts_frames(data, tmp_path, monkeypatch):
     times = {(row["database"], row["search"]): row for row in figures["times"]}
     assert times["CMU", "exhaustive"]["median_of_exhaustive"] == 1.0
     assert all(0.0 < row["median_ms"] <= row["p99_ms"] for row in times.values())
+
+
+def test_speed_times_every_part_beside_a_search_in_numpy(data, tmp_path, monkeypatch):
+    small = {"_PAIRS": 6, "_PASSES": 1, "_RUNS": 1, "_REFERENCE": (3000, 60, 32), "_IMAGES": 3, "_DATABASE_FRAMES": 100}
+    for name, value in small.items():
+        monkeypatch.setattr(f"perfanim.core.bench.speed.{name}", value)
+    figures = speed(data, tmp_path, 1, silent)
+    rows = {(row["work"], row["clock"]): row for row in figures["rows"]}
+    assert all(row["value"] > 0.0 for row in rows.values())
+    assert all(row["ratio"] > 0.0 for row in rows.values() if row["unit"] in ("ms", "s"))
+    stages = [rows[f"two 640x480 streams: {stage} a pair", "processor"]["value"] for stage in STAGES]
+    assert rows["two 640x480 streams: all stages a pair", "processor"]["value"] == pytest.approx(sum(stages), abs=1e-3)
+    # nothing is missed for the sake of speed: of nine markers the body hides one now and then
+    assert rows["markers located and labelled", "wall"]["value"] > 0.75
+    assert rows["the search in it: share", "wall"]["value"] < 1.0
+    whole = open_database(tmp_path / "databases/speed.perfdb")
+    assert whole.frames == 100
+    assert not {"16_16", "14_02"} & {clip.name for clip in whole.clips}
+    searches = {row["search"]: row for row in figures["searches"]}
+    assert searches["exhaustive"]["median_of_exhaustive"] == 1.0
+    assert all(row["deg_per_joint"] < 3.0 for row in searches.values())
+    assert (tmp_path / "speed.csv").read_text().startswith("work,value,unit,clock,goal,ratio")
+
+
+def test_streams_go_forward_and_backward_without_a_jump():
+    nothing = np.empty((5, 2, 4, 6, 3), dtype=np.uint8)
+    moments = Streams(default_rig(), None, nothing, nothing).moments(2)
+    assert moments == [0, 1, 2, 3, 4, 3, 2, 1] * 2
 
 
 def test_exhaustive_search_is_no_different_from_itself(model, database, true_markers):

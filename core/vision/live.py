@@ -1,0 +1,42 @@
+"""Images of a live capture to marker frames, with what is learned about the cameras on the way."""
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+
+from ..marker_frame import MarkerFrame
+from ..sources.spec import ImageSetLike
+from .live_bump import LiveBumpWatch
+from .live_offset import LiveTimeOffsets
+from .one_time import TimeAligner
+from .pipeline import MarkerPipeline
+from .time_offset import TimeOffset
+
+
+def live_frames(
+    images: Iterable[ImageSetLike], pipeline: MarkerPipeline, warn: Callable[[str], None], *, exact: bool
+) -> Iterator[tuple[float, MarkerFrame]]:
+    """Yield, for each image set, `time.perf_counter()` when it was in hand, and its markers.
+
+    Args:
+        images: one image per camera each.
+        pipeline: makes marker frames of them.
+        warn: told what the user should know.
+        exact: the time stamps are those of the moments shown, and the cameras stand still: nothing is to be learned.
+    """
+    with ThreadPoolExecutor(1) as later:
+        offsets = bumps = None
+        if not exact:
+            # all blobs are brought to one time, by the images' time stamps until more is known
+            pipeline.aligner = TimeAligner(pipeline.rig, [TimeOffset()] * len(pipeline.rig))
+            offsets = LiveTimeOffsets(pipeline.rig, pipeline.aligner, later.submit)
+            bumps = LiveBumpWatch(pipeline.rig, later.submit)
+        for moment in images:
+            stamp_s = time.perf_counter()
+            seen = pipeline.detect(moment)
+            if offsets is not None:
+                offsets.saw(seen)
+            frame = pipeline.locate(seen)
+            yield stamp_s, frame
+            if bumps is not None and (warning := bumps.saw(frame, pipeline.last_errors_px)):
+                warn(warning)
