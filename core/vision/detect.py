@@ -88,7 +88,7 @@ class Detector:
         self._usual_contrast = 0.0
         self._low: Image | None = None
         self._width: Image | None = None
-        self._grey: Float32 | None = None
+        self._mean: Float32 | None = None  # (h, w, 3) of the empty room
         self._light: NDArray[np.uint16] | None = None  # of the empty room
         self._lit: NDArray[np.uint16] | None = None  # where the room's light has risen by the threshold
         self._threshold = self.settings.threshold or _LOWEST_AUTOMATIC_THRESHOLD
@@ -98,9 +98,10 @@ class Detector:
                 self._threshold = max(_LOWEST_AUTOMATIC_THRESHOLD, self.settings.sigmas * background.noise)
             self._low, high = background.band(self.settings.sigmas, self._threshold)
             self._width = high - self._low
-            self._grey = background.mean.mean(axis=2, dtype=np.float32)
-            self._light = np.rint(3.0 * self._grey).astype(np.uint16)
-            self._lit = np.ceil(3.0 * (self._grey + self._threshold)).astype(np.uint16)
+            self._mean = background.mean.astype(np.float32)
+            light = self._mean.sum(axis=2)
+            self._light = np.rint(light).astype(np.uint16)
+            self._lit = np.ceil(light + 3.0 * self._threshold).astype(np.uint16)
             self._size = background.image_size
 
     @property
@@ -147,7 +148,10 @@ class Detector:
             return np.empty((0, COLUMNS)), []
         owner, x, y = _pixels(parts)
         colours = image[y, x]
-        contrast = _grey(colours) if self._grey is None else _grey(colours) - self._grey[y, x]
+        rise = colours.astype(np.float32)
+        if self._mean is not None:
+            rise -= self._mean[y, x]
+        contrast = _contrast(rise, owner, len(parts))
         bright = np.zeros(len(parts), dtype=bool)
         bright[owner[contrast >= dimmest]] = True
         kept = bright[owner]
@@ -263,9 +267,21 @@ def _pixels(parts: Sequence[_Part]) -> tuple[IntArray, IntArray, IntArray]:
     return owner, x, y
 
 
-def _grey(colours: Image) -> Float32:
-    """Mean of the channels (P, 3); markers of any colour count alike."""
-    return np.asarray(colours.sum(axis=1, dtype=np.float32) * np.float32(1.0 / 3.0))
+def _contrast(rise: Float32, owner: IntArray, parts: int) -> Float32:
+    """Return how much light each pixel (P,) has more than the empty room, in grey levels.
+
+    Channels count as much as they are brighter in the whole part: a white marker's alike, of a red one the red channel
+    alone, or the others, darker than a lit wall's, would outweigh it.
+
+    Args:
+        rise: (P, 3) pixels less the empty room.
+        owner: (P,) which part each is of.
+        parts: how many there are.
+    """
+    more = np.maximum(rise, 0.0)
+    totals = np.stack([np.bincount(owner, channel, parts) for channel in more.T], axis=1)
+    shares = totals / np.maximum(totals.sum(axis=1, keepdims=True), 1.0)
+    return np.asarray(np.einsum("pc,pc->p", rise, shares.astype(np.float32)[owner]))
 
 
 def _light(colours: Image) -> NDArray[np.uint16]:

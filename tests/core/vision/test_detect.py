@@ -138,6 +138,18 @@ def test_dim_and_bright_cameras_are_both_judged_by_their_own_markers(draw):
         assert len(blobs) == 8
 
 
+@pytest.mark.parametrize("wall", [90, 140])
+@pytest.mark.parametrize("colour", [(30, 30, 220), (220, 60, 30), (40, 200, 40), (30, 200, 220), (200, 40, 200)])
+def test_coloured_markers_are_found_before_any_wall(draw, wall, colour):
+    centres = np.array([[100.3, 80.6], [300.5, 200.2], [510.7, 90.1], [200.9, 400.4]])
+    empty = learn_backgrounds((draw(np.empty((0, 2)), 1, background=wall, seed=number),) for number in range(6))[0]
+    blobs = Detector(empty).detect(draw(centres, 3.0, level=np.array(colour, float), background=wall, seed=99))
+    assert len(blobs) == len(centres)
+    apart = np.linalg.norm(blobs[:, None, :2] - centres, axis=2).min(axis=0)
+    # 0.012 px is asked for at a contrast of 180 grey levels; the green marker rises 60 above the brightest wall
+    assert np.sqrt(np.mean(apart**2)) < 0.012 * 180 / 60
+
+
 def test_hue_and_brightness_are_those_of_the_marker(draw):
     background = np.zeros(3)
     red = Detector().detect(
