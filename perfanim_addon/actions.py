@@ -12,12 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 from ..core import rotations as rot
 from ..core.errors import CharacterError
 from ..core.skeleton import Skeleton
-from .axes import PoseMap
-from .character import find_armature, read_rest
+from .character import find_armature
+from .posing import Posing, posing_of
+from .retarget_rig import delta_transforms
 
 Array = NDArray[np.float64]
 
 HAS_SLOTS = bpy.app.version >= (4, 4, 0)
+_OBJECT_GROUP = "Object Transforms"  # as Blender calls it
 _LINEAR = 1  # Keyframe.interpolation "LINEAR" as foreach_set takes it
 _LINEAR_ROTATION_FRAMES = 2.0  # mean key distance up to which straight lines between keys show no corners
 
@@ -45,7 +47,7 @@ def write_action(
     """Write poses as a new action of an armature and assign it; the action that was there is kept in the file.
 
     Args:
-        object_name: an armature object with the product's bone names.
+        object_name: an armature object, driven as `posing_of` tells.
         frames: (F,) scene frame of each pose, strictly increasing, fractions allowed (see `scene_frames`).
         rotations: (F, J, 4) parent-from-joint quaternions relative to rest.
         root_positions_m: (F, 3) root in product space.
@@ -56,29 +58,46 @@ def write_action(
         The action's name (Blender may append ".001").
 
     Raises:
-        CharacterError: no such armature, missing bones, no poses, or arrays that do not belong together.
+        CharacterError: no such armature, one that cannot be driven, no poses, or arrays that do not belong together.
     """
     armature_object = find_armature(object_name)
     at = np.asarray(frames, dtype=np.float64)
     q = np.asarray(rotations, dtype=np.float64)
     positions = np.asarray(root_positions_m, dtype=np.float64)
     _check(at, q, positions, skeleton)
-    pose_map = PoseMap(skeleton, read_rest(armature_object, skeleton))
-    for bone_name in skeleton.names:
+    return write_posing(armature_object, at, q, positions, posing_of(armature_object, skeleton), name=name)
+
+
+def write_posing(
+    armature_object: bpy.types.Object,
+    frames: Array,
+    rotations: Array,
+    root_positions_m: Array,
+    posing: Posing,
+    *,
+    name: str,
+) -> str:
+    """Write poses through a given posing as a new action; arguments and result otherwise as of `write_action`."""
+    pose = posing.pose(rotations, root_positions_m)
+    for bone_name in posing.bones:
         armature_object.pose.bones[bone_name].rotation_mode = "QUATERNION"
     action = _new_action(armature_object, name)
     channels = _writable_channels(action, armature_object)
-    straight = len(at) < 2 or float(np.mean(np.diff(at))) <= _LINEAR_ROTATION_FRAMES
-    quaternions = rot.continuous(pose_map.bone_rotations(q))
-    for joint, bone_name in enumerate(skeleton.names):
-        path = _bone_path(bone_name, "rotation_quaternion")
-        for component in range(4):
-            curve = _new_curve(channels, path, component, bone_name)
-            _fill(curve, at, quaternions[:, joint, component], straight)
-    location = pose_map.root_location(positions)
-    for component in range(3):
-        curve = _new_curve(channels, _bone_path(skeleton.names[0], "location"), component, skeleton.names[0])
-        _fill(curve, at, location[:, component], straight)
+    straight = len(frames) < 2 or float(np.mean(np.diff(frames))) <= _LINEAR_ROTATION_FRAMES
+
+    def add(path: str, group: str, values: Array) -> None:
+        for component in range(values.shape[1]):
+            _fill(_new_curve(channels, path, component, group), frames, values[:, component], straight)
+
+    quaternions = rot.continuous(pose.rotations)
+    for place, bone_name in enumerate(posing.bones):
+        add(_bone_path(bone_name, "rotation_quaternion"), bone_name, quaternions[:, place])
+    for place, bone_name in enumerate(posing.located):
+        add(_bone_path(bone_name, "location"), bone_name, pose.locations[:, place])
+    if pose.object_rotation is not None and pose.object_location is not None:
+        turns, ways = delta_transforms(armature_object, pose.object_rotation, pose.object_location)
+        add("delta_rotation_quaternion", _OBJECT_GROUP, rot.continuous(turns))
+        add("delta_location", _OBJECT_GROUP, ways)
     return str(action.name)
 
 

@@ -4,8 +4,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.skeleton import Skeleton
-from .axes import PoseMap
-from .character import find_armature, read_rest
+from .character import find_armature
+from .posing import Posing, posing_of
+from .retarget_rig import delta_transforms
 
 _QUATERNION_MODE = 0  # PoseBone.rotation_mode "QUATERNION" as foreach_get returns it
 
@@ -16,12 +17,12 @@ class ArmatureDriver:
     Only the object's name is kept: undo, redo and file load replace Blender's data, so it is looked up for every pose.
 
     Args:
-        object_name: an armature object with the product's bone names; rest pose, rolls, scale and further bones are
+        object_name: an armature object, driven as `posing_of` tells; rest pose, rolls, scale and further bones are
             its own. Its bones are switched to quaternions.
         skeleton: the skeleton that the poses are relative to.
 
     Raises:
-        CharacterError: no such armature, or it lacks bones (named in the message).
+        CharacterError: no such armature, or it cannot be driven (the message says why).
     """
 
     def __init__(self, object_name: str, skeleton: Skeleton) -> None:
@@ -32,18 +33,17 @@ class ArmatureDriver:
     def bind(self) -> None:
         """Read the armature's rest pose again, as after an edit of its bones; errors as at construction."""
         armature_object = find_armature(self.object_name)
-        self._map = PoseMap(self._skeleton, read_rest(armature_object, self._skeleton))
+        self._posing = posing_of(armature_object, self._skeleton)
         bones = armature_object.pose.bones
         places = {bone.name: index for index, bone in enumerate(bones)}
-        self._order: NDArray[np.int64] = np.array([places[name] for name in self._skeleton.names])
-        self._root_name = self._skeleton.names[0]
+        self._order: NDArray[np.int64] = np.array([places[name] for name in self._posing.bones])
         self._quaternions = np.zeros((len(bones), 4), dtype=np.float32)
         self._modes = np.zeros(len(bones), dtype=np.int32)
 
     @property
-    def pose_map(self) -> PoseMap:
+    def posing(self) -> Posing:
         """The conversion between the product's poses and this rig's."""
-        return self._map
+        return self._posing
 
     def apply(self, rotations: ArrayLike, root_position_m: ArrayLike) -> None:
         """Pose the armature at once.
@@ -55,20 +55,26 @@ class ArmatureDriver:
         Raises:
             CharacterError: the armature is gone or has lost bones.
         """
-        bones = find_armature(self.object_name).pose.bones
+        armature_object = find_armature(self.object_name)
+        bones = armature_object.pose.bones
         if len(bones) != len(self._quaternions):
             self.bind()
         self._ensure_quaternion_mode(bones)
         flat = self._quaternions.reshape(-1)
         if len(bones) > len(self._order):  # further bones of the rig keep the pose they have
             bones.foreach_get("rotation_quaternion", flat)
-        self._quaternions[self._order] = self._map.bone_rotations(rotations)
+        pose = self._posing.pose(rotations, root_position_m)
+        self._quaternions[self._order] = pose.rotations
         bones.foreach_set("rotation_quaternion", flat)
+        if pose.object_rotation is not None and pose.object_location is not None:
+            turn, way = delta_transforms(armature_object, pose.object_rotation, pose.object_location)
+            armature_object.delta_rotation_quaternion, armature_object.delta_location = turn, way
         # an ordinary assignment last: unlike foreach_set it tells Blender to evaluate and draw the new pose
-        bones[self._root_name].location = self._map.root_location(root_position_m)
+        for name, location in zip(self._posing.located, pose.locations, strict=True):
+            bones[name].location = location
 
     def _ensure_quaternion_mode(self, bones) -> None:  # type: ignore[no-untyped-def]
         bones.foreach_get("rotation_mode", self._modes)
         if np.any(self._modes[self._order] != _QUATERNION_MODE):
-            for name in self._skeleton.names:
+            for name in self._posing.bones:
                 bones[name].rotation_mode = "QUATERNION"

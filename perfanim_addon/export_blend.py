@@ -55,10 +55,15 @@ def export_motion(motion: Motion, target: Path, *, still: Path | None = None, fr
     scene = bpy.context.scene
     build_scene(motion)
     scene.frame_set(_FIRST_FRAME + shown - 1)
-    _set_up_rendering(scene)
+    set_up_rendering(scene)
     if still is not None:
-        _render(scene, still)
+        render(scene, still)
     scene.frame_set(_FIRST_FRAME)
+    save_scene(target)
+
+
+def save_scene(target: Path) -> None:
+    """Save the open scene as a file that is whole or not there; FormatError if it cannot be written."""
     bpy.context.preferences.filepaths.save_version = 0  # no backup beside the temporary file
     with atomic_path(target) as temporary:
         bpy.ops.wm.save_as_mainfile(filepath=str(temporary), compress=True, check_existing=False)
@@ -77,13 +82,17 @@ def build_scene(motion: Motion) -> str:
     joints = axes.points_to_blender(positions)
     toes = joints[:, [motion.skeleton.index(side + "toes") for side in "lr"], 2]
     floor = float(np.percentile(toes.min(axis=1), _FLOOR_PERCENTILE))
-    floor -= SOLE_BELOW_TOES_M * girth_scale(motion.skeleton)
-    low, high = joints.reshape(-1, 3).min(axis=0), joints.reshape(-1, 3).max(axis=0)
+    add_stage(scene, joints.reshape(-1, 3), floor - SOLE_BELOW_TOES_M * girth_scale(motion.skeleton))
+    return name
+
+
+def add_stage(scene: bpy.types.Scene, points: Array, floor: float) -> None:
+    """Add floor, light and a camera that sees all points (N, 3) of a performance on a floor of this height."""
+    low, high = points.min(axis=0), points.max(axis=0)
     low[2] = floor
     _add_floor(low, high, floor)
     _add_lights(scene, 0.5 * (low + high), floor)
-    _add_camera(scene, joints.reshape(-1, 3), 0.5 * (low + high))
-    return name
+    _add_camera(scene, points, 0.5 * (low + high))
 
 
 def _add_floor(low: Array, high: Array, height: float) -> None:
@@ -149,7 +158,8 @@ def _look_at(obj: bpy.types.Object, point: Array) -> None:
     obj.rotation_euler = direction.to_track_quat("-Z", "Y").to_euler()
 
 
-def _set_up_rendering(scene: bpy.types.Scene) -> None:
+def set_up_rendering(scene: bpy.types.Scene) -> None:
+    """Let Cycles render small pictures on the processor."""
     scene.render.engine = "CYCLES"
     scene.cycles.device = "CPU"
     scene.cycles.samples = _STILL_SAMPLES
@@ -160,7 +170,8 @@ def _set_up_rendering(scene: bpy.types.Scene) -> None:
     scene.view_settings.view_transform = "Standard"
 
 
-def _render(scene: bpy.types.Scene, target: Path) -> None:
+def render(scene: bpy.types.Scene, target: Path) -> None:
+    """Render the current frame to a .png file."""
     scene.render.image_settings.file_format = "PNG"
     with atomic_path(target.with_suffix(".png")) as temporary:
         scene.render.filepath = str(temporary)

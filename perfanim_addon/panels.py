@@ -5,7 +5,7 @@ from typing import Any
 
 import bpy
 
-from . import preferences, running, states
+from . import panel_character, preferences, running, states
 from .job import Job
 from .live import Capture
 from .panel_camera_controls import PERFANIM_PT_camera_controls
@@ -48,7 +48,8 @@ class _Step:
         column.enabled = not isinstance(running.current(), Capture)
         self.draw_step(column, chosen)
         state = type(self).state(chosen)
-        if state.problem:
+        job = running.current()
+        if state.problem and not (isinstance(job, Job) and job.panel == self.key):
             draw_text(context, layout, state.problem, "ERROR")
         draw_job(layout, self.key)
         draw_text(context, layout, *running.message(self.key))
@@ -171,6 +172,7 @@ class PERFANIM_PT_character(_Step, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("perfanim.add_character", icon="ADD")
         row.operator("perfanim.use_active_armature", text="Use Active", icon="EYEDROPPER")
+        panel_character.draw_bones(layout, chosen.armature)
 
 
 class PERFANIM_PT_capture(bpy.types.Panel):

@@ -5,6 +5,7 @@ from typing import Any
 import bpy
 
 from ..core.marker_set import marker_set_names
+from .posing import fill_map
 
 SOURCES = (
     ("SIMULATED", "Simulated Performer", "A performer, room and two cameras drawn by the computer: needs no hardware"),
@@ -31,6 +32,11 @@ def _marker_set_items(_self: object, _context: object) -> list[tuple[str, str, s
         names = sorted(marker_set_names(), key=lambda name: (name != "boxing", name))
         _marker_sets.extend((name, name.replace("-", " ").title(), f"The marker set {name!r}") for name in names)
     return _marker_sets
+
+
+def _find_bones(self: Any, _context: object) -> None:
+    if self.armature is not None:
+        fill_map(self.armature)
 
 
 def _is_armature(_self: object, candidate: bpy.types.Object) -> bool:
@@ -182,6 +188,7 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         description="Armature that moves along; empty: a new character is added at the start",
         type=bpy.types.Object,
         poll=_is_armature,
+        update=_find_bones,
     )
     extend_scene: bpy.props.BoolProperty(
         name="Extend Scene",

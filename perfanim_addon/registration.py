@@ -13,6 +13,7 @@ from . import diagnostics
 _FIRST = ("preferences", "diagnostics_ui")
 _REST = (
     "running",
+    "bone_list",
     "properties",
     "operators.jobs",
     "operators.cameras",
@@ -21,6 +22,7 @@ _REST = (
     "operators.character",
     "operators.capture",
     "operators.takes",
+    "panel_character",
     "panels",
     "panel_takes",
 )

@@ -5,14 +5,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import bpy
-
 from ..core.camera import CameraRig, load_rig
 from ..core.database.store import open_database
 from ..core.errors import PerfanimError, SubjectError
 from ..core.marker_set import MarkerSet, Subject, load_marker_set, load_subject
-from .character import check_armature
 from .place import absolute, user_folder
+from .posing import map_problem
 
 MISSING_NAMES_SHOWN = 4
 
@@ -212,17 +210,10 @@ def character(settings: Any) -> State:
     armature = settings.armature
     if armature is None:
         return State(True, "new at start")
-    missing = check_armature(armature)
-    if missing:
-        return State(False, f"{len(missing)} bones missing", missing_bones(armature, missing))
+    problem = map_problem(armature)
+    if problem:
+        return State(False, "cannot be driven", f"{armature.name}: {problem}")
     return State(True, armature.name)
-
-
-def missing_bones(armature: bpy.types.Object, missing: list[str]) -> str:
-    """Return the sentence that names missing bones."""
-    shown = ", ".join(missing[:MISSING_NAMES_SHOWN])
-    more = f" and {len(missing) - MISSING_NAMES_SHOWN} more" if len(missing) > MISSING_NAMES_SHOWN else ""
-    return f"{armature.name} lacks the bones {shown}{more}: rename its bones, or add a character"
 
 
 STEPS = (cameras, markers, performer, motion, character)

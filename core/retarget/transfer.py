@@ -4,7 +4,7 @@ Each bone that stands for a joint takes the joint's orientation in the world, th
 bones of the trunk and the neck between two such bones take what lies between, by their place along the chain. The
 hips go as far as the performer's by the ratio of leg lengths, and the legs are bent (two-bone inverse kinematics, in
 the knee's own plane) until the balls of the feet are where the performer's are, so that what stands still there
-stands still here, whatever the proportions.
+stands still here, whatever the proportions; hips come down where a leg is too short for that.
 """
 
 from collections.abc import Sequence
@@ -24,6 +24,8 @@ from .rest_align import align_character
 
 _BALL_ABOVE_SOLE = 0.029  # height of the ball of a standing foot above the floor, in leg lengths
 _REACH = 0.9995  # of the leg's length: no knee is quite straight
+_SOFT = 0.005  # of the leg's length: how gently the hips begin to come down for a foot out of reach
+_STANDING, _RAISED = 0.75, 0.45  # cosine between a leg and the vertical from which, and below which not, they do
 _HINGE = 0.05  # weight of the knee's axis against the plane in which it is bent: it tells where a leg is straight
 _CHAINS = (("root", "lowerback", "upperback", "thorax"), ("thorax", "lowerneck", "upperneck", "head"))
 _FINGERS = ("index", "middle", "ring", "pinky", "little")
@@ -87,6 +89,17 @@ class _Leg:
     from_middle: c.Vector
     ankle_shift: c.Vector
     ball_up: float
+
+
+@dataclass(frozen=True)
+class _Step:
+    """How the performer's thigh and shank are turned and point, and where the character's ankle belongs."""
+
+    upper: c.Quaternion
+    lower: c.Quaternion
+    thigh_way: c.Vector
+    shank_way: c.Vector
+    ankle: c.Vector
 
 
 class Retargeter:
@@ -235,12 +248,16 @@ class Retargeter:
         root: c.Quaternion = c.components(world[..., 0, :])
         position: c.Vector = c.components(np.asarray(root_positions_m, dtype=np.float64))
         middle = c.plus(c.plus(position, c.rotate(root, self._own_middle)), (0.0, self._hips_up, 0.0))
-        for leg in self._legs:
-            self._bend_leg(leg, turned, world, root, position, middle)
+        steps = [_step(leg, world, root, position) for leg in self._legs]
+        hips = [c.plus(middle, c.rotate(root, leg.from_middle)) for leg in self._legs]
+        if steps:
+            lower = _lowering(self._legs, [c.minus(step.ankle, hip) for step, hip in zip(steps, hips, strict=True)])
+            middle = c.minus(middle, (0.0, lower, 0.0))
+            for leg, step, hip in zip(self._legs, steps, hips, strict=True):
+                _bend_leg(leg, step, c.minus(step.ankle, c.minus(hip, (0.0, lower, 0.0))), turned)
         for forearm, hand, way in self._forearms:
             _turn_forearm(turned, forearm, hand, way)
-        hips = c.minus(middle, c.rotate(root, self._hips_to_middle))
-        return self._as_blender(turned, root, hips)
+        return self._as_blender(turned, root, c.minus(middle, c.rotate(root, self._hips_to_middle)))
 
     def _world_rotations(self, local: Array) -> Array:
         """Return (..., J, 4) world-from-joint quaternions: products along stretches of its line that double."""
@@ -250,25 +267,6 @@ class Retargeter:
         for above in self._jumps:
             matrices = np.matmul(matrices[..., above, :, :], matrices)
         return matrices[..., :-1, :, 0]
-
-    def _bend_leg(
-        self, leg: _Leg, turned: Array, world: Array, root: c.Quaternion, position: c.Vector, middle: c.Vector
-    ) -> None:
-        """Turn thigh and shank until the ball of the foot is where the performer's is."""
-        upper, lower, end = (c.components(world[..., joint, :]) for joint in leg.joints)
-        thigh_way, shank_way = c.rotate(upper, leg.thigh_way), c.rotate(lower, leg.shank_way)
-        ankle = c.plus(position, c.rotate(root, leg.own_hip))
-        ankle = c.plus(ankle, c.plus(c.times(leg.own_thigh_m, thigh_way), c.times(leg.own_shank_m, shank_way)))
-        ankle = c.plus(c.plus(ankle, c.rotate(end, leg.ankle_shift)), (0.0, leg.ball_up, 0.0))
-        hip = c.plus(middle, c.rotate(root, leg.from_middle))
-        normal = c.plus(c.cross(thigh_way, shank_way), c.times(_HINGE, c.rotate(upper, leg.hinge)))
-        unreached = c.plus(c.times(leg.thigh_m, thigh_way), c.times(leg.shank_m, shank_way))
-        thigh, shank = two_bone_directions(c.minus(ankle, hip), normal, leg.thigh_m, leg.shank_m, unreached)
-        for place, before, after, turn in (
-            (leg.places[0], thigh_way, thigh, upper),
-            (leg.places[1], shank_way, shank, lower),
-        ):
-            turned[..., place, :] = _stacked(c.multiply(c.shortest_turn(before, after), turn))
 
     def _as_blender(self, turned: Array, root: c.Quaternion, hips_m: c.Vector) -> CharacterPose:
         above = turned[..., self._ancestors, :]
@@ -296,6 +294,46 @@ class Retargeter:
         bones = np.concatenate((bones, root_turn[..., None, :]), axis=-2)
         locations = np.concatenate((locations, (moved @ self._root_axes.T)[..., None, :]), axis=-2)
         return CharacterPose(bones, locations, None, None)
+
+
+def _step(leg: _Leg, world: Array, root: c.Quaternion, position: c.Vector) -> _Step:
+    """Return how the performer's leg is held, and where the character's ankle belongs."""
+    upper, lower, end = (c.components(world[..., joint, :]) for joint in leg.joints)
+    thigh_way, shank_way = c.rotate(upper, leg.thigh_way), c.rotate(lower, leg.shank_way)
+    ankle = c.plus(position, c.rotate(root, leg.own_hip))
+    ankle = c.plus(ankle, c.plus(c.times(leg.own_thigh_m, thigh_way), c.times(leg.own_shank_m, shank_way)))
+    ankle = c.plus(c.plus(ankle, c.rotate(end, leg.ankle_shift)), (0.0, leg.ball_up, 0.0))
+    return _Step(upper, lower, thigh_way, shank_way, ankle)
+
+
+def _lowering(legs: Sequence[_Leg], reaches: Sequence[c.Vector]) -> c.Part:
+    """Return by how much the hips must come down for the feet to be reached, in metres; nothing for raised legs.
+
+    Args:
+        reaches: from each hip to where its ankle belongs.
+    """
+    lowest: c.Part = 0.0
+    for leg, reach in zip(legs, reaches, strict=True):
+        limit = _REACH * (leg.thigh_m + leg.shank_m)
+        across = reach[0] * reach[0] + reach[2] * reach[2]
+        down = -reach[1]
+        over = down - c.larger(limit * limit - across, 0.0) ** 0.5
+        over = 0.5 * (over + (over * over + (_SOFT * limit) ** 2) ** 0.5)
+        steep = (down / ((across + down * down) ** 0.5 + 1e-9) - _RAISED) / (_STANDING - _RAISED)
+        lowest = c.larger(lowest, over * c.smaller(c.larger(steep, 0.0), 1.0))
+    return lowest
+
+
+def _bend_leg(leg: _Leg, step: _Step, reach: c.Vector, turned: Array) -> None:
+    """Turn thigh and shank until the ankle is where it belongs, `reach` from the hip."""
+    normal = c.plus(c.cross(step.thigh_way, step.shank_way), c.times(_HINGE, c.rotate(step.upper, leg.hinge)))
+    unreached = c.plus(c.times(leg.thigh_m, step.thigh_way), c.times(leg.shank_m, step.shank_way))
+    thigh, shank = two_bone_directions(reach, normal, leg.thigh_m, leg.shank_m, unreached)
+    for place, before, after, turn in (
+        (leg.places[0], step.thigh_way, thigh, step.upper),
+        (leg.places[1], step.shank_way, shank, step.lower),
+    ):
+        turned[..., place, :] = _stacked(c.multiply(c.shortest_turn(before, after), turn))
 
 
 def two_bone_directions(

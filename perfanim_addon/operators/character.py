@@ -4,12 +4,17 @@ import bpy
 
 from ...core.errors import CharacterError, PerfanimError
 from ...core.product_skeleton import default_skeleton
+from ...core.retarget.bone_map import checked_map
+from ...core.retarget.presets import preset_paths, read_bone_map, write_bone_map
 from ...core.skeleton import Skeleton
 from .. import running, states
+from ..bone_list import store_map
 from ..character import check_armature
 from ..live import add_character
-from ..place import absolute
+from ..place import absolute, user_folder
+from ..posing import PRESETS_FOLDER, find_map
 from ..properties import PERFANIM_PG_settings, settings
+from ..retarget_rig import read_armature_rest
 from . import common
 
 PANEL = "character"
@@ -44,7 +49,7 @@ class PERFANIM_OT_add_character(bpy.types.Operator):
 
 
 class PERFANIM_OT_use_active_armature(bpy.types.Operator):
-    """Let the active armature move along; its bones must have the product's names"""
+    """Let the active armature move along; which bone is which joint is found by itself"""
 
     bl_idname = "perfanim.use_active_armature"
     bl_label = "Use Active Armature"
@@ -61,20 +66,135 @@ class PERFANIM_OT_use_active_armature(bpy.types.Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Check the bones and choose it."""
-        missing = check_armature(context.object)
-        if missing:
-            error = CharacterError(
-                f"lacks {len(missing)} bones: {', '.join(missing)}",
-                where=context.object.name,
-                advice="rename its bones, or add a character",
-            )
+        """Choose it if it is a humanoid."""
+        try:
+            if check_armature(context.object):
+                find_map(context.object, user_folder(PRESETS_FOLDER))
+        except CharacterError as error:
             return common.failed(self, PANEL, error)
         settings(context).armature = context.object
         running.set_message(PANEL, "")
         return {"FINISHED"}
 
 
-_CLASSES = (PERFANIM_OT_add_character, PERFANIM_OT_use_active_armature)
+class _OnArmature:
+    """What the operators on the chosen armature's bone map share."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Needs a chosen armature."""
+        if not (common.in_scene(cls, context) and common.idle(cls)):
+            return False
+        if settings(context).armature is None:
+            cls.poll_message_set("Choose an armature first")
+            return False
+        return True
+
+
+class PERFANIM_OT_find_bones(_OnArmature, bpy.types.Operator):
+    """Find again which bone is which joint, by names and shape"""
+
+    bl_idname = "perfanim.find_bones"
+    bl_label = "Find Bones"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Find them."""
+        armature_object = settings(context).armature
+        try:
+            store_map(armature_object, find_map(armature_object, user_folder(PRESETS_FOLDER)))
+        except CharacterError as error:
+            return common.failed(self, PANEL, error)
+        running.set_message(PANEL, "")
+        return {"FINISHED"}
+
+
+class PERFANIM_OT_pick_bone(_OnArmature, bpy.types.Operator):
+    """Use the bone that is active in the viewport for the joint chosen in the list"""
+
+    bl_idname = "perfanim.pick_bone"
+    bl_label = "Use Active Bone"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Needs an active bone and a list."""
+        if not super().poll(context):
+            return False
+        armature_object = settings(context).armature
+        if not armature_object.perfanim_character.joints or armature_object.data.bones.active is None:
+            cls.poll_message_set("Select a bone of the armature in Pose Mode first")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Use it."""
+        armature_object = settings(context).armature
+        kept = armature_object.perfanim_character
+        entry = kept.joints[min(kept.active, len(kept.joints) - 1)]
+        entry.bone = armature_object.data.bones.active.name
+        return {"FINISHED"}
+
+
+class PERFANIM_OT_load_bone_map(_OnArmature, bpy.types.Operator):
+    """Take which bone is which joint from a kept bone map"""
+
+    bl_idname = "perfanim.load_bone_map"
+    bl_label = "Load Bone Map"
+
+    preset: bpy.props.StringProperty(options={"HIDDEN"})
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Load it."""
+        armature_object = settings(context).armature
+        try:
+            path = preset_paths(user_folder(PRESETS_FOLDER)).get(self.preset)
+            if path is None:
+                raise CharacterError(f"there is no bone map {self.preset!r}", advice="open the menu again")
+            bones = read_bone_map(path)
+            store_map(armature_object, checked_map(read_armature_rest(armature_object), bones, self.preset))
+        except PerfanimError as error:
+            return common.failed(self, PANEL, error)
+        running.set_message(PANEL, "")
+        return {"FINISHED"}
+
+
+class PERFANIM_OT_save_bone_map(_OnArmature, bpy.types.Operator):
+    """Keep which bone is which joint under a name, for other characters with these bones"""
+
+    bl_idname = "perfanim.save_bone_map"
+    bl_label = "Save Bone Map"
+    bl_options = {"REGISTER"}
+
+    name: bpy.props.StringProperty(name="Name", description="Name of the bone map", default="My Rig")
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """Ask for the name."""
+        return context.window_manager.invoke_props_dialog(self)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Save it."""
+        kept = settings(context).armature.perfanim_character
+        bones = {entry.name: entry.bone for entry in kept.joints if entry.bone}
+        stem = bpy.path.clean_name(self.name).strip("_")
+        try:
+            if not stem or not bones:
+                raise CharacterError("needs a name and bones", advice="type a name, and let the bones be found")
+            path = user_folder(PRESETS_FOLDER) / f"{stem}.toml"
+            write_bone_map(path, self.name, bones)
+        except PerfanimError as error:
+            return common.failed(self, PANEL, error)
+        running.set_message(PANEL, f"{self.name} is kept as {path}", "CHECKMARK")
+        return {"FINISHED"}
+
+
+_CLASSES = (
+    PERFANIM_OT_add_character,
+    PERFANIM_OT_use_active_armature,
+    PERFANIM_OT_find_bones,
+    PERFANIM_OT_pick_bone,
+    PERFANIM_OT_load_bone_map,
+    PERFANIM_OT_save_bone_map,
+)
 
 register, unregister = bpy.utils.register_classes_factory(_CLASSES)

@@ -98,13 +98,11 @@ def test_no_database_is_kept_open(states: Any, chosen: Any, database: Path) -> N
     assert states.motion(chosen).text != before
 
 
-def test_missing_bones_are_named(states: Any, chosen: Any) -> None:
+def test_an_armature_that_cannot_be_driven_says_why(states: Any, chosen: Any) -> None:
     armature = bpy.data.objects.new("Other", bpy.data.armatures.new("Other"))
     bpy.context.scene.collection.objects.link(armature)
     chosen.armature = armature
-    problem = states.first_problem(chosen)
-    assert "Other lacks the bones root, lfemur" in problem
-    assert "and 25 more" in problem
+    assert "Other: the armature has no bones" in states.first_problem(chosen)
 
 
 def test_only_armatures_can_be_picked(chosen: Any) -> None:

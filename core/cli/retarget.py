@@ -1,0 +1,63 @@
+"""`perfanim retarget`: a motion onto a character."""
+
+import argparse
+import importlib.util
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..errors import CharacterError
+from ..retarget.transfer import RootMotion
+
+_PREFIX = "retarget_file: "
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command."""
+    parser = subparsers.add_parser("retarget", help="a motion onto a character (needs bpy)")
+    parser.add_argument("motion", metavar="MOTION", help="motion: .bvh or .amc")
+    parser.add_argument(
+        "--to", required=True, metavar="CHARACTER", help="humanoid of a .blend, .glb, .gltf, .vrm or .fbx file"
+    )
+    parser.add_argument(
+        "--map",
+        metavar="PRESET_OR_FILE",
+        help="which bone is which joint: rigify-controls, rigify-deform or a TOML file (default: found by itself)",
+    )
+    parser.add_argument(
+        "--root-motion",
+        choices=[kind.name.lower().replace("_", "-") for kind in RootMotion],
+        default="hips",
+        help="what carries the character through the room (default hips)",
+    )
+    parser.add_argument("--skeleton", metavar="FILE.asf", help="skeleton of an .amc motion")
+    parser.add_argument("--render", metavar="FILE.png", help="also render a picture")
+    parser.add_argument("--frame", type=int, metavar="N", help="frame of the picture, from 1 (default: the middle one)")
+    parser.add_argument("--out", required=True, metavar="FILE.blend", help="Blender file to write")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+    """Retarget in a process of its own: bpy takes over the one it is loaded into."""
+    if importlib.util.find_spec("bpy") is None:
+        raise CharacterError("Blender's Python module is not here", advice="pip install bpy, of the same Python")
+    package = (__package__ or "").rpartition(".core.")[0]
+    command = [sys.executable, "-m", f"{package}.perfanim_addon.retarget_file", args.motion, args.to, args.out]
+    for name in ("skeleton", "map", "render", "frame"):
+        value = getattr(args, name)
+        if value is not None:
+            command += [f"--{name}", str(value)]
+    command += ["--root-motion", args.root_motion.replace("-", "_")]
+    progress(0.0, "retargeting")
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        lines = [line for line in done.stderr.splitlines() if line.strip()] or ["it ended without a word"]
+        said = next((line for line in lines if line.startswith(_PREFIX)), lines[-1])
+        raise CharacterError(said.removeprefix(_PREFIX))
+    summary: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
+    if args.render is not None:
+        summary["picture"] = str(Path(args.render))
+    return summary

@@ -1,0 +1,142 @@
+"""The bone map that is kept with an armature object: one entry for each of the product's joints, and root motion."""
+
+from typing import Any
+
+import bpy
+
+from ..core.errors import CharacterError
+from ..core.product_skeleton import JOINT_NAMES
+from ..core.retarget.bone_map import BoneMap, JointMatch, State, checked_map
+from ..core.retarget.transfer import RootMotion
+from .retarget_rig import read_armature_rest
+
+JOINT_LABELS = {
+    "root": "Hips",
+    "lowerback": "Lower Back",
+    "upperback": "Upper Back",
+    "thorax": "Chest",
+    "lowerneck": "Neck",
+    "upperneck": "Upper Neck",
+    "head": "Head",
+    "clavicle": "Shoulder",
+    "humerus": "Upper Arm",
+    "radius": "Forearm",
+    "wrist": "Wrist",
+    "hand": "Hand",
+    "fingers": "Fingers",
+    "thumb": "Thumb",
+    "femur": "Thigh",
+    "tibia": "Shin",
+    "foot": "Foot",
+    "toes": "Toes",
+}
+_ROOT_MOTIONS = (
+    ("HIPS", "Hips", "The hips carry the character through the room"),
+    ("ROOT_BONE", "Root Bone", "The topmost bone above the hips carries it along the floor; without one, the hips do"),
+    ("OBJECT", "Object", "The armature object is moved along the floor, by its delta transform"),
+)
+
+
+def joint_label(joint: str) -> str:
+    """Return what a joint is called in the panel: "lfemur" -> "Thigh L"."""
+    return JOINT_LABELS[joint] if joint in JOINT_LABELS else f"{JOINT_LABELS[joint[1:]]} {joint[0].upper()}"
+
+
+def _edited(self: Any, _context: object) -> None:
+    """Check the map again after the user has chosen a bone."""
+    armature_object = self.id_data
+    if not armature_object.perfanim_character.filling:
+        check_kept_map(armature_object)
+
+
+class PERFANIM_PG_joint(bpy.types.PropertyGroup):
+    """A joint (its name is the property `name`) and its bone."""
+
+    bone: bpy.props.StringProperty(
+        name="Bone", description="Bone that stands for this joint; empty: none", update=_edited
+    )
+    state: bpy.props.StringProperty()
+    reason: bpy.props.StringProperty()
+
+
+class PERFANIM_PG_character(bpy.types.PropertyGroup):
+    """How an armature is driven."""
+
+    joints: bpy.props.CollectionProperty(type=PERFANIM_PG_joint)
+    active: bpy.props.IntProperty(name="Joint", description="Joint whose bone is chosen")
+    origin: bpy.props.StringProperty()
+    problem: bpy.props.StringProperty()
+    filling: bpy.props.BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
+    root_motion: bpy.props.EnumProperty(
+        name="Root Motion", description="What carries the character through the room", items=_ROOT_MOTIONS
+    )
+
+
+def store_map(armature_object: bpy.types.Object, found: BoneMap) -> None:
+    """Keep a map with an armature."""
+    kept = armature_object.perfanim_character
+    kept.filling = True
+    kept.joints.clear()
+    for joint in JOINT_NAMES:
+        entry = kept.joints.add()
+        match = found.matches[joint]
+        entry.name, entry.bone, entry.state, entry.reason = joint, match.bone, match.state.value, match.reason
+    kept.origin, kept.problem = found.origin, ""
+    kept.filling = False
+
+
+def check_kept_map(armature_object: bpy.types.Object) -> None:
+    """Tell the state of each joint of the kept map anew, and what makes it unusable."""
+    kept = armature_object.perfanim_character
+    bones = {entry.name: entry.bone for entry in kept.joints if entry.bone}
+    try:
+        store_map(armature_object, checked_map(read_armature_rest(armature_object), bones, "chosen by hand"))
+    except CharacterError as error:
+        kept.problem = error.what
+
+
+def stored_map(armature_object: bpy.types.Object) -> BoneMap | None:
+    """Return the map kept with an armature, None if there is none (or the add-on is not registered).
+
+    Raises:
+        CharacterError: it is kept, but cannot be used, with the reason.
+    """
+    kept = getattr(armature_object, "perfanim_character", None)
+    if kept is None:
+        return None
+    if kept.problem:
+        raise CharacterError(kept.problem, where=armature_object.name, advice="mend the bone map under Character")
+    if not kept.joints:
+        return None
+    missing = [e.bone for e in kept.joints if e.bone and e.bone not in armature_object.data.bones]
+    if missing:
+        raise CharacterError(
+            "its bone map names bones that it has no more: " + ", ".join(missing[:4]),
+            where=armature_object.name,
+            advice="click Find Bones under Character",
+        )
+    matches = {e.name: JointMatch(e.bone, State(e.state), e.reason) for e in kept.joints}
+    return BoneMap(matches, kept.origin)
+
+
+def stored_root_motion(armature_object: bpy.types.Object) -> RootMotion:
+    """Return what carries a character through the room."""
+    kept = getattr(armature_object, "perfanim_character", None)
+    return RootMotion.HIPS if kept is None else RootMotion[kept.root_motion]
+
+
+_CLASSES = (PERFANIM_PG_joint, PERFANIM_PG_character)
+
+
+def register() -> None:
+    """Register the map and hang it on objects."""
+    for cls in _CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.Object.perfanim_character = bpy.props.PointerProperty(type=PERFANIM_PG_character)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    del bpy.types.Object.perfanim_character
+    for cls in reversed(_CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,77 @@
+"""The Character panel's list: which bone is which joint, and how sure that is."""
+
+from typing import Any
+
+import bpy
+
+from ..core.retarget.bone_map import EXPECTED, State
+from ..core.retarget.presets import preset_paths
+from .bone_list import joint_label
+from .place import user_folder
+from .posing import PRESETS_FOLDER
+
+_ICONS = {State.MAPPED.value: "CHECKMARK", State.DOUBTFUL.value: "QUESTION"}
+
+
+class PERFANIM_UL_joints(bpy.types.UIList):
+    """A joint a row, with its bone to choose."""
+
+    bl_idname = "PERFANIM_UL_joints"
+
+    def draw_item(
+        self,
+        _context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        data: Any,
+        item: Any,
+        _icon: int,
+        _active_data: Any,
+        _active_property: str,
+    ) -> None:
+        """Draw a joint."""
+        needed = item.name in EXPECTED
+        row = layout.row(align=True)
+        row.alert = item.state == State.DOUBTFUL.value or (needed and item.state == State.MISSING.value)
+        split = row.split(factor=0.4, align=True)
+        split.label(text=joint_label(item.name), icon=_ICONS.get(item.state, "ERROR" if needed else "RADIOBUT_OFF"))
+        split.prop_search(item, "bone", data.id_data.data, "bones", text="")
+
+
+class PERFANIM_MT_bone_maps(bpy.types.Menu):
+    """Bone maps that are shipped, and those in the user's folder"""
+
+    bl_idname = "PERFANIM_MT_bone_maps"
+    bl_label = "Bone Maps"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Draw."""
+        folder = user_folder(PRESETS_FOLDER)
+        for name in sorted(preset_paths(folder)):
+            self.layout.operator("perfanim.load_bone_map", text=name.replace("-", " ").title()).preset = name
+        self.layout.separator()
+        self.layout.operator("wm.path_open", text="Open My Folder", icon="FILE_FOLDER").filepath = str(folder)
+
+
+def draw_bones(layout: bpy.types.UILayout, armature_object: bpy.types.Object | None) -> None:
+    """Draw the bone map of an armature; nothing for one with the product's own names."""
+    if armature_object is None:
+        return
+    kept = armature_object.perfanim_character
+    if kept.joints:
+        column = layout.column()
+        column.template_list(PERFANIM_UL_joints.bl_idname, "", kept, "joints", kept, "active", rows=8)
+        entry = kept.joints[min(kept.active, len(kept.joints) - 1)]
+        if entry.reason:
+            column.label(text=entry.reason, icon="INFO")
+        column.operator("perfanim.pick_bone", icon="EYEDROPPER")
+    if kept.joints or kept.problem:
+        row = layout.row(align=True)
+        row.operator("perfanim.find_bones", icon="VIEWZOOM")
+        row.menu(PERFANIM_MT_bone_maps.bl_idname, text="", icon="PRESET")
+        row.operator("perfanim.save_bone_map", text="", icon="ADD")
+    layout.prop(kept, "root_motion")
+
+
+_CLASSES = (PERFANIM_UL_joints, PERFANIM_MT_bone_maps)
+
+register, unregister = bpy.utils.register_classes_factory(_CLASSES)

@@ -1,0 +1,123 @@
+"""How poses of the performer become those of an armature: straight for the product's own, retargeted for any other."""
+
+from pathlib import Path
+from typing import Protocol
+
+import bpy
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..core.errors import CharacterError
+from ..core.retarget.bone_map import BoneMap, find_bone_map
+from ..core.retarget.presets import read_presets
+from ..core.retarget.transfer import CharacterPose, Retargeter, RootMotion
+from ..core.skeleton import Skeleton
+from .axes import PoseMap
+from .bone_list import store_map, stored_map, stored_root_motion
+from .character import check_armature, read_rest
+from .place import user_folder
+from .retarget_rig import followed_bones, is_constrained, read_armature_rest, switch_to_fk
+
+PRESETS_FOLDER = "bone_maps"  # of the user's
+
+
+class Posing(Protocol):
+    """Turns poses of the performer into bone transforms.
+
+    Args:
+        bones: names of the bones that are turned, in the order of `CharacterPose.rotations`.
+        located: names of those that are moved, in the order of `CharacterPose.locations`.
+    """
+
+    bones: tuple[str, ...]
+    located: tuple[str, ...]
+
+    def pose(self, rotations: ArrayLike, root_positions_m: ArrayLike) -> CharacterPose:
+        """Return the pose of one frame or of many, as `Retargeter.pose`."""
+
+
+class ProductPosing:
+    """For armatures with the product's bone names: joints are taken as they are.
+
+    Raises:
+        CharacterError: bones are missing (named in the message), or its proportions cannot be read.
+    """
+
+    def __init__(self, armature_object: bpy.types.Object, skeleton: Skeleton) -> None:
+        self.pose_map = PoseMap(skeleton, read_rest(armature_object, skeleton))
+        self.bones = skeleton.names
+        self.located = skeleton.names[:1]
+
+    def pose(self, rotations: ArrayLike, root_positions_m: ArrayLike) -> CharacterPose:
+        """Return the pose."""
+        location = self.pose_map.root_location(root_positions_m)
+        return CharacterPose(self.pose_map.bone_rotations(rotations), location[..., None, :], None, None)
+
+
+def find_map(armature_object: bpy.types.Object, presets_folder: Path | None = None) -> BoneMap:
+    """Return the bone map of an armature, found anew; presets are the shipped ones and those in a folder.
+
+    Raises:
+        CharacterError: it is no biped, or the map cannot be told.
+    """
+    try:
+        return find_bone_map(read_armature_rest(armature_object), read_presets(presets_folder))
+    except CharacterError as error:
+        raise CharacterError(error.what, where=armature_object.name, advice=error.advice) from error
+
+
+def fill_map(armature_object: bpy.types.Object) -> None:
+    """Find the bone map of an armature and keep it with it, or why there is none; the product's names need none."""
+    kept = armature_object.perfanim_character
+    kept.joints.clear()
+    kept.problem = ""
+    if not check_armature(armature_object):
+        return
+    try:
+        store_map(armature_object, find_map(armature_object, user_folder(PRESETS_FOLDER)))
+    except CharacterError as error:
+        kept.problem = f"{error.what}; {error.advice}"
+
+
+def map_problem(armature_object: bpy.types.Object) -> str:
+    """Return why an armature cannot be driven by what is kept with it, "" when it can; quick enough for drawing."""
+    try:
+        kept = stored_map(armature_object)
+    except CharacterError as error:
+        return f"{error.what}; {error.advice}"
+    return (
+        "" if kept is not None or not check_armature(armature_object) else "its bones are not mapped; click Find Bones"
+    )
+
+
+def posing_of(armature_object: bpy.types.Object, skeleton: Skeleton) -> Posing:
+    """Return how an armature is posed: by the map that is kept with it, by the product's names, or by a map found.
+
+    Raises:
+        CharacterError: it cannot be driven, with the reason.
+    """
+    kept = stored_map(armature_object)
+    root_motion = stored_root_motion(armature_object)
+    if kept is None and root_motion is RootMotion.HIPS and not check_armature(armature_object):
+        return ProductPosing(armature_object, skeleton)
+    bone_map = kept or find_map(armature_object, user_folder(PRESETS_FOLDER))
+    return retarget_posing(armature_object, skeleton, bone_map, root_motion)
+
+
+def retarget_posing(
+    armature_object: bpy.types.Object, skeleton: Skeleton, bone_map: BoneMap, root_motion: RootMotion
+) -> Retargeter:
+    """Return the retargeting onto an armature by a map; a control rig is switched to forward kinematics.
+
+    Raises:
+        CharacterError: constraints hold one of the bones, or the rest pose cannot be read.
+    """
+    armature_object.data.pose_position = "POSE"  # shown in its rest position it would not move
+    rest = read_armature_rest(armature_object)
+    made = Retargeter(skeleton, rest, bone_map, root_motion)
+    driven = made.bones[: len(made.bones) - len(made.located) + 1]  # without the root bone, which leads all
+    if is_constrained(armature_object, driven):
+        switch_to_fk(armature_object)
+        follows = followed_bones(bpy.context, armature_object, driven)
+        made = Retargeter(skeleton, rest, bone_map, root_motion, np.asarray(follows))
+    return made

@@ -1,0 +1,213 @@
+"""A motion onto the character of a file, run headless with the `bpy` wheel; `perfanim retarget` starts it.
+
+    python -m perfanim.perfanim_addon.retarget_file MOTION CHARACTER OUT.blend [--map NAME_OR_FILE] [...]
+
+Start it in a process of its own: it opens another scene. The last line on stdout is a JSON object.
+"""
+
+import argparse
+import json
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import CharacterError, FormatError, PerfanimError
+from ..core.motion import Motion
+from ..core.motion_files import read_motion
+from ..core.retarget.bone_map import BoneMap, State, checked_map
+from ..core.retarget.presets import named_bone_map
+from ..core.retarget.transfer import RootMotion
+from .actions import scene_frames, write_posing
+from .export_blend import add_stage, render, save_scene, set_up_rendering
+from .posing import find_map, retarget_posing
+from .retarget_rig import read_armature_rest
+
+Array = NDArray[np.float64]
+
+_SAMPLED_FRAMES = 24  # of the performance, to place floor and camera
+_GLTF = (".glb", ".gltf", ".vrm")
+
+
+def retarget_file(
+    motion: Motion,
+    character: Path,
+    target: Path,
+    *,
+    preset: str | None = None,
+    root_motion: RootMotion = RootMotion.HIPS,
+    still: Path | None = None,
+    frame: int | None = None,
+) -> dict[str, Any]:
+    """Open a character, give it a motion as a new action, save the scene; return what was done.
+
+    A .blend keeps its scene and its rate; another file's character gets a scene of its own with floor, light and
+    camera, at the motion's rate.
+
+    Args:
+        motion: motion of the product's joints.
+        character: .blend, .glb, .gltf, .vrm or .fbx file.
+        target: the .blend file to write.
+        preset: name of a shipped bone map, or a file; None to find it.
+        root_motion: what carries the character through the room.
+        still: picture (.png) of one frame.
+        frame: the frame of the picture, counted from 1; the middle one if None.
+
+    Raises:
+        CharacterError: there is no humanoid in the file, or it cannot be driven.
+        FormatError: a file cannot be read or written.
+    """
+    shown = (motion.frames + 1) // 2 if frame is None else frame
+    if not 1 <= shown <= motion.frames:
+        raise CharacterError(f"frame {shown} is outside 1 to {motion.frames}", where=motion.name)
+    _open(character)
+    scene = bpy.context.scene
+    is_own_scene = character.suffix.lower() == ".blend"
+    if not is_own_scene:
+        scene.render.fps = max(1, round(motion.fps))
+        scene.render.fps_base = scene.render.fps / motion.fps
+    armature_object, bone_map = _humanoid(character, preset)
+    release_pose(armature_object)
+    posing = retarget_posing(armature_object, motion.skeleton, bone_map, root_motion)
+    frames = scene_frames(np.arange(motion.frames) / motion.fps, scene)
+    write_posing(armature_object, frames, motion.rotations, motion.root_positions_m, posing, name=motion.name)
+    scene.frame_start, scene.frame_end = 1, int(np.ceil(frames[-1]))
+    if not is_own_scene or (still is not None and scene.camera is None):
+        points, floor = _performance(scene, armature_object, list(bone_map.bones.values()))
+        add_stage(scene, points, floor)
+        set_up_rendering(scene)
+    if still is not None:
+        scene.frame_set(int(frames[shown - 1]))
+        render(scene, still)
+    scene.frame_set(1)
+    save_scene(target)
+    return {
+        "mapped": bone_map.bones,
+        "unmapped": {joint: bone_map.matches[joint].reason for joint in bone_map.of_state(State.MISSING)},
+        "doubtful": {joint: bone_map.matches[joint].reason for joint in bone_map.of_state(State.DOUBTFUL)},
+        "found_by": bone_map.origin,
+        "armature": armature_object.name,
+        "root_motion": posing.root_motion.value,
+        "scale": posing.alignment.units_per_metre,
+        "frames": motion.frames,
+        "out": str(target),
+    }
+
+
+def _open(character: Path) -> None:
+    if not character.is_file():
+        raise FormatError("cannot be read (no such file)", where=str(character), advice="check the path")
+    kind = character.suffix.lower()
+    if kind == ".blend":
+        _run(character, lambda: bpy.ops.wm.open_mainfile(filepath=str(character), load_ui=False))
+        return
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    if kind in _GLTF:
+        with tempfile.TemporaryDirectory() as folder:
+            copy = character
+            if kind == ".vrm":  # a binary glTF under another name, which the importer goes by
+                copy = Path(folder) / f"{character.stem}.glb"
+                shutil.copyfile(character, copy)
+            _run(character, lambda: bpy.ops.import_scene.gltf(filepath=str(copy), disable_bone_shape=True))
+    elif kind == ".fbx":
+        _run(character, lambda: bpy.ops.import_scene.fbx(filepath=str(character), use_anim=False))
+    else:
+        raise FormatError(
+            "is no character file", where=str(character), advice="give a .blend, .glb, .gltf, .vrm or .fbx file"
+        )
+
+
+def _run(character: Path, read: Callable[[], object]) -> None:
+    try:
+        read()
+    except Exception as error:  # importers raise all kinds on damaged files
+        line = (str(error).strip().splitlines() or ["unknown error"])[-1]
+        raise FormatError(f"cannot be read ({line})", where=str(character), advice="export it again") from error
+
+
+def _humanoid(character: Path, preset: str | None) -> tuple[bpy.types.Object, BoneMap]:
+    """Return the armature that moves most meshes among those that are humanoids, and its map."""
+    armatures = [obj for obj in bpy.context.scene.objects if obj.type == "ARMATURE"]
+    if not armatures:
+        raise CharacterError("there is no armature in it", where=str(character), advice="give a rigged character")
+
+    def weight(armature_object: bpy.types.Object) -> tuple[int, int]:
+        moved = [obj for obj in bpy.context.scene.objects if obj.find_armature() == armature_object]
+        return len(moved), len(armature_object.data.bones)
+
+    first: PerfanimError | None = None
+    for armature_object in sorted(armatures, key=weight, reverse=True):
+        try:
+            if preset is None:
+                return armature_object, find_map(armature_object)
+            rest = read_armature_rest(armature_object)
+            return armature_object, checked_map(rest, named_bone_map(preset), Path(preset).stem)
+        except CharacterError as error:
+            first = first or CharacterError(error.what, where=str(character), advice=error.advice)
+    assert first is not None  # noqa: S101 - there is an armature, and it was refused
+    raise first
+
+
+def release_pose(armature_object: bpy.types.Object) -> None:
+    """Take off what else poses the armature, kept in the file, and bring all bones to rest."""
+    animation = armature_object.animation_data
+    if animation is not None:
+        if animation.action is not None:
+            animation.action.use_fake_user = True
+            animation.action = None
+        for track in animation.nla_tracks:
+            track.mute = True
+    for bone in armature_object.pose.bones:
+        bone.matrix_basis.identity()
+
+
+def _performance(
+    scene: bpy.types.Scene, armature_object: bpy.types.Object, bones: Sequence[str]
+) -> tuple[Array, float]:
+    """Return where the bones are in the world over the performance (N, 3), and the height of the floor."""
+    points = []
+    for at in np.unique(np.linspace(scene.frame_start, scene.frame_end, _SAMPLED_FRAMES).astype(int)):
+        scene.frame_set(int(at))
+        posed = armature_object.pose.bones
+        points.append([armature_object.matrix_world @ posed[name].head for name in bones])
+    found = np.array(points, dtype=np.float64)
+    return found.reshape(-1, 3), float(armature_object.matrix_world.translation.z)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; return 0, or 1 with one line on stderr when the input was bad."""
+    parser = argparse.ArgumentParser(prog="retarget_file", description="Put a motion on a character.")
+    parser.add_argument("motion", type=Path, help="motion file (.bvh, .amc)")
+    parser.add_argument("character", type=Path, help="character (.blend, .glb, .gltf, .vrm, .fbx)")
+    parser.add_argument("blend", type=Path, help="Blender file to write")
+    parser.add_argument("--skeleton", type=Path, help="skeleton (.asf) of an .amc motion")
+    parser.add_argument("--map", help="bone map: a shipped one's name or a file (default: found)")
+    parser.add_argument("--root-motion", choices=[kind.name.lower() for kind in RootMotion], default="hips")
+    parser.add_argument("--render", type=Path, metavar="OUT.png", help="also render one frame to this picture")
+    parser.add_argument("--frame", type=int, help="frame of the picture, counted from 1 (default: the middle one)")
+    given = parser.parse_args(arguments)
+    try:
+        done = retarget_file(
+            read_motion(given.motion, given.skeleton),
+            given.character,
+            given.blend,
+            preset=given.map,
+            root_motion=RootMotion[given.root_motion.upper()],
+            still=given.render,
+            frame=given.frame,
+        )
+    except PerfanimError as error:
+        sys.stderr.write(f"retarget_file: {' '.join(str(error).split())}\n")
+        return 1
+    sys.stdout.write("\n" + json.dumps(done) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,290 @@
+"""Motion on others' characters, as Blender evaluates them; and the bone map in the add-on."""
+
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from perfanim.core import rotations as rot
+from perfanim.core.assets import MOTION
+from perfanim.core.errors import CharacterError
+from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.motion import Motion, sliced
+from perfanim.core.motion_files import read_motion
+from perfanim.core.product_skeleton import default_skeleton
+from perfanim.core.retarget.transfer import RootMotion
+from perfanim.core.skeleton import forward_kinematics
+from perfanim.perfanim_addon import character
+from perfanim.perfanim_addon.actions import curves_of
+from perfanim.perfanim_addon.armature_driver import ArmatureDriver
+from perfanim.perfanim_addon.axes import BLENDER_FROM_PRODUCT
+from perfanim.perfanim_addon.retarget_file import main as retarget_main
+from perfanim.perfanim_addon.retarget_file import retarget_file
+
+DIRECTION_DEG = 3.0
+SLIDE_CM_S = 1.0
+MIXAMO = {
+    "root": "Hips", "lowerback": "Spine", "upperback": "Spine1", "thorax": "Spine2", "lowerneck": "Neck",
+    "upperneck": "Neck1", "head": "Head", "clavicle": "Shoulder", "humerus": "Arm", "radius": "ForeArm",
+    "hand": "Hand", "fingers": "HandMiddle1", "thumb": "HandThumb1", "femur": "UpLeg", "tibia": "Leg",
+    "foot": "Foot", "toes": "ToeBase",
+}  # fmt: skip
+
+
+def clip(name: str, frames: int = 60) -> Motion:
+    return sliced(read_motion(MOTION / f"{name}.bvh"), 0, frames)
+
+
+def at_24_fps(motion: Motion) -> Motion:
+    """A .blend keeps the rate of its scene: slower, each frame falls on one of the scene's."""
+    return Motion(motion.name, 24.0, motion.skeleton, motion.rotations, motion.root_positions_m)
+
+
+@pytest.fixture(scope="module")
+def mixamo_blend(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A character with other names."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    name = character.create_character(bpy.context, default_skeleton(), "Hero")
+    for bone in bpy.data.objects[name].data.bones:
+        side = {"l": "Left", "r": "Right"}.get(bone.name[0], "") if bone.name[1:] in MIXAMO else ""
+        bone.name = "mixamorig:" + side + MIXAMO.get(bone.name if not side else bone.name[1:], bone.name)
+    path = tmp_path_factory.mktemp("hero") / "hero.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    return path
+
+
+def played(armature_object: bpy.types.Object, frames: int, bones: Iterable[str]) -> dict[str, np.ndarray]:
+    """Matrices (F, 4, 4) of evaluated bones in the scene, one frame of the motion after the other."""
+    scene = bpy.context.scene
+    found: dict[str, list[np.ndarray]] = {name: [] for name in bones}
+    for frame in range(1, frames + 1):
+        scene.frame_set(frame)
+        posed = armature_object.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        for name in found:
+            found[name].append(np.array(posed.matrix_world @ posed.pose.bones[name].matrix))
+    return {name: np.array(matrices) for name, matrices in found.items()}
+
+
+def turned(matrices: np.ndarray, rest: np.ndarray) -> np.ndarray:
+    """Rotations (F, 3, 3) in the scene since the rest pose."""
+    both = [m[..., :3, :3] / np.linalg.norm(m[..., :3, :3], axis=-2, keepdims=True) for m in (matrices, rest)]
+    return both[0] @ np.swapaxes(both[1], -1, -2)
+
+
+def check_played(done: dict[str, Any], motion: Motion) -> None:
+    """Compare what Blender shows with the performer: where limbs point, and how far standing feet slide."""
+    armature_object = bpy.data.objects[done["armature"]]
+    bones = done["mapped"]
+    found = played(armature_object, motion.frames, bones.values())
+    rest = {b.name: np.array(armature_object.matrix_world @ b.matrix_local) for b in armature_object.data.bones}
+    positions, world = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
+    for side in "lr":
+        for start, end in (("humerus", "radius"), ("radius", "hand"), ("hand", "fingers"), ("foot", "toes")):
+            if side + start not in bones or side + end not in bones:
+                continue
+            way = rest[bones[side + end]][:3, 3] - rest[bones[side + start]][:3, 3]
+            own = motion.skeleton.rest_positions_m
+            own = own[motion.skeleton.index(side + end)] - own[motion.skeleton.index(side + start)]
+            if start == "foot":  # ankles are of different height: what is flat on the floor is compared
+                way, own = way * [1.0, 1.0, 0.0], own * [1.0, 0.0, 1.0]
+            mine = turned(found[bones[side + start]], rest[bones[side + start]]) @ way
+            theirs = rot.rotate(world[:, motion.skeleton.index(side + start)], own) @ BLENDER_FROM_PRODUCT.T
+            cosine = np.sum(mine * theirs, axis=-1) / np.linalg.norm(mine, axis=-1) / np.linalg.norm(theirs, axis=-1)
+            assert np.median(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))) <= DIRECTION_DEG, side + start
+    kind = "toes" if "ltoes" in bones else "foot"
+    scale = done["scale"] * float(np.mean(np.array(armature_object.matrix_world.to_scale())))
+    own_feet = positions[:, [motion.skeleton.index(side + kind) for side in "lr"]] @ BLENDER_FROM_PRODUCT.T
+    feet = np.stack([found[bones[side + kind]][:, :3, 3] for side in "lr"], axis=1) / scale
+    own_speed = np.linalg.norm(np.diff(own_feet, axis=0), axis=-1) * motion.fps
+    speed = np.linalg.norm(np.diff(feet, axis=0), axis=-1) * motion.fps
+    standing = own_speed < 0.15
+    assert np.count_nonzero(standing) > 10
+    assert 100.0 * np.mean(speed[standing]) <= 100.0 * np.mean(own_speed[standing]) + SLIDE_CM_S
+
+
+BLENDS = "VRM-Addon-for-Blender/tests/resources"
+
+
+@pytest.mark.parametrize(
+    ("rig", "name"),
+    [
+        ("Mixamo/Xbot.glb", "walking-01-neutral"),
+        ("Mixamo/Xbot.glb", "boxing-01-neutral"),
+        ("Khronos_CesiumMan/CesiumMan/glTF-Binary/CesiumMan.glb", "walking-01-neutral"),
+        ("Khronos_CesiumMan/CesiumMan/glTF-Binary/CesiumMan.glb", "boxing-01-neutral"),
+        ("Godot_mannequiny/ragdoll_physics/characters/mannequiny.glb", "boxing-01-neutral"),
+        ("Godot_mannequiny/platformer/player/player.glb", "boxing-01-neutral"),
+        (f"{BLENDS}/unity/VrmaInspector/Assets/StreamingAssets/Example.vrm", "boxing-01-neutral"),
+        (f"{BLENDS}/blend/rest_a_pose_t_position_rest.blend", "boxing-01-neutral"),
+        (f"{BLENDS}/blend/multi_root_armature_vrm1.blend", "boxing-01-neutral"),
+        (f"{BLENDS}/blend/pose_rotation_scale_shape_key.blend", "boxing-01-neutral"),
+        (f"{BLENDS}/blend/lossy_animation/extra_intermediate_spine.blend", "boxing-01-neutral"),
+    ],
+)
+def test_characters_of_others_move_like_the_performer(shared_dir: Path, tmp_path: Path, rig: str, name: str) -> None:
+    motion = at_24_fps(clip(name, 16)) if rig.endswith(".blend") else clip(name, 16)
+    done = retarget_file(motion, shared_dir / "rigs" / rig, tmp_path / "out.blend")
+    assert done["doubtful"] == {}
+    assert {"root", "head", "thorax", "lfoot", "rfoot", "lradius", "rradius", "ltibia"} <= done["mapped"].keys()
+    assert ("lhand" in done["mapped"]) == ("player" not in rig)  # the robot's arms end in its forearms
+    check_played(done, motion)
+
+
+def test_a_fox_is_refused_with_the_reason(shared_dir: Path, tmp_path: Path) -> None:
+    with pytest.raises(CharacterError, match=r"Fox.glb: it is no biped: its trunk leans 87 degrees"):
+        retarget_file(
+            clip("walking-01-neutral", 2), shared_dir / "rigs/Khronos_Fox_bevy/animated/Fox.glb", tmp_path / "x.blend"
+        )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_generated_control_rig_is_driven_by_its_controls(tmp_path: Path) -> None:
+    """Rigify: limbs switched to forward kinematics, and what is measured are the deform bones at the chain's end."""
+    import addon_utils
+
+    if addon_utils.enable("rigify", default_set=True) is None:
+        pytest.skip("Rigify is not here")
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.ops.object.armature_human_metarig_add()
+    bpy.ops.pose.rigify_generate()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
+    motion = at_24_fps(clip("boxing-01-neutral", 8))
+    done = retarget_file(motion, tmp_path / "rig.blend", tmp_path / "out.blend")
+    assert done["found_by"] == "rigify-controls"
+    limbs = ("thigh", "shin", "foot", "toe", "upper_arm", "forearm", "hand")
+    joints = ("femur", "tibia", "foot", "toes", "humerus", "radius", "hand")
+    deform = {s.lower() + j: f"DEF-{b}.{s}" for s in "LR" for j, b in zip(joints, limbs, strict=True)}
+    check_played(done | {"mapped": deform}, motion)
+
+
+def test_the_command_line_writes_a_file(mixamo_blend: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out.blend"
+    write_bvh(clip("walking-01-neutral", 20), tmp_path / "walk.bvh")
+    command = [sys.executable, "-m", "perfanim.core.cli.main", "retarget", str(tmp_path / "walk.bvh")]
+    done = subprocess.run(
+        [*command, "--to", str(mixamo_blend), "--out", str(out), "--root-motion", "object", "--json"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout)
+    assert summary["frames"] == 20
+    assert summary["mapped"]["lfemur"] == "mixamorig:LeftUpLeg"
+    assert summary["found_by"] == "names"
+    assert set(summary["unmapped"]) == {"lwrist", "rwrist"} - summary["mapped"].keys()
+    bpy.ops.wm.open_mainfile(filepath=str(out))
+    curves = curves_of(bpy.data.objects["Hero"])
+    assert {curve.group.name for curve in curves} == {*summary["mapped"].values(), "Object Transforms"}
+    assert "delta_location" in {curve.data_path for curve in curves}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("missing.glb",), "missing.glb: cannot be read (no such file)"),
+        (("hero.txt",), "hero.txt: is no character file"),
+        (("hero.blend", "--map", "nobody"), "there is no bone map 'nobody'"),
+        (("broken.glb",), "broken.glb: cannot be read"),
+    ],
+)
+def test_bad_input_is_one_line_and_no_file(
+    mixamo_blend: Path, tmp_path: Path, capsys: pytest.CaptureFixture, arguments: tuple, said: str
+) -> None:
+    for name in ("hero.blend", "hero.txt"):
+        shutil.copy(mixamo_blend, tmp_path / name)
+    (tmp_path / "broken.glb").write_bytes(b"glTF\x02\x00\x00\x00nothing more")
+    clip_path, target = str(MOTION / "walking-01-neutral.bvh"), tmp_path / "x.blend"
+    assert retarget_main([clip_path, str(tmp_path / arguments[0]), str(target), *arguments[1:]]) == 1
+    assert said in capsys.readouterr().err.splitlines()[-1]
+    assert not target.exists()
+
+
+@pytest.mark.parametrize("root_motion", list(RootMotion))
+def test_live_poses_are_the_recorded_ones(mixamo_blend: Path, addon: ModuleType, root_motion: RootMotion) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
+    hero = bpy.data.objects["Hero"]
+    hero.location, hero.rotation_euler, hero.scale = (1.0, 2.0, 0.5), (0.0, 0.0, 0.7), (2.0, 2.0, 2.0)
+    chosen = bpy.context.scene.perfanim
+    chosen.armature = hero
+    hero.perfanim_character.root_motion = root_motion.name
+    motion = clip("boxing-01-neutral", 8)
+    actions = sys.modules[f"{addon.__name__}.perfanim_addon.actions"]
+    drivers = sys.modules[f"{addon.__name__}.perfanim_addon.armature_driver"]
+    actions.write_action("Hero", np.arange(1.0, 9.0), motion.rotations, motion.root_positions_m, motion.skeleton)
+    recorded = played(hero, 8, [bone.name for bone in hero.pose.bones])
+    hero.animation_data.action = None
+    driver = drivers.ArmatureDriver("Hero", motion.skeleton)
+    for frame in range(8):
+        driver.apply(motion.rotations[frame], motion.root_positions_m[frame])
+        bpy.context.view_layer.update()
+        for bone in hero.pose.bones:
+            live = np.array(hero.matrix_world @ bone.matrix)
+            assert np.allclose(live, recorded[bone.name][frame], atol=1e-4), bone.name
+
+
+def test_the_map_is_found_when_an_armature_is_chosen_and_can_be_edited(mixamo_blend: Path, addon: ModuleType) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
+    hero, chosen = bpy.data.objects["Hero"], bpy.context.scene.perfanim
+    states = sys.modules[f"{addon.__name__}.perfanim_addon.states"]
+    chosen.armature = hero
+    kept = hero.perfanim_character
+    assert kept.origin == "names"
+    entry = kept.joints["lhand"]
+    assert (entry.bone, entry.state) == ("mixamorig:LeftHand", "mapped")
+    entry.bone = "mixamorig:LeftForeArm"
+    assert kept.joints["lhand"].state == "doubtful"
+    assert "lradius" in kept.joints["lhand"].reason
+    assert states.character(chosen).ready
+    kept.joints["lfemur"].bone = ""
+    assert "no bone is given for lfemur" in states.character(chosen).problem
+    assert bpy.ops.perfanim.find_bones() == {"FINISHED"}
+    assert states.character(chosen).ready
+    assert hero.perfanim_character.joints["lhand"].state == "mapped"
+
+
+def test_bone_maps_are_kept_and_loaded(mixamo_blend: Path, addon: ModuleType) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
+    hero, chosen = bpy.data.objects["Hero"], bpy.context.scene.perfanim
+    chosen.armature = hero
+    kept = hero.perfanim_character
+    kept.joints["head"].bone = "mixamorig:Neck1"
+    assert bpy.ops.perfanim.save_bone_map(name="Long neck") == {"FINISHED"}
+    kept.joints["head"].bone = "mixamorig:Head"
+    assert bpy.ops.perfanim.load_bone_map(preset="Long_neck") == {"FINISHED"}
+    assert kept.joints["head"].bone == "mixamorig:Neck1"
+    chosen.armature = None
+    kept.joints.clear()
+    chosen.armature = hero  # what the user has kept for a rig comes before what is found
+    assert (kept.origin, kept.joints["head"].bone) == ("Long_neck", "mixamorig:Neck1")
+    place = sys.modules[f"{addon.__name__}.perfanim_addon.place"]
+    (place.user_folder("bone_maps") / "Long_neck.toml").unlink()
+
+
+def test_the_active_bone_is_picked(mixamo_blend: Path, addon: ModuleType) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
+    hero, chosen = bpy.data.objects["Hero"], bpy.context.scene.perfanim
+    chosen.armature = hero
+    kept = hero.perfanim_character
+    kept.active = list(kept.joints.keys()).index("head")
+    hero.data.bones.active = hero.data.bones["mixamorig:Neck"]
+    assert bpy.ops.perfanim.pick_bone() == {"FINISHED"}
+    assert kept.joints["head"].bone == "mixamorig:Neck"
+
+
+def test_a_held_bone_is_told(mixamo_blend: Path) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
+    hero = bpy.data.objects["Hero"]
+    holder = bpy.data.objects.new("holder", None)
+    bpy.context.scene.collection.objects.link(holder)
+    constraint = hero.pose.bones["mixamorig:LeftHand"].constraints.new("COPY_ROTATION")
+    constraint.target = holder
+    with pytest.raises(CharacterError, match="constraints hold the bone 'mixamorig:LeftHand'"):
+        ArmatureDriver("Hero", default_skeleton())
