@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 GPLVM_VENV := .venv-gplvm
 GPLVM_STAMP := $(GPLVM_VENV)/.installed
 
-.PHONY: demo test gplvm-test check window-test window-bench extension clean
+.PHONY: demo test gplvm-test check window-test window-bench take-fuzz extension clean
 
 # bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
 # the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
@@ -45,6 +45,10 @@ window-test: $(STAMP)
 # The same window: how often the bones change live, against a bare timer; fails below 0.9 of it.
 window-bench: $(STAMP)
 	$(BIN)/python -m pytest tests/window -m benchmark
+
+# Kills 100 captures at random moments and looks what their takes have kept; takes half an hour. Linux only.
+take-fuzz: $(STAMP)
+	$(BIN)/python tools/take_fuzz.py
 
 extension: $(STAMP)
 	$(BIN)/python tools/build_extension.py --out dist

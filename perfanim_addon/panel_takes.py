@@ -128,11 +128,11 @@ def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
         return
     cut = takes.cut_off()
     if cut:
-        count = "A take was" if len(cut) == 1 else f"{len(cut)} takes were"
-        panels.draw_text(context, panel.layout, f"{count} cut off when Blender or its worker ended", "ERROR")
-        button = panel.layout.operator("perfanim.recover_take", text=f"Recover {cut[0].stem}", icon="FILE_REFRESH")
-        button.path = str(cut[0])
-    if not isinstance(running.current(), Capture):
+        count = "A capture was" if len(cut) == 1 else f"{len(cut)} captures were"
+        panels.draw_text(context, panel.layout, f"{count} cut off", "ERROR")
+        operator = "perfanim.play_take" if cut[0].complete else "perfanim.recover_take"
+        button = panel.layout.operator(operator, text=f"Recover {cut[0].notes.name}", icon="FILE_REFRESH")
+        button.path = str(cut[0].path)
         panels.draw_job(panel.layout, KEY)
 
 

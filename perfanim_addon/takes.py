@@ -53,9 +53,12 @@ def forget() -> None:
     _known.stamp = -1
 
 
-def cut_off() -> list[Path]:
-    """Return the takes without an end mark that nobody writes, the newest first."""
-    return [take.path for take in listed() if not take.complete]
+def cut_off() -> list[TakeSummary]:
+    """Return the takes of which nothing may have come, the newest first.
+
+    They have no end mark, as their worker died, or outlived Blender and have not been put onto a character since.
+    """
+    return [take for take in listed() if not take.complete or (take.orphaned and not take.notes.played)]
 
 
 def _found() -> list[TakeSummary]:

@@ -68,7 +68,7 @@ def recover(take: TakeFile, path: Path | str) -> None:
     kept = [(chunk.kind, bytes(chunk.payload)) for chunk in take.chunks if chunk.kind != ChunkKind.END]
     kept.append((ChunkKind.EVENT, told.encode("utf-8")))
     duration_s = frames[-1].time_s - frames[0].time_s if frames else 0.0
-    facts = {"frames": len(frames), "poses": len(take.poses), "duration_s": duration_s}
+    facts = {"frames": len(frames), "poses": len(take.poses), "duration_s": duration_s, "orphaned": False}
     index: list[tuple[int, int]] = []
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         file.write(preamble())

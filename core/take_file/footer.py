@@ -21,7 +21,7 @@ class Footer:
     """What the END chunk holds.
 
     Args:
-        facts: "frames", "poses", "duration_s" of the recording.
+        facts: "frames", "poses", "duration_s" of the recording; "orphaned", whether it outlived who asked for it.
         index: kind and offset of every chunk, the END chunk's last, by sequence number.
     """
 

@@ -166,6 +166,7 @@ class TakeSummary:
         frames, duration_s: 0 when it is not complete.
         created: ISO 8601.
         notes: name, notes, rating.
+        orphaned: whether the recording outlived Blender.
     """
 
     path: Path
@@ -174,6 +175,7 @@ class TakeSummary:
     duration_s: float = 0.0
     created: str = ""
     notes: TakeNotes = field(default_factory=TakeNotes)
+    orphaned: bool = False
 
 
 def summarise(path: Path | str) -> TakeSummary:
@@ -223,4 +225,4 @@ def _listed(path: Path, file: BinaryIO, footer: Footer) -> TakeSummary:
             notes = TakeNotes.from_json(bytes(chunk.payload), str(path))
     notes = notes if notes.name else replace(notes, name=take_name(path))
     frames, duration_s = int(footer.facts.get("frames", 0)), float(footer.facts.get("duration_s", 0.0))
-    return TakeSummary(path, True, frames, duration_s, created, notes)
+    return TakeSummary(path, True, frames, duration_s, created, notes, bool(footer.facts.get("orphaned", False)))

@@ -83,12 +83,14 @@ class TakeNotes:
         notes: free text.
         rating: 0 (none) to 5 stars.
         character: who was driven, "" when nobody.
+        played: whether it was put onto a character after the recording.
     """
 
     name: str = ""
     notes: str = ""
     rating: int = 0
     character: str = ""
+    played: bool = False
 
     def __post_init__(self) -> None:
         if not 0 <= self.rating <= MOST_STARS:
@@ -104,7 +106,8 @@ class TakeNotes:
         facts = json_object(data, where)
         texts = {name: str(facts.get(name, "")) for name in ("name", "notes", "character")}
         rating = facts.get("rating", 0)
-        return TakeNotes(**texts, rating=min(max(rating, 0), MOST_STARS) if isinstance(rating, int) else 0)
+        stars = min(max(rating, 0), MOST_STARS) if isinstance(rating, int) else 0
+        return TakeNotes(**texts, rating=stars, played=bool(facts.get("played", False)))
 
 
 def json_object(data: bytes, where: str) -> dict[str, Any]:

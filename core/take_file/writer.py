@@ -84,8 +84,12 @@ class TakeWriter:
         """Keep a line about what went wrong."""
         self._events_in.append(text)
 
-    def close(self) -> None:
-        """Write what is left and the end mark; safe to call twice."""
+    def close(self, orphaned: bool = False) -> None:
+        """Write what is left and the end mark; safe to call twice.
+
+        Args:
+            orphaned: whether who asked for the capture is gone, and has perhaps made nothing of it.
+        """
         if self._closed:
             return
         self._ending.set()
@@ -93,7 +97,7 @@ class TakeWriter:
             thread.join()
         self._collect()
         self._queue(ChunkKind.SETUP, self._setup.to_json())  # again, for the case that the first is damaged
-        self._queue_end()
+        self._queue_end(orphaned)
         self._write()
         with contextlib.suppress(OSError):
             os.fsync(self._file)
@@ -140,9 +144,9 @@ class TakeWriter:
         self._index.append((kind, self._whole + len(self._waiting)))
         self._waiting += encode_chunk(kind, sequence, payload)
 
-    def _queue_end(self) -> None:
+    def _queue_end(self, orphaned: bool) -> None:
         at = self._whole + len(self._waiting)
-        facts = {"frames": self.frames, "poses": self.poses, "duration_s": self._duration_s()}
+        facts = {"frames": self.frames, "poses": self.poses, "duration_s": self._duration_s(), "orphaned": orphaned}
         self._queue(ChunkKind.END, Footer(facts, (*self._index, (int(ChunkKind.END), at))).pack())
 
     def _duration_s(self) -> float:

@@ -66,7 +66,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
         raise
     finally:
         if take is not None:
-            take.close()
+            take.close(orphaned=channel.gone.is_set())
             if not take.frames:  # stopped before the first
                 take.path.unlink(missing_ok=True)
         client.close()

@@ -37,7 +37,7 @@ def part(addon: ModuleType, extension: str) -> Any:
     return find
 
 
-def write_take(folder: Path, name: str, frames: int = 30, poses: int = 30) -> Path:
+def write_take(folder: Path, name: str, frames: int = 30, poses: int = 30, orphaned: bool = False) -> Path:
     """A take of somebody who stands in the rest pose and rises."""
     subject = Subject("Anna", default_skeleton(1.7), load_marker_set("boxing"))
     writer = TakeWriter(folder / f"{name}.perftake", TakeSetup.of(default_rig(), subject, {}, {}, {}), TakeNotes(name))
@@ -50,7 +50,7 @@ def write_take(folder: Path, name: str, frames: int = 30, poses: int = 30) -> Pa
                 number, number / 60, rotations, np.array([0, 1 + number / 60, 0]), 0.5, none, none, np.full(9, -1), 0.0
             )
             writer.add_pose(pack_solved(SolvedPose(pose, 0.0)))
-    writer.close()
+    writer.close(orphaned)
     return writer.path
 
 
@@ -104,7 +104,7 @@ def test_a_worker_that_is_killed_leaves_a_take_that_can_be_recovered(part: Any) 
     received = [pose.number for pose in capture.run.poses]
     assert f"{len(received)} frames recorded" in text
     assert capture.run.error is not None
-    (path,) = takes.cut_off()
+    path = takes.cut_off()[0].path
     assert len(read_take_file(path).poses) >= len(received) - 30  # half a second
     operator = part("operators.takes").PERFANIM_OT_recover_take
     text = run_job(part, operator, SimpleNamespace(path=str(path)))
@@ -139,7 +139,7 @@ def test_the_list_shows_what_is_in_the_folder(part: Any) -> None:
         assert set(rows) == {"walk", "jump", "stand"}
         assert (rows["walk"].complete, rows["walk"].length) == (True, "0:00")
         assert not rows["jump"].complete
-        assert takes.cut_off() == [folder / "jump.perftake"]
+        assert [take.path for take in takes.cut_off()] == [folder / "jump.perftake"]
     finally:
         writer.close()
     takes.forget()
@@ -170,6 +170,15 @@ def test_a_take_is_put_on_the_character(part: Any) -> None:
     np.testing.assert_allclose(key_times(part("actions").curves_of(armature)), np.arange(11, 31), atol=1e-3)
     with pytest.raises(Exception, match="has no pose that was solved live"):
         part("operators.takes")._play(bpy.context, write_take(path.parent, "none", poses=0))
+
+
+def test_a_capture_that_outlived_blender_is_offered_until_it_is_on_a_character(part: Any) -> None:
+    takes = part("takes")
+    path = write_take(takes.folder(), "walk", orphaned=True)
+    assert [take.path for take in takes.cut_off()] == [path]
+    part("operators.takes")._play(bpy.context, path)
+    assert takes.cut_off() == []
+    assert [item.title for item in shown(part)] == ["walk"]
 
 
 def test_a_take_is_deleted(part: Any) -> None:

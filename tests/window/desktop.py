@@ -156,8 +156,11 @@ class BlenderWindow:
         desktop.screenshot("no-tab")
         raise AssertionError(f"no tab {name}: {self.state()['tab']}")
 
-    def tall_button(self, picture_name: str) -> tuple[float, float]:
-        """Return the centre of the tallest button in the sidebar, Start or Stop Capture, on a picture taken for it."""
+    def tall_button(self, picture_name: str, below: int = 0) -> tuple[float, float]:
+        """Return the centre of the tallest button in the sidebar, Start or Stop Capture, on a picture taken for it.
+
+        With `below` that of the first, second, ... button below it.
+        """
         view = self.state()["regions"]["WINDOW"]
         self._desktop.move(*self.from_top(view, view[2] * 0.2, view[3] * 0.8))  # a button under the pointer is lighter
         deadline = time.monotonic() + DRAWING_S
@@ -171,7 +174,7 @@ class BlenderWindow:
             assert image is not None, picture
             pixels = image[int(top) : int(top) + region[3], int(left) : int(left) + region[2] - 25, ::-1]
             try:
-                x, y = tallest_area(pixels, state["button_colour"])
+                x, y = tallest_area(pixels, state["button_colour"], below)
             except AssertionError:  # a busy machine has yet to draw the button without the pointer over it
                 if time.monotonic() > deadline:
                     raise
@@ -189,8 +192,10 @@ class BlenderWindow:
         self._log.close()
 
 
-def tallest_area(pixels: np.ndarray, colour: list[int], tolerance: int = 6) -> tuple[float, float]:
+def tallest_area(pixels: np.ndarray, colour: list[int], below: int = 0, tolerance: int = 6) -> tuple[float, float]:
     """Return the centre (x, y) of the tallest area of a button's colour that spans at least 40 % of a picture.
+
+    With `below` that of the first, second, ... area below it.
 
     Args:
         pixels: (height, width, 3) RGB; colour: (3) RGB, 0-255.
@@ -202,7 +207,8 @@ def tallest_area(pixels: np.ndarray, colour: list[int], tolerance: int = 6) -> t
     assert len(starts), "no button"
     tallest = int(np.argmax(stops - starts))
     assert stops[tallest] - starts[tallest] >= 24, f"the tallest button has {stops[tallest] - starts[tallest]} rows"
-    row = (starts[tallest] + stops[tallest]) // 2
+    assert tallest + below < len(starts), "no button below the tallest"
+    row = (starts[tallest + below] + stops[tallest + below]) // 2
     columns = np.flatnonzero(same[row])
     return (columns.min() + columns.max()) / 2, float(row)
 

@@ -1,0 +1,208 @@
+"""Kill captures at random moments (SIGKILL) and see what their takes have kept.
+
+    python tools/take_fuzz.py --kills 100 --out report.json
+
+Each time the whole chain of a capture runs: a process in Blender's place, the solver's process, the cameras' process
+with the simulated performer. Every other time the solver's process is killed, else the one in Blender's place. Then all
+that was in the cameras' hands half a second before must be in the take, each frame as in a capture that nobody killed;
+where Blender was killed, the take must have its end mark; and no process may be left. Linux only: it looks at /proc.
+"""
+
+import argparse
+import contextlib
+import json
+import os
+import random
+import secrets
+import select
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from perfanim.core.assets import MOTION
+from perfanim.core.database.build import build_database
+from perfanim.core.errors import CaptureError
+from perfanim.core.marker_frame import pack
+from perfanim.core.marker_set import Subject, load_marker_set, save_subject
+from perfanim.core.product_skeleton import default_skeleton
+from perfanim.core.take_file.edit import recover
+from perfanim.core.take_file.reading import read_take_file
+from perfanim.core.worker.client import WorkerClient
+from perfanim.core.worker.protocol import MessageKind
+
+MOST_LOST_S = 0.5
+LONGEST_S = 8.0  # of a capture, from its first pose on
+ENDED_S = 10.0
+START_LIMIT_S = 120.0
+
+
+def main() -> int:
+    """Run; the exit status is 1 when anything that must hold did not."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--kills", type=int, default=100, help="how many captures (default 100)")
+    parser.add_argument("--seed", type=int, default=None, help="of the moments (default: others at every run)")
+    parser.add_argument("--out", type=Path, help="report to write (JSON)")
+    parser.add_argument("--in-blenders-place", metavar="REQUEST", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.in_blenders_place:
+        _stand_in(json.loads(options.in_blenders_place))
+        return 0
+    seed = secrets.randbits(32) if options.seed is None else options.seed
+    chance = random.Random(seed)  # noqa: S311 - moments, no secrets
+    with tempfile.TemporaryDirectory(prefix="take-fuzz-") as name:
+        folder = Path(name)
+        request = _request(folder)
+        reference = _reference(request, folder / "reference.perftake")
+        rows = []
+        for number in range(options.kills):
+            victim = ("worker", "Blender")[number % 2]
+            path = folder / f"{number}.perftake"
+            rows.append(
+                _killed({**request, "take": str(path)}, path, victim, chance.uniform(0.0, LONGEST_S), reference)
+            )
+            sys.stdout.write(f"{number + 1}: {rows[-1]}\n")
+            sys.stdout.flush()
+            path.unlink(missing_ok=True)
+    lost = sorted(row["lost_s"] for row in rows)
+    failed = [row for row in rows if row["wrong"]]
+    report = {
+        "seed": seed,
+        "kills": len(rows),
+        "lost_median_s": lost[len(lost) // 2],
+        "lost_most_s": lost[-1],
+        "failed": failed,
+        "rows": rows,
+    }
+    if options.out:
+        options.out.write_text(json.dumps(report, indent=1))
+    sys.stdout.write(f"lost: median {report['lost_median_s']:.3f} s, most {report['lost_most_s']:.3f} s; ")
+    sys.stdout.write(f"{len(failed)} of {len(rows)} failed; seed {seed}\n")
+    return 1 if failed else 0
+
+
+def _request(folder: Path) -> dict[str, Any]:
+    build_database([str(MOTION)], folder / "starter.perfdb", 60.0)
+    save_subject(Subject("Sim", default_skeleton(1.75), load_marker_set("boxing")), folder / "sim.toml")
+    source = {"kind": "simulated", "behaviour": "walking", "seconds": 60.0, "height_m": 1.75, "loop": True}
+    cameras = {"source": source, "rig": None, "threshold": None}
+    files = {"subject": str(folder / "sim.toml"), "database": str(folder / "starter.perfdb")}
+    return {"job": "capture", "cameras": cameras, **files}
+
+
+def _stand_in(request: dict[str, Any]) -> None:
+    """Take poses as Blender does, 60 times a second; prints the worker's process id, and a line at the first pose."""
+    client = WorkerClient(request)
+    sys.stdout.write(f"{client._process.pid}\n")
+    sys.stdout.flush()
+    taken = 0
+    with contextlib.suppress(CaptureError):  # the worker was killed
+        while not client.ended:
+            poses = sum(message.kind is MessageKind.POSE for message in client.poll())
+            if poses and not taken:
+                sys.stdout.write("capturing\n")
+                sys.stdout.flush()
+            taken += poses
+            if poses:
+                client.confirm_taken(taken)
+            time.sleep(1 / 60)
+    client.close()
+
+
+def _reference(request: dict[str, Any], path: Path) -> list[bytes]:
+    """Return the frames of a capture that ends as it should, somewhat longer than those that are killed."""
+    client = WorkerClient({**request, "take": str(path)})
+    taken = 0
+    while not client.ended:
+        taken += sum(message.kind is MessageKind.POSE for message in client.poll())
+        client.confirm_taken(taken)
+        if taken > 1.5 * LONGEST_S * 60:
+            client.request_stop()
+        client.wait(0.02)
+    client.close()
+    take = read_take_file(path)
+    if not take.complete or len(take.frames) != taken:
+        raise SystemExit(f"the reference is not whole: {take.problems}, {len(take.frames)} of {taken} frames")
+    return [pack(frame) for frame in take.frames]
+
+
+def _killed(request: dict[str, Any], path: Path, victim: str, after_s: float, reference: list[bytes]) -> dict[str, Any]:
+    """Return what one killed capture has kept."""
+    line = [sys.executable, __file__, "--in-blenders-place", json.dumps(request)]
+    blender = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
+    worker = int(_line(blender))
+    _line(blender)
+    time.sleep(after_s)
+    family = [worker, *_children(worker)]
+    os.kill(worker if victim == "worker" else blender.pid, signal.SIGKILL)
+    killed_s = time.perf_counter()
+    if victim == "worker":
+        blender.wait()
+    blender.kill()
+    blender.wait()
+    left = _left(family)
+    take = read_take_file(path)
+    frames = [pack(frame) for frame in take.frames]
+    lost_s = max(killed_s - take.stamped_frames[-1][0], 0.0) if frames else killed_s
+    wrong = []
+    if lost_s > MOST_LOST_S:
+        wrong.append("more than half a second is lost")
+    if frames != reference[: len(frames)]:
+        wrong.append("frames are not as they were")
+    if take.complete != (victim == "Blender"):
+        wrong.append("; ".join(take.problems) or "a killed worker cannot have ended its take")
+    if left:
+        wrong.append(f"{len(left)} processes are left")
+    whole = path.with_name("whole.perftake")
+    recover(take, whole)
+    again = read_take_file(whole)
+    if not again.complete or [pack(frame) for frame in again.frames] != frames:
+        wrong.append("not recovered")
+    poses = len(take.poses)
+    return {"victim": victim, "after_s": round(after_s, 3), "frames": len(frames), "poses": poses,
+            "lost_s": round(lost_s, 4), "wrong": wrong}  # fmt: skip
+
+
+def _line(process: "subprocess.Popen[str]") -> str:
+    if process.stdout is None or not select.select([process.stdout], [], [], START_LIMIT_S)[0]:
+        raise SystemExit("the capture did not start")
+    text = process.stdout.readline()
+    if not text:
+        raise SystemExit("the capture ended before its first pose")
+    return text
+
+
+def _children(process_id: int) -> list[int]:
+    found = []
+    for status in Path("/proc").glob("[0-9]*/status"):
+        try:
+            if f"PPid:\t{process_id}\n" in status.read_text():
+                found.append(int(status.parent.name))
+        except OSError:
+            continue
+    return found
+
+
+def _left(processes: list[int]) -> list[int]:
+    """Return the processes that still run after the time that they have to end."""
+    limit_s = time.monotonic() + ENDED_S
+    while True:
+        running = [process_id for process_id in processes if _is_running(process_id)]
+        if not running or time.monotonic() > limit_s:
+            return running
+        time.sleep(0.05)
+
+
+def _is_running(process_id: int) -> bool:
+    try:
+        state = Path(f"/proc/{process_id}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
