@@ -92,16 +92,17 @@ def summary_of(result: "CalibrationResult", square_m: float = 0.0) -> dict[str, 
         "held_out_rms_px": result.held_out_px,
         "rms_px": dict(result.rms_px),
         "coverage": dict(result.coverage),
-        "baseline_mm": result.baseline_m * 1000.0,
-        "distance_sigma_percent": 100.0 * result.distance_sigma,
         "used": len(result.used),
         "rejected": [{"picture": row.picture, "reason": row.reason} for row in result.rejected],
         "views_px": {name: _of_camera(result.views_px, name) for name in result.rms_px},
         "advice": list(result.advice),
     }
+    if len(result.rig) > 1:
+        summary["baseline_mm"] = result.baseline_m * 1000.0
+        summary["distance_sigma_percent"] = 100.0 * result.distance_sigma
     if result.late_s:
         summary["late_ms"] = {name: 1000.0 * late for name, late in result.late_s.items()}
-    if square_m:
+    if square_m and len(result.rig) > 1:
         summary["baseline_squares"] = result.baseline_m / square_m
     return summary
 
@@ -136,8 +137,8 @@ def _patterns(args: argparse.Namespace) -> dict[str, str]:
         if not (name and separator and pattern) or name in patterns:
             raise SettingsError(f"--camera {entry!r} is not NAME=GLOB with a new name")
         patterns[name] = pattern
-    if len(patterns) < 2:
-        raise SettingsError("pictures of two cameras are needed", advice="give --left and --right, or --camera twice")
+    if not patterns:
+        raise SettingsError("pictures of the board are needed", advice="give --left and --right, or --camera")
     return patterns
 
 

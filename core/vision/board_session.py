@@ -200,8 +200,8 @@ class BoardSession:
         if self.result is None or (not self.good and self._calibrated_views < self.views):
             if self.views < MINIMUM_VIEWS:
                 raise CalibrationError(
-                    f"all cameras saw the board together in {self.views} places, {MINIMUM_VIEWS} are needed",
-                    advice="check its numbers of corners, hold it whole into all images, and give it light",
+                    f"the board was seen whole and still in {self.views} places, {MINIMUM_VIEWS} are needed",
+                    advice="check its numbers of corners, hold it so that every camera sees it, and give it light",
                 )
             self.result = self._checked(_calibrate(*self._content()))
         return self.result
@@ -227,7 +227,7 @@ class BoardSession:
     def _show_it(self, look: Look) -> str:
         blind = [camera.title for camera, view in zip(self._cameras, look.views, strict=True) if view is None]
         if len(blind) == len(self._cameras):
-            return "show the whole board to all cameras"
+            return "show the whole board to all cameras" if len(blind) > 1 else "show the whole board to the camera"
         return f"hold it so that {' and '.join(blind)} {'sees' if len(blind) == 1 else 'see'} all of it too"
 
     def _is_new(self, look: Look) -> bool:
@@ -310,8 +310,8 @@ class BoardSession:
             raise error
 
     def _checked(self, result: CalibrationResult) -> CalibrationResult:
-        first, second = result.rig.cameras[:2]
-        if sides_exchanged(first.to_camera(second.centre_m)):
+        cameras = result.rig.cameras
+        if len(cameras) > 1 and sides_exchanged(cameras[0].to_camera(cameras[1].centre_m)):
             raise CalibrationError(
                 "the left camera stands on the right", advice="exchange the two cameras, then calibrate again"
             )

@@ -41,6 +41,7 @@ _GOOD_DISTANCE = 0.002
 _SMEARED = 4.0 / 640.0  # of the image width
 _SMEARED_ONE_WAY = 1.5  # edges this much wider one way than the other are smeared by motion, else out of focus
 _SYNCHRONISED_S = 0.02
+_HIGH_ERROR = "the error is high: keep the board flat and still, use more light, focus the cameras"
 
 
 @dataclass(frozen=True)
@@ -49,14 +50,14 @@ class CalibrationResult:
 
     Args:
         rig: cameras in the world of the first one (y up, z towards it, x to its left as the performer sees it).
-        stereo_rms_px: RMS reprojection error over all cameras with one board pose per moment.
+        stereo_rms_px: RMS reprojection error over all cameras with one board pose per moment; of one camera, its own.
         held_out_px: the same for moments left out of the fit; NaN with too few of them.
         rms_px: RMS reprojection error per camera, alone.
         distance_sigma: standard deviation of the distances between cameras, as a fraction of them; the largest.
         views_px: RMS reprojection error of each view in the rig, by moment and camera.
         coverage: per camera, the fraction of its image in which the board has been.
         late_s: how late the pictures of a camera are against the first one's, where videos tell.
-        baseline_m: distance of the first two optical centres.
+        baseline_m: distance of the first two optical centres; 0 of one camera.
         used: keys of the moments used for the relative pose.
         rejected: pictures not used, with reasons.
         verdict: "good", "usable" or "redo".
@@ -91,7 +92,7 @@ def calibrate_from_points(
 
     Args:
         points_m: board points, z = 0.
-        cameras: at least two cameras.
+        cameras: what each saw; of one alone, the lens is found, and it stays where the world is.
         rejected: pictures already refused, passed on to the result.
         left_right: the first two cameras are the left and the right one, as the cameras see it; checked.
         grid: inner corners (columns, rows) of a chessboard whose half-turn ambiguity is to be resolved; None
@@ -102,10 +103,12 @@ def calibrate_from_points(
         CalibrationError: too few views, cameras that never saw the board together, pictures that do not belong
             together, left and right exchanged.
     """
-    if len(cameras) < 2:
-        raise CalibrationError("one camera cannot be calibrated for 3D", advice="give pictures of two cameras")
+    if not cameras:
+        raise CalibrationError("there is no camera to calibrate", advice="give pictures of the board")
     refused = list(rejected)
     singles = [_calibrate_camera(points_m, camera, refused) for camera in cameras]
+    if len(cameras) == 1:
+        return _result_of_one(cameras[0], singles[0], refused, edge_widths_px or {})
     centre = points_m.mean(axis=0) if grid is not None else None
     fit = fit_rig(points_m, cameras, singles, refused, centre)
     if left_right:
@@ -226,6 +229,52 @@ def _result(
     )
 
 
+def _result_of_one(
+    camera: CameraViews,
+    single: SingleCamera,
+    refused: Sequence[Rejected],
+    edge_widths_px: Mapping[str, Sequence[tuple[float, float]]],
+) -> CalibrationResult:
+    """Return the lens of a camera alone; it stands in the world's origin."""
+    seen = {single.name: coverage(camera.views.values(), camera.image_size)}
+    advice = (*_lens_advice(single, len(single.poses)), *_picture_advice(seen, edge_widths_px, [single]))
+    verdict = "usable" if advice else "good"
+    if single.rms_px > _USABLE_RMS * single.image_size[0]:
+        verdict = "redo"
+    placed = Camera(single.name, single.image_size, single.matrix, single.distortion, WORLD_FROM_CAMERA.T)
+    return CalibrationResult(
+        rig=CameraRig((placed,), {"error": single.rms_px, "pictures": len(single.poses), "verdict": verdict}),
+        stereo_rms_px=single.rms_px,
+        held_out_px=float("nan"),
+        rms_px={single.name: single.rms_px},
+        baseline_m=0.0,
+        distance_sigma=0.0,
+        views_px={},
+        coverage={name: part.fraction for name, part in seen.items()},
+        late_s={},
+        used=tuple(single.poses),
+        rejected=tuple(refused),
+        verdict=verdict,
+        advice=advice,
+    )
+
+
+def _lens_advice(camera: SingleCamera, views: int) -> list[str]:
+    advice = []
+    if camera.rms_px > _GOOD_RMS * camera.image_size[0]:
+        advice.append(_HIGH_ERROR)
+    if views < _GOOD_VIEWS:
+        advice.append(f"only {views} moments show the board: take 12 or more")
+    return advice + _tilt_advice(camera)
+
+
+def _tilt_advice(camera: SingleCamera) -> list[str]:
+    tilts = [np.degrees(np.arccos(min(1.0, abs(r[2, 2])))) for r, _ in camera.poses.values()]
+    if max(tilts) >= 15.0:
+        return []
+    return [f"{camera.name} saw the board almost straight on only: tilt it by 20 to 45 degrees"]
+
+
 def _orthonormal(rotation: Array) -> Array:
     u, _, vt = np.linalg.svd(rotation)
     return np.asarray(u @ vt)
@@ -234,7 +283,7 @@ def _orthonormal(rotation: Array) -> Array:
 def _fit_advice(fit: RigFit, singles: Sequence[SingleCamera]) -> list[str]:
     advice = []
     if fit.rms_px > _GOOD_RMS * singles[0].image_size[0]:
-        advice.append("the error is high: keep the board flat and still, use more light, focus the cameras")
+        advice.append(_HIGH_ERROR)
     if len(fit.used) < _GOOD_VIEWS:
         advice.append(f"only {len(fit.used)} moments show the board to more than one camera: take 12 or more")
     if fit.distance_sigma > _GOOD_DISTANCE:
@@ -242,11 +291,7 @@ def _fit_advice(fit: RigFit, singles: Sequence[SingleCamera]) -> list[str]:
             f"the distances between the cameras are known to {100.0 * fit.distance_sigma:.1f} % only: take more "
             "pictures, nearer, in all parts of the images, or use a larger board"
         )
-    for camera in singles:
-        tilts = [np.degrees(np.arccos(min(1.0, abs(r[2, 2])))) for r, _ in camera.poses.values()]
-        if max(tilts) < 15.0:
-            advice.append(f"{camera.name} saw the board almost straight on only: tilt it by 20 to 45 degrees")
-    return advice
+    return [*advice, *(line for camera in singles for line in _tilt_advice(camera))]
 
 
 def _picture_advice(

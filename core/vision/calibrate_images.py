@@ -60,7 +60,7 @@ def _paired_files(patterns: Mapping[str, str]) -> tuple[dict[str, dict[str, Path
         raise CalibrationError(error.what, where=error.where, advice=error.advice) from error
     counts = Counter(number for table in tables.values() for number in table)
     files = {
-        name: {f"{number:06d}": table[number] for number in sorted(table) if counts[number] > 1}
+        name: {f"{number:06d}": table[number] for number in sorted(table) if counts[number] > 1 or len(tables) == 1}
         for name, table in tables.items()
     }
     used = {path for rows in files.values() for path in rows.values()}

@@ -125,7 +125,10 @@ def _flow(now: Image, other: Image, pixels: Array) -> Array | None:
 
 def _stillest(cameras: Sequence[CameraViews]) -> tuple[list[CameraViews], list[Rejected]]:
     """Choose moments spread over the recording, where the board moves least; all of a short recording."""
-    shared = sorted(key for key in {k for c in cameras for k in c.views} if sum(key in c.views for c in cameras) > 1)
+    least = min(2, len(cameras))
+    shared = sorted(
+        key for key in {k for c in cameras for k in c.views} if sum(key in c.views for c in cameras) >= least
+    )
     parts = np.array_split(np.array(shared), min(_USED, max(len(shared), 1)))
     chosen = {str(min(part, key=lambda key: _speed(cameras, key))) for part in parts if len(part)}
     rejected = []

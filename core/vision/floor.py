@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from itertools import product
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -61,6 +62,8 @@ def board_in_space(rig: CameraRig, views: Sequence[BoardView], board: Board) -> 
     """
     if len(views) != len(rig) or any(len(view.ids) != len(board.points_m) for view in views):
         raise CalibrationError("not all cameras see the whole board", advice="lay it where they all do")
+    if len(views) == 1:
+        return _seen_by_one(rig.cameras[0], views[0], board)
     ways = [(False, True) if board.kind == "chessboard" and index else (False,) for index in range(len(views))]
     best, least = np.zeros((0, 3)), np.inf
     for turned in product(*ways):
@@ -76,6 +79,15 @@ def board_in_space(rig: CameraRig, views: Sequence[BoardView], board: Board) -> 
             f"the cameras do not agree on where the board is ({least:.1f} px)", advice="calibrate the cameras again"
         )
     return best
+
+
+def _seen_by_one(camera: Camera, view: BoardView, board: Board) -> Array:
+    normalised = camera.undistort(view.pixels)
+    found, turn, shift = cv2.solvePnP(board.points_m, normalised, np.eye(3), np.zeros(5), flags=cv2.SOLVEPNP_IPPE)
+    if not found:
+        raise CalibrationError("the board's place cannot be told from this picture", advice="lay it nearer")
+    local = board.points_m @ cv2.Rodrigues(turn)[0].T + np.ravel(shift)
+    return np.asarray((local - camera.translation_m) @ camera.rotation)
 
 
 def _moved(camera: Camera, new_from_old: Array, origin: Array) -> Camera:

@@ -2,15 +2,16 @@
 
 Request: "source" (see `sources.spec`), "board" (its SPEC), "limit" (views at which it ends though the result is not
 good), "every_s" (null: a view is taken when the board is held still; else seconds between two views), "out" (folder;
-gets the pictures taken, a folder for each camera), "preview" (see `preview`).
+gets a folder for each camera with the pictures taken), "preview" (see `preview`).
 
-A STOP ends it with the views taken so far. The RESULT is that of `perfanim calibrate cameras`, and "rig", the
-calibration as tables: whoever asked writes it, so that a calibration that was cancelled replaces none.
+A STOP ends it with the views taken so far. The RESULT is that of `perfanim calibrate cameras`, "pictures", the
+folders, and "rig", the calibration as tables: whoever asked writes it, so that one that was cancelled replaces none.
 """
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,6 @@ from .preview import PreviewSender
 
 Image = NDArray[np.uint8]
 
-SIDES = ("left", "right")
 _SIMULATED_PLACES = 40
 _SHOWN_S = 0.6  # that a view was taken
 
@@ -47,63 +47,71 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
         PerfanimError: the source cannot be opened or used, or does not show the board.
     """
     board, folder = parse_board(request["board"]), Path(request["out"])
-    _clear(folder)
     channel.send_status("opening the cameras", 0.0)
     source = _opened(request["source"], board)
     try:
         with ThreadPoolExecutor(1) as later:
-            every_s = request.get("every_s")
-            session = BoardSession(
-                board,
-                SIDES,
-                [camera_title(index, SIDES) for index in range(len(SIDES))],
-                later.submit,
-                int(request["limit"]),
-                None if every_s is None else float(every_s),
-            )
-            _watch(iter(source), session, folder, PreviewSender(request, channel), channel)
+            images = iter(source)
+            first = next(images, None)
+            if first is None:
+                raise CaptureError("the cameras gave no images", advice="check the source")
+            names, titles = camera_names(len(first.images))
+            folders = [_emptied(folder / name) for name in names]
+            every_s = None if request.get("every_s") is None else float(request["every_s"])
+            session = BoardSession(board, names, titles, later.submit, int(request["limit"]), every_s)
+            _watch(chain([first], images), session, folders, PreviewSender(request, channel), channel)
             channel.send_status("calibrating", 1.0)
             result = session.finish()
     finally:
         source.close()
-    pictures = {side: str(folder / side) for side in SIDES}
-    channel.send_result({**summary_of(result, board.square_m), "rig": rig_tables(result.rig), **pictures})
+    summary = summary_of(result, board.square_m)
+    channel.send_result({**summary, "rig": rig_tables(result.rig), "pictures": [str(path) for path in folders]})
 
 
-def _clear(folder: Path) -> None:
-    for side in SIDES:
-        (folder / side).mkdir(parents=True, exist_ok=True)
-        for old in (folder / side).glob("*.png"):
-            old.unlink()
+def camera_names(count: int) -> tuple[list[str], list[str]]:
+    """Return the names of so many cameras, and what they are called in sentences."""
+    names = ["left", "right"] if count == 2 else [f"camera{index + 1}" for index in range(count)]
+    titles = [camera_title(index, names) for index in range(count)]
+    return names, titles if count == 2 else ["the camera"] if count == 1 else [f"camera {i + 1}" for i in range(count)]
+
+
+def _emptied(folder: Path) -> Path:
+    """Return a folder without the pictures of an earlier calibration."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for old in folder.glob("*.png"):
+        old.unlink()
+    return folder
 
 
 def _opened(spec: Mapping[str, Any], board: Board) -> ImageSource:
     if spec.get("kind") != "simulated":
         return open_source(spec)
-    rig = default_rig()
+    rig = default_rig(int(spec.get("cameras", 2)))
     return CarriedBoard(Renderer(rig), board, board_poses(rig, board, _SIMULATED_PLACES))
 
 
 def _watch(
-    images: Iterator[ImageSetLike], session: BoardSession, folder: Path, preview: PreviewSender, channel: Channel
+    images: Iterable[ImageSetLike],
+    session: BoardSession,
+    folders: Sequence[Path],
+    preview: PreviewSender,
+    channel: Channel,
 ) -> None:
     """Show the session all images until it is done, a stop is asked for, or they are over."""
     said, taken_s = ("", -1), -_SHOWN_S
     for image_set in images:
         if channel.stop_requested.is_set():
             return
-        time_s = moment_of(image_set)
-        if time_s is None:  # no camera gives images
-            channel.send_status("; ".join(getattr(image_set, "notes", ())))
-            continue
-        sight = session.see(time_s, image_set.images, usable_images(image_set))
-        if sight.taken:
-            taken_s = time.monotonic()
-            for side, image in zip(SIDES, image_set.images, strict=True):
-                _write_image(folder / side / f"{session.views - 1:03d}.png", image)
-        if sight.look is not None:
-            preview.send(image_set.images, _Drawing(session, sight, time.monotonic() - taken_s < _SHOWN_S).draw)
-        advice = "; ".join(getattr(image_set, "notes", ())) or sight.advice
+        advice, time_s = "; ".join(getattr(image_set, "notes", ())), moment_of(image_set)
+        if time_s is not None:  # some camera gives images
+            sight = session.see(time_s, image_set.images, usable_images(image_set))
+            if sight.taken:
+                taken_s = time.monotonic()
+                for folder, image in zip(folders, image_set.images, strict=True):
+                    _write_image(folder / f"{session.views - 1:03d}.png", image)
+            if sight.look is not None:
+                preview.send(image_set.images, _Drawing(session, sight, time.monotonic() - taken_s < _SHOWN_S).draw)
+            advice = advice or sight.advice
         if (advice, session.views) != said:
             said = (advice, session.views)
             channel.send_status(advice, session.fraction, heading=_heading(session))

@@ -5,7 +5,7 @@ The RESULT has "rig", the calibration as tables in a world whose floor is y = 0 
 and "scale", how large the board is by the calibration against its SPEC. There is none when a stop was asked for.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -17,7 +17,7 @@ from ..errors import CalibrationError
 from ..simulate.studio.boards import CarriedBoard, board_on_floor
 from ..simulate.studio.render import Renderer
 from ..simulate.studio.rig import default_rig
-from ..sources.image_set import camera_title, moment_of, usable_images
+from ..sources.image_set import moment_of, usable_images
 from ..sources.spec import ImageSource, open_source
 from ..vision.board import Board, find_board, parse_board
 from ..vision.board_preview import draw_corners
@@ -25,6 +25,7 @@ from ..vision.board_watch import BoardWatch, Look
 from ..vision.floor import board_in_space, rig_on_floor
 from .channel import Channel
 from .preview import PreviewSender
+from .record_board import camera_names
 
 Image = NDArray[np.uint8]
 
@@ -54,25 +55,25 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
 def _opened(spec: Mapping[str, Any], board: Board) -> ImageSource:
     if spec.get("kind") != "simulated":
         return open_source(spec)
-    return CarriedBoard(Renderer(default_rig()), board, [board_on_floor(board)[0]])
+    return CarriedBoard(Renderer(default_rig(int(spec.get("cameras", 2)))), board, [board_on_floor(board)[0]])
 
 
 def _still_board(source: ImageSource, board: Board, preview: PreviewSender, channel: Channel) -> Look | None:
     """Return what is seen once the board lies still before all cameras, None when a stop is asked for first."""
-    watch = BoardWatch(board, find_board)
+    watch, said = BoardWatch(board, find_board), ""
     for image_set in source:
         if channel.stop_requested.is_set():
             return None
-        time_s = moment_of(image_set)
-        if time_s is None:  # no camera gives images
-            channel.send_status("; ".join(getattr(image_set, "notes", ())))
-            continue
-        look = watch.see(time_s, image_set.images, usable_images(image_set))
-        preview.send(image_set.images, partial(_draw, look))
-        if look.still:
-            return look
-        advice = "let it lie still" if look.together else _show_it(look)
-        channel.send_status("; ".join(getattr(image_set, "notes", ())) or advice)
+        advice, time_s = "; ".join(getattr(image_set, "notes", ())), moment_of(image_set)
+        if time_s is not None:  # some camera gives images
+            look = watch.see(time_s, image_set.images, usable_images(image_set))
+            preview.send(image_set.images, partial(_draw, look))
+            if look.still:
+                return look
+            advice = advice or ("let it lie still" if look.together else _show_it(look))
+        if advice != said:
+            said = advice
+            channel.send_status(advice)
     raise CalibrationError(
         "the cameras did not see the board lying still together", advice="lay it where they all see the whole of it"
     )
@@ -85,6 +86,6 @@ def _draw(look: Look, camera: int, picture: Image, image_width: int) -> None:
 
 
 def _show_it(look: Look) -> str:
-    names: Sequence[str] = ("left", "right") if len(look.views) == 2 else [str(i + 1) for i in range(len(look.views))]
-    blind = [camera_title(index, names) for index, view in enumerate(look.views) if view is None]
+    titles = camera_names(len(look.views))[1]
+    blind = [title for title, view in zip(titles, look.views, strict=True) if view is None]
     return f"lay the board on the floor where {' and '.join(blind)} {'sees' if len(blind) == 1 else 'see'} all of it"

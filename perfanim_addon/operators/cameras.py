@@ -62,21 +62,18 @@ class PERFANIM_OT_calibrate_cameras(JobOperator, bpy.types.Operator):
 
 
 class _Watching(JobOperator):
-    """Base of what watches the board with both cameras."""
+    """Base of what watches the board with the cameras."""
 
     panel = PANEL
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Needs two cameras."""
+        """Needs cameras."""
         if not super().poll(context):
             return False
         chosen = settings(context)
         if chosen.source not in ("CAMERAS", "SIMULATED"):
             cls.poll_message_set("Needs cameras as the source; pictures of the board are calibrated from their folders")
-            return False
-        if chosen.source == "CAMERAS" and chosen.right_device < 0:
-            cls.poll_message_set("One camera alone cannot be calibrated: choose the right one too")
             return False
         return True
 
@@ -112,7 +109,8 @@ class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
     def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         """Use the new calibration."""
         chosen = settings(context)
-        chosen.board_left, chosen.board_right = summary["left"], summary["right"]
+        if len(summary["pictures"]) == 2:
+            chosen.board_left, chosen.board_right = summary["pictures"]
         _use_rig(chosen, summary, "cameras.toml")
         covered = ", ".join(f"{100.0 * part:.0f} %" for part in summary["coverage"].values())
         return f"{_told(summary)}; {summary['used']} views, covered {covered}"
@@ -157,8 +155,8 @@ def _watched(chosen: PERFANIM_PG_settings) -> dict[str, Any]:
     source = capture_setup.source(chosen)
     if chosen.source == "SIMULATED":
         chosen.board_columns, chosen.board_rows, chosen.board_square_mm = SIMULATED_BOARD
-    else:  # both, though the present calibration may be of one alone
-        source["devices"] = [chosen.left_device, chosen.right_device]
+    else:  # all that are chosen, though the present calibration may be of one alone
+        source["devices"] = [device for device in (chosen.left_device, chosen.right_device) if device >= 0]
     return {"source": source, "board": board_spec(chosen), "preview": True}
 
 

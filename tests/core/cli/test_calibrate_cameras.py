@@ -52,7 +52,7 @@ def test_cameras_are_calibrated_from_board_points(tmp_path, capsys):
         (["--left", "a", "--right", "b", "--board", "tiles"], "is not a board"),
         (["--left", "a", "--right", "b"], "--board is missing"),
         (["--left", "a", "--board", "chessboard:9x6:20mm"], "--left and --right go together"),
-        (["--camera", "a=x", "--board", "chessboard:9x6:20mm"], "two cameras"),
+        (["--board", "chessboard:9x6:20mm"], "pictures of the board are needed"),
         (["--points", "/nowhere.json"], "cannot be read"),
     ],
 )

@@ -94,7 +94,7 @@ def play(session: BoardSession, scene: Scene, poses: Sequence[BoardPose], order:
     """Carry the board through places until the session is done; return what it made of it."""
     sights = []
     for number, images in enumerate(scene.carried(poses)):
-        sights.append(session.see(number * PERIOD_S, [images[camera] for camera in order], (True, True)))
+        sights.append(session.see(number * PERIOD_S, [images[camera] for camera in order], (True,) * len(order)))
         if session.done:
             break
     return sights
@@ -164,3 +164,15 @@ def test_cameras_that_are_exchanged_are_told_while_it_goes_on(scene: Scene, pose
     with pytest.raises(CalibrationError, match="the left camera stands on the right; exchange"):
         play(session, scene, poses, order=(1, 0))
     assert session.views < ENOUGH_VIEWS
+
+
+def test_one_camera_alone_gets_its_lens(scene: Scene, poses: tuple[BoardPose, ...], rig: CameraRig) -> None:
+    session = BoardSession(DEFAULT_BOARD, ("camera1",), ("the camera",), at_once, 40)
+    play(session, scene, poses, order=(1,))
+    assert session.good
+    (found,) = session.finish().rig.cameras
+    true = rig.cameras[1]
+    # within a pixel out to the image's corners, where the board has not been
+    points = np.stack(np.meshgrid(np.linspace(-0.4, 0.4, 9), np.linspace(-0.3, 0.3, 9)), axis=-1)
+    off = found.to_pixels(points) - true.to_pixels(points)
+    assert np.abs(off - off.mean(axis=(0, 1))).max() < 1.0

@@ -234,3 +234,14 @@ def test_json_without_board_points_is_refused(tmp_path):
         load_board_points(path)
     with pytest.raises(FormatError, match="cannot be read"):
         load_board_points(tmp_path / "missing.json")
+
+
+def test_one_camera_alone_gets_its_lens(rig):
+    result = calibrate_from_points(BOARD.points_m, views(rig, 20)[:1])
+    assert result.verdict == "good" and len(result.used) == 20 and result.baseline_m == 0.0
+    (found,) = result.rig.cameras
+    np.testing.assert_allclose(found.centre_m, 0.0, atol=1e-12)
+    assert found.focal_px == pytest.approx(rig.cameras[0].focal_px, rel=0.005)
+    assert result.stereo_rms_px < NOISE_PX * np.sqrt(2) * 1.05
+    few = calibrate_from_points(BOARD.points_m, views(rig, 4)[:1])
+    assert any("only 4 moments show the board" in line for line in few.advice)

@@ -3,7 +3,8 @@ import pytest
 from perfanim.core import rotations as rot
 from perfanim.core.camera import Camera, CameraRig
 from perfanim.core.errors import CalibrationError
-from perfanim.core.vision.floor import rig_on_floor
+from perfanim.core.vision.board import Board, BoardView
+from perfanim.core.vision.floor import board_in_space, rig_on_floor
 
 NOISE_M = 0.001
 
@@ -71,3 +72,24 @@ def test_no_floor_is_refused(room):
         rig_on_floor(rig, line)
     with pytest.raises(CalibrationError, match="straight down"):
         rig_on_floor(rig, board_on_the_floor(0.0) + np.array([0.0, 0.0, 3.0]))
+
+
+@pytest.mark.parametrize("cameras", [1, 2])
+def test_the_board_is_found_in_space_by_one_camera_and_by_two(room, cameras):
+    board = Board("chessboard", 9, 6, 0.06)
+    flat = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    true = (board.points_m - board.points_m.mean(axis=0)) @ flat.T
+    rig = CameraRig(room[:cameras])
+    views = [BoardView(np.arange(54), camera.project(true)) for camera in rig.cameras]
+    views[-1] = views[-1].turned() if cameras == 2 else views[-1]  # two may number a chessboard differently
+    np.testing.assert_allclose(board_in_space(rig, views, board), true, atol=1e-4)
+    with pytest.raises(CalibrationError, match="not all cameras see the whole board"):
+        board_in_space(rig, [*views[:-1], BoardView(np.arange(53), views[-1].pixels[:53])], board)
+
+
+def test_cameras_that_were_moved_do_not_agree_on_the_board(room):
+    board = Board("chessboard", 9, 6, 0.06)
+    views = [BoardView(np.arange(54), camera.project(board.points_m)) for camera in room]
+    views[1] = BoardView(views[1].ids, views[1].pixels + np.array([0.0, 20.0]))
+    with pytest.raises(CalibrationError, match="do not agree on where the board is"):
+        board_in_space(CameraRig(room), views, board)

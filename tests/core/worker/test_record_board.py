@@ -100,7 +100,7 @@ def test_views_are_taken_until_it_is_told_to_finish(tmp_path: Path) -> None:
 
 def test_pictures_without_the_board_are_an_error_that_says_so(blank: dict[str, Any], tmp_path: Path) -> None:
     messages = played(asked(blank, tmp_path / "board"))
-    assert "saw the board together in 0 places, 3 are needed" in str(outcome(messages).error())
+    assert "was seen whole and still in 0 places, 3 are needed" in str(outcome(messages).error())
     assert "show the whole board to all cameras" in said(messages)
     assert not list((tmp_path / "board").rglob("*.png"))
     assert not [m for m in messages if m.kind is MessageKind.PREVIEW]  # nobody asked for it
