@@ -52,6 +52,8 @@ class DetectionSettings:
         relative_brightness: a blob dimmer than this share of the usual marker is no marker (automatic threshold).
         relative_radius: the same for its radius: small glints of clothing are no markers.
         maximum_blobs: at most so many, brightest first.
+        whole_every: of images larger than 640x480 one in so many is looked at as a whole, the others where the markers
+            of the one before may have gone: a marker that comes from elsewhere is found so many images later.
     """
 
     threshold: float | None = None
@@ -63,17 +65,24 @@ class DetectionSettings:
     relative_brightness: float = 0.35
     relative_radius: float = 0.4
     maximum_blobs: int = 100
+    whole_every: int = 1
 
     def __post_init__(self) -> None:
         if self.threshold is not None and not 1.0 <= self.threshold <= 250.0:
             raise SettingsError(f"a threshold of {self.threshold:g} grey levels cannot be", advice="use 1 to 250")
         if self.sigmas < 0.0 or not 0 <= self.dilation_px <= 10 or self.maximum_blobs < 1:
             raise SettingsError("sigmas, dilation or number of blobs are out of range")
+        if self.whole_every < 1:
+            raise SettingsError(
+                f"one in {self.whole_every} images cannot be looked at as a whole", advice="use 1 or more"
+            )
         if not 0.0 < self.minimum_radius_px < self.maximum_radius_px:
             raise SettingsError("the smallest marker radius must be positive and below the largest")
 
 
 _LOWEST_AUTOMATIC_THRESHOLD = 12.0
+_SMALL_IMAGE = 640 * 480  # pixels, up to which the whole image is looked at every time
+_REACH = 0.08  # of the longer side: a marker 2 m away goes so far in a sixtieth of a second at 10 m/s
 _DIMMEST = 0.5  # of the limit that the last image set: what is below it is not even measured
 
 
@@ -86,22 +95,20 @@ class Detector:
     def __init__(self, background: Background | None = None, settings: DetectionSettings | None = None) -> None:
         self.settings = settings or DetectionSettings()
         self._usual_contrast = 0.0
-        self._low: Image | None = None
-        self._width: Image | None = None
-        self._mean: Float32 | None = None  # (h, w, 3) of the empty room
-        self._light: NDArray[np.uint16] | None = None  # of the empty room
-        self._lit: NDArray[np.uint16] | None = None  # where the room's light has risen by the threshold
+        self._room: _Room | None = None
         self._threshold = self.settings.threshold or _LOWEST_AUTOMATIC_THRESHOLD
         self._size: tuple[int, int] | None = None
+        self._last = np.empty((0, 5), dtype=np.float32)
+        self._partly = 0  # images in a row that were not looked at as a whole
         if background is not None:
             if self.settings.threshold is None:
                 self._threshold = max(_LOWEST_AUTOMATIC_THRESHOLD, self.settings.sigmas * background.noise)
-            self._low, high = background.band(self.settings.sigmas, self._threshold)
-            self._width = high - self._low
-            self._mean = background.mean.astype(np.float32)
-            light = self._mean.sum(axis=2)
-            self._light = np.rint(light).astype(np.uint16)
-            self._lit = np.ceil(light + 3.0 * self._threshold).astype(np.uint16)
+            low, high = background.band(self.settings.sigmas, self._threshold)
+            light = background.mean.sum(axis=2)
+            lit = np.ceil(light + 3.0 * self._threshold)
+            self._room = _Room(
+                low, high - low, background.mean, np.rint(light).astype(np.uint16), lit.astype(np.uint16)
+            )
             self._size = background.image_size
 
     @property
@@ -111,12 +118,15 @@ class Detector:
 
     def foreground(self, image: Image) -> Image:
         """Return the mask (0 or 255) of pixels where any channel differs from the background, dilated."""
-        if self._low is None or self._width is None:
+        return self._foreground(image, self._room)
+
+    def _foreground(self, image: Image, room: "_Room | None") -> Image:
+        if room is None:
             outside = cv2.threshold(image, self._threshold, 255, cv2.THRESH_BINARY)[1]
         else:
             # what is below the band wraps around to above it; much faster than cv2.inRange with bounds of each pixel
-            above_low = np.subtract(image, self._low)
-            outside = cv2.compare(above_low, self._width, cv2.CMP_GT, dst=above_low)
+            above_low = np.subtract(image, room.low)
+            outside = cv2.compare(above_low, room.width, cv2.CMP_GT, dst=above_low)
         blue, green, red = cv2.split(outside)
         mask = cv2.bitwise_or(cv2.bitwise_or(blue, green, dst=blue), red, dst=blue)
         if self.settings.dilation_px:
@@ -135,22 +145,64 @@ class Detector:
                 f"the image is {image.shape[1]}x{image.shape[0]}, its background {self._size[0]}x{self._size[1]}",
                 advice="learn the background again",
             )
+        window = self._window(image)
+        if window is None:
+            self._partly = 0
+            found = self._chosen(self._found(image, self._room))
+        else:
+            self._partly += 1
+            found = self._chosen(self._found_within(image, window))
+        self._last = found
+        return found
+
+    def _window(self, image: Image) -> "_Window | None":
+        """Return the part of a large image in which the markers of the last must be; None: look everywhere."""
+        height, width = image.shape[:2]
+        if height * width <= _SMALL_IMAGE or self._partly + 1 >= self.settings.whole_every or len(self._last) == 0:
+            return None
+        reach = round(_REACH * max(height, width)) + self._rim
+        left, top = np.maximum(self._last[:, :2].min(axis=0).astype(int) - reach, 0).tolist()
+        right, bottom = (self._last[:, :2].max(axis=0).astype(int) + reach + 1).tolist()
+        return slice(top, min(bottom, height)), slice(left, min(right, width))
+
+    @property
+    def _rim(self) -> int:
+        """Pixels at the edge of a part of an image where a marker may be cut off."""
+        return int(2.0 * self.settings.maximum_radius_px) + len(_SPOT_KERNEL)
+
+    def _found_within(self, image: Image, window: "_Window") -> Array:
+        """Return what is found in a part of an image, but not at edges where the image goes on."""
+        rows, columns = window
+        table = self._found(image[window], None if self._room is None else self._room.within(window))
+        table[:, X] += columns.start
+        table[:, Y] += rows.start
+        height, width = image.shape[:2]
+        inside = np.ones(len(table), dtype=bool)
+        for place, part, size in ((table[:, X], columns, width), (table[:, Y], rows, height)):
+            inside &= (place >= part.start + self._rim) | (part.start == 0)
+            inside &= (place < part.stop - self._rim) | (part.stop == size)
+        return table[inside]
+
+    def _found(self, image: Image, room: "_Room | None") -> Array:
+        """Return all that may be markers in an image, or in a part with the same of the room."""
         dimmest = max(self._threshold, _DIMMEST * self.settings.relative_brightness * self._usual_contrast)
-        parts = _parts(self.foreground(image), self.settings)
-        alone, bodies = self._measure_alone(image, [part for part in parts if part.may_be_marker], dimmest)
+        parts = _parts(self._foreground(image, room), self.settings)
+        alone, bodies = self._measure_alone(image, room, [part for part in parts if part.may_be_marker], dimmest)
         # what is no marker as a whole is the performer, or a part, who wears some
         bodies += [part for part in parts if not part.may_be_marker]
-        return self._chosen(np.concatenate((alone, self._measure_on_bodies(image, bodies, dimmest))))
+        return np.concatenate((alone, self._measure_on_bodies(image, room, bodies, dimmest)))
 
-    def _measure_alone(self, image: Image, parts: "list[_Part]", dimmest: float) -> "tuple[Array, list[_Part]]":
+    def _measure_alone(
+        self, image: Image, room: "_Room | None", parts: "list[_Part]", dimmest: float
+    ) -> "tuple[Array, list[_Part]]":
         """Return the markers among parts of the foreground, and the parts that are bright but none."""
         if not parts:
             return np.empty((0, COLUMNS)), []
         owner, x, y = _pixels(parts)
         colours = image[y, x]
         rise = colours.astype(np.float32)
-        if self._mean is not None:
-            rise -= self._mean[y, x]
+        if room is not None:
+            rise -= room.mean[y, x]
         contrast = _contrast(rise, owner, len(parts))
         bright = np.zeros(len(parts), dtype=bool)
         bright[owner[contrast >= dimmest]] = True
@@ -160,9 +212,9 @@ class Detector:
         bright[owners[fitting]] = False
         return table[fitting], [parts[i] for i in np.flatnonzero(bright)]
 
-    def _measure_on_bodies(self, image: Image, bodies: "list[_Part]", dimmest: float) -> Array:
+    def _measure_on_bodies(self, image: Image, room: "_Room | None", bodies: "list[_Part]", dimmest: float) -> Array:
         """Return the markers on parts of the foreground that are no markers as a whole."""
-        spots = [self._spots(image, body, dimmest) for body in bodies]
+        spots = [self._spots(image, room, body, dimmest) for body in bodies]
         if not spots:
             return np.empty((0, COLUMNS))
         owners, table = measure_apart(above_skin(joined(spots)))
@@ -174,17 +226,17 @@ class Detector:
             fitting[(body == number) & (table[:, BRIGHTNESS] < limit)] = False
         return table[fitting]
 
-    def _spots(self, image: Image, body: "_Part", dimmest: float) -> BlobPixels:
+    def _spots(self, image: Image, room: "_Room | None", body: "_Part", dimmest: float) -> BlobPixels:
         """Return bright spots on a performer in a lit room."""
         window = body.window
         light = _light(image[window])
         inside = body.inside.view(np.uint8)
-        above_background = light if self._light is None else cv2.subtract(light, self._light[window])
+        above_background = light if room is None else cv2.subtract(light, room.light[window])
         if cv2.minMaxLoc(above_background, inside)[1] < 3.0 * dimmest:
             return NO_PIXELS
         contrast = cv2.morphologyEx(light, cv2.MORPH_TOPHAT, _SPOT_KERNEL)
         # what is no brighter than the empty room is the room beside a limb
-        lit = body.inside & (light >= (3.0 * self._threshold if self._lit is None else self._lit[window]))
+        lit = body.inside & (light >= (3.0 * self._threshold if room is None else room.lit[window]))
         bright = (lit & (contrast >= 3.0 * max(self._threshold, _LOWEST_SPOT_CONTRAST))).view(np.uint8)
         spots = _parts(np.asarray(cv2.dilate(bright, np.ones((3, 3), np.uint8)), dtype=np.uint8), self.settings)
         if not spots:
@@ -202,7 +254,8 @@ class Detector:
         return np.asarray(inside & (table[:, ROUNDNESS] >= s.minimum_roundness))
 
     def _chosen(self, table: Array) -> Float32:
-        table = table[np.argsort(-table[:, CONTRAST], kind="stable")]
+        # sums have no more digits: the equally bright stay in the order of the image's rows
+        table = table[np.argsort(-table[:, CONTRAST].round(6), kind="stable")]
         if len(table) == 0:
             self._usual_contrast *= _MEMORY
         elif self.settings.threshold is None:
@@ -215,6 +268,31 @@ class Detector:
             usual_radius = median(table[:, RADIUS].tolist())
             table = table[table[:, RADIUS] >= self.settings.relative_radius * usual_radius]
         return table[: self.settings.maximum_blobs, (X, Y, RADIUS, BRIGHTNESS, HUE)].astype(np.float32)
+
+
+_Window = tuple[slice, slice]
+
+
+@dataclass(frozen=True)
+class _Room:
+    """The empty room.
+
+    Args:
+        low, width: (h, w, 3) least value of each pixel and channel that is still background, and how far up it goes.
+        mean: (h, w, 3) grey levels.
+        light: (h, w) sum of the channels.
+        lit: (h, w) the same where it has risen by the threshold.
+    """
+
+    low: Image
+    width: Image
+    mean: Float32
+    light: NDArray[np.uint16]
+    lit: NDArray[np.uint16]
+
+    def within(self, window: _Window) -> "_Room":
+        """Return a part of it."""
+        return _Room(self.low[window], self.width[window], self.mean[window], self.light[window], self.lit[window])
 
 
 @dataclass(frozen=True)
@@ -233,7 +311,7 @@ class _Part:
     may_be_marker: bool
 
     @property
-    def window(self) -> tuple[slice, slice]:
+    def window(self) -> _Window:
         """The box in its image."""
         height, width = self.inside.shape
         return slice(self.top, self.top + height), slice(self.left, self.left + width)
@@ -255,7 +333,7 @@ def _parts(mask: Image, settings: DetectionSettings) -> list[_Part]:
         _, labels = cv2.connectedComponentsWithAlgorithm(window, 8, cv2.CV_16U, cv2.CCL_BOLELLI)
         x, y = contour[0, 0]
         parts.append(_Part(left, top, labels == labels[y - top, x - left], side <= 4.0 * settings.maximum_radius_px))
-    return parts
+    return parts[::-1]  # contours come from the last row to the first
 
 
 def _pixels(parts: Sequence[_Part]) -> tuple[IntArray, IntArray, IntArray]:

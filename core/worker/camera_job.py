@@ -2,12 +2,14 @@
 
 Request: "source" (see `sources.spec`), "rig" (calibration file; null for the simulated performer, whose cameras are
 known), "background_s" (seconds in which the empty room is learned, cameras only), "threshold" (grey levels or null),
-"in_flight" (frames that may be on their way; null: no limit. Cameras cannot wait, all other sources can).
+"in_flight" (frames that may be on their way; null: no limit. Cameras cannot wait, all other sources can), "preview"
+(see `preview`).
 """
 
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from itertools import islice
 from threading import Event
 from typing import Any
@@ -19,15 +21,18 @@ from numpy.typing import NDArray
 from ..camera import CameraRig, load_rig
 from ..errors import CaptureError
 from ..sources.spec import ImageSetLike, ImageSource, open_source
+from ..vision.blob_preview import draw_blobs
 from ..vision.detect import DetectionSettings
 from ..vision.live import live_frames
 from ..vision.pipeline import MarkerPipeline, PipelineSettings
 from .channel import Channel
+from .preview import PreviewSender
 
 Image = NDArray[np.uint8]
 
 _EMPTY_FRAMES = 30  # of the simulated room
 _SPREAD_FRAMES = 40  # of a recorded take, which shows the performer
+_WHOLE_EVERY = 4  # large images: 50 ms at 60 Hz until a marker from elsewhere is found
 
 
 class Stopped(Exception):  # noqa: N818 - no error: somebody asked for the end
@@ -48,21 +53,31 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
             channel.send_status("waiting for images")
             for warning in getattr(source, "warnings", ()):
                 channel.send_warning(warning)
-            images = _until(channel.stop_requested, source if is_live(request) else _paced(source))
+            images = _Images(channel.stop_requested, source if is_live(request) else _paced(source))
+            preview = PreviewSender(request, channel)
             for stamp_s, frame in live_frames(images, pipeline, channel.send_warning, exact=is_simulated(request)):
                 channel.send_frame(stamp_s, frame)
+                preview.send(images.newest, partial(draw_blobs, frame))
                 if in_flight is not None:
                     channel.wait_taken(int(in_flight))
     except Stopped:
         return
 
 
-def _until(stop: Event, images: Iterable[ImageSetLike]) -> Iterator[ImageSetLike]:
-    """Yield image sets until a stop is asked for."""
-    for moment in images:
-        if stop.is_set():
-            return
-        yield moment
+class _Images:
+    """Image sets until a stop is asked for; `newest` are the images of the last."""
+
+    def __init__(self, stop: Event, images: Iterable[ImageSetLike]) -> None:
+        self.newest: tuple[Image, ...] = ()
+        self._stop = stop
+        self._images = images
+
+    def __iter__(self) -> Iterator[ImageSetLike]:
+        for moment in self._images:
+            if self._stop.is_set():
+                return
+            self.newest = moment.images
+            yield moment
 
 
 def is_live(request: Mapping[str, Any]) -> bool:
@@ -104,7 +119,7 @@ def _rig(request: Mapping[str, Any], source: ImageSource) -> CameraRig:
 
 def _settings(request: Mapping[str, Any]) -> PipelineSettings:
     threshold = request.get("threshold")
-    detection = DetectionSettings(threshold=None if threshold is None else float(threshold))
+    detection = DetectionSettings(None if threshold is None else float(threshold), whole_every=_WHOLE_EVERY)
     return PipelineSettings(detection=(detection,))
 
 

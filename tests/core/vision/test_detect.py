@@ -171,3 +171,39 @@ def test_images_of_another_size_than_the_background_are_refused(draw):
         learned_background([])
     with pytest.raises(SettingsError, match="threshold"):
         DetectionSettings(threshold=0.0)
+
+
+def large_room(centres, seed):
+    """An image of 1280x720 with a clothed body that hides the left of a lit room, and discs."""
+    image = np.full((720, 1280, 3), 60.0)
+    image[200:600, 400:520] = 110.0
+    for x, y in centres:
+        rows, columns = np.mgrid[int(y) - 9 : int(y) + 10, int(x) - 9 : int(x) + 10]
+        cover = np.clip(5.5 - np.hypot(rows - y, columns - x), 0.0, 1.0)[..., None]
+        patch = image[int(y) - 9 : int(y) + 10, int(x) - 9 : int(x) + 10]
+        patch[:] = patch * (1.0 - cover) + 235.0 * cover
+    noise = np.random.default_rng(seed).normal(0.0, 2.0, image.shape)
+    return np.clip(np.rint(image + noise), 0, 255).astype(np.uint8)
+
+
+def test_a_part_of_a_large_image_shows_the_same_markers_as_the_whole():
+    room = np.full((720, 1280, 3), 60.0)
+    rng = np.random.default_rng(0)
+    empty = learned_background(
+        np.clip(np.rint(room + rng.normal(0.0, 2.0, room.shape)), 0, 255).astype(np.uint8) for _ in range(8)
+    )
+    whole, partly = Detector(empty), Detector(empty, DetectionSettings(whole_every=4))
+    start = np.array([[450.0, 250.0], [470.0, 400.0], [440.0, 560.0], [620.0, 330.0], [330.0, 340.0]])
+    late = []
+    for number in range(14):
+        # fast, and from number 6 on one more comes into sight far away
+        centres = start + number * np.array([[1.0, 2.0], [0.0, -1.0], [3.0, 0.0], [25.0, -6.0], [-12.0, 5.0]])
+        centres = np.concatenate((centres, [[1150.0, 120.0 + number]])) if number >= 6 else centres
+        image = large_room(centres, number)
+        expected, found = whole.detect(image), partly.detect(image)
+        if number >= 6 and len(found) < len(expected):
+            late.append(number)
+            expected = expected[expected[:, 0] < 1100.0]
+        np.testing.assert_allclose(found, matched(expected, found[:, :2]), atol=0.01)
+        assert len(found) == len(expected) == len(centres) - (number in late)
+    assert 1 <= len(late) <= 3
