@@ -50,6 +50,22 @@ def test_what_is_written_is_read_to_the_last_bit(tmp_path: Path, write: Write, s
     assert listed.duration_s == pytest.approx(11 / 60)
 
 
+def test_takes_of_the_first_version_stay_readable() -> None:
+    """The file was written once; whatever changes in marker frames, poses or the layout, old takes are still read."""
+    take = read_take_file(Path(__file__).with_name("version-1.perftake"))
+    assert take.complete
+    assert (take.notes.name, take.notes.rating, take.events) == ("Walk 1", 3, ("left camera frozen",))
+    assert take.setup.settings == {"method": "lwr"}
+    assert take.setup.worn_subject().marker_set.names[0] == "HEAD"
+    assert len(take.setup.camera_rig()) == 2
+    assert [frame.number for frame in take.frames] == [solved.pose.number for solved in take.poses] == [0, 1]
+    first = take.frames[0]
+    assert first.notes == ("left camera frozen",)
+    np.testing.assert_allclose(first.detected[1], first.blobs[1] + 0.5, atol=1e-6)
+    assert first.points_m.shape == (3, 3)
+    np.testing.assert_allclose(np.linalg.norm(take.poses[1].pose.rotations, axis=1), 1.0)
+
+
 def test_every_cut_leaves_all_whole_chunks(tmp_path: Path, write: Write) -> None:
     data = write(tmp_path / "whole.perftake", 4, 2).read_bytes()
     chunks, _ = scan(data, "")
