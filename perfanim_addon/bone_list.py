@@ -53,7 +53,9 @@ class PERFANIM_PG_joint(bpy.types.PropertyGroup):
     """A joint (its name is the property `name`) and its bone."""
 
     bone: bpy.props.StringProperty(
-        name="Bone", description="Bone that stands for this joint; empty: none", update=_edited
+        name="Bone",
+        description="Bone that stands for this joint; empty: none",
+        update=_edited,
     )
     state: bpy.props.StringProperty()
     reason: bpy.props.StringProperty()
@@ -68,7 +70,9 @@ class PERFANIM_PG_character(bpy.types.PropertyGroup):
     problem: bpy.props.StringProperty()
     filling: bpy.props.BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
     root_motion: bpy.props.EnumProperty(
-        name="Root Motion", description="What carries the character through the room", items=_ROOT_MOTIONS
+        name="Root Motion",
+        description="What carries the character through the room",
+        items=_ROOT_MOTIONS,
     )
 
 

@@ -7,6 +7,7 @@ import bpy
 from ..core.retarget.bone_map import EXPECTED, State
 from ..core.retarget.presets import preset_paths
 from .bone_list import joint_label
+from .character import check_armature
 from .place import user_folder
 from .posing import PRESETS_FOLDER
 
@@ -32,7 +33,7 @@ class PERFANIM_UL_joints(bpy.types.UIList):
         needed = item.name in EXPECTED
         row = layout.row(align=True)
         row.alert = item.state == State.DOUBTFUL.value or (needed and item.state == State.MISSING.value)
-        split = row.split(factor=0.4, align=True)
+        split = row.split(factor=0.36, align=True)
         split.label(text=joint_label(item.name), icon=_ICONS.get(item.state, "ERROR" if needed else "RADIOBUT_OFF"))
         split.prop_search(item, "bone", data.id_data.data, "bones", text="")
 
@@ -64,7 +65,7 @@ def draw_bones(layout: bpy.types.UILayout, armature_object: bpy.types.Object | N
         if entry.reason:
             column.label(text=entry.reason, icon="INFO")
         column.operator("perfanim.pick_bone", icon="EYEDROPPER")
-    if kept.joints or kept.problem:
+    if kept.joints or check_armature(armature_object):
         row = layout.row(align=True)
         row.operator("perfanim.find_bones", icon="VIEWZOOM")
         row.menu(PERFANIM_MT_bone_maps.bl_idname, text="", icon="PRESET")

@@ -18,6 +18,7 @@ from .character import check_armature, read_rest
 from .place import user_folder
 from .retarget_rig import followed_bones, is_constrained, read_armature_rest, switch_to_fk
 
+_LINKED = "make a library override of it (Object > Library Override > Make)"
 PRESETS_FOLDER = "bone_maps"  # of the user's
 
 
@@ -68,6 +69,8 @@ def find_map(armature_object: bpy.types.Object, presets_folder: Path | None = No
 
 def fill_map(armature_object: bpy.types.Object) -> None:
     """Find the bone map of an armature and keep it with it, or why there is none; the product's names need none."""
+    if armature_object.library is not None:
+        return
     kept = armature_object.perfanim_character
     kept.joints.clear()
     kept.problem = ""
@@ -81,13 +84,13 @@ def fill_map(armature_object: bpy.types.Object) -> None:
 
 def map_problem(armature_object: bpy.types.Object) -> str:
     """Return why an armature cannot be driven by what is kept with it, "" when it can; quick enough for drawing."""
+    if armature_object.library is not None:
+        return f"it is linked from another file; {_LINKED}"
     try:
-        kept = stored_map(armature_object)
+        stored_map(armature_object)
     except CharacterError as error:
         return f"{error.what}; {error.advice}"
-    return (
-        "" if kept is not None or not check_armature(armature_object) else "its bones are not mapped; click Find Bones"
-    )
+    return ""
 
 
 def posing_of(armature_object: bpy.types.Object, skeleton: Skeleton) -> Posing:
@@ -96,6 +99,10 @@ def posing_of(armature_object: bpy.types.Object, skeleton: Skeleton) -> Posing:
     Raises:
         CharacterError: it cannot be driven, with the reason.
     """
+    if armature_object.library is not None:
+        raise CharacterError(
+            "is linked from another file and cannot be posed", where=armature_object.name, advice=_LINKED
+        )
     kept = stored_map(armature_object)
     root_motion = stored_root_motion(armature_object)
     if kept is None and root_motion is RootMotion.HIPS and not check_armature(armature_object):

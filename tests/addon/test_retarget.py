@@ -137,6 +137,15 @@ def test_characters_of_others_move_like_the_performer(shared_dir: Path, tmp_path
     check_played(done, motion)
 
 
+def test_fbx_characters_are_read(mixamo_blend: Path, tmp_path: Path) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
+    bpy.ops.export_scene.fbx(filepath=str(tmp_path / "hero.fbx"), add_leaf_bones=False)
+    motion = clip("boxing-01-neutral", 16)
+    done = retarget_file(motion, tmp_path / "hero.fbx", tmp_path / "out.blend")
+    assert done["mapped"]["rhand"] == "mixamorig:RightHand"
+    check_played(done, motion)
+
+
 def test_a_fox_is_refused_with_the_reason(shared_dir: Path, tmp_path: Path) -> None:
     with pytest.raises(CharacterError, match=r"Fox.glb: it is no biped: its trunk leans 87 degrees"):
         retarget_file(
@@ -288,3 +297,27 @@ def test_a_held_bone_is_told(mixamo_blend: Path) -> None:
     constraint.target = holder
     with pytest.raises(CharacterError, match="constraints hold the bone 'mixamorig:LeftHand'"):
         ArmatureDriver("Hero", default_skeleton())
+
+
+def test_a_linked_rig_is_driven_through_its_override(mixamo_blend: Path, addon: ModuleType, tmp_path: Path) -> None:
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    with bpy.data.libraries.load(str(mixamo_blend), link=True) as (_, wanted):
+        wanted.objects = ["Hero"]
+    linked = bpy.data.objects["Hero"]
+    bpy.context.scene.collection.objects.link(linked)
+    chosen = bpy.context.scene.perfanim
+    chosen.armature = linked
+    states = sys.modules[f"{addon.__name__}.perfanim_addon.states"]
+    assert "make a library override" in states.character(chosen).problem
+    own = linked.override_hierarchy_create(bpy.context.scene, bpy.context.view_layer, do_fully_editable=True)
+    chosen.armature = own
+    assert states.character(chosen).ready
+    motion = clip("boxing-01-neutral", 4)
+    actions = sys.modules[f"{addon.__name__}.perfanim_addon.actions"]
+    actions.write_action(own.name, np.arange(1.0, 5.0), motion.rotations, motion.root_positions_m, motion.skeleton)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
+    again = bpy.context.scene.perfanim.armature
+    assert again.override_library is not None
+    assert states.character(bpy.context.scene.perfanim).ready
+    assert len(curves_of(again)) > 100
