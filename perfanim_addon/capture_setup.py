@@ -53,7 +53,7 @@ def make(settings: Any) -> Setup:
     save_subject(subject, subject_path)
     request = {
         "job": "capture",
-        "cameras": cameras(settings),
+        "cameras": {**cameras(settings), "preview": bool(settings.capture_preview)},
         "subject": subject_path,
         "database": database_path,
         "take": str(takes.new_path()),

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..core.errors import CaptureError, PerfanimError
 from ..core.pose_frame import PoseFrame
 from ..core.worker.protocol import Message, MessageKind
@@ -84,6 +87,7 @@ class CaptureRun:
         self._clock = clock
         self._arrivals: deque[float] = deque()
         self._stamp = 0.0
+        self._preview: Message | None = None
         self._last_arrival = self._stop_asked = clock()
 
     @property
@@ -123,6 +127,11 @@ class CaptureRun:
             )
         return self.poses[-1] if len(self.poses) > before else None
 
+    def take_preview(self) -> NDArray[np.uint8] | None:
+        """Return the newest picture (height, width, 3), RGB, of what the cameras see; None when there is no new one."""
+        message, self._preview = self._preview, None
+        return None if message is None else message.preview()
+
     def shown(self) -> None:
         """Note that the newest pose stands on the armature now: its latency ends here."""
         self.statistics.latency_s = self._clock() - self._stamp
@@ -154,6 +163,8 @@ class CaptureRun:
             self.fraction = float(fraction) if isinstance(fraction, int | float) else None
         elif message.kind is MessageKind.WARNING:
             self.warnings.append(str(message.json().get("text", "")))
+        elif message.kind is MessageKind.PREVIEW:
+            self._preview = message
         elif message.kind is MessageKind.ERROR:
             self.error = self.error or message.error()
         elif message.kind is MessageKind.END:

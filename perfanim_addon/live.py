@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..core.pose_frame import PoseFrame
 from ..core.product_skeleton import default_skeleton
 from ..core.skeleton import Skeleton
-from . import capture_setup, takes
+from . import capture_setup, preview, takes
 from .actions import scene_frames, write_action
 from .armature_driver import ArmatureDriver
 from .capture_state import CaptureRun, Phase
@@ -114,6 +114,9 @@ class Capture:
             self._prepare(context)
             return False
         pose = self.run.tick()
+        picture = self.run.take_preview()
+        if picture is not None:
+            preview.show(picture, self.run.notice)
         if pose is None:
             return False
         self._bind(context).apply(pose.rotations, pose.root_position_m)

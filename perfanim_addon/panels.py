@@ -210,6 +210,9 @@ class PERFANIM_PT_capture(bpy.types.Panel):
             draw_text(context, layout, problem, "ERROR")
             if not problem:
                 draw_text(context, layout, *running.message("capture"))
+        row = layout.row()
+        row.enabled = not isinstance(activity, Capture)
+        row.prop(settings(context), "capture_preview")
         layout.prop(settings(context), "extend_scene")
 
     def _draw_figures(self, context: bpy.types.Context, layout: bpy.types.UILayout, capture: Capture) -> None:

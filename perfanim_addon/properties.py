@@ -190,6 +190,12 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         poll=_is_armature,
         update=_find_bones,
     )
+    capture_preview: bpy.props.BoolProperty(
+        name="Preview",
+        description="Show what the cameras see while capturing, and which blobs are taken for markers: "
+        "green by both cameras, orange by one alone, red by none",
+        default=False,
+    )
     extend_scene: bpy.props.BoolProperty(
         name="Extend Scene",
         description="Move the scene's end frame back if the recording is longer",

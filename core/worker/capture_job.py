@@ -182,6 +182,8 @@ class _Relay:
             self._channel.send_warning(text)
             if self._kept is not None:
                 self._kept.add_event(text)
+        elif message.kind is MessageKind.PREVIEW:
+            self._channel.send_preview(message.preview())
         elif message.kind is MessageKind.END:
             self._channel.final["handed_over"] = int(message.json().get("frames", -1))
         elif message.kind is MessageKind.ERROR:

@@ -8,7 +8,7 @@ import pytest
 from perfanim.core.errors import CaptureError
 from perfanim.core.pose_bytes import SolvedPose, pack_solved
 from perfanim.core.pose_frame import PoseFrame
-from perfanim.core.worker.protocol import Decoder, Message, MessageKind, encode, encode_json
+from perfanim.core.worker.protocol import Decoder, Message, MessageKind, encode, encode_json, encode_preview
 from perfanim.perfanim_addon.capture_state import STOP_LIMIT_S, CaptureRun, Phase
 
 
@@ -175,3 +175,15 @@ def test_the_rate_is_that_of_the_last_second() -> None:
         clock.now += 1 / 60
         run.tick()
     assert run.statistics.frames_per_s == pytest.approx(60, abs=1.5)
+
+
+def test_the_newest_picture_is_handed_out_once() -> None:
+    run, worker, _ = a_run()
+    assert run.take_preview() is None
+    old, new = (np.full((2, 3, 3), value, np.uint8) for value in (1, 2))
+    worker.say(encode_preview(old), encode_preview(new))
+    assert run.tick() is None
+    picture = run.take_preview()
+    assert picture is not None
+    np.testing.assert_array_equal(picture, new)
+    assert run.take_preview() is None

@@ -65,19 +65,26 @@ def test_every_frame_of_a_source_that_ends_is_solved(request_files: dict[str, st
     assert numbers == list(range(len(numbers)))
     assert messages[-1].json()["handed_over"] == len(numbers) > 300  # T pose, arms down, 4 s of walking, standing
     assert np.mean([each.pose.confidence for each in solved]) > 0.5
+    assert not of(MessageKind.PREVIEW, messages)  # nobody asked for it
     stamps = [each.stamp_s for each in solved]
     assert stamps == sorted(stamps)
 
 
 def test_stop_ends_the_chain_and_loses_nothing(request_files: dict[str, str]) -> None:
-    client = WorkerClient(request(request_files, loop=True))
+    asked = request(request_files, loop=True)
+    asked["cameras"]["preview"] = True
+    client = WorkerClient(asked)
     try:
-        messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= 20)
+        messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= 20 and bool(of(MessageKind.PREVIEW, m)))
         client.request_stop()
         messages = collect(client, lambda _: client.ended, messages)
     finally:
         client.close()
     assert messages[-1].json()["handed_over"] == len(of(MessageKind.POSE, messages)) >= 20
+    picture = of(MessageKind.PREVIEW, messages)[0].preview().astype(int)
+    assert picture.shape == (240, 640, 3)
+    ringed = (picture[..., 1] - picture[..., [0, 2]].max(axis=2) > 80).sum(axis=0)  # green: in both cameras' images
+    assert ringed[:320].sum() > 20 and ringed[320:].sum() > 20
 
 
 def test_stop_while_the_background_is_learned_is_a_clean_end(request_files: dict[str, str]) -> None:
