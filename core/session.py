@@ -14,7 +14,7 @@ from .marker_frame import MarkerFrame
 from .marker_set import Subject
 from .pose_frame import PoseFrame
 from .second_look import SecondLook
-from .single_view_start import label_single_view
+from .single_view_following import SingleViewFollower
 from .skeleton import marker_positions
 from .solver.observation import Observation
 from .solver.pose_solver import PoseSolver, Solution
@@ -55,7 +55,11 @@ class Session:
         self._cameras = rig.cameras if rig else ()
         self._model = SubjectModel(subject, database.mean_rotations)
         self._solver = PoseSolver(self._model, database, self.settings)
-        self._start = self._start_labeller(database)
+        examples, ups = self._examples(database)
+        self._start = StartLabeller(examples, ups, self._model.torso)
+        poses = [self._markers_of(pose(self._model.skeleton)) for pose in (t_pose, standing)]
+        one = len(self._cameras) == 1
+        self._follower = SingleViewFollower(self._cameras[0], self._model.torso, poses, examples) if one else None
         self.reset()
 
     def reset(self) -> None:
@@ -68,7 +72,8 @@ class Session:
         self._solver.reset()
         self._labeller = Labeller(self.subject.marker_set.names, self._model.torso)
         self._second_look = SecondLook(self._start, self._model.torso)
-        self._assumed_m: Array | None = None
+        if self._follower is not None:
+            self._follower.reset()
         self._trusted_s: float | None = None
         self._located_s: float | None = None
         self._checked_s: float | None = None
@@ -76,25 +81,40 @@ class Session:
 
     def step(self, frame: MarkerFrame) -> PoseFrame:
         """Return the pose of the next marker frame."""
-        observation = self._label(frame)
-        if self._second_look.changed:
-            self._solver.reset()
-        solution = self._solver.step(observation, frame.time_s, self._assumed_m)
+        if self._follower is None or _is_labelled(frame):
+            observation, solution = self._followed(frame)
+        else:
+            observation, solution = self._followed_by_one_camera(frame, self._follower)
         result = self._solved(frame, observation, solution) if solution else self._unsolved(frame, observation)
         self._last = result
         if self._lost(result) or self._mislabelled(frame, result):
             self._restart()
         return result
 
-    def _start_labeller(self, database: Database) -> StartLabeller:
-        """Return what labels a body in any pose like the database's, or in a calibration pose."""
+    def _followed(self, frame: MarkerFrame) -> tuple[Observation, Solution | None]:
+        observation = self._label(frame)
+        if self._second_look.changed:
+            self._solver.reset()
+        return observation, self._solver.step(observation, frame.time_s)
+
+    def _followed_by_one_camera(
+        self, frame: MarkerFrame, follower: SingleViewFollower
+    ) -> tuple[Observation, Solution | None]:
+        way = follower.step(frame, self._solver, self._last.confidence if self._last else 0.0)
+        if way is None:
+            return Observation.of_points(np.full((len(self.subject.marker_set), 3), np.nan)), None
+        self._solver = way.solver
+        return way.observation, way.solution
+
+    def _examples(self, database: Database) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return markers (E, M, 3) with the root at rest, and the root's way up (E, 3), of poses of all kinds."""
         model = self._model
         frames = np.unique(np.linspace(0, database.frames - 1, _EXAMPLES).astype(np.int64))
         posed = [self._markers_of(pose(model.skeleton)) for pose in (t_pose, standing)]
         upright = np.array([0.0, 1.0, 0.0])
         ups = rot.rotate(rot.conjugate(database.root_rotations[frames]), upright)
         examples = np.concatenate((model.database_markers(database, frames), posed)).astype(np.float32)
-        return StartLabeller(examples, np.concatenate((ups, [upright, upright])).astype(np.float32), model.torso)
+        return examples, np.concatenate((ups, [upright, upright])).astype(np.float32)
 
     def _markers_of(self, rotations: Array) -> Array:
         model = self._model
@@ -104,10 +124,8 @@ class Session:
         """Return what was seen of each marker."""
         predicted = self._solver.predicted_markers_m()
         count = len(self.subject.marker_set)
-        if np.any(frame.labels >= 0) or np.any(frame.single_labels >= 0):
+        if _is_labelled(frame):
             return self._known(frame)
-        if predicted is None and len(self._cameras) == 1:
-            return self._started_by_one_camera(frame)
         if predicted is None:
             start = self._start.label(frame.points_m)
             labels = start.labels if start else np.full(len(frame.points_m), -1)
@@ -135,20 +153,6 @@ class Session:
         image_points[single < 0] = np.nan
         observation = Observation(found.points_m, single, image_points, self._cameras)
         return self._reconsidered(frame, observation, found.unnamed(frame))
-
-    def _started_by_one_camera(self, frame: MarkerFrame) -> Observation:
-        """Return what was seen in a first frame, once the performer stands in a calibration pose before the camera."""
-        count = len(self.subject.marker_set)
-        poses = [self._markers_of(pose(self._model.skeleton)) for pose in (t_pose, standing)]
-        start = label_single_view(frame.single_points, self._cameras[0], poses)
-        if start is None:
-            return Observation.of_points(np.full((count, 3), np.nan))
-        self._assumed_m = start.markers_m
-        named = start.labels >= 0
-        cameras, image_points = np.full(count, -1, dtype=np.int64), np.full((count, 2), np.nan)
-        cameras[start.labels[named]] = 0
-        image_points[start.labels[named]] = frame.single_points[named]
-        return Observation(np.full((count, 3), np.nan), cameras, image_points, self._cameras)
 
     def _reconsidered(self, frame: MarkerFrame, observation: Observation, unnamed_m: Array) -> Observation:
         """Return what was seen under better labels, where a second look finds them."""
@@ -248,7 +252,7 @@ class Session:
         again soon after, then ever more rarely.
         """
         now = result.time_s
-        if np.any(frame.labels >= 0) or np.any(frame.single_labels >= 0) or self._solver.predicted_markers_m() is None:
+        if _is_labelled(frame) or self._solver.predicted_markers_m() is None:
             return False
         if self._checked_s is None:
             self._checked_s = now
@@ -259,6 +263,11 @@ class Session:
         self._checked_s, self._check_after_s = now, min(2.0 * self._check_after_s, _RARE_CHECK_S)
         start = self._start.label(frame.points_m)
         return start is not None and start.distance_m < _BETTER * self._start.distance_m(result.observed_m)
+
+
+def _is_labelled(frame: MarkerFrame) -> bool:
+    """Whether the source knows which marker is which."""
+    return bool(np.any(frame.labels >= 0) or np.any(frame.single_labels >= 0))
 
 
 def _by_marker(points_m: Array, labels: IntArray, count: int) -> Array:

@@ -18,12 +18,15 @@ from .camera import Camera
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_TURNS_DEG = (-40.0, -20.0, 0.0, 20.0, 40.0)  # from facing the camera
+_TURNS_DEG = (-60.0, -40.0, -20.0, 0.0, 20.0, 40.0, 60.0)  # from facing the camera
 _PAIRS = 4  # of markers, the farthest apart, that two blobs are taken for
 _NEAREST_M, _FARTHEST_M = 0.8, 10.0
 _BENT = 0.25  # how far, of their distance, two blobs may lie across from the direction of their markers
 _GATE_M = 0.25  # across the ray, at the marker's distance
-_REFINED = 40  # placements
+_MISSED_M = 0.10  # what a marker costs that is not found, and at most one that is
+_NARROWING = 0.8  # of the gate, down to that, from one round to the next: a hidden marker must not keep another's blob
+_REFINED = 2  # placements of each pose and turn
+_CLOSEST = 12  # of many poses laid where the body is, that are refined
 _ROUNDS = 10  # of assigning and moving
 _TILT_SIGMA_RAD = 0.1  # of a person who stands upright
 _SIGMA_M = 0.03  # of a marker in a pose that is never held exactly
@@ -58,14 +61,13 @@ def label_single_view(points: Array, camera: Camera, poses_m: Sequence[Array]) -
         return None
     axis = -camera.rotation[2]  # from the performer to the camera
     facing = np.arctan2(axis[0], axis[2])
-    rough: list[tuple[float, Array]] = []
+    rough: list[Array] = []
     for pose in poses_m:
         for turn in np.radians(_TURNS_DEG):
             turned = rot.rotate(rot.from_rotation_vector([0.0, facing + turn, 0.0]), pose)
             rough += _placed(points, turned @ camera.rotation.T)
-    rough.sort(key=lambda pair: pair[0])
     best, least = None, np.inf
-    for _, local in rough[:_REFINED]:
+    for local in rough:
         cost, labels, refined = _refined(points, local, camera.rotation[:, 1])
         if cost < least:
             best, least = (labels, refined), cost
@@ -78,8 +80,30 @@ def label_single_view(points: Array, camera: Camera, poses_m: Sequence[Array]) -
     return SingleViewStart(labels, (local - camera.translation_m) @ camera.rotation)
 
 
-def _placed(points: Array, body: Array) -> list[tuple[float, Array]]:
-    """Return cost and place in the camera's frame of a body (M, 3), for all ways in which two blobs are two markers."""
+def label_near(points: Array, camera: Camera, placed_m: Array, count: int) -> list[SingleViewStart]:
+    """Return different labels of the blobs of a performer who is about where bodies are laid, likeliest first.
+
+    Args:
+        points: (N, 2) undistorted normalised coordinates of the blobs.
+        camera: that sees them.
+        placed_m: (E, M, 3) markers of bodies in many poses, in the world.
+        count: how many labellings at most.
+    """
+    local = camera.to_camera(placed_m.reshape(-1, 3)).reshape(placed_m.shape)
+    depth = np.maximum(local[..., 2:], _NEAREST_M)
+    seen = local[..., :2] / depth
+    squares = np.sum((seen[:, :, None] - points) ** 2, axis=-1) * depth**2
+    costs = np.minimum(squares.min(axis=1), _GATE_M**2).sum(axis=1)  # of the blobs: markers may be hidden
+    found: list[tuple[float, SingleViewStart]] = []
+    for body in local[np.argsort(costs)[:_CLOSEST]]:
+        cost, labels, refined = _refined(points, body, camera.rotation[:, 1])
+        if not any(np.array_equal(labels, other.labels) for _, other in found):
+            found.append((cost, SingleViewStart(labels, (refined - camera.translation_m) @ camera.rotation)))
+    return [start for _, start in sorted(found, key=lambda pair: pair[0])[:count]]
+
+
+def _placed(points: Array, body: Array) -> list[Array]:
+    """Return the likeliest places, in the camera's frame, of a body (M, 3), two of whose markers are two blobs."""
     spans = np.linalg.norm(body[:, None, :2] - body[None, :, :2], axis=-1)
     order = np.argsort(spans, axis=None)[::-1][: 2 * _PAIRS : 2]  # every pair stands there twice
     first, second = np.nonzero(~np.eye(len(points), dtype=bool))
@@ -102,8 +126,7 @@ def _placed(points: Array, body: Array) -> list[tuple[float, Array]]:
     seen = local[..., :2] / local[..., 2:]
     squares = np.sum((seen[:, :, None] - points) ** 2, axis=-1).min(axis=2) * local[..., 2] ** 2
     costs = np.minimum(squares, _GATE_M**2).sum(axis=1)
-    likely = np.argsort(costs)[:_REFINED]
-    return [(float(costs[index]), local[index]) for index in likely]
+    return list(local[np.argsort(costs)[:_REFINED]])
 
 
 def _refined(points: Array, local: Array, up: Array) -> tuple[float, IntArray, Array]:
@@ -111,15 +134,17 @@ def _refined(points: Array, local: Array, up: Array) -> tuple[float, IntArray, A
     labels = np.full(len(points), -1, dtype=np.int64)
     start, pose = local, np.zeros(6)
     cost = np.inf
-    for _ in range(_ROUNDS):
+    for turn in range(_ROUNDS):
+        gate_m = max(_GATE_M * _NARROWING**turn, _MISSED_M)
         distances = np.linalg.norm(_across(local[None], points[:, None]), axis=-1)
-        rows, columns = linear_sum_assignment(np.minimum(distances, _GATE_M) ** 2)
-        near = distances[rows, columns] < _GATE_M
+        rows, columns = linear_sum_assignment(np.minimum(distances, gate_m) ** 2)
+        near = distances[rows, columns] < gate_m
         new = np.full(len(points), -1, dtype=np.int64)
         new[rows[near]] = columns[near]
         missed = len(local) - int(np.sum(near))
-        cost = float(np.sum(distances[rows[near], columns[near]] ** 2)) + missed * _GATE_M**2
-        if np.array_equal(new, labels) or np.sum(near) < 4:
+        off = np.minimum(distances[rows[near], columns[near]], _MISSED_M)
+        cost = float(np.sum(off**2)) + missed * _MISSED_M**2
+        if (np.array_equal(new, labels) and gate_m == _MISSED_M) or np.sum(near) < 4:
             return cost, new, local
         labels = new
         local, pose = _moved(points[rows[near]], columns[near], start, pose, up)

@@ -22,6 +22,7 @@ from .subject_model import RootPose, SubjectModel
 
 Array = NDArray[np.float64]
 
+_EXPECTED_SIGMA_M = 0.01  # of a marker about where the prior has it: skin moves, and no prior is exact
 _STRAIGHT_RAD = 0.05  # a step in which no joint turns more needs no other: markers move as their derivative says
 
 
@@ -95,6 +96,33 @@ def _gram(rows: NDArray[Any]) -> NDArray[Any]:
 def _solved(covariance: Array, right: Array) -> Array:
     """Return the inverse of a positive definite matrix times another; ready to be overwritten."""
     return np.asarray(cho_solve(cho_factor(covariance, check_finite=False), right, check_finite=False))
+
+
+def surprise(
+    prior: Prior,
+    subject: SubjectModel,
+    observation: Observation,
+    pose: Array,
+    root: RootPose,
+    root_sigma: tuple[float, float],
+) -> float:
+    """Return minus the logarithm of the density of the markers, metres, that the prior expects.
+
+    Args:
+        prior, subject, observation, root_sigma: as in `fit_to_markers`.
+        pose, root: about which the markers are linear.
+    """
+    markers, full = subject.markers_and_jacobian(pose.reshape(-1, 3), root)
+    jacobian = control_jacobian(observation, full)
+    by_root, by_pose = jacobian[:, :6], jacobian[:, 6:]
+    innovation = by_pose @ (pose - prior.mean) - control_residual(observation, markers)
+    covariance = by_pose @ _product(prior.covariance, by_pose.T)
+    covariance += (by_root * np.repeat(np.square(root_sigma), 3)) @ by_root.T
+    covariance[np.diag_indices_from(covariance)] += _EXPECTED_SIGMA_M**2
+    factor = np.linalg.cholesky(covariance)
+    unlikely = solve_triangular(factor, innovation, lower=True, check_finite=False)
+    count = len(innovation)
+    return float(0.5 * unlikely @ unlikely + np.log(np.diag(factor)).sum() + 0.5 * count * np.log(2.0 * np.pi))
 
 
 def fit_to_markers(

@@ -1,6 +1,7 @@
 """From labelled markers to poses, frame by frame: search, local model, synthesis, and the alternatives to them."""
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,11 +100,11 @@ class PoseSolver:
         self._pose_history = PoseHistory(database, self._principal_components(), settings.best_history_s)
         self._frame_s = 1.0 / database.fps
         self._typical_markers = np.mean(self._markers[:: max(1, len(self._markers) // 2048)], axis=0, dtype=np.float64)
-        methods: dict[str, Callable[[Observation, RootPose, Examples], _Fitted]] = {
-            "best": self._conditional,
-            "local-pca": self._local_pca,
-            "lwr": self._locally_weighted,
-            "nearest": self._nearest,
+        methods: dict[str, Callable[[PoseSolver, Observation, RootPose, Examples], _Fitted]] = {
+            "best": PoseSolver._conditional,
+            "local-pca": PoseSolver._local_pca,
+            "lwr": PoseSolver._locally_weighted,
+            "nearest": PoseSolver._nearest,
         }
         self._method = methods[settings.method]
         if settings.method == "best":
@@ -123,6 +124,7 @@ class PoseSolver:
         self._root: RootPose | None = None
         self._last_markers: Array | None = None
         self._time_s = 0.0
+        self._expected: tuple[conditional.Prior, Array, RootPose, Observation] | None = None
         self._history.reset()
         self._pose_history.reset()
         self._search.reset()
@@ -134,6 +136,26 @@ class PoseSolver:
         self._time_s = other._time_s
         self._history.continue_from(other._history)
         self._pose_history.continue_from(other._pose_history)
+
+    def branch(self) -> "PoseSolver":
+        """Return a solver that came the same way and goes its own from here; what is large is shared."""
+        result = copy(self)
+        result._search = copy(self._search)
+        result._history, result._pose_history = copy(self._history), copy(self._pose_history)
+        result._history.continue_from(self._history)
+        result._pose_history.continue_from(self._pose_history)
+        return result
+
+    def surprise(self) -> float:
+        """Return how unlikely the last frame's markers were after all before: minus the logarithm of their density.
+
+        In metres, as `control_residual` has them. 0 where nothing was expected, and of methods other than "best".
+        """
+        if self._expected is None:
+            return 0.0
+        prior, pose, root, observation = self._expected
+        root_sigma = (self.settings.root_sigma_m, self.settings.root_sigma_rad)
+        return conditional.surprise(prior, self.subject, observation, pose, root, root_sigma)
 
     @property
     def visited(self) -> int:
@@ -181,7 +203,7 @@ class PoseSolver:
         if located is None:
             return None
         root, examples = located
-        fitted = self._method(observation, root, examples)
+        fitted = self._method(self, observation, root, examples)
         markers = self.subject.markers(fitted.pose.reshape(-1, 3), fitted.root)
         self._before_last, self._last, self._root, self._last_markers = self._last, fitted.pose, fitted.root, markers
         return Solution(
@@ -330,6 +352,7 @@ class PoseSolver:
         if self._last is not None and self._before_last is not None:
             start = expected = self._last + settings.best_momentum * (self._last - self._before_last)
             prior = conditional.continued_prior(prior, expected, self._change)
+        self._expected = (prior, start, root, observation)
         pose, root, steps = conditional.fit_to_markers(
             prior,
             self.subject,
