@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from math import ceil
+from typing import Any
 
 import cv2
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..camera import Camera, CameraRig
 from ..errors import CalibrationError
-from .board import Board, BoardView, find_board, glimpse_board
+from .board import Board, BoardView, find_board, glimpse_board, seen_grid
 from .board_quality import edge_widths
 from .board_watch import BoardWatch, Look, Place, place_of
 from .calibrate import CalibrationResult, calibrate_from_points, grid_of, sides_exchanged
@@ -25,7 +26,7 @@ Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 Region = tuple[int, int]
-Start = Callable[..., "Future[CalibrationResult]"]
+Start = Callable[..., "Future[Any]"]
 
 REGIONS = 3  # of an image, each way
 _REGION_NAMES = (
@@ -46,6 +47,7 @@ _TILTED_VIEWS = 0.5
 _LARGE = 0.25  # of the image width: the root of the board's area
 _TOO_FEW_CELLS = 0.3  # of a region that can be reached: it is not asked for
 _ASKED_BEFORE = 0.3  # coverage that a region is taken to have for each time it was asked for in vain
+_UNSEEN_S = 4.0  # without the board, and it is looked for with other numbers of corners
 _WIDEST = 1.2  # normalised coordinates further out are not of this lens
 
 
@@ -138,6 +140,10 @@ class BoardSession:
         self._calibrated_views = 0
         self._looked_s = -np.inf
         self._due_s: float | None = None
+        self._seen_s: float | None = None
+        self._probe: Future[tuple[int, int] | None] | None = None
+        self._probed: tuple[int, int] | None = None
+        self._other_grid: tuple[int, int] | None = None
         self._last = Sight(None, "", None)
 
     @property
@@ -185,6 +191,7 @@ class BoardSession:
             rows = zip(self._names, self._titles, images, strict=True)
             self._cameras = [_Camera(name, title, (image.shape[1], image.shape[0])) for name, title, image in rows]
         look = self._watch.see(time_s, images, usable)
+        self._probe_for_another(time_s, images, look)
         self._last = self._see_timed(time_s, images, look) if self._every_s else self._see_still(images, look)
         return self._last
 
@@ -224,7 +231,23 @@ class BoardSession:
         self._due_s = time_s + every_s
         return self._taken(images, look) if look.together else Sight(look, self._show_it(look), self._target())
 
+    def _probe_for_another(self, time_s: float, images: Sequence[Image], look: Look) -> None:
+        """Find out whether a board of another size is shown, when none is seen for a while."""
+        if self._seen_s is None or any(view is not None for view in look.views):
+            self._seen_s, self._probed, self._other_grid = time_s, None, None
+        if self._probe is not None and self._probe.done():
+            found, self._probe = self._probe.result(), None
+            self._other_grid = found if found == self._probed else None  # once may be the pattern of a curtain
+            self._probed = found
+        if self._board.kind == "chessboard" and self._probe is None and time_s - self._seen_s > _UNSEEN_S:
+            self._seen_s = time_s
+            self._probe = self._start(seen_grid, images[0], self._board.corner_grid)
+
     def _show_it(self, look: Look) -> str:
+        asked = self._board.corner_grid
+        if self._other_grid is not None and self._other_grid != (max(asked), min(asked)):
+            seen = f"{self._other_grid[0]}x{self._other_grid[1]}"
+            return f"this board has {seen} inner corners, not {asked[0]}x{asked[1]}: set that, then start again"
         blind = [camera.title for camera, view in zip(self._cameras, look.views, strict=True) if view is None]
         if len(blind) == len(self._cameras):
             return "show the whole board to all cameras" if len(blind) > 1 else "show the whole board to the camera"
@@ -243,14 +266,13 @@ class BoardSession:
 
     def _taken(self, images: Sequence[Image], look: Look) -> Sight:
         """Take the view if the corners are found closely, too."""
-        views = [find_board(image, self._board) for image in images]
-        if any(view is None for view in views):
+        views = [view for image in images if (view := find_board(image, self._board)) is not None]
+        if len(views) < len(images):
             return Sight(look, "hold it still, in more light: its corners are not clear", self._target())
         target = self._target()
         key = f"{self.views:06d}"
         for camera, image, view in zip(self._cameras, images, views, strict=True):
-            if view is not None:
-                camera.take(key, image, self._board, view)
+            camera.take(key, image, self._board, view)
         if target is not None:
             self._asked[target] += 1
         self._calibrate_later()
@@ -284,6 +306,8 @@ class BoardSession:
             for region, covered in np.ndenumerate(camera.region_coverage())
             if np.isfinite(covered) and len(region) == 2
         ]
+        if not rows:  # next to nothing is seen by all cameras
+            return None
         _, index, region = min(rows)
         return index, (int(region[0]), int(region[1]))
 

@@ -120,7 +120,10 @@ def _watch(
 
 
 def _heading(session: BoardSession) -> str:
-    return f"{session.views} views" + (f", {session.result.verdict}" if session.result is not None else "")
+    views = "1 view" if session.views == 1 else f"{session.views} views"
+    return views if session.result is None else f"{views}, {session.result.verdict}"
+        f", {session.result.verdict}" if session.result is not None else ""
+    )
 
 
 class _Drawing:

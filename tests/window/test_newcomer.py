@@ -66,11 +66,14 @@ def test_calibrating_and_capturing_without_leaving_the_sidebar(desktop: Desktop,
     assert click_through(window, "calibrate_subject", "subject").partition(": ")[2].startswith("residual")
     time.sleep(1.0)
     desktop.screenshot("newcomer-3-ready")
+    window.order("set", values={"capture_preview": True})
     assert "result" in window.order("call", operator="start_capture")
     window.wait(lambda s: s["capture"].get("statistics", {}).get("received", 0) > 60, "poses")
+    window.wait(lambda s: s["preview"]["shown"], "what the cameras see")
     desktop.screenshot("newcomer-4-live")
     assert "result" in window.order("call", operator="stop_capture")
     state = window.wait(lambda s: s["capture"]["activity"] is None, "end of the capture")
+    assert state["preview"] == {"shown": False, "image": False}
     (action,) = state["actions"].values()
     assert action["keys_min"] == action["keys_max"] >= 60
     # what was recorded is of the T pose that opens the performance, seen by calibrated cameras

@@ -134,6 +134,14 @@ def test_it_says_what_to_do(scene: Scene, poses: tuple[BoardPose, ...]) -> None:
     assert not one.taken
 
 
+def test_a_board_of_another_size_is_told(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(board_session, "seen_grid", lambda _image, _grid: (8, 5))
+    session = new_session()
+    said = [session.see(number * PERIOD_S, [BLIND, BLIND], (True, True)).advice for number in range(80)]
+    assert said[0] == "show the whole board to all cameras"
+    assert said[-1].startswith("this board has 8x5 inner corners, not 9x6")
+
+
 def test_it_ends_at_the_limit_and_says_what_is_wrong(scene: Scene, poses: tuple[BoardPose, ...]) -> None:
     session = new_session(limit=4)
     play(session, scene, poses)
