@@ -81,6 +81,7 @@ class CaptureRun:
         self.fraction: float | None = None
         self.poses: list[PoseFrame] = []
         self.warnings: list[str] = []
+        self.standing = ""  # a warning that holds until the worker takes it back
         self.error: PerfanimError | None = None
         self.statistics = Statistics()
         self._client = client
@@ -93,6 +94,8 @@ class CaptureRun:
     @property
     def notice(self) -> str:
         """What is wrong at the moment, in plain words; "" when all is well."""
+        if self.standing:
+            return self.standing
         silent_s = self._clock() - self._last_arrival
         if self.phase is Phase.RUNNING and silent_s > FREEZE_NOTICE_S:
             return f"no images for {silent_s:.1f} s"
@@ -162,13 +165,20 @@ class CaptureRun:
             fraction = content.get("fraction")
             self.fraction = float(fraction) if isinstance(fraction, int | float) else None
         elif message.kind is MessageKind.WARNING:
-            self.warnings.append(str(message.json().get("text", "")))
+            self._warn(message)
         elif message.kind is MessageKind.PREVIEW:
             self._preview = message
         elif message.kind is MessageKind.ERROR:
             self.error = self.error or message.error()
         elif message.kind is MessageKind.END:
             self.statistics.handed_over = int(message.json().get("handed_over", -1))
+
+    def _warn(self, message: Message) -> None:
+        content = message.json()
+        if content.get("standing"):
+            self.standing = str(content.get("text", ""))
+        else:
+            self.warnings.append(str(content.get("text", "")))
 
     def _take_pose(self, message: Message) -> None:
         solved = message.pose()

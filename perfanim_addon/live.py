@@ -198,7 +198,8 @@ class Capture:
             self._start_frame,
             "Capture",
         )
-        return f"{len(poses)} frames recorded in {action}"
+        text = f"{len(poses)} frames recorded in {action}"
+        return f"{text}; {self.run.standing}" if self.run and self.run.standing else text
 
     def _restore_action(self) -> None:
         if self._driver is None or not self._held_action:

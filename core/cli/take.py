@@ -13,6 +13,7 @@ from ..formats.own_take import marker_take
 from ..formats.takes import WRITABLE, declared_frames, is_recorded, read_take, write_take
 from ..solve_take import steady_motion
 from ..take_file.edit import recover
+from ..take_file.lock import is_locked
 from ..take_file.reading import ENDING, TakeFile, rate, read_take_file, take_name
 
 Progress = Callable[[float, str], None]
@@ -76,7 +77,7 @@ def _recorded_info(take: TakeFile) -> dict[str, Any]:
         "character": take.notes.character,
         "events": list(take.events),
         "bytes": take.path.stat().st_size,
-        "problems": take.problems,
+        "problems": ["it is being recorded"] if is_locked(take.path) else take.problems,
     }
 
 
@@ -144,7 +145,7 @@ def run_export(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         return {"frames": markers.frames, "fps": markers.fps, "warnings": [], "out": str(out)}
     take = read_take_file(args.take)
     warnings = list(take.problems)
-    unsolved = len(take.stamped_frames) - len(take.poses)
+    unsolved = take.frame_count - len(take.poses)
     if unsolved > 0:
         warnings.append(f"{unsolved} frames were not solved live and are left out: perfanim solve takes all of them")
     if out.suffix.lower() == ".bvh":

@@ -91,11 +91,16 @@ class TakeFile:
         """The poses as they were solved live, in order; there may be fewer than frames."""
         return tuple(self._records(ChunkKind.POSES, unpack_solved))
 
+    @cached_property
+    def frame_count(self) -> int:
+        """How many marker frames can be read, without reading them."""
+        return sum(1 for chunk in self._of(ChunkKind.FRAMES) for _ in split_records(chunk.payload))
+
     @property
     def declared_frames(self) -> int:
         """How many frames the end mark says there are; as many as can be read without one."""
         ends = self._of(ChunkKind.END)
-        return int(Footer.unpack(ends[0].payload).facts.get("frames", 0)) if ends else len(self.stamped_frames)
+        return int(Footer.unpack(ends[0].payload).facts.get("frames", 0)) if ends else self.frame_count
 
     @property
     def problems(self) -> list[str]:
@@ -103,7 +108,7 @@ class TakeFile:
         told = [str(fault) for fault in self.faults]
         if not self.ended and not any(fault.cut for fault in self.faults):
             told.append("the file ends without its end mark")
-        missing = self.declared_frames - len(self.stamped_frames)
+        missing = self.declared_frames - self.frame_count
         if missing > 0:
             told.append(f"{missing} of {self.declared_frames} frames are lost with what is damaged")
         return [f"{line}; {_RECOVER}" for line in told]

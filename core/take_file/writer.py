@@ -35,7 +35,7 @@ class TakeWriter:
     Args:
         path: must not exist.
         setup, notes: of the take.
-        tell: called with one line when something goes wrong or is well again; from a thread of the writer's.
+        tell: called with one line when nothing can be written, with "" once it can again; from another thread.
 
     Raises:
         TakeError: the file exists or cannot be written.
@@ -46,7 +46,7 @@ class TakeWriter:
         path: Path | str,
         setup: TakeSetup,
         notes: TakeNotes | None = None,
-        tell: Callable[[str], None] = lambda text: None,
+        tell: Callable[[str], None] = lambda problem: None,
     ) -> None:
         self.path = Path(path)
         self.frames = self.poses = 0
@@ -176,8 +176,7 @@ class TakeWriter:
         self._unsynced.set()
         if self._told:
             self._told = ""
-            self._tell("the take is being written again, nothing is missing" if not self._dropped else
-                       "the take is being written again")  # fmt: skip
+            self._tell("")
 
 
 def _created(path: Path) -> int:

@@ -94,10 +94,14 @@ def _take(request: Mapping[str, Any], setup: TakeSetup, channel: Channel) -> Tak
     if not request.get("take"):
         return None
     notes = TakeNotes(character=str(request.get("character", "")))
+
+    def tell(problem: str) -> None:
+        channel.send_warning(problem, standing=True)
+
     try:
-        return TakeWriter(str(request["take"]), setup, notes, channel.send_warning)
+        return TakeWriter(str(request["take"]), setup, notes, tell)
     except PerfanimError as error:
-        channel.send_warning(f"this capture is not kept as a take: {error}")
+        tell(f"this capture is not kept as a take: {error}")
         return None
 
 

@@ -86,9 +86,9 @@ class Channel:
         content = {"activity": activity, "fraction": fraction, "frames": self.frames, "queued": self.queued}
         self._queue.put(encode_json(MessageKind.STATUS, {**content, **details}))
 
-    def send_warning(self, text: str) -> None:
-        """Tell the user something that does not end the job."""
-        self._queue.put(encode_json(MessageKind.WARNING, {"text": text}))
+    def send_warning(self, text: str, standing: bool = False) -> None:
+        """Tell the user something that does not end the job; what is `standing` holds until the next that is, or ""."""
+        self._queue.put(encode_json(MessageKind.WARNING, {"text": text, "standing": standing}))
 
     def send_result(self, summary: Mapping[str, Any]) -> None:
         """Hand over the result of a job."""

@@ -49,7 +49,7 @@ def _play(context: bpy.types.Context, path: Path) -> str:
     if summarise(path).orphaned and not take.notes.played:
         append_notes(path, replace(take.notes, played=True))
         takes.forget()
-    unsolved = len(take.stamped_frames) - len(poses)
+    unsolved = take.frame_count - len(poses)
     return f"{text}; {unsolved} more were not solved live: solve it again for them" if unsolved > 0 else text
 
 

@@ -58,6 +58,17 @@ def poses(numbers: Sequence[int], stamp: float = 100.0, waiting: int = 0) -> lis
     return [encode(MessageKind.POSE, pack_solved(SolvedPose(pose, stamp, 0.004, waiting))) for pose in made]
 
 
+def test_a_standing_warning_is_shown_until_it_is_taken_back() -> None:
+    run, worker, _ = a_run()
+    worker.say(encode_json(MessageKind.WARNING, {"text": "the take is not being written", "standing": True}))
+    worker.say(encode_json(MessageKind.WARNING, {"text": "the left camera is back"}), *poses([0]))
+    run.tick()
+    assert run.notice == "the take is not being written"
+    worker.say(encode_json(MessageKind.WARNING, {"text": "", "standing": True}))
+    run.tick()
+    assert run.notice == "the left camera is back"
+
+
 def a_run() -> tuple[CaptureRun, PlayedWorker, Clock]:
     clock = Clock()
     worker = PlayedWorker()
