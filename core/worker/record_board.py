@@ -122,8 +122,6 @@ def _watch(
 def _heading(session: BoardSession) -> str:
     views = "1 view" if session.views == 1 else f"{session.views} views"
     return views if session.result is None else f"{views}, {session.result.verdict}"
-        f", {session.result.verdict}" if session.result is not None else ""
-    )
 
 
 class _Drawing:
