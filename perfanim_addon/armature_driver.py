@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.skeleton import Skeleton
 from .character import find_armature
-from .posing import Posing, posing_of
+from .posing import posing_of
 from .retarget_rig import delta_transforms
 
 _QUATERNION_MODE = 0  # PoseBone.rotation_mode "QUATERNION" as foreach_get returns it
@@ -39,11 +39,6 @@ class ArmatureDriver:
         self._order: NDArray[np.int64] = np.array([places[name] for name in self._posing.bones])
         self._quaternions = np.zeros((len(bones), 4), dtype=np.float32)
         self._modes = np.zeros(len(bones), dtype=np.int32)
-
-    @property
-    def posing(self) -> Posing:
-        """The conversion between the product's poses and this rig's."""
-        return self._posing
 
     def apply(self, rotations: ArrayLike, root_position_m: ArrayLike) -> None:
         """Pose the armature at once.

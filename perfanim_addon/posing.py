@@ -114,7 +114,7 @@ def posing_of(armature_object: bpy.types.Object, skeleton: Skeleton) -> Posing:
 def retarget_posing(
     armature_object: bpy.types.Object, skeleton: Skeleton, bone_map: BoneMap, root_motion: RootMotion
 ) -> Retargeter:
-    """Return the retargeting onto an armature by a map; a control rig is switched to forward kinematics.
+    """Return the retargeting onto an armature by a map; inverse kinematics is switched off.
 
     Raises:
         CharacterError: constraints hold one of the bones, or the rest pose cannot be read.
@@ -124,7 +124,7 @@ def retarget_posing(
     made = Retargeter(skeleton, rest, bone_map, root_motion)
     driven = made.bones[: len(made.bones) - len(made.located) + 1]  # without the root bone, which leads all
     if is_constrained(armature_object, driven):
-        switch_to_fk(armature_object)
+        switch_to_fk(armature_object, driven)
         follows = followed_bones(bpy.context, armature_object, driven)
         made = Retargeter(skeleton, rest, bone_map, root_motion, np.asarray(follows))
     return made

@@ -91,6 +91,7 @@ def retarget_file(
         "mapped": bone_map.bones,
         "unmapped": {joint: bone_map.matches[joint].reason for joint in bone_map.of_state(State.MISSING)},
         "doubtful": {joint: bone_map.matches[joint].reason for joint in bone_map.of_state(State.DOUBTFUL)},
+        "complete": bone_map.complete,
         "found_by": bone_map.origin,
         "armature": armature_object.name,
         "root_motion": posing.root_motion.value,

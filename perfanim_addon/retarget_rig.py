@@ -46,12 +46,19 @@ def read_armature_rest(armature_object: bpy.types.Object) -> ArmatureRest:
     )
 
 
-def switch_to_fk(armature_object: bpy.types.Object) -> None:
-    """Let a rig with Rigify's switches follow its forward-kinematics controls, so that nothing pulls against them."""
+def switch_to_fk(armature_object: bpy.types.Object, bones: Sequence[str]) -> None:
+    """Let a rig follow the rotations of the given bones, so that nothing pulls against them.
+
+    Rigify's switches go to forward kinematics, and inverse kinematics that ends in one of the bones is muted.
+    """
     for bone in armature_object.pose.bones:
         for name in (_FK_SWITCH, *_FOLLOW_SWITCHES):
             if name in bone:
                 bone[name] = 1.0
+    for name in bones:
+        for constraint in armature_object.pose.bones[name].constraints:
+            if constraint.type == "IK":
+                constraint.mute = True
     armature_object.update_tag()
 
 

@@ -25,6 +25,7 @@ EXPECTED = (
 
 _LEG, _ARM = ("femur", "tibia", "foot"), ("humerus", "radius")  # what names must tell of a limb to be believed
 _TRUNK_SHARES = {"lowerback": 0.0, "upperback": 0.5}  # of the way from the hips to the thorax
+_LOOSE_ROOTS = ("root", "cog", "torso")  # names that may be those of the hips or of a bone that carries them
 _UNEVEN = 0.15  # relative difference between left and right from which a limb is doubtful
 _ONE_PLACE = 0.02  # of the body's size: bones that begin closer than this begin at the same place
 _FEET_TELL = 0.5  # cosine between the feet and the front that the names give, from which the feet contradict them
@@ -248,7 +249,8 @@ def _find_trunk(rest: ArmatureRest, found: dict[str, int]) -> None:
     legs = [found[side + "femur"] for side in "lr"]
     branching = rest.shared_ancestor([*legs, *arms])
     root = found.get("root", -1)
-    if root < 0 or not all(rest.is_above(root, bone) for bone in (*legs, *arms)):
+    is_loose = root >= 0 and parse_bone_name(rest.names[root]).words in _LOOSE_ROOTS
+    if root < 0 or is_loose or not all(rest.is_above(root, bone) for bone in (*legs, *arms)):
         root = branching
     if root < 0:
         raise CharacterError("arms and legs hang on no common bone", advice="choose the hips by hand")

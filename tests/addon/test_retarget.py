@@ -288,6 +288,23 @@ def test_the_active_bone_is_picked(mixamo_blend: Path, addon: ModuleType) -> Non
     assert kept.joints["head"].bone == "mixamorig:Neck"
 
 
+def test_inverse_kinematics_does_not_pull_against_the_motion(mixamo_blend: Path) -> None:
+    motion = clip("boxing-01-neutral", 8)
+    shown = []
+    for with_ik in (False, True):
+        bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
+        hero = bpy.data.objects["Hero"]
+        if with_ik:
+            holder = bpy.data.objects.new("holder", None)
+            bpy.context.scene.collection.objects.link(holder)
+            constraint = hero.pose.bones["mixamorig:LeftForeArm"].constraints.new("IK")
+            constraint.target, constraint.chain_count = holder, 2
+        ArmatureDriver("Hero", motion.skeleton).apply(motion.rotations[5], motion.root_positions_m[5])
+        bpy.context.view_layer.update()
+        shown.append([np.array(bone.matrix) for bone in hero.pose.bones])
+    assert np.allclose(shown[0], shown[1], atol=1e-5)
+
+
 def test_a_held_bone_is_told(mixamo_blend: Path) -> None:
     bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
     hero = bpy.data.objects["Hero"]

@@ -122,6 +122,12 @@ def test_sides_named_as_the_viewer_sees_them_are_swapped() -> None:
     assert "feet" in found.matches["lhand"].reason
 
 
+def test_a_bone_called_root_below_which_the_hips_have_another_name_carries_them() -> None:
+    names, wanted = named("unreal")
+    rest = figure(names | {"ground": "root", "hips": "bone_base"})
+    assert find_bone_map(rest).bones == wanted | {"root": "bone_base"}
+
+
 def test_a_spine_of_any_length_is_shared() -> None:
     names, _ = named("mixamo")
     for left_out, present in ((("belly",), ("upperback", "thorax")), (("spine", "belly"), ("thorax",))):
