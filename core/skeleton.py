@@ -80,6 +80,21 @@ class Skeleton:
         return tuple(np.flatnonzero(depth == d) for d in range(1, int(depth.max()) + 1))
 
     @cached_property
+    def leaps(self) -> tuple[tuple[IntArray, IntArray], ...]:
+        """Joints and what is 1, 2, 4, ... bones above them, for as long as there is any.
+
+        What each joint does relative to its parent becomes what it does in the world by as many products as this has
+        entries: after each, every joint's is relative to twice as far up.
+        """
+        result = []
+        above = self.parents.copy()
+        while np.any(above >= 0):
+            joints = np.flatnonzero(above >= 0)
+            result.append((joints, above[joints]))
+            above[joints] = above[above[joints]]
+        return tuple(result)
+
+    @cached_property
     def is_ancestor(self) -> NDArray[np.bool_]:
         """(J, J) true where joint [i, j]: j is i itself or lies between i and the root."""
         result = np.eye(len(self), dtype=bool)
@@ -125,16 +140,14 @@ def forward_kinematics_matrices(skeleton: Skeleton, matrices: Array, root_positi
 
     The same as `forward_kinematics`, cheaper where matrices are at hand (the solver's inner loop).
     """
-    world = np.empty_like(matrices)
-    positions = np.empty(matrices.shape[:-1])
-    world[..., 0, :, :] = matrices[..., 0, :, :]
-    positions[..., 0, :] = root_position_m
-    for level in skeleton.levels:
-        parent_world = world[..., skeleton.parents[level], :, :]
-        world[..., level, :, :] = parent_world @ matrices[..., level, :, :]
-        offsets = skeleton.offsets_m[level][..., None]
-        positions[..., level, :] = positions[..., skeleton.parents[level], :] + (parent_world @ offsets)[..., 0]
-    return positions, world
+    frames = np.zeros((*matrices.shape[:-2], 4, 4))
+    frames[..., :3, :3] = matrices
+    frames[..., :3, 3] = skeleton.offsets_m
+    frames[..., 0, :3, 3] = root_position_m
+    frames[..., 3, 3] = 1.0
+    for joints, ancestors in skeleton.leaps:
+        frames[..., joints, :, :] = frames[..., ancestors, :, :] @ frames[..., joints, :, :]
+    return frames[..., :3, 3], frames[..., :3, :3]
 
 
 def marker_positions(
