@@ -1,11 +1,13 @@
 """A capture in Blender: the worker's frames through the session onto an armature, and at the end into an Action."""
 
+import contextlib
 from collections.abc import Sequence
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import PerfanimError
 from ..core.pose_frame import PoseFrame
 from ..core.product_skeleton import default_skeleton
 from ..core.skeleton import Skeleton
@@ -89,6 +91,7 @@ class Capture:
         self._skeleton: Skeleton | None = None
         self._start_frame = 1.0
         self._held_action = ""
+        self._take_path = ""
         self._stop_asked = False
         self._kept: str | None = None
 
@@ -139,6 +142,7 @@ class Capture:
         self._start_frame = float(context.scene.frame_current)
         if chosen.armature is not None:
             self._bind(context)
+        self._take_path = setup.request["take"]
         self.run = setup.start(self._python)
         if self._stop_asked:
             self.run.stop()
@@ -198,6 +202,8 @@ class Capture:
             self._start_frame,
             "Capture",
         )
+        with contextlib.suppress(PerfanimError):  # there may be no take: its disk is full, its worker was killed
+            takes.mark_played(self._take_path)
         text = f"{len(poses)} frames recorded in {action}"
         return f"{text}; {self.run.standing}" if self.run and self.run.standing else text
 

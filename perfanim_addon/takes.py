@@ -1,10 +1,11 @@
 """The user's recorded takes: where they are, what is in the folder, which were cut off."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 
 from ..core.errors import TakeError
+from ..core.take_file.edit import append_notes
 from ..core.take_file.lock import is_locked
 from ..core.take_file.reading import ENDING, TakeSummary, has_frames, summarise
 from .place import user_folder
@@ -59,6 +60,18 @@ def cut_off() -> list[TakeSummary]:
     They have no end mark, as their worker died, or outlived Blender and have not been put onto a character since.
     """
     return [take for take in listed() if not take.complete or (take.orphaned and not take.notes.played)]
+
+
+def mark_played(path: Path | str) -> None:
+    """Note that a take that outlived Blender, or its capture, has been put onto a character; it is offered no more.
+
+    Raises:
+        TakeError: it is no take, or cannot be written.
+    """
+    take = summarise(path)
+    if take.orphaned and not take.notes.played:
+        append_notes(path, replace(take.notes, played=True))
+        forget()
 
 
 def _found() -> list[TakeSummary]:

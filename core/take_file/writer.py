@@ -96,6 +96,7 @@ class TakeWriter:
         for thread in self._threads:
             thread.join()
         self._collect()
+        self._tell_dropped()
         self._queue(ChunkKind.SETUP, self._setup.to_json())  # again, for the case that the first is damaged
         self._queue_end(orphaned)
         self._write()
@@ -106,8 +107,12 @@ class TakeWriter:
 
     def _write_loop(self) -> None:
         while not self._ending.wait(RETRY_EVERY_S if self._told else WRITE_EVERY_S):
-            self._collect()
-            self._write()
+            try:
+                self._collect()
+                self._write()
+            except Exception as error:  # a defect: it must be told, and what comes later may still be written
+                self._told = f"the take is not being written ({type(error).__name__}: {error}): report this"
+                self._tell(self._told)
 
     def _sync_loop(self) -> None:
         while not self._ending.wait(SYNC_EVERY_S):
@@ -123,9 +128,7 @@ class TakeWriter:
         if len(self._waiting) > MOST_WAITING:
             self._dropped += len(frames)
             return
-        if self._dropped:
-            self._event(f"{self._dropped} frames could not be kept: the disk was full")
-            self._dropped = 0
+        self._tell_dropped()
         self.frames += len(frames)
         self.poses += len(poses)
         if frames:
@@ -135,6 +138,11 @@ class TakeWriter:
             self._queue(ChunkKind.POSES, join_records(poses))
         while self._events_in:
             self._event(self._events_in.popleft())
+
+    def _tell_dropped(self) -> None:
+        if self._dropped:
+            self._event(f"{self._dropped} frames could not be kept: the disk was full")
+            self._dropped = 0
 
     def _event(self, text: str) -> None:
         self._queue(ChunkKind.EVENT, json.dumps({"frames": self.frames, "text": text}).encode("utf-8"))

@@ -1,7 +1,6 @@
 """Recorded takes: recover, play, solve again, delete."""
 
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ from ...core.errors import PerfanimError, TakeError
 from ...core.motion_files import read_motion
 from ...core.skeleton import Skeleton
 from ...core.solver.settings import METHODS
-from ...core.take_file.edit import append_notes
 from ...core.take_file.lock import is_locked
 from ...core.take_file.reading import ENDING, read_take_file, summarise
 from .. import running, states, takes
@@ -46,9 +44,7 @@ def _play(context: bpy.types.Context, path: Path) -> str:
         raise TakeError("has no pose that was solved live", where=take.notes.name, advice="solve it again")
     skeleton = take.setup.worn_subject().skeleton
     text = _put_on_character(context, *pose_arrays(poses), skeleton, take.notes.name)
-    if summarise(path).orphaned and not take.notes.played:
-        append_notes(path, replace(take.notes, played=True))
-        takes.forget()
+    takes.mark_played(path)
     unsolved = take.frame_count - len(poses)
     return f"{text}; {unsolved} more were not solved live: solve it again for them" if unsolved > 0 else text
 

@@ -119,6 +119,8 @@ def test_what_is_recorded_is_kept_when_blender_takes_the_capture_down(part: Any,
             if count_keys in bpy.app.handlers.load_pre:  # loading removes handlers that are not persistent
                 bpy.app.handlers.load_pre.remove(count_keys)
     assert keys == [len(capture.run.poses)]
+    assert part("takes").listed()[0].complete
+    assert part("takes").cut_off() == []  # what is in an action is not offered
     assert running.current() is None
 
 

@@ -4,6 +4,7 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -27,14 +28,18 @@ PATIENCE_S = 600.0
 
 
 @pytest.fixture
-def part(addon: ModuleType, extension: str) -> Any:
+def part(addon: ModuleType, extension: str) -> Iterator[Any]:
     def find(name: str) -> Any:
         return sys.modules[f"{extension}.perfanim_addon.{name}"]
 
-    for path in find("takes").folder().iterdir():
-        path.unlink()
-    find("takes").forget()
-    return find
+    def clear() -> None:
+        for path in find("takes").folder().iterdir():
+            path.unlink()
+        find("takes").forget()
+
+    clear()
+    yield find
+    clear()
 
 
 def write_take(folder: Path, name: str, frames: int = 30, poses: int = 30, orphaned: bool = False) -> Path:
