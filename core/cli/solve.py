@@ -16,6 +16,7 @@ from ..marker_take import MarkerTake
 from ..motion_files import read_skeleton
 from ..solve_take import SolvedTake, solve_recorded, solve_take
 from ..solver.settings import METHODS, SolveSettings
+from ..sources.take import is_unnamed
 from ..take_file.reading import read_take_file
 
 
@@ -110,6 +111,8 @@ def _solve_recorded(
 
 def _differences(take: MarkerTake, subject: Subject) -> list[str]:
     """Return what tells that the take was recorded with other markers than the subject's."""
+    if is_unnamed(take):
+        return []
     worn = subject.marker_set.names
     lacking = [name for name in worn if name not in take.names]
     unused = [name for name in take.names if name not in worn]

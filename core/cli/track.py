@@ -22,10 +22,14 @@ def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser("track", help="images to marker trajectories")
     parser.add_argument("--cameras", metavar="cameras.toml", required=True, help="calibration (anipose-style TOML)")
     source = "a video, a folder or pattern of images, a device number, a stream address"
-    parser.add_argument("--left", metavar="SRC", required=True, help=source)
-    parser.add_argument("--right", metavar="SRC", required=True, help="the same for the right camera")
+    parser.add_argument("--left", metavar="SRC", help=source + "; alone: one camera, with more markers")
+    parser.add_argument("--right", metavar="SRC", help="the same for the right camera")
     parser.add_argument(
-        "--camera", metavar="SRC", action="append", default=[], help="any further camera, in the calibration's order"
+        "--camera",
+        metavar="[NAME=]SRC",
+        action="append",
+        default=[],
+        help="any further camera, in the calibration's order; or with its name there, of which others may be left out",
     )
     parser.add_argument("--out", metavar="TAKE", required=True, help="take to write: .take.npz, .trc, .csv or .c3d")
     parser.add_argument("--marker-set", metavar="NAME_OR_FILE", help="names the markers (default: M01, M02, ...)")
@@ -68,7 +72,7 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--floor-cameras", metavar="FILE", help="with --floor feet: also write the calibration in that world"
     )
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, wrong_usage=parser.error)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
@@ -77,53 +81,88 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ..formats.takes import write_take
     from ..marker_set import load_marker_set
     from ..sources.spec import open_image_source
-    from ..tracking import track_markers
-    from ..tracking_names import named_take
-    from ..tracking_single import single_views
-    from ..vision.reprojection import labelled_rms_px
 
     marker_set = load_marker_set(args.marker_set) if args.marker_set else None
     _check(args)
-    rig = load_rig(args.cameras)
+    rig, sources = _in_use(args, load_rig(args.cameras))
     if args.ignore_distortion:
         rig = _without_distortion(rig)
     size = rig.cameras[0].image_size
-    source = open_image_source(args.left, args.right, *args.camera, fps=args.fps, size=size)
+    source = open_image_source(*sources, fps=args.fps, size=size)
     try:
         pipeline = _pipeline(args, rig, source, progress)
         frames, seconds = _process(args, pipeline, source, progress)
     finally:
         source.close()
-    aligned: dict[str, Any] = {}
-    if not args.no_time_offset:
-        progress(0.95, "comparing the cameras' times")
-        frames, aligned = _at_one_time(rig, frames, pipeline.settings)
-    progress(0.97, "joining points to trajectories")
     count = len(marker_set) if marker_set else args.markers
-    tracking = track_markers(frames, _take_name(args.out), source.fps, count)
-    single = single_views(tracking, frames, rig)
-    take = replace(tracking.take, single=single)
-    take = named_take(take, marker_set) if marker_set else take
-    visible = take.visible
-    summary: dict[str, Any] = {
+    if len(rig) == 1:
+        take, found = _of_one_camera(args, rig, frames, source.fps, count)
+    else:
+        take, found = _of_cameras(args, rig, frames, source.fps, marker_set, pipeline.settings, progress)
+    summary = found | {
         "frames": take.frames,
         "lost_frames": int(take.frame_numbers[-1] - take.frame_numbers[0]) + 1 - take.frames,
-        "markers": len(take.names),
         "names": list(take.names),
-        "visible_fraction": float(visible.mean()),
-        "all_visible_fraction": float(visible.all(axis=1).mean()),
-        "one_camera_fraction": float((single.cameras >= 0).mean()),
-        "reprojection_rms_px": labelled_rms_px(rig, frames, tracking.labels),
-        "false_pieces": tracking.dropped_pieces,
         "frames_per_s": len(frames) / max(seconds, 1e-9),
         "warnings": [*getattr(source, "warnings", ()), *dict.fromkeys(note for f in frames for note in f.notes)],
         "out": str(args.out),
-        **aligned,
     }
     if args.truth:
         summary |= _compared(take, args.truth)
     write_take(_on_floor(args, take, rig) if args.floor == "feet" else take, args.out)
     return summary
+
+
+def _of_cameras(
+    args: argparse.Namespace,
+    rig: Any,
+    frames: list[Any],
+    fps: float,
+    marker_set: Any,
+    settings: Any,
+    progress: Progress,
+) -> tuple[Any, dict[str, Any]]:
+    """Return the take of markers located by two or more cameras, and what it is like."""
+    from ..tracking import track_markers
+    from ..tracking_names import named_take
+    from ..tracking_single import single_views
+    from ..vision.reprojection import labelled_rms_px
+
+    aligned: dict[str, Any] = {}
+    if not args.no_time_offset:
+        progress(0.95, "comparing the cameras' times")
+        frames, aligned = _at_one_time(rig, frames, settings)
+    progress(0.97, "joining points to trajectories")
+    count = len(marker_set) if marker_set else args.markers
+    tracking = track_markers(frames, _take_name(args.out), fps, count)
+    single = single_views(tracking, frames, rig)
+    take = replace(tracking.take, single=single)
+    take = named_take(take, marker_set) if marker_set else take
+    return take, aligned | {
+        "markers": len(take.names),
+        "visible_fraction": float(take.visible.mean()),
+        "all_visible_fraction": float(take.visible.all(axis=1).mean()),
+        "one_camera_fraction": float((single.cameras >= 0).mean()),
+        "reprojection_rms_px": labelled_rms_px(rig, frames, tracking.labels),
+        "false_pieces": tracking.dropped_pieces,
+    }
+
+
+def _of_one_camera(
+    args: argparse.Namespace, rig: Any, frames: list[Any], fps: float, count: int | None
+) -> tuple[Any, dict[str, Any]]:
+    """Return the take of what one camera shows, and what it is like: which marker is which is found with the body."""
+    from ..tracking_image import image_take
+
+    take = image_take(frames, rig, _take_name(args.out), fps)
+    shown = np.array([len(frame.single_points) for frame in frames])
+    worn = count or int(shown.max())
+    return take, {
+        "markers": worn,
+        "visible_fraction": 0.0,
+        "one_camera_fraction": float(np.minimum(shown / max(worn, 1), 1.0).mean()),
+        "reprojection_rms_px": None,
+    }
 
 
 def _check(args: argparse.Namespace) -> None:
@@ -136,14 +175,57 @@ def _check(args: argparse.Namespace) -> None:
         raise SettingsError(f"--seconds {args.seconds:g} is out of range", advice="give more than 0, a day at most")
     if args.fps is not None and not 1.0 <= args.fps <= 1000.0:
         raise SettingsError(f"--fps {args.fps:g} is out of range", advice="give 1 to 1000 frames per second")
-    sources = [str(source) for source in (args.left, args.right, *args.camera)]
-    if len(set(sources)) < len(sources):
-        raise SettingsError(f"two cameras have one source, {args.right}", advice="give each camera its own pictures")
     check_writable(args.out)
     if args.floor == "feet" and not args.marker_set:
         raise SettingsError("--floor feet needs --marker-set", advice="name the marker set that is worn")
     if args.floor_cameras and args.floor != "feet":
         raise SettingsError("--floor-cameras needs --floor feet", advice="add it, or leave --floor-cameras out")
+
+
+def _in_use(args: argparse.Namespace, rig: Any) -> tuple[Any, list[str]]:
+    """Return the cameras that there are sources for, and these."""
+    from ..camera import CameraRig
+
+    names = [camera.name for camera in rig.cameras]
+    given = [(index, str(source)) for index, source in enumerate((args.left, args.right)) if source is not None]
+    further, named = 2 if len(given) == 2 else len(given), False
+    for text in args.camera:
+        name, equals, source = text.partition("=")
+        if equals and name in names:
+            given.append((names.index(name), source))
+            named = True
+        else:
+            given.append((further, text))
+            further += 1
+    if not given:
+        args.wrong_usage("the following arguments are required: --left")
+    given.sort()
+    indices, sources = [index for index, _ in given], [source for _, source in given]
+    if len(set(indices)) < len(indices):
+        raise SettingsError("one camera has two sources", where="--camera", advice="name each camera once")
+    twice = next((source for source in sources if sources.count(source) > 1), None)
+    if twice is not None:
+        raise SettingsError(f"two cameras have one source, {twice}", advice="give each camera its own pictures")
+    if len(given) == 1:
+        _check_one_camera(args)
+    elif not named:
+        return rig, sources
+    if indices[-1] >= len(rig):
+        raise SettingsError(
+            f"the calibration has {len(rig)} camera(s)", where=str(args.cameras), advice="use one of this set-up"
+        )
+    return CameraRig(tuple(rig.cameras[index] for index in indices), rig.metadata), sources
+
+
+def _check_one_camera(args: argparse.Namespace) -> None:
+    """Raise SettingsError for what one camera cannot give."""
+    if not str(args.out).lower().endswith(".take.npz"):
+        raise SettingsError(f"{args.out} cannot hold what one camera shows", advice="write a .take.npz")
+    for option, value in (("--floor feet", args.floor == "feet"), ("--truth", args.truth)):
+        if value:
+            raise SettingsError(
+                f"{option} needs markers in space, which one camera does not give", advice="leave it out"
+            )
 
 
 def _on_floor(args: argparse.Namespace, take: Any, rig: Any) -> Any:

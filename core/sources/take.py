@@ -17,11 +17,15 @@ _SIGMA_M = 0.001  # uncertainty given to positions that come without one
 def take_frames(take: MarkerTake, marker_set: MarkerSet) -> Iterator[MarkerFrame]:
     """Yield the frames of a take, labelled by marker name; markers that the set lacks are left out.
 
-    Markers that one camera alone showed come as rays, where the take has them.
+    Markers that one camera alone showed come as rays, where the take has them. A take of one camera has nothing else,
+    and its trajectories are not named: all come without a label.
 
     Raises:
         TakeError: the take has fewer than three of the set's torso markers.
     """
+    if is_unnamed(take):
+        yield from _unnamed_frames(take)
+        return
     columns = {name: i for i, name in enumerate(take.names)}
     torso = [marker.name for marker in marker_set.markers if marker.torso]
     if sum(name in columns for name in torso) < 3:
@@ -39,6 +43,21 @@ def take_frames(take: MarkerTake, marker_set: MarkerSet) -> Iterator[MarkerFrame
         covariances = np.broadcast_to(_SIGMA_M**2 * np.eye(3), (int(seen.sum()), 3, 3))
         frame = MarkerFrame(int(number), float(time_s), row[seen], covariances, kept[seen])
         yield frame if single is None else _with_rays(frame, single.cameras[f], single.points[f], kept)
+
+
+def is_unnamed(take: MarkerTake) -> bool:
+    """Whether a take is of one camera, so that only the body tells which marker is which."""
+    return take.single is not None and len(take.single.rig) == 1
+
+
+def _unnamed_frames(take: MarkerTake) -> Iterator[MarkerFrame]:
+    if take.single is None:
+        return
+    rows = zip(take.frame_numbers, take.times_s, take.single.points, strict=True)
+    for number, time_s, row in rows:
+        points = row[np.isfinite(row[:, 0])]
+        camera, unknown = np.zeros(len(points), dtype=np.int64), np.full(len(points), -1, dtype=np.int64)
+        yield MarkerFrame(int(number), float(time_s), single_cameras=camera, single_blobs=unknown, single_points=points)
 
 
 def _with_rays(

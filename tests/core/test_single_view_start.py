@@ -12,8 +12,11 @@ from perfanim.core.marker_set import Subject, load_marker_set
 from perfanim.core.session import Session
 from perfanim.core.simulate.performer.performance import performance
 from perfanim.core.simulate.studio.rig import default_rig
-from perfanim.core.single_view_start import label_single_view
+from perfanim.core.single_view_labelling import SingleViewLabeller
+from perfanim.core.single_view_start import label_near, label_single_view
 from perfanim.core.skeleton import marker_positions
+from perfanim.core.sources.take import take_frames
+from perfanim.core.tracking_image import image_take
 
 FPS = 60.0
 PIXEL = 0.1 / 600.0
@@ -60,6 +63,42 @@ def test_blobs_that_are_no_body_start_nothing(person, camera):
     assert label_single_view(np.empty((0, 2)), camera, [posed(person, t_pose)]) is None
 
 
+def test_a_body_in_any_pose_is_recognised_where_it_is_expected(person, camera, database):
+    skeleton, markers = person.skeleton, person.marker_set
+    motion = performance([("boxing", 3.0)], 20.0, skeleton, seed=1_000_007)
+    joints = markers.joint_indices(skeleton)
+    rows = marker_positions(skeleton, joints, markers.offsets_m, motion.rotations, motion.root_positions_m)
+    examples = rows[::3]  # poses like the true one, not it, and laid with the root elsewhere
+    generator = np.random.default_rng(3)
+    right = total = 0
+    for row in rows[61:100:6]:
+        hidden = generator.choice(len(row), 2, replace=False)
+        seen = generator.permutation(np.setdiff1d(np.arange(len(row)), hidden))
+        points = camera.undistort(camera.project(row[seen])) + generator.normal(scale=PIXEL, size=(len(seen), 2))
+        starts = label_near(points, camera, examples + generator.normal(scale=0.05, size=3), 2)
+        assert not np.array_equal(starts[0].labels, starts[-1].labels) or len(starts) == 1
+        right += max(int(np.sum(start.labels == seen)) for start in starts)
+        total += len(seen)
+    assert right > 0.9 * total
+
+
+def test_a_marker_hidden_for_long_takes_no_blob_of_another_and_both_names_of_one_that_returns_are_proposed(camera):
+    # across the image, 3 m away: a torso, a hand beside it, and an elbow 0.15 m from the hand
+    at = np.array([[0.0, 1.0, 0.0], [0.3, 1.0, 0.0], [0.45, 1.0, 0.0]])
+    image = camera.undistort(camera.project(at))
+    labeller = SingleViewLabeller(camera, np.array([True, False, False]))
+    labeller = labeller.after(image[:1], np.array([0]), 0.0)
+    for _ in range(60):  # a second in which only the torso is seen
+        labeller = labeller.after(image[:1], np.array([0]), 1.0 / FPS)
+    (_, labels), *others = labeller.proposals(image[:1], at + np.array([0.02, 0.0, 0.0]), 1.0 / FPS)
+    assert labels.tolist() == [0]
+    assert not others
+    between = camera.undistort(camera.project(np.array([[0.39, 1.0, 0.0]])))
+    found = [labels.tolist() for _, labels in labeller.proposals(np.concatenate((image[:1], between)), at, 1.0 / FPS)]
+    assert found[0] == [0, 2]  # it is nearer to the elbow,
+    assert [0, 1] in found  # but may as well be the hand
+
+
 def without_depth(frame, camera):
     """The frame with its first camera's blobs only."""
     points = camera.undistort(frame.blobs[0][:, :2].astype(np.float64))
@@ -83,10 +122,11 @@ def test_a_walk_is_followed_by_one_camera(person, database, record):
     errors, away = {}, {}
     for rig in (CameraRig(both.cameras[:1]), both):
         session, film = Session(person, database, rig), replace(record, rig=rig)
-        poses = []
-        for number, row in enumerate(rows):
-            frame = film(row, number, cameras=True, fps=FPS)
-            poses.append(session.step(frame if len(rig) == 2 else without_depth(frame, rig.cameras[0])))
+        frames = [film(row, number, cameras=True, fps=FPS) for number, row in enumerate(rows)]
+        if len(rig) == 1:  # by way of a take
+            frames = [without_depth(frame, rig.cameras[0]) for frame in frames]
+            frames = take_frames(image_take(frames, rig, "walk", FPS), markers)
+        poses = [session.step(frame) for frame in frames]
         found = np.array([pose.rotations for pose in poses])
         angles = np.degrees(rot.angle_between(found, motion.rotations))[:, 1:]
         errors[len(rig)] = float(angles.mean())

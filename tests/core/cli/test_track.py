@@ -145,3 +145,39 @@ def test_a_dark_take_is_told(folder, capsys):
             cv2.imwrite(str(path), np.zeros((SIZE[1], SIZE[0], 3), np.uint8))
     assert main(arguments(folder, "--out", str(folder / "take.trc"))) == 1
     assert "hardly any markers" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("chosen", [["--left", "left"], ["--camera", "right=right"]])
+def test_one_camera_gives_trajectories_in_its_image(folder, capsys, chosen):
+    out = folder / "one.take.npz"
+    source = chosen[1].rpartition("=")
+    command = ["track", "--cameras", f"{folder}/cameras.toml", chosen[0], f"{''.join(source[:2])}{folder}/{source[2]}"]
+    assert main([*command, "--out", str(out), "--fps", "25", "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert (summary["frames"], summary["markers"]) == (FRAMES, 5)
+    assert (summary["visible_fraction"], summary["one_camera_fraction"]) == (0.0, 1.0)
+    take = read_take(out)
+    assert not take.visible.any()
+    (camera,) = take.single.rig.cameras
+    assert camera.name == source[2]
+    for number in (0, FRAMES - 1):
+        seen = take.single.points[number]
+        true = camera.undistort(camera.project(where(number)))
+        nearest = np.linalg.norm(seen[:, None] - true, axis=-1).min(axis=1)
+        assert nearest.max() < 0.5 / 300.0  # half a pixel
+    # a column is one marker
+    assert np.abs(np.diff(take.single.points, axis=0)).max() < 0.05
+
+
+def test_what_one_camera_cannot_give_is_refused(folder, capsys):
+    one = ["track", "--cameras", f"{folder}/cameras.toml", "--left", f"{folder}/left", "--json"]
+    for more, reason in (
+        (["--out", f"{folder}/one.trc"], "cannot hold what one camera shows"),
+        (["--out", f"{folder}/one.take.npz", "--truth", f"{folder}/truth.trc"], "needs markers in space"),
+        (["--out", f"{folder}/one.take.npz", "--camera", f"left={folder}/right"], "one camera has two sources"),
+    ):
+        assert main([*one, *more]) == 1
+        assert reason in capsys.readouterr().err
+    with pytest.raises(SystemExit, match="2"):
+        main(["track", "--cameras", f"{folder}/cameras.toml", "--out", f"{folder}/one.take.npz"])
+    assert not list(folder.glob("one.*"))
