@@ -20,6 +20,7 @@ from ..skeleton import Skeleton
 from . import components as c
 from .armature_rest import ArmatureRest, Array, IntArray
 from .bone_map import BoneMap
+from .bone_names import parse_bone_name
 from .rest_align import align_character
 
 _BALL_ABOVE_SOLE = 0.029  # height of the ball of a standing foot above the floor, in leg lengths
@@ -420,7 +421,7 @@ def _driven_bones(
             path = rest.path(joints[lower], joints[upper])
             way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(rest.heads[path], axis=0), axis=1))))
             for bone, share in zip(path[1:-1], way[1:-1] / max(float(way[-1]), 1e-9), strict=True):
-                if bone not in driven:
+                if bone not in driven and not parse_bone_name(rest.names[bone]).helper:
                     first, second = skeleton.index(lower), skeleton.index(upper)
                     driven[bone] = _Driven(bone, first, second, float(share), rot.identity())
     for joint in [side + name for side in "lr" for name in ("fingers", "toes") if side + name in joints]:

@@ -166,6 +166,13 @@ def test_a_long_spine_bends_evenly() -> None:
         assert np.allclose(vectors[name], angle * sideways, atol=5e-3), name
 
 
+def test_helper_bones_between_those_of_the_spine_are_left_alone() -> None:
+    names = {joint: joint for joint in PLAIN} | {"belly": "MCH-belly"}
+    made, _, _, _ = retargeted(shipped("walking-01-neutral"), figure(names))
+    assert "MCH-belly" not in made.bones
+    assert "waist" in made.bones
+
+
 def test_palms_lie_as_the_performers() -> None:
     """In the product's T pose, palms down: the thumb's side of each hand is in front, whatever the rest pose was."""
     skeleton = shipped("walking-01-neutral").skeleton
