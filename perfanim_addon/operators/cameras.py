@@ -90,8 +90,12 @@ class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
     def request(self, context: bpy.types.Context) -> dict[str, Any]:
         """Return what the worker is asked for."""
         chosen = settings(context)
+        watched = _watched(chosen)
+        if chosen.source == "CAMERAS":  # all that are chosen, though the present calibration may be of one alone
+            devices = (chosen.left_device, chosen.right_device)
+            watched["source"]["devices"] = [device for device in devices if device >= 0]
         return {
-            **_watched(chosen),
+            **watched,
             "job": "record board",
             "limit": chosen.board_views,
             "every_s": chosen.board_every_s if chosen.board_timed and chosen.source == "CAMERAS" else None,
@@ -126,7 +130,7 @@ class PERFANIM_OT_set_floor(_Watching, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Needs a calibration of both."""
+        """Needs a calibration."""
         if not super().poll(context):
             return False
         state = states.cameras(settings(context))
@@ -152,12 +156,9 @@ class PERFANIM_OT_set_floor(_Watching, bpy.types.Operator):
 
 def _watched(chosen: PERFANIM_PG_settings) -> dict[str, Any]:
     """Return what the worker is asked for to watch the board."""
-    source = capture_setup.source(chosen)
     if chosen.source == "SIMULATED":
         chosen.board_columns, chosen.board_rows, chosen.board_square_mm = SIMULATED_BOARD
-    else:  # all that are chosen, though the present calibration may be of one alone
-        source["devices"] = [device for device in (chosen.left_device, chosen.right_device) if device >= 0]
-    return {"source": source, "board": board_spec(chosen), "preview": True}
+    return {"source": capture_setup.source(chosen), "board": board_spec(chosen), "preview": True}
 
 
 def _use_rig(chosen: PERFANIM_PG_settings, summary: dict[str, Any], name: str) -> None:

@@ -69,6 +69,9 @@ class JobOperator:
                 if job.summary is None:
                     return self._finish(context, "stopped")
                 return self._finish(context, self.done(context, job.summary), ok=True)
+            picture = job.take_preview()
+            if picture is not None:
+                preview.show(picture, job.text)
         except PerfanimError as error:
             running.end()
             context.workspace.status_text_set(None)
@@ -80,9 +83,6 @@ class JobOperator:
             context.workspace.status_text_set(None)
             text = f"{type(error).__name__}: {error}"
             return common.failed(self, self.panel, CaptureError(text, advice="see the console, and report this"))
-        picture = job.take_preview()
-        if picture is not None:
-            preview.show(picture, job.text)
         context.workspace.status_text_set(f"{job.title}: {job.fraction:.0%} {job.text}")
         running.redraw_sidebars()
         return {"PASS_THROUGH"}

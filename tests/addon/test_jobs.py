@@ -117,6 +117,23 @@ def test_cameras_are_calibrated_from_board_pictures(part: Any, extension: str, t
     assert "1.80 m" in state.text
 
 
+def test_the_board_is_watched_with_all_chosen_cameras(part: Any) -> None:
+    operator = part("operators.cameras").PERFANIM_OT_calibrate_board
+    chosen = bpy.context.scene.perfanim
+    chosen.source = "VIDEOS"
+    assert not bpy.ops.perfanim.calibrate_board.poll()
+    chosen.source = "CAMERAS"
+    chosen.board_square_mm = 31.5
+    asked = operator.request(SimpleNamespace(), bpy.context)
+    assert asked["source"]["devices"] == [0, 1]
+    assert asked["board"] == "chessboard:9x6:31.5mm"
+    assert asked["every_s"] is None
+    chosen.right_device, chosen.board_timed, chosen.board_every_s = -1, True, 4.0
+    asked = operator.request(SimpleNamespace(), bpy.context)
+    assert asked["source"]["devices"] == [0]
+    assert asked["every_s"] == 4.0
+
+
 def test_the_board_is_written_to_be_printed(part: Any, tmp_path: Path) -> None:
     operator = part("operators.cameras").PERFANIM_OT_save_board
     text = run_job(part, operator, SimpleNamespace(filepath=str(tmp_path / "board.pdf")))

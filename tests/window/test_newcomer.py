@@ -70,6 +70,7 @@ def test_calibrating_and_capturing_without_leaving_the_sidebar(desktop: Desktop,
     assert "result" in window.order("call", operator="start_capture")
     window.wait(lambda s: s["capture"].get("statistics", {}).get("received", 0) > 60, "poses")
     window.wait(lambda s: s["preview"]["shown"], "what the cameras see")
+    time.sleep(1.0)
     desktop.screenshot("newcomer-4-live")
     assert "result" in window.order("call", operator="stop_capture")
     state = window.wait(lambda s: s["capture"]["activity"] is None, "end of the capture")
