@@ -12,8 +12,10 @@ import pytest
 from perfanim.core.database.build import build_database
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.marker_set import Subject, load_marker_set, save_subject
+from perfanim.core.pose_bytes import pack_solved
 from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.simulate.performer import perform
+from perfanim.core.take_file.reading import read_take_file, summarise
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import Message, MessageKind
 
@@ -53,8 +55,9 @@ def of(kind: MessageKind, messages: list[Message]) -> list[Message]:
     return [message for message in messages if message.kind is kind]
 
 
-def test_every_frame_of_a_source_that_ends_is_solved(request_files: dict[str, str]) -> None:
-    client = WorkerClient(request(request_files))
+def test_every_frame_of_a_source_that_ends_is_solved_and_kept(request_files: dict[str, str], tmp_path: Path) -> None:
+    path = tmp_path / "walk.perftake"
+    client = WorkerClient({**request(request_files), "take": str(path), "character": "Xbot"})
     try:
         messages = collect(client, lambda _: client.ended)
     finally:
@@ -68,6 +71,12 @@ def test_every_frame_of_a_source_that_ends_is_solved(request_files: dict[str, st
     assert not of(MessageKind.PREVIEW, messages)  # nobody asked for it
     stamps = [each.stamp_s for each in solved]
     assert stamps == sorted(stamps)
+    take = read_take_file(path)
+    assert take.complete
+    assert take.notes.character == "Xbot"
+    assert [pack_solved(pose) for pose in take.poses] == [m.payload for m in of(MessageKind.POSE, messages)]
+    assert [frame.number for frame in take.frames] == numbers
+    assert not summarise(path).orphaned
 
 
 def test_stop_ends_the_chain_and_loses_nothing(request_files: dict[str, str]) -> None:
@@ -102,8 +111,9 @@ def test_stop_while_the_background_is_learned_is_a_clean_end(request_files: dict
     assert not of(MessageKind.ERROR, messages)
 
 
-def test_the_simulated_performer_waits_for_who_watches(request_files: dict[str, str]) -> None:
-    client = WorkerClient(request(request_files, loop=True))
+def test_the_simulated_performer_waits_for_who_watches(request_files: dict[str, str], tmp_path: Path) -> None:
+    path = tmp_path / "walk.perftake"
+    client = WorkerClient({**request(request_files, loop=True), "take": str(path)})
     try:
         messages: list[Message] = []
         limit = time.monotonic() + PATIENCE_S
@@ -118,6 +128,10 @@ def test_the_simulated_performer_waits_for_who_watches(request_files: dict[str, 
             assert len(of(MessageKind.POSE, messages)) == taken + 1  # the next comes when this one is confirmed
     finally:
         client.close()
+    take = read_take_file(path)  # who watched is gone, as when Blender dies: the take ends as it should all the same
+    assert take.complete
+    assert summarise(path).orphaned
+    assert len(take.frames) >= 4
 
 
 def test_bad_requests_are_errors_in_plain_words(request_files: dict[str, str], tmp_path: Path) -> None:
@@ -157,8 +171,9 @@ def is_running(process_id: int) -> bool:
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="looks at /proc")
-def test_no_process_is_left_when_another_dies(request_files: dict[str, str]) -> None:
-    client = WorkerClient(request(request_files, loop=True))
+def test_no_process_is_left_when_another_dies(request_files: dict[str, str], tmp_path: Path) -> None:
+    path = tmp_path / "walk.perftake"
+    client = WorkerClient({**request(request_files, loop=True), "take": str(path)})
     try:
         messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= 5)
         (cameras,) = children(client._process.pid)
@@ -168,6 +183,10 @@ def test_no_process_is_left_when_another_dies(request_files: dict[str, str]) -> 
         assert "ended by itself" in str(error.error())
     finally:
         client.close()
+    take = read_take_file(path)
+    assert take.complete
+    assert [pack_solved(pose) for pose in take.poses] == [m.payload for m in of(MessageKind.POSE, messages)]
+    assert "ended by itself" in take.events[-1]
 
     client = WorkerClient(request(request_files, loop=True))
     try:
