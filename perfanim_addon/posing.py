@@ -18,6 +18,7 @@ from .character import check_armature, read_rest
 from .place import user_folder
 from .retarget_rig import followed_bones, is_constrained, read_armature_rest, switch_to_fk
 
+_SAME_SHARE = 0.003  # of the length of both legs, up to which a bone is as long as the performer's
 _LINKED = "make a library override of it (Object > Library Override > Make)"
 PRESETS_FOLDER = "bone_maps"  # of the user's
 
@@ -93,6 +94,18 @@ def map_problem(armature_object: bpy.types.Object) -> str:
     return ""
 
 
+def _has_proportions(armature_object: bpy.types.Object, skeleton: Skeleton) -> bool:
+    """Tell whether an armature has the product's names and the legs of a performer: then the feet need no care."""
+    if check_armature(armature_object):
+        return False
+    heads = read_rest(armature_object, skeleton).heads
+    lines = [skeleton.index(side + joint) for side in "lr" for joint in ("tibia", "foot", "toes")]
+    above = skeleton.parents[lines]
+    mine = np.linalg.norm(heads[lines] - heads[above], axis=-1)
+    own = np.linalg.norm(skeleton.offsets_m[lines], axis=-1)
+    return bool(np.allclose(mine / np.sum(mine), own / np.sum(own), atol=_SAME_SHARE))
+
+
 def posing_of(armature_object: bpy.types.Object, skeleton: Skeleton) -> Posing:
     """Return how an armature is posed: by the map that is kept with it, by the product's names, or by a map found.
 
@@ -105,7 +118,7 @@ def posing_of(armature_object: bpy.types.Object, skeleton: Skeleton) -> Posing:
         )
     kept = stored_map(armature_object)
     root_motion = stored_root_motion(armature_object)
-    if kept is None and root_motion is RootMotion.HIPS and not check_armature(armature_object):
+    if kept is None and root_motion is RootMotion.HIPS and _has_proportions(armature_object, skeleton):
         return ProductPosing(armature_object, skeleton)
     bone_map = kept or find_map(armature_object, user_folder(PRESETS_FOLDER))
     return retarget_posing(armature_object, skeleton, bone_map, root_motion)

@@ -18,7 +18,7 @@ from perfanim.core.errors import CharacterError
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.motion import Motion, sliced
 from perfanim.core.motion_files import read_motion
-from perfanim.core.product_skeleton import default_skeleton
+from perfanim.core.product_skeleton import default_skeleton, scaled
 from perfanim.core.retarget.transfer import RootMotion
 from perfanim.core.skeleton import forward_kinematics
 from perfanim.perfanim_addon import character
@@ -286,6 +286,28 @@ def test_the_active_bone_is_picked(mixamo_blend: Path, addon: ModuleType) -> Non
     hero.data.bones.active = hero.data.bones["mixamorig:Neck"]
     assert bpy.ops.perfanim.pick_bone() == {"FINISHED"}
     assert kept.joints["head"].bone == "mixamorig:Neck"
+
+
+def test_a_character_with_the_products_names_and_other_legs_stands_where_the_performer_does() -> None:
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    motion = clip("walking-01-neutral", 40)
+    factors = np.ones(len(motion.skeleton))
+    factors[[motion.skeleton.index(side + "tibia") for side in "lr"]] = 1.2  # thighs a fifth longer
+    name = character.create_character(bpy.context, scaled(motion.skeleton, factors))
+    driver = ArmatureDriver(name, motion.skeleton)
+    toes = []
+    for rotations, root in zip(motion.rotations, motion.root_positions_m, strict=True):
+        driver.apply(rotations, root)
+        bpy.context.view_layer.update()
+        toes.append([np.array(bpy.data.objects[name].pose.bones[side + "toes"].head) for side in "lr"])
+    positions, _ = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
+    own = positions[:, [motion.skeleton.index(side + "toes") for side in "lr"]]
+    speeds = [
+        100.0 * motion.fps * np.linalg.norm(np.diff(feet, axis=0), axis=-1) for feet in (np.array(toes) / 1.1, own)
+    ]
+    standing = speeds[1] < 15.0
+    assert np.count_nonzero(standing) > 10
+    assert np.mean(speeds[0][standing]) <= np.mean(speeds[1][standing]) + SLIDE_CM_S
 
 
 def test_inverse_kinematics_does_not_pull_against_the_motion(mixamo_blend: Path) -> None:
