@@ -89,6 +89,20 @@ def store_map(armature_object: bpy.types.Object, found: BoneMap) -> None:
     kept.filling = False
 
 
+def store_problem(armature_object: bpy.types.Object, problem: str) -> None:
+    """Keep an empty map, to be filled by hand, and why none was found."""
+    missing = {joint: JointMatch("", State.MISSING) for joint in JOINT_NAMES}
+    store_map(armature_object, BoneMap(missing, ""))
+    armature_object.perfanim_character.problem = problem
+
+
+def clear_map(armature_object: bpy.types.Object) -> None:
+    """Keep no map with an armature."""
+    kept = armature_object.perfanim_character
+    kept.joints.clear()
+    kept.problem = ""
+
+
 def check_kept_map(armature_object: bpy.types.Object) -> None:
     """Tell the state of each joint of the kept map anew, and what makes it unusable."""
     kept = armature_object.perfanim_character

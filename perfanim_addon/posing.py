@@ -1,5 +1,6 @@
 """How poses of the performer become those of an armature: straight for the product's own, retargeted for any other."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -13,7 +14,7 @@ from ..core.retarget.presets import read_presets
 from ..core.retarget.transfer import CharacterPose, Retargeter, RootMotion
 from ..core.skeleton import Skeleton
 from .axes import PoseMap
-from .bone_list import store_map, stored_map, stored_root_motion
+from .bone_list import clear_map, store_map, store_problem, stored_map, stored_root_motion
 from .character import check_armature, read_rest
 from .place import user_folder
 from .retarget_rig import followed_bones, is_constrained, read_armature_rest, switch_to_fk
@@ -69,18 +70,21 @@ def find_map(armature_object: bpy.types.Object, presets_folder: Path | None = No
 
 
 def fill_map(armature_object: bpy.types.Object) -> None:
-    """Find the bone map of an armature and keep it with it, or why there is none; the product's names need none."""
+    """Find the bone map of an armature and keep it with it, or why there is none; the product's names need none.
+
+    A usable map that is kept already stays: it may have been chosen by hand.
+    """
     if armature_object.library is not None:
         return
-    kept = armature_object.perfanim_character
-    kept.joints.clear()
-    kept.problem = ""
+    if armature_object.perfanim_character.joints and not map_problem(armature_object):
+        return
     if not check_armature(armature_object):
+        clear_map(armature_object)
         return
     try:
         store_map(armature_object, find_map(armature_object, user_folder(PRESETS_FOLDER)))
     except CharacterError as error:
-        kept.problem = f"{error.what}; {error.advice}"
+        store_problem(armature_object, f"{error.what}; {error.advice}")
 
 
 def map_problem(armature_object: bpy.types.Object) -> str:
@@ -135,9 +139,19 @@ def retarget_posing(
     armature_object.data.pose_position = "POSE"  # shown in its rest position it would not move
     rest = read_armature_rest(armature_object)
     made = Retargeter(skeleton, rest, bone_map, root_motion)
+    _rest_between(armature_object, bone_map.bones["root"], made.bones)
     driven = made.bones[: len(made.bones) - len(made.located) + 1]  # without the root bone, which leads all
     if is_constrained(armature_object, driven):
         switch_to_fk(armature_object, driven)
         follows = followed_bones(bpy.context, armature_object, driven)
         made = Retargeter(skeleton, rest, bone_map, root_motion, np.asarray(follows))
     return made
+
+
+def _rest_between(armature_object: bpy.types.Object, hips: str, driven: Sequence[str]) -> None:
+    """Bring bones between driven ones to rest: what an earlier action left there would turn all that hangs on them."""
+    bones, taken = armature_object.pose.bones, set(driven)
+    above = {parent.name for name in driven for parent in bones[name].parent_recursive} - taken
+    carriers = {parent.name for parent in bones[hips].parent_recursive}  # they place the character
+    for name in above - carriers:
+        bones[name].matrix_basis.identity()

@@ -251,11 +251,16 @@ def test_the_map_is_found_when_an_armature_is_chosen_and_can_be_edited(mixamo_bl
     entry.bone = "mixamorig:LeftForeArm"
     assert kept.joints["lhand"].state == "doubtful"
     assert "lradius" in kept.joints["lhand"].reason
+    chosen.armature = None
+    chosen.armature = hero
+    assert kept.joints["lhand"].bone == "mixamorig:LeftForeArm"
     assert states.character(chosen).ready
     kept.joints["lfemur"].bone = ""
     assert "no bone is given for lfemur" in states.character(chosen).problem
-    assert bpy.ops.perfanim.find_bones() == {"FINISHED"}
+    assert len(kept.joints) == 29  # still there to be mended
+    kept.joints["lfemur"].bone = "mixamorig:LeftUpLeg"
     assert states.character(chosen).ready
+    assert bpy.ops.perfanim.find_bones() == {"FINISHED"}
     assert hero.perfanim_character.joints["lhand"].state == "mapped"
 
 

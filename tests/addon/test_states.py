@@ -2,12 +2,13 @@
 
 import sys
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import bpy
+import numpy as np
 import pytest
-from perfanim.core.camera import save_rig
+from perfanim.core.camera import CameraRig, load_rig, save_rig
 from perfanim.core.database.build import build_database
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.marker_set import Subject, load_marker_set, load_subject, save_subject
@@ -103,6 +104,7 @@ def test_an_armature_that_cannot_be_driven_says_why(states: Any, chosen: Any) ->
     bpy.context.scene.collection.objects.link(armature)
     chosen.armature = armature
     assert "Other: the armature has no bones" in states.first_problem(chosen)
+    assert len(armature.perfanim_character.joints) == 29  # to be chosen by hand
 
 
 def test_only_armatures_can_be_picked(chosen: Any) -> None:
@@ -127,3 +129,39 @@ def test_long_messages_are_cut_into_lines(extension: str, addon: ModuleType) -> 
     assert all(len(line) <= 32 for line in lines)
     assert panels.wrapped("", 32) == []
     assert "".join(lines).replace(" ", "") == text.replace(" ", "")
+
+
+def test_the_left_camera_alone_captures_where_no_right_one_is_chosen(states: Any, chosen: Any, tmp_path: Path) -> None:
+    setup = sys.modules[states.__name__.replace("states", "capture_setup")]
+    video = tmp_path / "left.mp4"
+    video.touch()
+    chosen.source, chosen.left_video = "VIDEOS", str(video)
+    save_rig(default_rig(), tmp_path / "two.toml")
+    chosen.calibration = str(tmp_path / "two.toml")
+    assert states.cameras(chosen).text == "one camera"
+    assert "use an average body" in states.performer(chosen).problem
+    asked = setup.cameras(chosen)
+    assert asked["source"]["paths"] == [str(video)]
+    assert [camera.name for camera in load_rig(asked["rig"]).cameras] == ["left"]
+    # a calibration of one camera leaves a right source out
+    save_rig(CameraRig(default_rig().cameras[:1]), tmp_path / "one.toml")
+    chosen.right_video, chosen.calibration = str(video), str(tmp_path / "one.toml")
+    assert setup.cameras(chosen)["source"]["paths"] == [str(video)]
+    assert setup.cameras(chosen)["rig"] == chosen.calibration
+    chosen.source, chosen.left_device, chosen.right_device = "CAMERAS", 3, -1
+    chosen.calibration = str(tmp_path / "two.toml")
+    assert setup.cameras(chosen)["source"]["devices"] == [3]
+    chosen.right_device = 1
+    assert setup.cameras(chosen)["source"]["devices"] == [3, 1]
+    assert setup.cameras(chosen)["rig"] == chosen.calibration
+
+
+def test_an_average_body_of_the_right_height_is_a_profile(states: Any, chosen: Any) -> None:
+    chosen.subject_name, chosen.subject_height, chosen.marker_set = "Tall one", 1.9, "one-camera"
+    operator = sys.modules[states.__name__.replace("states", "operators.subject")].PERFANIM_OT_average_performer
+    assert operator.execute(SimpleNamespace(), bpy.context) == {"FINISHED"}
+    assert states.performer(chosen).text == "Tall one, average body"
+    found = load_subject(chosen.subject)
+    assert len(found.marker_set) == 14
+    lengths = [np.linalg.norm(s.offsets_m, axis=1).sum() for s in (found.skeleton, default_skeleton(1.75))]
+    assert lengths[0] / lengths[1] == pytest.approx(1.9 / 1.75)
