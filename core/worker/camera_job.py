@@ -55,9 +55,10 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
                 channel.send_warning(warning)
             images = _Images(channel.stop_requested, source if is_live(request) else _paced(source))
             preview = PreviewSender(request, channel)
+            thresholds = [detector.threshold for detector in pipeline.detectors]
             for stamp_s, frame in live_frames(images, pipeline, channel.send_warning, exact=is_simulated(request)):
                 channel.send_frame(stamp_s, frame)
-                preview.send(images.newest, partial(draw_blobs, frame))
+                preview.send(images.newest, partial(draw_blobs, frame, thresholds))
                 if in_flight is not None:
                     channel.wait_taken(int(in_flight))
     except Stopped:
