@@ -59,14 +59,14 @@ def export_motion(motion: Motion, target: Path, *, still: Path | None = None, fr
     if still is not None:
         render(scene, still)
     scene.frame_set(_FIRST_FRAME)
-    save_scene(target)
-
-
-def save_scene(target: Path) -> None:
-    """Save the open scene as a file that is whole or not there; FormatError if it cannot be written."""
-    bpy.context.preferences.filepaths.save_version = 0  # no backup beside the temporary file
     with atomic_path(target) as temporary:
-        bpy.ops.wm.save_as_mainfile(filepath=str(temporary), compress=True, check_existing=False)
+        write_scene(temporary)
+
+
+def write_scene(path: Path) -> None:
+    """Write the open scene to a file."""
+    bpy.context.preferences.filepaths.save_version = 0  # no backup beside it
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True, check_existing=False)
 
 
 def build_scene(motion: Motion) -> str:

@@ -16,20 +16,18 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.errors import CharacterError, FormatError, PerfanimError
+from ..core.files import atomic_path
 from ..core.motion import Motion
 from ..core.motion_files import read_motion
 from ..core.retarget.bone_map import BoneMap, State, checked_map
 from ..core.retarget.presets import named_bone_map
 from ..core.retarget.transfer import RootMotion
 from .actions import scene_frames, write_posing
-from .export_blend import add_stage, render, save_scene, set_up_rendering
+from .export_blend import add_stage, render, set_up_rendering, write_scene
 from .posing import find_map, retarget_posing
 from .retarget_rig import read_armature_rest
-
-Array = NDArray[np.float64]
 
 _SAMPLED_FRAMES = 24  # of the performance, to place floor and camera
 _GLTF = (".glb", ".gltf", ".vrm")
@@ -47,8 +45,8 @@ def retarget_file(
 ) -> dict[str, Any]:
     """Open a character, give it a motion as a new action, save the scene; return what was done.
 
-    A .blend keeps its scene and its rate; another file's character gets a scene of its own with floor, light and
-    camera, at the motion's rate.
+    A .blend keeps its scene and its rate, without what is added for the picture; another file's character gets a
+    scene of its own with floor, light and camera, at the motion's rate.
 
     Args:
         motion: motion of the product's joints.
@@ -78,15 +76,17 @@ def retarget_file(
     frames = scene_frames(np.arange(motion.frames) / motion.fps, scene)
     write_posing(armature_object, frames, motion.rotations, motion.root_positions_m, posing, name=motion.name)
     scene.frame_start, scene.frame_end = 1, int(np.ceil(frames[-1]))
-    if not is_own_scene or (still is not None and scene.camera is None):
-        points, floor = _performance(scene, armature_object, list(bone_map.bones.values()))
-        add_stage(scene, points, floor)
-        set_up_rendering(scene)
-    if still is not None:
-        scene.frame_set(int(frames[shown - 1]))
-        render(scene, still)
-    scene.frame_set(1)
-    save_scene(target)
+    with atomic_path(target) as temporary:
+        if not is_own_scene:
+            _add_stage(scene, armature_object, bone_map)
+        scene.frame_set(1)
+        write_scene(temporary)
+        if still is not None:
+            if is_own_scene and scene.camera is None:
+                _add_stage(scene, armature_object, bone_map)
+            set_up_rendering(scene)
+            scene.frame_set(int(frames[shown - 1]))
+            render(scene, still)
     return {
         "mapped": bone_map.bones,
         "unmapped": {joint: bone_map.matches[joint].reason for joint in bone_map.of_state(State.MISSING)},
@@ -168,17 +168,14 @@ def release_pose(armature_object: bpy.types.Object) -> None:
         bone.matrix_basis.identity()
 
 
-def _performance(
-    scene: bpy.types.Scene, armature_object: bpy.types.Object, bones: Sequence[str]
-) -> tuple[Array, float]:
-    """Return where the bones are in the world over the performance (N, 3), and the height of the floor."""
+def _add_stage(scene: bpy.types.Scene, armature_object: bpy.types.Object, bone_map: BoneMap) -> None:
+    """Add floor, light and a camera that sees the whole performance."""
     points = []
     for at in np.unique(np.linspace(scene.frame_start, scene.frame_end, _SAMPLED_FRAMES).astype(int)):
         scene.frame_set(int(at))
         posed = armature_object.pose.bones
-        points.append([armature_object.matrix_world @ posed[name].head for name in bones])
-    found = np.array(points, dtype=np.float64)
-    return found.reshape(-1, 3), float(armature_object.matrix_world.translation.z)
+        points += [armature_object.matrix_world @ posed[name].head for name in bone_map.bones.values()]
+    add_stage(scene, np.array(points, dtype=np.float64), float(armature_object.matrix_world.translation.z))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -178,7 +178,17 @@ def test_the_command_line_writes_a_file(mixamo_blend: Path, tmp_path: Path) -> N
     write_bvh(clip("walking-01-neutral", 20), tmp_path / "walk.bvh")
     command = [sys.executable, "-m", "perfanim.core.cli.main", "retarget", str(tmp_path / "walk.bvh")]
     done = subprocess.run(
-        [*command, "--to", str(mixamo_blend), "--out", str(out), "--root-motion", "object", "--json"],
+        [
+            *command,
+            "--to",
+            str(mixamo_blend),
+            "--out",
+            str(out),
+            "--root-motion",
+            "object",
+            "--json",
+            *("--render", str(out.with_suffix(".png"))),
+        ],
         capture_output=True,
         text=True,
         check=False,
@@ -189,7 +199,9 @@ def test_the_command_line_writes_a_file(mixamo_blend: Path, tmp_path: Path) -> N
     assert summary["mapped"]["lfemur"] == "mixamorig:LeftUpLeg"
     assert summary["found_by"] == "names"
     assert set(summary["unmapped"]) == {"lwrist", "rwrist"} - summary["mapped"].keys()
+    assert out.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
     bpy.ops.wm.open_mainfile(filepath=str(out))
+    assert {obj.name for obj in bpy.context.scene.objects} == {"Hero", "Hero body"}  # no floor or camera of the picture
     curves = curves_of(bpy.data.objects["Hero"])
     assert {curve.group.name for curve in curves} == {*summary["mapped"].values(), "Object Transforms"}
     assert "delta_location" in {curve.data_path for curve in curves}
