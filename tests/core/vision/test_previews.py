@@ -1,0 +1,62 @@
+import numpy as np
+from perfanim.core.marker_frame import MarkerFrame
+from perfanim.core.vision.blob_preview import draw_blobs
+from perfanim.core.vision.board import BoardView
+from perfanim.core.vision.board_preview import draw_corners, draw_coverage, draw_taken, draw_wanted
+
+PICTURE = (240, 320, 3)
+
+
+def dominant(picture: np.ndarray, x: float, y: float, reach: int = 8) -> str:
+    """The colour that stands out about a place of a picture that was black."""
+    around = picture[round(y) - reach : round(y) + reach + 1, round(x) - reach : round(x) + reach + 1].astype(int)
+    blue, green, red = around.reshape(-1, 3).max(axis=0)
+    if max(blue, green, red) == 0:
+        return "nothing"
+    return "orange" if red > 200 and 120 < green < 220 else "green" if green > red else "red"
+
+
+def test_blobs_are_ringed_by_what_they_are_taken_for():
+    # in an image of twice the picture's width: seen by both, by the second camera alone, by mistake
+    places = [(100.5, 80.5), (300.5, 200.5), (500.5, 400.5)]
+    blobs = np.array([(x, y, 3.0, 200.0, 0.0) for x, y in places], np.float32)
+    frame = MarkerFrame(
+        0,
+        0.0,
+        points_m=np.zeros((1, 3)),
+        covariances_m2=np.eye(3)[None],
+        blobs=(blobs[:1], blobs),
+        point_blobs=np.array([[0, 0]]),
+        single_cameras=np.array([1]),
+        single_blobs=np.array([1]),
+        single_points=np.zeros((1, 2)),
+    )
+    left, right = np.zeros(PICTURE, np.uint8), np.zeros(PICTURE, np.uint8)
+    draw_blobs(frame, (38.4, 52.0), 0, left, 640)
+    draw_blobs(frame, (38.4, 52.0), 1, right, 640)
+    assert [dominant(left, x / 2, y / 2) for x, y in places] == ["green", "nothing", "nothing"]
+    assert [dominant(right, x / 2, y / 2) for x, y in places] == ["green", "orange", "red"]
+
+
+def test_the_board_is_shown_with_what_is_covered_and_wanted():
+    grey = np.full(PICTURE, 90, np.uint8)
+    picture = grey.copy()
+    covered = np.zeros((18, 24), bool)
+    covered[:9, :12] = True
+    draw_coverage(picture, covered)
+    assert (picture[:120, :160, 1] > picture[:120, :160, 2]).all()
+    np.testing.assert_array_equal(picture[120:], grey[120:])
+    np.testing.assert_array_equal(picture[:, 160:], grey[:, 160:])
+
+    picture = grey.copy()
+    draw_corners(picture, BoardView(np.arange(1), np.array([[200.5, 100.5]])), 640)
+    assert np.argwhere((picture != grey).any(axis=2)).mean(axis=0).round().tolist() == [50.0, 100.0]
+
+    picture = grey.copy()
+    draw_wanted(picture, (2, 0))
+    changed = np.argwhere((picture != grey).any(axis=2))
+    assert changed.min(axis=0).tolist() >= [160, 0] and changed.max(axis=0).tolist() <= [239, 106]
+    assert len(changed) > 500
+
+    draw_taken(picture)
+    assert (picture[:2, :, 1] > 200).all() and (picture[:, -2:, 1] > 200).all()
