@@ -15,6 +15,7 @@ from perfanim.core.motion_files import read_motion
 from perfanim.core.pose_bytes import SolvedPose, pack_solved
 from perfanim.core.session import Session
 from perfanim.core.solver.settings import SolveSettings
+from perfanim.core.take_file import writer as writer_module
 from perfanim.core.take_file.chunks import scan
 from perfanim.core.take_file.reading import read_take_file
 from perfanim.core.take_file.setup import TakeNotes, TakeSetup
@@ -30,14 +31,16 @@ def recorded(tmp_path_factory, true_markers, subject, database, stage_rig, recor
     folder = tmp_path_factory.mktemp("recorded")
     setup = TakeSetup.of(stage_rig, subject, {"best_neighbours": 200}, identity(database), {})
     session = Session(subject, database, stage_rig, SolveSettings(**setup.settings))
-    writer = TakeWriter(folder / "walk.perftake", setup, TakeNotes("Walk 1", character="Xbot"))
-    for number in (n for n in range(len(true_markers)) if n not in LOST):
-        frame = record(true_markers[number], number, cameras=True, fps=FPS, hidden=((5, 0),) if number > 40 else ())
-        writer.add_frame(pack_stamped(float(number), frame))
-        writer.add_pose(pack_solved(SolvedPose(session.step(frame), float(number))))
-        if number % 3 == 0:
-            writer._collect()
-    writer.close()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(writer_module, "WRITE_EVERY_S", 3600.0)  # this plays the thread
+        writer = TakeWriter(folder / "walk.perftake", setup, TakeNotes("Walk 1", character="Xbot"))
+        for number in (n for n in range(len(true_markers)) if n not in LOST):
+            frame = record(true_markers[number], number, cameras=True, fps=FPS, hidden=((5, 0),) if number > 40 else ())
+            writer.add_frame(pack_stamped(float(number), frame))
+            writer.add_pose(pack_solved(SolvedPose(session.step(frame), float(number))))
+            if number % 3 == 0:
+                writer._collect()
+        writer.close()
     save_rig(stage_rig, folder / "rig.toml")
     return folder / "walk.perftake"
 

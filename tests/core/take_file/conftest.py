@@ -8,6 +8,7 @@ import pytest
 from perfanim.core.marker_set import Subject, load_marker_set
 from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.take_file import writer as writer_module
 from perfanim.core.take_file.setup import TakeNotes, TakeSetup
 from perfanim.core.take_file.writer import TakeWriter
 
@@ -28,13 +29,15 @@ def write(setup: TakeSetup) -> Callable[..., Path]:
     """write(path, frames, every): a whole take of so many frames, `every` of them a chunk."""
 
     def make(path: Path, frames: int = 12, every: int = 3) -> Path:
-        writer = TakeWriter(path, setup, TakeNotes("Walk 1"))
-        for start in range(0, frames, every):
-            for number in range(start, min(start + every, frames)):
-                writer.add_frame(frame_record(number))
-                writer.add_pose(pose_record(number))
-            writer._collect()
-        writer.close()
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(writer_module, "WRITE_EVERY_S", 3600.0)  # this plays the thread
+            writer = TakeWriter(path, setup, TakeNotes("Walk 1"))
+            for start in range(0, frames, every):
+                for number in range(start, min(start + every, frames)):
+                    writer.add_frame(frame_record(number))
+                    writer.add_pose(pose_record(number))
+                writer._collect()
+            writer.close()
         return path
 
     return make

@@ -232,7 +232,10 @@ def test_recover_keeps_all_that_is_intact(tmp_path: Path, write: Write) -> None:
     assert not (tmp_path / "c.perftake").exists()
 
 
-def test_a_take_being_written_is_locked_and_can_be_read(tmp_path: Path, setup: TakeSetup) -> None:
+def test_a_take_being_written_is_locked_and_can_be_read(
+    tmp_path: Path, setup: TakeSetup, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer_module, "WRITE_EVERY_S", 3600.0)  # the test plays the thread
     path = tmp_path / "a.perftake"
     writer = TakeWriter(path, setup)
     try:
