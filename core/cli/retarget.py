@@ -25,7 +25,7 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--map",
         metavar="PRESET_OR_FILE",
-        help="which bone is which joint: rigify-controls, rigify-deform or a TOML file (default: found by itself)",
+        help="which bone is which joint: rigify-controls or a TOML file (default: found by itself)",
     )
     parser.add_argument(
         "--root-motion",
