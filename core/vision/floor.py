@@ -58,9 +58,13 @@ def board_in_space(rig: CameraRig, views: Sequence[BoardView], board: Board) -> 
     A chessboard may be numbered from either end in each view; the views are taken as they agree best.
 
     Raises:
-        CalibrationError: a view is of a part of the board only, or the views do not agree.
+        CalibrationError: other cameras, a view of a part of the board only, or views that do not agree.
     """
-    if len(views) != len(rig) or any(len(view.ids) != len(board.points_m) for view in views):
+    if len(views) != len(rig):
+        raise CalibrationError(
+            f"the calibration is of {len(rig)} camera(s), the images of {len(views)}", advice="calibrate these cameras"
+        )
+    if any(len(view.ids) != len(board.points_m) for view in views):
         raise CalibrationError("not all cameras see the whole board", advice="lay it where they all do")
     if len(views) == 1:
         return _seen_by_one(rig.cameras[0], views[0], board)
