@@ -20,7 +20,7 @@ from ..pose_frame import PoseFrame
 from ..session import Session
 from ..simulate.studio.source import open_simulated
 from ..sources.image_set import ImageSet
-from ..vision.live import live_frames
+from ..vision.live import live_frames, live_settings
 from ..vision.pipeline import MarkerPipeline
 
 Image = NDArray[np.uint8]
@@ -68,7 +68,7 @@ def _sets(images: Image, moments: Sequence[int]) -> Iterator[ImageSet]:
 
 
 def _pipeline(rig: CameraRig, empty: Image) -> MarkerPipeline:
-    pipeline = MarkerPipeline(rig)
+    pipeline = MarkerPipeline(rig, live_settings())
     pipeline.learn_empty(tuple(moment) for moment in empty)
     return pipeline
 

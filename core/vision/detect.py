@@ -203,6 +203,8 @@ class Detector:
         rise = colours.astype(np.float32)
         if room is not None:
             rise -= room.mean[y, x]
+        if rise.max() < dimmest:  # which no mean of the channels exceeds: noise and shadows
+            return np.empty((0, COLUMNS)), []
         contrast = _contrast(rise, owner, len(parts))
         bright = np.zeros(len(parts), dtype=bool)
         bright[owner[contrast >= dimmest]] = True

@@ -6,11 +6,20 @@ from concurrent.futures import ThreadPoolExecutor
 
 from ..marker_frame import MarkerFrame
 from ..sources.spec import ImageSetLike
+from .detect import DetectionSettings
 from .live_bump import LiveBumpWatch
 from .live_offset import LiveTimeOffsets
 from .one_time import TimeAligner
-from .pipeline import MarkerPipeline
+from .pipeline import MarkerPipeline, PipelineSettings
 from .time_offset import TimeOffset
+
+_WHOLE_EVERY = 4  # images: 50 ms at 60 Hz until a marker from elsewhere is found
+
+
+def live_settings(threshold: float | None = None) -> PipelineSettings:
+    """Return how images become marker frames in a live capture; `threshold` in grey levels, None: automatic."""
+    detection = DetectionSettings(None if threshold is None else float(threshold), whole_every=_WHOLE_EVERY)
+    return PipelineSettings(detection=(detection,))
 
 
 def live_frames(

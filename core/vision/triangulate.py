@@ -29,13 +29,13 @@ def triangulate(
         start_m: (N, 3) where the points were found to be before, NaN where they were not.
     """
     observed = np.where(weights[..., None] > 0, normalised, 0.0)
+    rotations = np.stack([camera.rotation for camera in cameras])
     if start_m is not None and np.all(np.isfinite(start_m)):
         points = start_m
     else:
-        points = _linear(cameras, observed, weights)
+        points = _linear(cameras, rotations, observed, weights)
         if start_m is not None:
             points = np.where(np.isfinite(start_m), start_m, points)
-    rotations = np.stack([camera.rotation for camera in cameras])
     shifts = np.stack([camera.translation_m for camera in cameras])
     focal = np.array([camera.focal_px for camera in cameras])
     # pixel units: the distortion changes the scale by little over a marker's error
@@ -52,12 +52,16 @@ def triangulate(
     return points, covariances, errors
 
 
-def _linear(cameras: Sequence[Camera], observed: Array, weights: Array) -> Array:
+def _linear(cameras: Sequence[Camera], rotations: Array, observed: Array, weights: Array) -> Array:
     """Point nearest to all rays, in the least-squares sense."""
     centres = np.stack([camera.centre_m for camera in cameras])
-    rays = np.stack([camera.rays(observed[:, i]) for i, camera in enumerate(cameras)], axis=1)
-    across = (np.eye(3) - rays[..., :, None] * rays[..., None, :]) * weights[..., None, None]
-    return np.asarray(np.einsum("nij,ncjk,ck->ni", inverse_3x3(across.sum(axis=1)), across, centres))
+    local = np.concatenate((observed, np.ones((*weights.shape, 1))), axis=2)
+    rays = (local[:, :, None] @ rotations)[:, :, 0] / np.sqrt(np.sum(local * local, axis=2, keepdims=True))
+    weighted = rays * weights[..., None]
+    # sum of w (1 - r r^T) on the left, of w (1 - r r^T) c on the right
+    across = np.sum(weights, axis=1)[:, None, None] * np.eye(3) - weighted.transpose(0, 2, 1) @ rays
+    right = weights @ centres - np.sum(weighted * np.sum(rays * centres, axis=2, keepdims=True), axis=1)
+    return np.asarray((inverse_3x3(across) @ right[..., None])[..., 0])
 
 
 def inverse_3x3(matrices: Array) -> Array:

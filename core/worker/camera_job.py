@@ -22,9 +22,8 @@ from ..camera import CameraRig, load_rig
 from ..errors import CaptureError
 from ..sources.spec import ImageSetLike, ImageSource, open_source
 from ..vision.blob_preview import draw_blobs
-from ..vision.detect import DetectionSettings
-from ..vision.live import live_frames
-from ..vision.pipeline import MarkerPipeline, PipelineSettings
+from ..vision.live import live_frames, live_settings
+from ..vision.pipeline import MarkerPipeline
 from .channel import Channel
 from .preview import PreviewSender
 
@@ -32,7 +31,6 @@ Image = NDArray[np.uint8]
 
 _EMPTY_FRAMES = 30  # of the simulated room
 _SPREAD_FRAMES = 40  # of a recorded take, which shows the performer
-_WHOLE_EVERY = 4  # large images: 50 ms at 60 Hz until a marker from elsewhere is found
 
 
 class Stopped(Exception):  # noqa: N818 - no error: somebody asked for the end
@@ -102,7 +100,7 @@ def opened(request: Mapping[str, Any], channel: Channel) -> Iterator[tuple[Image
     channel.send_status("opening the cameras")
     source = open_source(spec)
     try:
-        pipeline = MarkerPipeline(_rig(request, source), _settings(request))
+        pipeline = MarkerPipeline(_rig(request, source), live_settings(request.get("threshold")))
         _learn(pipeline, source, str(spec.get("kind", "")), float(request.get("background_s", 2.0)), channel)
         yield source, pipeline
     finally:
@@ -116,12 +114,6 @@ def _rig(request: Mapping[str, Any], source: ImageSource) -> CameraRig:
     if not isinstance(rig, CameraRig):
         raise CaptureError("the cameras are not calibrated", advice="calibrate them first")
     return rig
-
-
-def _settings(request: Mapping[str, Any]) -> PipelineSettings:
-    threshold = request.get("threshold")
-    detection = DetectionSettings(None if threshold is None else float(threshold), whole_every=_WHOLE_EVERY)
-    return PipelineSettings(detection=(detection,))
 
 
 def _learn(pipeline: MarkerPipeline, source: Any, kind: str, seconds: float, channel: Channel) -> None:
