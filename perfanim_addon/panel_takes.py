@@ -49,7 +49,7 @@ class PERFANIM_PG_take(bpy.types.PropertyGroup):
 class PERFANIM_PG_takes(bpy.types.PropertyGroup):
     """The list of the takes in the user's folder."""
 
-    items: bpy.props.CollectionProperty(type=PERFANIM_PG_take)
+    entries: bpy.props.CollectionProperty(type=PERFANIM_PG_take)
     active: bpy.props.IntProperty(name="Take", description="The take that the buttons below are about")
 
 
@@ -95,12 +95,12 @@ class PERFANIM_PT_takes(bpy.types.Panel):
             layout.label(text="Takes are listed after the capture")
             return
         shown = _list(context)
-        if not shown.items:
+        if not shown.entries:
             layout.label(text="Every capture is kept here")
         else:
-            layout.template_list("PERFANIM_UL_takes", "", shown, "items", shown, "active", rows=ROWS)
-        if 0 <= shown.active < len(shown.items):
-            _draw_take(layout, shown.items[shown.active])
+            layout.template_list("PERFANIM_UL_takes", "", shown, "entries", shown, "active", rows=ROWS)
+        if 0 <= shown.active < len(shown.entries):
+            _draw_take(layout, shown.entries[shown.active])
         panels.draw_job(layout, KEY)
         panels.draw_text(context, layout, *running.message(KEY))
 
@@ -139,7 +139,7 @@ def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
 def _list(context: bpy.types.Context) -> PERFANIM_PG_takes:
     """Return the list; when it is not what is in the folder, let it be filled as soon as drawing is over."""
     shown = context.window_manager.perfanim_takes
-    current = [(item.path, item.title, item.notes, item.rating, item.complete) for item in shown.items]
+    current = [(item.path, item.title, item.notes, item.rating, item.complete) for item in shown.entries]
     if current != [_facts(take) for take in takes.listed()] and not bpy.app.timers.is_registered(_fill):
         bpy.app.timers.register(_fill)
     return shown
@@ -152,12 +152,12 @@ def _facts(take: TakeSummary) -> tuple[str, str, str, int, bool]:
 def _fill() -> None:
     """Set the list's items from the files; Blender's timer calls it once."""
     shown = bpy.context.window_manager.perfanim_takes
-    chosen = shown.items[shown.active].path if 0 <= shown.active < len(shown.items) else ""
+    chosen = shown.entries[shown.active].path if 0 <= shown.active < len(shown.entries) else ""
     with _not_by_the_user():
-        shown.items.clear()
+        shown.entries.clear()
         for take in takes.listed():
-            _set(shown.items.add(), take)
-    paths = [item.path for item in shown.items]
+            _set(shown.entries.add(), take)
+    paths = [item.path for item in shown.entries]
     shown.active = paths.index(chosen) if chosen in paths else 0
     running.redraw_sidebars()
 

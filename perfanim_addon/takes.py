@@ -43,7 +43,10 @@ def listed() -> list[TakeSummary]:
 
     Panels ask for them often: the folder is looked into only when something was added or removed, or after `forget`.
     """
-    stamp = folder().stat().st_mtime_ns
+    try:
+        stamp = folder().stat().st_mtime_ns
+    except OSError:  # no folder can be made: a capture tells
+        return []
     if stamp != _known.stamp:
         _known.stamp, _known.takes = stamp, _found()
     return _known.takes

@@ -84,7 +84,7 @@ def run_job(part: Any, operator: Any, played: Any) -> str:
 
 def shown(part: Any) -> list[Any]:
     part("panel_takes")._fill()
-    return list(bpy.context.window_manager.perfanim_takes.items)
+    return list(bpy.context.window_manager.perfanim_takes.entries)
 
 
 def test_a_worker_that_is_killed_leaves_a_take_that_can_be_recovered(part: Any) -> None:
