@@ -103,11 +103,11 @@ def test_messages_are_kept_for_each_panel(running: Any) -> None:
     assert running.message("cameras") == ("camera 1 froze", "ERROR")
 
 
-def test_an_armature_without_the_bones_is_refused_by_name(running: Any) -> None:
+def test_an_armature_that_cannot_be_driven_is_refused(running: Any) -> None:
     armature = bpy.data.objects.new("Other", bpy.data.armatures.new("Other"))
     bpy.context.scene.collection.objects.link(armature)
     bpy.context.view_layer.objects.active = armature
-    with pytest.raises(RuntimeError, match="lacks 29 bones: root, lfemur"):
+    with pytest.raises(RuntimeError, match="Other: the armature has no bones"):
         bpy.ops.perfanim.use_active_armature("EXEC_DEFAULT")
     assert bpy.context.scene.perfanim.armature is None
     assert running.message("character")[1] == "ERROR"
