@@ -151,13 +151,18 @@ class SingleViewFollower:
         roots = [root]
         if self._certain is not None and now_s - self._certain[0] > _UNCERTAIN_S:
             roots.append(self._certain[1])
+        starts: list[SingleViewStart] = []
         for place in roots:
             placed_m = place.to_world(self._examples_m)
-            for start in label_near(frame.single_points, self._camera, placed_m, _NEW_WAYS):
-                if not any(np.array_equal(start.labels, way.labels) for way in self._ways):
-                    solver = best.solver.branch()
-                    solver.reset()
-                    self._ways.append(self._started(frame, start, solver, _NEW_COST))
+            starts += label_near(frame.single_points, self._camera, placed_m, _NEW_WAYS)
+        if self._certain is None:  # the start itself may have been wrong
+            again = label_single_view(frame.single_points, self._camera, self._poses_m)
+            starts += [again] if again is not None else []
+        for start in starts:
+            if not any(np.array_equal(start.labels, way.labels) for way in self._ways):
+                solver = best.solver.branch()
+                solver.reset()
+                self._ways.append(self._started(frame, start, solver, _NEW_COST))
 
     def _observed(self, labels: IntArray, points: Array) -> Observation:
         count = len(self._torso)

@@ -1,0 +1,50 @@
+"""A capture with one camera through the real workers."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+from perfanim.core.camera import CameraRig, save_rig
+from perfanim.core.database.build import build_database
+from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.marker_set import save_subject
+from perfanim.core.simulate.performer import performance
+from perfanim.core.simulate.studio.source import open_simulated
+from perfanim.core.worker.client import WorkerClient
+from perfanim.core.worker.protocol import MessageKind
+
+PATIENCE_S = 120.0
+FPS = 30
+
+
+def test_one_camera_starts_in_the_t_pose_and_follows(tmp_path: Path) -> None:
+    performer = {"kind": "simulated", "behaviour": "walking", "seconds": 2.0, "marker_set": "one-camera", "fps": FPS}
+    source = open_simulated(performer)
+    save_rig(CameraRig(source.rig.cameras[:1]), tmp_path / "left.toml")
+    save_subject(source.subject, tmp_path / "performer.toml")
+    write_bvh(
+        performance([("walking", 4.0)], seed=5), tmp_path / "walk.bvh"
+    )  # begins in a T pose, as the performer does
+    build_database([str(tmp_path / "walk.bvh")], tmp_path / "walk.perfdb", 60.0)
+    request = {
+        "job": "capture",
+        "cameras": {"source": {**performer, "cameras": 1}, "rig": str(tmp_path / "left.toml"), "threshold": None},
+        "subject": str(tmp_path / "performer.toml"),
+        "database": str(tmp_path / "walk.perfdb"),
+    }
+    client, messages = WorkerClient(request), []
+    limit = time.monotonic() + PATIENCE_S
+    try:
+        while not client.ended:
+            messages += client.poll()
+            client.confirm_taken(sum(message.kind is MessageKind.POSE for message in messages))
+            client.wait(0.05)
+            assert time.monotonic() < limit
+    finally:
+        client.close()
+    assert not [message.payload for message in messages if message.kind is MessageKind.ERROR]
+    poses = [message.pose().pose for message in messages if message.kind is MessageKind.POSE]
+    assert len(poses) == source.frames
+    true_m = source.motion.root_positions_m[[pose.number for pose in poses]]
+    away_m = np.linalg.norm([pose.root_position_m for pose in poses] - true_m, axis=1)
+    assert away_m.max() < 0.1
