@@ -123,7 +123,9 @@ def stored_map(armature_object: bpy.types.Object) -> BoneMap | None:
     if kept is None:
         return None
     if kept.problem:
-        raise CharacterError(kept.problem, where=armature_object.name, advice="mend the bone map under Character")
+        raise CharacterError(
+            kept.problem, where=armature_object.name, advice="choose its bones, or another armature, under Character"
+        )
     if not kept.joints:
         return None
     missing = [e.bone for e in kept.joints if e.bone and e.bone not in armature_object.data.bones]

@@ -84,7 +84,7 @@ def fill_map(armature_object: bpy.types.Object) -> None:
     try:
         store_map(armature_object, find_map(armature_object, user_folder(PRESETS_FOLDER)))
     except CharacterError as error:
-        store_problem(armature_object, f"{error.what}; {error.advice}")
+        store_problem(armature_object, error.what)
 
 
 def map_problem(armature_object: bpy.types.Object) -> str:
