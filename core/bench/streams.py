@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..camera import CameraRig
 from ..database.store import Database
+from ..errors import CaptureError
 from ..marker_frame import MarkerFrame, pack, unpack
 from ..marker_set import Subject
 from ..pose_frame import PoseFrame
@@ -138,7 +139,11 @@ class Throughput:
 
 
 def throughput(streams: Streams, database: Database, poses: Sequence[PoseFrame], passes: int) -> Throughput:
-    """Send the streams through the cameras' process, as fast as it takes them, and label here what it hands over."""
+    """Send the streams through the cameras' process, as fast as it takes them, and label here what it hands over.
+
+    Raises:
+        CaptureError: that process failed.
+    """
     moments = streams.moments(passes)
     session = Session(streams.subject, database, streams.rig)
     memory = SharedMemory(create=True, size=streams.images.nbytes + streams.empty.nbytes)
@@ -150,6 +155,7 @@ def throughput(streams: Streams, database: Database, poses: Sequence[PoseFrame],
     process = context.Process(target=_film, args=(memory.name, shapes, streams.rig, moments, sender))
     try:
         process.start()
+        sender.close()  # or its end would not show here
         located, first_s, last_s = 0, 0.0, 0.0
         for number in range(len(moments)):
             data = receiver.recv_bytes()
@@ -160,6 +166,8 @@ def throughput(streams: Streams, database: Database, poses: Sequence[PoseFrame],
             last_s = time.perf_counter()
         labels_s = time.process_time() - labels_from_s
         (cameras_s,) = _STAMP.unpack(receiver.recv_bytes())
+    except EOFError as error:
+        raise CaptureError("ended before all images were through", where="the cameras' process") from error
     finally:
         process.join()
         memory.close()
