@@ -188,7 +188,7 @@ def _in_use(args: argparse.Namespace, rig: Any) -> tuple[Any, list[str]]:
 
     names = [camera.name for camera in rig.cameras]
     given = [(index, str(source)) for index, source in enumerate((args.left, args.right)) if source is not None]
-    further, named = 2 if len(given) == 2 else len(given), False
+    further, named = given[-1][0] + 1 if given else 0, False
     for text in args.camera:
         name, equals, source = text.partition("=")
         if equals and name in names:
