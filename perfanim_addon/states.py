@@ -12,8 +12,6 @@ from ..core.marker_set import MarkerSet, Subject, load_marker_set, load_subject
 from .place import absolute, user_folder
 from .posing import map_problem
 
-MISSING_NAMES_SHOWN = 4
-
 
 @dataclass(frozen=True)
 class State:
