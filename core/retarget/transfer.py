@@ -131,11 +131,10 @@ class Retargeter:
         self.joints = {joint: rest.index[bone] for joint, bone in bone_map.bones.items()}
         self.alignment = align_character(skeleton, rest, self.joints)
         self._hips = self.joints["root"]
-        above = rest.line(self._hips)
         self.root_motion = root_motion
-        if root_motion is RootMotion.ROOT_BONE and len(above) == 1:
+        self._root_bone = _root_bone(rest, self._hips) if root_motion is RootMotion.ROOT_BONE else -1
+        if root_motion is RootMotion.ROOT_BONE and self._root_bone < 0:
             self.root_motion = RootMotion.HIPS
-        self._root_bone = above[-1] if self.root_motion is RootMotion.ROOT_BONE else -1
         driven = _driven_bones(skeleton, rest, self.joints, self.alignment.turns)
         self._order = [entry.bone for entry in driven]
         self._first = np.array([entry.first for entry in driven])
@@ -405,6 +404,14 @@ def _jumps(parents: IntArray) -> list[IntArray]:
         found.append(above)
         above = above[above]
     return found
+
+
+def _root_bone(rest: ArmatureRest, hips: int) -> int:
+    """Return the topmost bone above the hips, -1 without one; in control rigs helpers may stand between them."""
+    above = [bone for bone in rest.line(hips)[1:] if not parse_bone_name(rest.names[bone]).helper]
+    if above:
+        return above[-1]
+    return rest.index.get("root", -1) if rest.parents[hips] >= 0 else -1
 
 
 def _driven_bones(

@@ -165,8 +165,9 @@ def test_a_generated_control_rig_is_driven_by_its_controls(tmp_path: Path) -> No
     bpy.ops.pose.rigify_generate()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rig.blend"))
     motion = at_24_fps(clip("boxing-01-neutral", 8))
-    done = retarget_file(motion, tmp_path / "rig.blend", tmp_path / "out.blend")
-    assert done["found_by"] == "rigify-controls"
+    root_motion = RootMotion.ROOT_BONE
+    done = retarget_file(motion, tmp_path / "rig.blend", tmp_path / "out.blend", root_motion=root_motion)
+    assert (done["found_by"], done["root_motion"]) == ("rigify-controls", "root bone")
     limbs = ("thigh", "shin", "foot", "toe", "upper_arm", "forearm", "hand", "f_middle.01")
     joints = ("femur", "tibia", "foot", "toes", "humerus", "radius", "hand", "fingers")
     deform = {s.lower() + j: f"DEF-{b}.{s}" for s in "LR" for j, b in zip(joints, limbs, strict=True)}
