@@ -138,9 +138,11 @@ class PoseSolver:
         self._pose_history.continue_from(other._pose_history)
 
     def branch(self) -> "PoseSolver":
-        """Return a solver that came the same way and goes its own from here; what is large is shared."""
+        """Return a solver that came the same way and goes its own from here.
+
+        What is large is shared, so the search is: what it remembers of its last query tells it where to begin only.
+        """
         result = copy(self)
-        result._search = copy(self._search)
         result._history, result._pose_history = copy(self._history), copy(self._pose_history)
         result._history.continue_from(self._history)
         result._pose_history.continue_from(self._pose_history)
