@@ -58,6 +58,11 @@ def add_parser(subparsers: Any) -> None:
         "poses from this motion database, drawn to the marker set's usual offsets",
     )
     parser.add_argument(
+        "--refine",
+        metavar="subject.toml",
+        help="with --database: begin with this subject and let the motion correct bones and offsets a little",
+    )
+    parser.add_argument(
         "--height", type=float, metavar="M", help="with --database: of the person, metres (default 1.7)"
     )
     parser.set_defaults(run=run)
@@ -70,12 +75,15 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
     progress(0.0, "reading")
     take = _part(read_take(args.take), args.frames)
     marker_set = load_marker_set(args.marker_set)
+    if args.refine and (not args.database or args.height is not None):
+        raise SettingsError("--refine needs --database and no --height", advice="the subject has its height")
     known = load_subject(args.skeleton_from) if args.skeleton_from else None
-    name = args.name or (known.name if known else Path(args.out).stem)
+    before = load_subject(args.refine) if args.refine else known
+    name = args.name or (before.name if before else Path(args.out).stem)
     if args.database:
         if known:
             raise SettingsError("--skeleton-from and --database exclude each other", advice="leave one of them out")
-        subject = _from_motion(args, take, marker_set, name, progress)
+        subject = _from_motion(args, take, marker_set, before, name, progress)
         doubtful = subject.residual_m > _DOUBTFUL_M
         facts: dict[str, Any] = {"advice": ["check --marker-set, or record a calibration pose"] if doubtful else []}
     else:
@@ -120,13 +128,28 @@ def _trust(result: SubjectCalibration) -> dict[str, Any]:
 
 
 def _from_motion(
-    args: argparse.Namespace, take: MarkerTake, marker_set: MarkerSet, name: str, progress: Callable[[float, str], None]
+    args: argparse.Namespace,
+    take: MarkerTake,
+    marker_set: MarkerSet,
+    before: Subject | None,
+    name: str,
+    progress: Callable[[float, str], None],
 ) -> Subject:
-    """Return the subject fitted to the take's motion."""
-    height_m = 1.7 if args.height is None else args.height
-    if not 1.0 <= height_m <= 2.5:
-        raise SettingsError(f"--height {height_m:g} is out of range", advice="give metres, 1 to 2.5")
-    start = Subject(name, default_skeleton(height_m), marker_set)
+    """Return the subject fitted to the take's motion, from one who is calibrated or an average one on."""
+    if before:
+        unknown = [marker for marker in marker_set.names if marker not in before.marker_set.names]
+        if unknown:
+            raise SettingsError(
+                "the subject to refine is calibrated without " + ", ".join(unknown),
+                where=str(args.refine),
+                advice="give the marker set that it was calibrated with",
+            )
+        start = Subject(name, before.skeleton, before.marker_set.subset(marker_set.names))
+    else:
+        height_m = 1.7 if args.height is None else args.height
+        if not 1.0 <= height_m <= 2.5:
+            raise SettingsError(f"--height {height_m:g} is out of range", advice="give metres, 1 to 2.5")
+        start = Subject(name, default_skeleton(height_m), marker_set)
     return subject_from_motion(take, start, open_database(args.database), progress).subject
 
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 from perfanim.core.calibration_pose import CALIBRATION, t_pose
 from perfanim.core.cli.main import main
-from perfanim.core.marker_set import load_marker_set, load_subject
+from perfanim.core.marker_set import Subject, load_marker_set, load_subject, save_subject
 from perfanim.core.marker_take import MarkerTake, save_take
 from perfanim.core.motion import sliced
 from perfanim.core.simulate.studio.staging import with_poses
@@ -58,3 +58,19 @@ def test_several_poses_are_found_in_a_take_and_the_result_says_how_far_to_trust_
     assert set(three["marker_residuals_mm"]) == set(load_marker_set("boxing").names)
     assert main([*line, "--poses", "t,yoga"]) == 1
     assert "no calibration pose 'yoga'" in capsys.readouterr().err
+
+
+def test_a_calibrated_subject_is_refined_by_motion(truth, database_file, tmp_path, capsys):
+    usual = load_marker_set("boxing")
+    worn = usual.with_offsets(usual.offsets_m + np.random.default_rng(2).normal(scale=0.008, size=(len(usual), 3)))
+    save_subject(Subject("Ann", truth.skeleton, usual, 0.006), tmp_path / "ann.toml")
+    write_take(tmp_path / "walk.take.npz", truth.skeleton, worn, truth.rotations, truth.root_positions_m)
+    line = ["calibrate", "subject", str(tmp_path / "walk.take.npz"), "--marker-set", "boxing", "--refine"]
+    line += [str(tmp_path / "ann.toml"), "--out", str(tmp_path / "better.toml")]
+    assert main(line) == 1
+    assert "--refine needs --database" in capsys.readouterr().err
+    assert main([*line, "--database", str(database_file)]) == 0
+    better = load_subject(tmp_path / "better.toml")
+    assert better.name == "Ann"
+    off = [np.linalg.norm(m.offsets_m - worn.offsets_m, axis=1).mean() for m in (usual, better.marker_set)]
+    assert off[1] < off[0]
