@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -59,6 +60,7 @@ def speed(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, 
         frames visited, error), machine (processors, load), outputs.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of the cameras' process, as in live capture
+    cv2.setNumThreads(1)  # as there
     load_before = _load()
     rows: list[Row] = []
     progress(0.0, "drawing two streams")

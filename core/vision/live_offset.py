@@ -14,6 +14,7 @@ Start = Callable[..., "Future[tuple[TimeOffset, ...]]"]
 _REMEMBERED_S = 10.0
 _FIRST_S = 4.0
 _EVERY_S = 5.0
+_LEAST_APART_S = 0.012  # images of fast cameras that tell no more about the motion than some of them
 _LARGEST_S = 0.1  # stamps are from one clock: what differs is how long images are on their way
 _AGAIN_S = 0.012  # from what was found last
 
@@ -37,7 +38,8 @@ class LiveTimeOffsets:
 
     def saw(self, frame: MarkerFrame) -> None:
         """Take the blobs of the next images, as they are in them; never waits."""
-        self._frames.append(frame)
+        if not self._frames or frame.time_s - self._frames[-1].time_s >= _LEAST_APART_S:
+            self._frames.append(frame)
         while frame.time_s - self._frames[0].time_s > _REMEMBERED_S:
             self._frames.popleft()
         if self._due_s is None:
