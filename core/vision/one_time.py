@@ -1,5 +1,6 @@
 """Blobs of cameras that are not synchronised brought to one time, along their tracks in the images."""
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -89,7 +90,7 @@ def _blobs_at(seen: Sequence[_Seen], moment_s: float) -> Float32:
     while left.any():  # of one pattern of images that show a blob's track after another; mostly it is one for all
         pattern = use[:, left.argmax()]
         alike = left & np.all(use == pattern[:, None], axis=0)
-        weights = _lagrange(moments[pattern], moment_s)
+        weights = _lagrange(moments[pattern].tolist(), moment_s)
         rows[alike, :2] = np.tensordot(weights, known[pattern][:, alike], axes=1)
         left &= ~alike
     return rows
@@ -114,10 +115,8 @@ def _of_tracks(image: _Seen, ids: IntArray) -> Array:
     return points
 
 
-def _lagrange(moments_s: Array, moment_s: float) -> Array:
+def _lagrange(moments_s: Sequence[float], moment_s: float) -> Array:
     """Return the weights (k,) of values at some moments in the polynomial through them, at another moment."""
-    apart = moments_s[:, None] - moments_s
-    np.fill_diagonal(apart, 1.0)
-    away = np.tile(moment_s - moments_s, (len(moments_s), 1))
-    np.fill_diagonal(away, 1.0)
-    return np.asarray(np.prod(away / apart, axis=1))
+    return np.array(
+        [math.prod((moment_s - other) / (own - other) for other in moments_s if other != own) for own in moments_s]
+    )
