@@ -1,9 +1,10 @@
 """Calibrating cameras from image files: reading, finding the board, and saying what is wrong with it."""
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +16,7 @@ from .calibrate import CalibrationResult, Progress, calibrate_from_points, grid_
 from .rig_fit import MINIMUM_VIEWS, CameraViews, Rejected
 
 _PROBES = 5
+_ATTEMPTS = 3
 
 
 def calibrate_images(
@@ -129,15 +131,18 @@ def _check_board(board: Board, files: Mapping[str, Mapping[str, Path]], cameras:
 def _most_seen_grid(files: Mapping[str, Mapping[str, Path]], board: Board) -> tuple[int, int] | None:
     paths = [path for rows in files.values() for path in rows.values()]
     chosen = [paths[i] for i in np.unique(np.linspace(0, len(paths) - 1, _PROBES).astype(int))]
-    seen: Counter[tuple[int, int]] = Counter()
-    for path in chosen:
-        grid = _seen_in(path, board)
-        if grid is not None:
-            seen[grid] += 1
-    if not seen:
-        return None
-    grid, votes = seen.most_common(1)[0]
-    return grid if votes >= min(3, len(chosen)) else None
+    shown: dict[tuple[int, int], set[Path]] = defaultdict(set)
+    for attempt in range(_ATTEMPTS):
+        # the sector-based finder starts at random: in a hard picture it sees the whole board now and a part then
+        cv2.setRNGSeed(attempt)
+        for path in chosen:
+            grid = _seen_in(path, board)
+            if grid is not None:
+                shown[grid].add(path)
+        grid, where = max(shown.items(), key=lambda item: len(item[1]), default=(None, set()))
+        if len(where) >= min(3, len(chosen)):
+            return grid
+    return None
 
 
 def _seen_in(path: Path, board: Board) -> tuple[int, int] | None:
