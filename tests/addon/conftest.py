@@ -1,6 +1,7 @@
 """The add-on as Blender loads it: from an extension repository, under the name bl_ext.user_default.perfanim."""
 
 import os
+import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -44,3 +45,5 @@ def addon(extension: str) -> Iterator[object]:
     assert module is not None
     yield sys.modules[extension]
     addon_utils.disable(extension, default_set=True)
+    # profiles, maps and takes a test has saved would be offered to the next one
+    shutil.rmtree(Path(os.environ["BLENDER_USER_EXTENSIONS"]) / ".user", ignore_errors=True)
