@@ -217,9 +217,7 @@ def load_subject(path: str | Path) -> Subject:
 def subject_from(table: Mapping[str, Any], where: str) -> Subject:
     """Return the subject of a subject file's tables; SubjectError when they are not one of this version."""
     if table.get("kind") != "perfanim subject" or table.get("version") != 1:
-        raise SubjectError(
-            "is not a subject file of this version", where=where, advice="calibrate the subject again"
-        )
+        raise SubjectError("is not a subject file of this version", where=where, advice="calibrate the subject again")
     try:
         skeleton = _skeleton_from(table["joint"])
         marker_set = marker_set_from(dict(table["marker_set"]), where=where)
