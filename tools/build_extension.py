@@ -1,15 +1,17 @@
-"""Build the extension's archive for one Python and one platform: the add-on and the wheels that it needs, unmodified.
+"""Build the extension's archives: the add-on and the wheels that it needs, unmodified, from the package index.
 
+    python tools/build_extension.py --out dist
     python tools/build_extension.py --python 3.13 --platform linux-x64 --out dist
 
-numpy is never among the wheels: Blender has its own, and an extension's copy would become everybody's. scipy has a
-wheel for every Python, and Blender 4.2 takes the wrong one when a manifest lists two, hence one archive per Python and
-platform.
-With --blender PROGRAM the archive is checked by Blender's own `extension validate`.
+One archive per Python and platform, all of them unless told which: scipy has a wheel for every Python, and Blender 4.2
+takes the wrong one when a manifest lists two. numpy is never among the wheels: Blender has its own, and an extension's
+copy would become everybody's.
+With --blender PROGRAM the archives are checked by Blender's own `extension validate`.
 """
 
 import argparse
 import fnmatch
+import shlex
 import shutil
 import subprocess
 import sys
@@ -20,37 +22,47 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 
-# scipy 1.15 is the last line that takes numpy 1.24 to 2.x, as Blender 4.2 to 5.2 have them.
-REQUIREMENTS = ("scipy==1.15.3", "opencv-contrib-python-headless==4.11.0.86")
+REQUIREMENTS = tuple(
+    line for line in (ROOT / "tools" / "wheels.txt").read_text(encoding="utf-8").split("\n") if "==" in line
+)
 
-# Blender's name of a platform -> what pip calls it, the newest first.
+# Python -> the first Blender that has it, and the first that has it no more.
+BLENDERS: dict[str, tuple[str, str | None]] = {"3.11": ("4.2.0", "5.1.0"), "3.13": ("5.1.0", None)}
+
+# Blender's name of a platform -> what pip calls it, the one wanted most first: of macOS the oldest.
 PLATFORMS = {
     "linux-x64": ("manylinux_2_28_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64"),
     "windows-x64": ("win_amd64",),
-    "macos-arm64": ("macosx_14_0_arm64", "macosx_13_0_arm64", "macosx_12_0_arm64"),
-    "macos-x64": ("macosx_14_0_x86_64", "macosx_13_0_x86_64", "macosx_12_0_x86_64", "macosx_10_14_x86_64"),
+    "macos-arm64": ("macosx_12_0_arm64", "macosx_13_0_arm64"),
+    "macos-x64": ("macosx_10_13_x86_64", "macosx_12_0_x86_64", "macosx_13_0_x86_64"),
 }
 
 
 def main() -> int:
     """Build what the command line asks for; returns the exit status."""
     options = _parse()
-    wheels = download_wheels(options.python, options.platform, options.wheels)
-    target = build(options.python, options.platform, wheels, options.out)
-    if options.blender:
-        validate(options.blender, target)
-    sys.stdout.write(f"{target}\n")
+    for python in options.python or BLENDERS:
+        for platform in options.platform or PLATFORMS:
+            wheels = download_wheels(python, platform, options.wheels)
+            target = build(python, platform, wheels, options.out, options.system_python)
+            if options.blender:
+                validate(options.blender, target)
+            sys.stdout.write(f"{target}\n")
     return 0
 
 
 def _parse() -> argparse.Namespace:
-    version = f"{sys.version_info.major}.{sys.version_info.minor}"
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--python", default=version, help=f"Python of the Blender (default {version})")
-    parser.add_argument("--platform", default="linux-x64", choices=sorted(PLATFORMS), help="Blender's platform")
-    parser.add_argument("--out", type=Path, default=ROOT / "dist", help="folder for the archive")
+    parser.add_argument("--python", action="append", help=f"Python of the Blender (default {', '.join(BLENDERS)})")
+    parser.add_argument("--platform", action="append", choices=PLATFORMS, help="Blender's platform (default all)")
+    parser.add_argument("--out", type=Path, default=ROOT / "dist", help="folder for the archives")
     parser.add_argument("--wheels", type=Path, help="folder that keeps downloaded wheels (default OUT/wheels)")
-    parser.add_argument("--blender", help="Blender program that checks the archive")
+    parser.add_argument(
+        "--system-python",
+        action="store_true",
+        help="for the Blender of a Linux distribution, whose Python is not the one that this Blender is known to have",
+    )
+    parser.add_argument("--blender", help="command of a Blender that checks the archives")
     options = parser.parse_args()
     options.wheels = options.wheels or options.out / "wheels"
     return options
@@ -76,17 +88,25 @@ def _wheel(folder: Path, requirement: str) -> Path | None:
     return next(iter(sorted(folder.glob(f"{name.replace('-', '_')}-{version}-*.whl"))), None)
 
 
-def build(python: str, platform: str, wheels: list[Path], out: Path) -> Path:
-    """Write the archive; returns its path."""
+def build(python: str, platform: str, wheels: list[Path], out: Path, system_python: bool = False) -> Path:
+    """Write the archive; returns its path.
+
+    Raises:
+        ValueError: a wheel is for another Python or platform.
+    """
+    for wheel in wheels:
+        if not fits(wheel.name, python, platform):
+            raise ValueError(f"{wheel.name} is not for Python {python} on {platform}")
     text = (ROOT / "blender_manifest.toml").read_text(encoding="utf-8")
     manifest = tomllib.loads(text)
     out.mkdir(parents=True, exist_ok=True)
-    tag = python.replace(".", "")
-    target = out / f"{manifest['id']}-{manifest['version']}-py{tag}-{platform}.zip"
+    tag = f"py{python.replace('.', '')}-{platform}{'-system' if system_python else ''}"
+    target = out / f"{manifest['id']}-{manifest['version']}-{tag}.zip"
+    versions = (manifest["blender_version_min"], None) if system_python else BLENDERS[python]
     with tempfile.TemporaryDirectory(dir=out) as folder:
         temporary = Path(folder) / target.name
         with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
-            archive.writestr("blender_manifest.toml", manifest_text(text, platform, wheels))
+            archive.writestr("blender_manifest.toml", manifest_text(text, versions, platform, wheels))
             for path in content(manifest["build"]["paths_exclude_pattern"]):
                 archive.write(path, path.relative_to(ROOT).as_posix())
             for wheel in wheels:
@@ -95,13 +115,25 @@ def build(python: str, platform: str, wheels: list[Path], out: Path) -> Path:
     return target
 
 
-def manifest_text(text: str, platform: str, wheels: list[Path]) -> str:
-    """Return the manifest's text with platform and wheels before its first table."""
-    lines = ["platforms = [" + f'"{platform}"' + "]", "wheels = ["]
+def fits(wheel: str, python: str, platform: str) -> bool:
+    """Return whether a wheel of this file name can be used by a Python on a platform."""
+    _, pythons, abi, platforms = wheel.removesuffix(".whl").rsplit("-", 3)
+    minor = int(python.partition(".")[2])
+    right = int(pythons.removeprefix("cp3")) <= minor if abi == "abi3" else pythons == abi == f"cp3{minor}"
+    return right and not set(platforms.split(".")).isdisjoint(PLATFORMS[platform])
+
+
+def manifest_text(text: str, versions: tuple[str, str | None], platform: str, wheels: list[Path]) -> str:
+    """Return the manifest's text with Blender's versions (from, up to and without), platform and wheels."""
+    first, beyond = versions
+    lines = [f'blender_version_min = "{first}"']
+    lines += [f'blender_version_max = "{beyond}"'] if beyond else []
+    lines += ["platforms = [" + f'"{platform}"' + "]", "wheels = ["]
     lines += [f'  "./wheels/{wheel.name}",' for wheel in wheels]
     head, table, tail = text.partition("[permissions]")
     if not table:
         raise ValueError("blender_manifest.toml has no [permissions] table")
+    head = "".join(line for line in head.splitlines(keepends=True) if not line.startswith("blender_version_min"))
     tail = tail.partition("[build]")[0]  # concerns building only
     return head + "\n".join([*lines, "]"]) + "\n\n" + table + tail.rstrip() + "\n"
 
@@ -138,7 +170,8 @@ def _excluded(path: Path, patterns: list[str]) -> bool:
 
 def validate(blender: str, archive: Path) -> None:
     """Let Blender's own tool check the archive."""
-    subprocess.run([blender, "--factory-startup", "--command", "extension", "validate", str(archive)], check=True)
+    tool = [*shlex.split(blender), "--factory-startup", "--command", "extension", "validate"]
+    subprocess.run([*tool, str(archive.resolve())], check=True, stdout=sys.stderr)
 
 
 if __name__ == "__main__":

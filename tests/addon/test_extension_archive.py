@@ -36,7 +36,6 @@ def test_the_manifest_names_platform_and_wheels(archive: zipfile.ZipFile) -> Non
     assert [Path(wheel).name.split("-")[0] for wheel in manifest["wheels"]] == ["scipy", "opencv"]
     for wheel in manifest["wheels"]:
         assert wheel.removeprefix("./") in archive.namelist()
-    assert manifest["blender_version_min"] == "4.2.0"
     assert manifest["license"] == ["SPDX:GPL-3.0-or-later"]
     assert len(manifest["tagline"]) <= 64
     assert not manifest["tagline"].endswith(".")
@@ -63,6 +62,67 @@ def test_the_addon_is_whole_and_nothing_else_is_in(archive: zipfile.ZipFile) -> 
         assert "numpy" not in name
 
 
-def test_wheels_are_asked_for_each_platform_and_never_numpy(builder: ModuleType) -> None:
-    assert set(builder.PLATFORMS) == {"linux-x64", "windows-x64", "macos-arm64", "macos-x64"}
+SCIPY_PLATFORMS = {
+    "linux-x64": "manylinux_2_17_x86_64.manylinux2014_x86_64",
+    "windows-x64": "win_amd64",
+    "macos-arm64": "macosx_12_0_arm64",
+    "macos-x64": "macosx_10_13_x86_64",
+}
+OPENCV_PLATFORMS = {**SCIPY_PLATFORMS, "macos-arm64": "macosx_13_0_arm64", "macos-x64": "macosx_13_0_x86_64"}
+VERSIONS = {"3.11": ("4.2.0", "5.1.0"), "3.13": ("5.1.0", None)}
+ARCHIVES = [(python, platform) for python in VERSIONS for platform in SCIPY_PLATFORMS]
+
+
+def wheel_names(python: str, platform: str) -> list[str]:
+    """Names of the wheels as the package index has them."""
+    tag = f"cp{python.replace('.', '')}"
+    return [
+        f"scipy-1.15.3-{tag}-{tag}-{SCIPY_PLATFORMS[platform]}.whl",
+        f"opencv_contrib_python_headless-4.11.0.86-cp37-abi3-{OPENCV_PLATFORMS[platform]}.whl",
+    ]
+
+
+def test_there_is_an_archive_for_each_python_and_platform(builder: ModuleType) -> None:
+    assert [(python, platform) for python in builder.BLENDERS for platform in builder.PLATFORMS] == ARCHIVES
+    assert len(builder.REQUIREMENTS) == 2
     assert all("==" in requirement and "numpy" not in requirement for requirement in builder.REQUIREMENTS)
+
+
+@pytest.mark.parametrize(("python", "platform"), ARCHIVES)
+def test_each_archive_is_for_one_platform_and_the_blenders_with_its_python(
+    builder: ModuleType, python: str, platform: str
+) -> None:
+    wheels = [Path(name) for name in wheel_names(python, platform)]
+    text = (ROOT / "blender_manifest.toml").read_text(encoding="utf-8")
+    manifest = tomllib.loads(builder.manifest_text(text, builder.BLENDERS[python], platform, wheels))
+    assert manifest["platforms"] == [platform]
+    assert manifest["wheels"] == [f"./wheels/{wheel.name}" for wheel in wheels]
+    assert (manifest["blender_version_min"], manifest.get("blender_version_max")) == VERSIONS[python]
+
+
+@pytest.mark.parametrize(("python", "platform"), ARCHIVES)
+def test_only_wheels_of_that_python_and_platform_fit(builder: ModuleType, python: str, platform: str) -> None:
+    for other_python, other_platform in ARCHIVES:
+        scipy, opencv = wheel_names(other_python, other_platform)
+        assert builder.fits(opencv, python, platform) == (other_platform == platform)
+        assert builder.fits(scipy, python, platform) == ((other_python, other_platform) == (python, platform))
+    assert not builder.fits(f"scipy-1.15.3-cp313-cp313t-{SCIPY_PLATFORMS[platform]}.whl", "3.13", platform)
+
+
+def test_a_wheel_of_another_python_is_refused(builder: ModuleType, tmp_path: Path) -> None:
+    wheel = tmp_path / wheel_names("3.11", "linux-x64")[0]
+    wheel.write_bytes(b"wheel")
+    with pytest.raises(ValueError, match=r"is not for Python 3\.13 on linux-x64"):
+        builder.build("3.13", "linux-x64", [wheel], tmp_path)
+    assert not list(tmp_path.glob("*.zip"))
+
+
+def test_an_archive_for_the_python_of_a_distribution_asks_for_no_later_blender(
+    builder: ModuleType, tmp_path: Path
+) -> None:
+    path = builder.build("3.13", "linux-x64", [], tmp_path, system_python=True)
+    with zipfile.ZipFile(path) as archive:
+        manifest = tomllib.loads(archive.read("blender_manifest.toml").decode())
+    assert path.name.endswith("-py313-linux-x64-system.zip")
+    assert manifest["blender_version_min"] == "4.2.0"
+    assert "blender_version_max" not in manifest

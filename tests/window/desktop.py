@@ -222,8 +222,8 @@ def blender_python(wrapper: str) -> str:
 
 
 def build_archive(python: str) -> Path:
-    """Build the extension's archive for a Python."""
-    command = [sys.executable, str(ROOT / "tools" / "build_extension.py"), "--python", python]
+    """Build the extension's archive for a Python, which need not be the one that this Blender has elsewhere."""
+    command = [sys.executable, str(ROOT / "tools" / "build_extension.py"), "--python", python, "--system-python"]
     done = subprocess.run(
         [*command, "--platform", "linux-x64", "--out", str(ROOT / "out" / "dist")],
         check=True,
