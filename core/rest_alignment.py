@@ -28,8 +28,8 @@ _LEFT, _RIGHT = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
 _UP, _DOWN = (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)
 _FRONT = (0.0, 0.0, 1.0)
 
-# limb joint -> the joint at the end of its bone, nearest first; the bone's direction is turned onto the product's
-_BONE_ENDS: dict[str, tuple[str, ...]] = {
+# limb joint -> the joint at the end of its bone, nearest first; a bone's direction is turned onto the product's
+BONE_ENDS: dict[str, tuple[str, ...]] = {
     "femur": ("tibia",),
     "tibia": ("foot",),
     "humerus": ("radius",),
@@ -37,7 +37,7 @@ _BONE_ENDS: dict[str, tuple[str, ...]] = {
     "wrist": ("hand",),
     "hand": ("fingers",),
 }
-_TURNED = (*_BONE_ENDS, "foot", "toes", "fingers", "thumb")  # what follows the turn of the limb above it
+_TURNED = (*BONE_ENDS, "foot", "toes", "fingers", "thumb")  # what follows the turn of the limb above it
 _HINGED = ("humerus", "radius")
 _UPRIGHT = 0.35  # share of the body's length by which head, hips and feet must lie above one another in a usable pose
 
@@ -206,7 +206,7 @@ def _has_bones_along_x(parents: IntArray, offsets_m: Array, found: Mapping[str, 
 
 
 def _bone_end(name: str, found: Mapping[str, int]) -> str | None:
-    return next((name[0] + end for end in _BONE_ENDS.get(name[1:], ()) if name[0] + end in found), None)
+    return next((name[0] + end for end in BONE_ENDS.get(name[1:], ()) if name[0] + end in found), None)
 
 
 def _aligned(orientations: dict[str, Array], bones: dict[str, Array]) -> RestAlignment:

@@ -22,6 +22,11 @@ def components(array: Array) -> Any:
     return tuple(array.tolist()) if array.ndim == 1 else tuple(np.moveaxis(array, -1, 0))
 
 
+def stacked(parts: tuple[Part, ...]) -> Array:
+    """Return components as one array, (n,) of numbers or (F, n)."""
+    return np.array(parts) if isinstance(parts[0], float) else np.stack(np.broadcast_arrays(*parts), axis=-1)
+
+
 def plus(a: Vector, b: Vector) -> Vector:
     """Return the sum."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]

@@ -14,6 +14,7 @@ import numpy as np
 
 from .. import rotations as rot
 from ..errors import CharacterError
+from ..rest_alignment import BONE_ENDS
 from ..skeleton import Skeleton
 from .armature_rest import ArmatureRest, Array
 from .bone_names import parse_bone_name
@@ -26,15 +27,6 @@ _PALM_MOST = np.radians(110.0)  # a palm further off than this is not believed
 _TAIL_TELLS = 0.5  # cosine between a bone and the one before it from which its tail, which importers guess, is believed
 _GROUND_NEAR = 0.12  # of the leg's length: how far the lowest bone of the feet may be from the armature's ground
 
-# joint -> the joint at the end of its bone, nearest first
-ENDS: dict[str, tuple[str, ...]] = {
-    "femur": ("tibia",),
-    "tibia": ("foot",),
-    "humerus": ("radius",),
-    "radius": ("wrist", "hand"),
-    "wrist": ("hand",),
-    "hand": ("fingers",),
-}
 _ABOVE = {
     "tibia": ("femur",),
     "radius": ("humerus",),
@@ -152,7 +144,7 @@ def _turns(
         turn = rot.identity()
         if kind in _HAND_PARTS:
             turn = next((turns[side + j] for j in ("hand", "wrist", "radius") if side + j in turns), turn)
-        elif kind in ENDS:
+        elif kind in BONE_ENDS:
             turn = next((turns[side + j] for j in _ABOVE.get(kind, ()) if side + j in turns), turn)
             direction = bone_direction(name, rest, joints, heads, tails)
             if direction is not None:
@@ -167,7 +159,9 @@ def _turns(
 
 def _wanted(skeleton: Skeleton, name: str, joints: Mapping[str, int]) -> Array:
     """Return the way from a joint to the end of its bone in the product's rest pose."""
-    end = next((name[0] + j for j in ENDS[name[1:]] if name[0] + j in joints and name[0] + j in skeleton.names), None)
+    end = next(
+        (name[0] + j for j in BONE_ENDS[name[1:]] if name[0] + j in joints and name[0] + j in skeleton.names), None
+    )
     positions = skeleton.rest_positions_m
     joint = skeleton.index(name)
     return positions[skeleton.index(end)] - positions[joint] if end is not None else skeleton.tips_m[joint]
@@ -178,7 +172,7 @@ def bone_direction(
 ) -> Array | None:
     """Return the way from a joint of a limb to the end of its bone in the character's rest pose, None if untold."""
     side, kind, bone = name[0], name[1:], joints[name]
-    end = next((joints[side + j] for j in ENDS[kind] if side + j in joints), None)
+    end = next((joints[side + j] for j in BONE_ENDS[kind] if side + j in joints), None)
     if end is not None:
         way = heads[end] - heads[bone]
         return way if float(np.linalg.norm(way)) > 1e-6 else None

@@ -10,7 +10,6 @@ stands still here, whatever the proportions; hips come down where a leg is too s
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,16 +19,10 @@ from ..skeleton import Skeleton
 from . import components as c
 from .armature_rest import ArmatureRest, Array, IntArray
 from .bone_map import BoneMap
-from .bone_names import parse_bone_name
+from .driven_bones import DrivenBone, driven_ancestors, driven_bones, root_bone
+from .legs import Legs
 from .rest_align import align_character
 
-_BALL_ABOVE_SOLE = 0.029  # height of the ball of a standing foot above the floor, in leg lengths
-_REACH = 0.9995  # of the leg's length: no knee is quite straight
-_SOFT = 0.005  # of the leg's length: how gently the hips begin to come down for a foot out of reach
-_STANDING, _RAISED = 0.75, 0.45  # cosine between a leg and the vertical from which, and below which not, they do
-_HINGE = 0.05  # weight of the knee's axis against the plane in which it is bent: it tells where a leg is straight
-_CHAINS = (("root", "lowerback", "upperback", "thorax"), ("thorax", "lowerneck", "upperneck", "head"))
-_FINGERS = ("index", "middle", "ring", "pinky", "little")
 _IDENTITY = rot.identity()
 
 # the matrix of a quaternion's multiplication from the left, (w, x, y, z) placed and signed
@@ -62,47 +55,6 @@ class CharacterPose:
     object_location: Array | None
 
 
-@dataclass(frozen=True)
-class _Driven:
-    """A bone and what turns it: two joints and how far between them its place is."""
-
-    bone: int
-    first: int
-    second: int
-    share: float
-    turn: Array
-
-
-@dataclass(frozen=True)
-class _Leg:
-    """Indices and lengths of a leg; vectors in the product's axes, `own` the performer's, all in its metres."""
-
-    joints: tuple[int, ...]
-    places: tuple[int, int]
-    own_hip: c.Vector
-    own_thigh_m: float
-    own_shank_m: float
-    thigh_way: c.Vector
-    shank_way: c.Vector
-    hinge: c.Vector
-    thigh_m: float
-    shank_m: float
-    from_middle: c.Vector
-    ankle_shift: c.Vector
-    ball_up: float
-
-
-@dataclass(frozen=True)
-class _Step:
-    """How the performer's thigh and shank are turned and point, and where the character's ankle belongs."""
-
-    upper: c.Quaternion
-    lower: c.Quaternion
-    thigh_way: c.Vector
-    shank_way: c.Vector
-    ankle: c.Vector
-
-
 class Retargeter:
     """Turns poses of a performer into those of a character.
 
@@ -132,10 +84,10 @@ class Retargeter:
         self.alignment = align_character(skeleton, rest, self.joints)
         self._hips = self.joints["root"]
         self.root_motion = root_motion
-        self._root_bone = _root_bone(rest, self._hips) if root_motion is RootMotion.ROOT_BONE else -1
+        self._root_bone = root_bone(rest, self._hips) if root_motion is RootMotion.ROOT_BONE else -1
         if root_motion is RootMotion.ROOT_BONE and self._root_bone < 0:
             self.root_motion = RootMotion.HIPS
-        driven = _driven_bones(skeleton, rest, self.joints, self.alignment.turns)
+        driven = driven_bones(skeleton, rest, self.joints, self.alignment.turns)
         self._order = [entry.bone for entry in driven]
         self._first = np.array([entry.first for entry in driven])
         self._second = np.array([entry.second for entry in driven])
@@ -144,11 +96,11 @@ class Retargeter:
         self._place = {bone: place for place, bone in enumerate(self._order)}
         axes = rot.from_matrix(self.alignment.armature_from_product.T @ rest.axes)
         self._rest_axes = axes
-        self._ancestors = _driven_ancestors(rest, self._order, ancestors)
+        self._ancestors = driven_ancestors(rest, self._order, ancestors)
         self._free = np.flatnonzero(self._ancestors < 0)
         self._jumps = _jumps(skeleton.parents)
         self._maps = self._bone_maps(driven)
-        self._prepare_legs()
+        self._legs = Legs(skeleton, self.alignment, self.joints, self._place)
         self._prepare_forearms()
         self._prepare_root(rest)
         self.bones = tuple(rest.names[bone] for bone in self._order) + (
@@ -156,7 +108,7 @@ class Retargeter:
         )
         self.located = (rest.names[self._hips],) + ((rest.names[self._root_bone],) if self._root_bone >= 0 else ())
 
-    def _bone_maps(self, driven: Sequence[_Driven]) -> Array:
+    def _bone_maps(self, driven: Sequence[DrivenBone]) -> Array:
         """Return (N, 4, 4): the bone's quaternion = map @ quaternion of its joint relative to its ancestor's.
 
         A bone stands at D C in the product's axes, with D what turns it and C = A R, the alignment A of its rest pose
@@ -173,47 +125,6 @@ class Retargeter:
         basis = np.eye(4)[None]
         columns = rot.multiply(rot.multiply(left[:, None], basis), own[:, None])
         return np.ascontiguousarray(np.swapaxes(columns, -1, -2))
-
-    def _prepare_legs(self) -> None:
-        skeleton, heads, joints = self.skeleton, self.alignment.heads_m, self.joints
-        middle = 0.5 * (heads[joints["lfemur"]] + heads[joints["rfemur"]])
-        self._hips_to_middle: c.Vector = c.components(middle - heads[joints["root"]])
-        thighs = skeleton.offsets_m[[skeleton.index(side + "femur") for side in "lr"]]
-        self._own_middle: c.Vector = c.components(np.mean(thighs, axis=0))
-        self._legs: list[_Leg] = []  # a leg without knee or ankle keeps what its joints have
-        up = []
-        for side in "lr":
-            if not all(side + name in joints for name in ("femur", "tibia", "foot")):
-                continue
-            thigh, shank, own_ball = (skeleton.offsets_m[skeleton.index(side + n)] for n in ("tibia", "foot", "toes"))
-            femur, tibia, foot = (joints[side + name] for name in ("femur", "tibia", "foot"))
-            to_ball = own_ball
-            if side + "toes" in joints:
-                to_ball = rot.rotate(self.alignment.turns[side + "foot"], heads[joints[side + "toes"]] - heads[foot])
-            lengths = [float(np.linalg.norm(heads[b] - heads[a])) for a, b in ((femur, tibia), (tibia, foot))]
-            # how much higher than the performer's the ball of a standing foot is, and with it ankle and hips
-            ball_up = float(heads[foot, 1] + to_ball[1]) - _BALL_ABOVE_SOLE * sum(lengths)
-            up.append(ball_up - float(to_ball[1] - own_ball[1]))
-            # a knee bends the shank backwards: down x back is to the left
-            hinge = np.cross(thigh, [0.0, 0.0, -1.0])
-            self._legs.append(
-                _Leg(
-                    joints=tuple(skeleton.index(side + name) for name in ("femur", "tibia", "foot")),
-                    places=(self._place[femur], self._place[tibia]),
-                    own_hip=c.components(skeleton.offsets_m[skeleton.index(side + "femur")]),
-                    own_thigh_m=float(np.linalg.norm(thigh)),
-                    own_shank_m=float(np.linalg.norm(shank)),
-                    thigh_way=c.unit(c.components(thigh)),
-                    shank_way=c.unit(c.components(shank)),
-                    hinge=c.unit(c.components(hinge)),
-                    thigh_m=lengths[0],
-                    shank_m=lengths[1],
-                    from_middle=c.components(heads[femur] - middle),
-                    ankle_shift=c.components(own_ball - to_ball),
-                    ball_up=ball_up,
-                )
-            )
-        self._hips_up = float(np.mean(up)) if up else 0.0
 
     def _prepare_forearms(self) -> None:
         self._forearms: list[tuple[int, int, c.Vector]] = []
@@ -247,17 +158,10 @@ class Retargeter:
             )
         root: c.Quaternion = c.components(world[..., 0, :])
         position: c.Vector = c.components(np.asarray(root_positions_m, dtype=np.float64))
-        middle = c.plus(c.plus(position, c.rotate(root, self._own_middle)), (0.0, self._hips_up, 0.0))
-        steps = [_step(leg, world, root, position) for leg in self._legs]
-        hips = [c.plus(middle, c.rotate(root, leg.from_middle)) for leg in self._legs]
-        if steps:
-            lower = _lowering(self._legs, [c.minus(step.ankle, hip) for step, hip in zip(steps, hips, strict=True)])
-            middle = c.minus(middle, (0.0, lower, 0.0))
-            for leg, step, hip in zip(self._legs, steps, hips, strict=True):
-                _bend_leg(leg, step, c.minus(step.ankle, c.minus(hip, (0.0, lower, 0.0))), turned)
+        hips_m = self._legs.bend(world, root, position, turned)
         for forearm, hand, way in self._forearms:
             _turn_forearm(turned, forearm, hand, way)
-        return self._as_blender(turned, root, c.minus(middle, c.rotate(root, self._hips_to_middle)))
+        return self._as_blender(turned, root, hips_m)
 
     def _world_rotations(self, local: Array) -> Array:
         """Return (..., J, 4) world-from-joint quaternions: products along stretches of its line that double."""
@@ -273,14 +177,14 @@ class Retargeter:
         above[..., self._free, :] = _IDENTITY
         heading = _heading(root) if self.root_motion is not RootMotion.HIPS else None
         if heading is not None:
-            above[..., self._place[self._hips], :] = _stacked(heading)
+            above[..., self._place[self._hips], :] = c.stacked(heading)
         relative = np.matmul(np.swapaxes(above[..., _LEFT_INDEX] * _LEFT_SIGN, -1, -2), turned[..., None])
         bones = np.matmul(self._maps, relative)[..., 0]
         scale = self.alignment.units_per_metre
-        hips = scale * _stacked(hips_m) @ self.alignment.armature_from_product.T
+        hips = scale * c.stacked(hips_m) @ self.alignment.armature_from_product.T
         if heading is None:
             return CharacterPose(bones, ((hips - self._hips_head) @ self._hips_axes.T)[..., None, :], None, None)
-        turn = _in_axes(_stacked(heading), self.alignment.armature_from_product)
+        turn = _in_axes(c.stacked(heading), self.alignment.armature_from_product)
         way = hips - rot.rotate(turn, self._hips_head)
         up = self.alignment.armature_from_product[:, 1]
         carried = way - (way @ up)[..., None] * up  # what stays upright is left to the hips
@@ -296,68 +200,6 @@ class Retargeter:
         return CharacterPose(bones, locations, None, None)
 
 
-def _step(leg: _Leg, world: Array, root: c.Quaternion, position: c.Vector) -> _Step:
-    """Return how the performer's leg is held, and where the character's ankle belongs."""
-    upper, lower, end = (c.components(world[..., joint, :]) for joint in leg.joints)
-    thigh_way, shank_way = c.rotate(upper, leg.thigh_way), c.rotate(lower, leg.shank_way)
-    ankle = c.plus(position, c.rotate(root, leg.own_hip))
-    ankle = c.plus(ankle, c.plus(c.times(leg.own_thigh_m, thigh_way), c.times(leg.own_shank_m, shank_way)))
-    ankle = c.plus(c.plus(ankle, c.rotate(end, leg.ankle_shift)), (0.0, leg.ball_up, 0.0))
-    return _Step(upper, lower, thigh_way, shank_way, ankle)
-
-
-def _lowering(legs: Sequence[_Leg], reaches: Sequence[c.Vector]) -> c.Part:
-    """Return by how much the hips must come down for the feet to be reached, in metres; nothing for raised legs.
-
-    Args:
-        reaches: from each hip to where its ankle belongs.
-    """
-    lowest: c.Part = 0.0
-    for leg, reach in zip(legs, reaches, strict=True):
-        limit = _REACH * (leg.thigh_m + leg.shank_m)
-        across = reach[0] * reach[0] + reach[2] * reach[2]
-        down = -reach[1]
-        over = down - c.larger(limit * limit - across, 0.0) ** 0.5
-        over = 0.5 * (over + (over * over + (_SOFT * limit) ** 2) ** 0.5)
-        steep = (down / ((across + down * down) ** 0.5 + 1e-9) - _RAISED) / (_STANDING - _RAISED)
-        lowest = c.larger(lowest, over * c.smaller(c.larger(steep, 0.0), 1.0))
-    return lowest
-
-
-def _bend_leg(leg: _Leg, step: _Step, reach: c.Vector, turned: Array) -> None:
-    """Turn thigh and shank until the ankle is where it belongs, `reach` from the hip."""
-    normal = c.plus(c.cross(step.thigh_way, step.shank_way), c.times(_HINGE, c.rotate(step.upper, leg.hinge)))
-    unreached = c.plus(c.times(leg.thigh_m, step.thigh_way), c.times(leg.shank_m, step.shank_way))
-    thigh, shank = two_bone_directions(reach, normal, leg.thigh_m, leg.shank_m, unreached)
-    for place, before, after, turn in (
-        (leg.places[0], step.thigh_way, thigh, step.upper),
-        (leg.places[1], step.shank_way, shank, step.lower),
-    ):
-        turned[..., place, :] = _stacked(c.multiply(c.shortest_turn(before, after), turn))
-
-
-def two_bone_directions(
-    reach: c.Vector, normal: c.Vector, first_m: float, second_m: float, unreached: c.Vector
-) -> tuple[c.Vector, c.Vector]:
-    """Return the directions of two bones that end at `reach` from where they begin.
-
-    Args:
-        reach: where the second bone should end; beyond the bones' length, as near as can be.
-        normal: of the plane in which the joint between them bends, when they end at `unreached`; it goes along when
-            the limb is turned from there.
-        first_m, second_m: lengths.
-        unreached: where the bones end before.
-    """
-    way = c.unit(reach)
-    distance = c.smaller(c.larger(c.length(reach), abs(first_m - second_m) + 1e-6), _REACH * (first_m + second_m))
-    across = c.rotate(c.shortest_turn(c.unit(unreached), way), normal)
-    across = c.unit(c.minus(across, c.times(c.dot(across, way), way)))
-    cosine = c.smaller((first_m**2 + distance**2 - second_m**2) / (2.0 * first_m * distance), 1.0)
-    sine = (1.0 - cosine * cosine) ** 0.5
-    first = c.plus(c.times(cosine, way), c.times(sine, c.cross(way, across)))
-    return first, c.unit(c.minus(c.times(distance, way), c.times(first_m, first)))
-
-
 def _turn_forearm(turned: Array, forearm: int, hand: int, way: c.Vector) -> None:
     """Turn a forearm half as far about itself as its hand: skin is not wrung where there is no wrist bone."""
     turn = c.components(turned[..., forearm, :])
@@ -367,11 +209,7 @@ def _turn_forearm(turned: Array, forearm: int, hand: int, way: c.Vector) -> None
     # half of the twist (w, along); q and -q are one rotation: the one with w > 0 is the shorter
     share = w / (abs(w) + 1e-18) * along / size
     half = c.unit_quaternion((abs(w) / size + 1.0, share * way[0], share * way[1], share * way[2]))
-    turned[..., forearm, :] = _stacked(c.multiply(turn, half))
-
-
-def _stacked(parts: tuple[c.Part, ...]) -> Array:
-    return np.array(parts) if isinstance(parts[0], float) else np.stack(np.broadcast_arrays(*parts), axis=-1)
+    turned[..., forearm, :] = c.stacked(c.multiply(turn, half))
 
 
 def _between(first: Array, second: Array, share: Array) -> Array:
@@ -404,62 +242,3 @@ def _jumps(parents: IntArray) -> list[IntArray]:
         found.append(above)
         above = above[above]
     return found
-
-
-def _root_bone(rest: ArmatureRest, hips: int) -> int:
-    """Return the topmost bone above the hips, -1 without one; in control rigs helpers may stand between them."""
-    above = [bone for bone in rest.line(hips)[1:] if not parse_bone_name(rest.names[bone]).helper]
-    if above:
-        return above[-1]
-    return rest.index.get("root", -1) if rest.parents[hips] >= 0 else -1
-
-
-def _driven_bones(
-    skeleton: Skeleton, rest: ArmatureRest, joints: dict[str, int], turns: dict[str, Array]
-) -> list[_Driven]:
-    """Return all bones that are turned, parents before their children."""
-    driven: dict[int, _Driven] = {}
-    for joint, bone in joints.items():
-        index = skeleton.index(joint)
-        driven[bone] = _Driven(bone, index, index, 0.0, turns[joint])
-    for chain in _CHAINS:
-        pins = [joint for joint in chain if joint in joints]
-        for lower, upper in pairwise(pins):
-            path = rest.path(joints[lower], joints[upper])
-            way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(rest.heads[path], axis=0), axis=1))))
-            for bone, share in zip(path[1:-1], way[1:-1] / max(float(way[-1]), 1e-9), strict=True):
-                if bone not in driven and not parse_bone_name(rest.names[bone]).helper:
-                    first, second = skeleton.index(lower), skeleton.index(upper)
-                    driven[bone] = _Driven(bone, first, second, float(share), rot.identity())
-    for joint in [side + name for side in "lr" for name in ("fingers", "toes") if side + name in joints]:
-        for name in _beside(rest.names[joints[joint]]):
-            bone = rest.index.get(name, -1)
-            if bone >= 0 and bone not in driven:
-                driven[bone] = _Driven(bone, skeleton.index(joint), skeleton.index(joint), 0.0, turns[joint])
-    return [driven[bone] for bone in sorted(driven)]
-
-
-def _beside(name: str) -> list[str]:
-    """Return the names that the other fingers or toes have beside one: LeftHandMiddle1 -> LeftHandRing1, ..."""
-    for word in _FINGERS:
-        for spelling in (str, str.capitalize, str.upper):
-            if spelling(word) in name:
-                return [name.replace(spelling(word), spelling(other)) for other in _FINGERS if other != word]
-    for word, numbers in (("finger", "2345"), ("toe", "12345")):
-        at = name.lower().find(word) + len(word)
-        if at >= len(word) and name[at : at + 1] in tuple(numbers):
-            return [name[:at] + number + name[at + 1 :] for number in numbers if number != name[at]]
-    return []
-
-
-def _driven_ancestors(rest: ArmatureRest, order: Sequence[int], ancestors: IntArray | None) -> IntArray:
-    """Return for each driven bone the place of the driven bone whose rotation it follows, -1 without one."""
-    place = {bone: index for index, bone in enumerate(order)}
-    follows = np.where(rest.inherits_rotation, rest.parents, -1) if ancestors is None else ancestors
-    found = []
-    for bone in order:
-        above = int(follows[bone])
-        while above >= 0 and above not in place:
-            above = int(follows[above])
-        found.append(place.get(above, -1))
-    return np.array(found, dtype=np.int64)

@@ -4,8 +4,9 @@ import numpy as np
 from perfanim.core import rotations as rot
 from perfanim.core.evaluate import _CONTACT_HEIGHT_M, _CONTACT_SPEED_M_S, _lowest_within
 from perfanim.core.motion import Motion
+from perfanim.core.rest_alignment import BONE_ENDS
 from perfanim.core.retarget.armature_rest import ArmatureRest
-from perfanim.core.retarget.rest_align import ENDS, bone_direction
+from perfanim.core.retarget.rest_align import bone_direction
 from perfanim.core.retarget.transfer import CharacterPose, Retargeter
 from perfanim.core.skeleton import forward_kinematics
 
@@ -74,7 +75,7 @@ def direction_errors_deg(
                 way = bone_direction(name, rest, made.joints, heads, tails)
                 if way is None:
                     continue
-                ends = [side + end for end in ENDS[kind] if side + end in made.joints]
+                ends = [side + end for end in BONE_ENDS[kind] if side + end in made.joints]
                 end = ends[0] if ends else None
                 positions = motion.skeleton.rest_positions_m
                 own = positions[motion.skeleton.index(end)] - positions[joint] if end else motion.skeleton.tips_m[joint]

@@ -1,0 +1,85 @@
+"""Which bones of a character are turned by a motion, and by which joints."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from .. import rotations as rot
+from ..skeleton import Skeleton
+from .armature_rest import ArmatureRest, Array, IntArray
+from .bone_names import parse_bone_name
+
+_CHAINS = (("root", "lowerback", "upperback", "thorax"), ("thorax", "lowerneck", "upperneck", "head"))
+_FINGERS = ("index", "middle", "ring", "pinky", "little")
+
+
+@dataclass(frozen=True)
+class DrivenBone:
+    """A bone and what turns it: two joints and how far between them its place is."""
+
+    bone: int
+    first: int
+    second: int
+    share: float
+    turn: Array
+
+
+def root_bone(rest: ArmatureRest, hips: int) -> int:
+    """Return the topmost bone above the hips, -1 without one; in control rigs helpers may stand between them."""
+    above = [bone for bone in rest.line(hips)[1:] if not parse_bone_name(rest.names[bone]).helper]
+    if above:
+        return above[-1]
+    return rest.index.get("root", -1) if rest.parents[hips] >= 0 else -1
+
+
+def driven_bones(
+    skeleton: Skeleton, rest: ArmatureRest, joints: dict[str, int], turns: dict[str, Array]
+) -> list[DrivenBone]:
+    """Return all bones that are turned, parents before their children."""
+    driven: dict[int, DrivenBone] = {}
+    for joint, bone in joints.items():
+        index = skeleton.index(joint)
+        driven[bone] = DrivenBone(bone, index, index, 0.0, turns[joint])
+    for chain in _CHAINS:
+        pins = [joint for joint in chain if joint in joints]
+        for lower, upper in pairwise(pins):
+            path = rest.path(joints[lower], joints[upper])
+            way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(rest.heads[path], axis=0), axis=1))))
+            for bone, share in zip(path[1:-1], way[1:-1] / max(float(way[-1]), 1e-9), strict=True):
+                if bone not in driven and not parse_bone_name(rest.names[bone]).helper:
+                    first, second = skeleton.index(lower), skeleton.index(upper)
+                    driven[bone] = DrivenBone(bone, first, second, float(share), rot.identity())
+    for joint in [side + name for side in "lr" for name in ("fingers", "toes") if side + name in joints]:
+        for name in _beside(rest.names[joints[joint]]):
+            bone = rest.index.get(name, -1)
+            if bone >= 0 and bone not in driven:
+                driven[bone] = DrivenBone(bone, skeleton.index(joint), skeleton.index(joint), 0.0, turns[joint])
+    return [driven[bone] for bone in sorted(driven)]
+
+
+def _beside(name: str) -> list[str]:
+    """Return the names that the other fingers or toes have beside one: LeftHandMiddle1 -> LeftHandRing1, ..."""
+    for word in _FINGERS:
+        for spelling in (str, str.capitalize, str.upper):
+            if spelling(word) in name:
+                return [name.replace(spelling(word), spelling(other)) for other in _FINGERS if other != word]
+    for word, numbers in (("finger", "2345"), ("toe", "12345")):
+        at = name.lower().find(word) + len(word)
+        if at >= len(word) and name[at : at + 1] in tuple(numbers):
+            return [name[:at] + number + name[at + 1 :] for number in numbers if number != name[at]]
+    return []
+
+
+def driven_ancestors(rest: ArmatureRest, order: Sequence[int], ancestors: IntArray | None) -> IntArray:
+    """Return for each driven bone the place of the driven bone whose rotation it follows, -1 without one."""
+    place = {bone: index for index, bone in enumerate(order)}
+    follows = np.where(rest.inherits_rotation, rest.parents, -1) if ancestors is None else ancestors
+    found = []
+    for bone in order:
+        above = int(follows[bone])
+        while above >= 0 and above not in place:
+            above = int(follows[above])
+        found.append(place.get(above, -1))
+    return np.array(found, dtype=np.int64)
