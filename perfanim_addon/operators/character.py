@@ -1,10 +1,12 @@
 """The character that moves along."""
 
+from collections.abc import Callable
+
 import bpy
 
 from ...core.errors import CharacterError, PerfanimError
 from ...core.product_skeleton import default_skeleton
-from ...core.retarget.bone_map import checked_map
+from ...core.retarget.bone_map import BoneMap, checked_map
 from ...core.retarget.presets import preset_paths, read_bone_map, write_bone_map
 from ...core.skeleton import Skeleton
 from .. import running, states
@@ -92,6 +94,16 @@ class _OnArmature:
             return False
         return True
 
+    def use_map(self, context: bpy.types.Context, found: Callable[[bpy.types.Object], BoneMap]) -> set[str]:
+        """Give the chosen armature the bone map that `found` returns for it."""
+        armature_object = settings(context).armature
+        try:
+            store_map(armature_object, found(armature_object))
+        except PerfanimError as error:
+            return common.failed(self, PANEL, error)
+        running.set_message(PANEL, "")
+        return {"FINISHED"}
+
 
 class PERFANIM_OT_find_bones(_OnArmature, bpy.types.Operator):
     """Find again which bone is which joint, by names and shape"""
@@ -101,13 +113,7 @@ class PERFANIM_OT_find_bones(_OnArmature, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Find them."""
-        armature_object = settings(context).armature
-        try:
-            store_map(armature_object, find_map(armature_object, user_folder(PRESETS_FOLDER)))
-        except CharacterError as error:
-            return common.failed(self, PANEL, error)
-        running.set_message(PANEL, "")
-        return {"FINISHED"}
+        return self.use_map(context, lambda armature: find_map(armature, user_folder(PRESETS_FOLDER)))
 
 
 class PERFANIM_OT_pick_bone(_OnArmature, bpy.types.Operator):
@@ -146,17 +152,13 @@ class PERFANIM_OT_load_bone_map(_OnArmature, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Load it."""
-        armature_object = settings(context).armature
-        try:
-            path = preset_paths(user_folder(PRESETS_FOLDER)).get(self.preset)
-            if path is None:
-                raise CharacterError(f"there is no bone map {self.preset!r}", advice="open the menu again")
-            bones = read_bone_map(path)
-            store_map(armature_object, checked_map(read_armature_rest(armature_object), bones, self.preset))
-        except PerfanimError as error:
-            return common.failed(self, PANEL, error)
-        running.set_message(PANEL, "")
-        return {"FINISHED"}
+        return self.use_map(context, self._kept)
+
+    def _kept(self, armature_object: bpy.types.Object) -> BoneMap:
+        path = preset_paths(user_folder(PRESETS_FOLDER)).get(self.preset)
+        if path is None:
+            raise CharacterError(f"there is no bone map {self.preset!r}", advice="open the menu again")
+        return checked_map(read_armature_rest(armature_object), read_bone_map(path), self.preset)
 
 
 class PERFANIM_OT_save_bone_map(_OnArmature, bpy.types.Operator):
