@@ -10,12 +10,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from .start_labelling import StartLabeller
+from .start_labelling import MISSED_M, StartLabeller
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_GAIN_M2 = 0.5 * 0.3**2  # of squared distance to an example: half of what a missed marker costs
+_GAIN_M2 = 0.5 * MISSED_M**2  # of squared distance to an example: half of what a missed marker costs
 _BETTER = 0.7  # of the labels' distance to the examples, where a marker that has a point is given another
 _CONFIRMATIONS = 3  # looks that find the same
 _REACH_M_S = 6.0  # as far as a limb moves between two looks, and

@@ -17,7 +17,7 @@ _FEWEST_TORSO = 3  # from which the root can be placed
 _STRETCH = 0.1  # share by which torso distances may lie outside those of the examples,
 _STRETCH_M = 0.03  # and metres
 _RANGE = (0.5, 99.5)  # percentiles of the examples' distances
-_MISSED_M = 0.30  # what a marker costs that no point comes closer to
+MISSED_M = 0.30  # what a marker costs that no point comes closer to
 _UP_M = 0.3  # metres that a radian between the verticals counts
 _BACK_M = 0.3  # what it counts to face away from the cameras: many a crouch is also somebody who looks the other way
 _TORSOS = 24  # ways to place the root that are compared with the examples
@@ -107,7 +107,7 @@ class StartLabeller:
         seen = np.all(np.isfinite(markers_m), axis=1)
         torso = np.where(seen[self._torso], self._torso, -1)
         if np.sum(torso >= 0) < _FEWEST_TORSO:
-            return _MISSED_M
+            return MISSED_M
         turns, shifts, _ = _placed(self._mean_torso, markers_m, torso[None])
         local = ((markers_m[seen] - shifts[0]) @ turns[0]).astype(np.float32)
         squares = np.sum((self._examples[:, seen] - local) ** 2, axis=2)
@@ -147,12 +147,12 @@ class StartLabeller:
         cost += np.einsum("smc,smc->s", own, own)
         others = np.delete(local, torso[seen], axis=0)
         if len(others):
-            nearest = np.minimum(self._limb_distances(others).min(axis=2), _MISSED_M**2)
+            nearest = np.minimum(self._limb_distances(others).min(axis=2), MISSED_M**2)
             # a point is one limb only: where there are fewer points than limbs, the rest of the limbs is missed
             nearest.sort(axis=1)
-            nearest[:, len(others) :] = _MISSED_M**2
+            nearest[:, len(others) :] = MISSED_M**2
             cost += nearest.sum(axis=1)
-        cost += _MISSED_M**2 * np.sum(~seen) + _turned_away(turn)
+        cost += MISSED_M**2 * np.sum(~seen) + _turned_away(turn)
         best = np.argpartition(cost, min(_EXAMPLES_EACH, len(cost)) - 1)[:_EXAMPLES_EACH]
         return [(float(cost[example]), int(example)) for example in best]
 
@@ -168,18 +168,18 @@ class StartLabeller:
         labels[torso[torso >= 0]] = self._torso[torso >= 0]
         free = np.flatnonzero(labels < 0)
         distances = np.linalg.norm(points_m[free][:, None] - placed[self._limbs][None], axis=-1)
-        rows, columns = linear_sum_assignment(np.minimum(distances, _MISSED_M) ** 2)
-        near = distances[rows, columns] < _MISSED_M
+        rows, columns = linear_sum_assignment(np.minimum(distances, MISSED_M) ** 2)
+        near = distances[rows, columns] < MISSED_M
         labels[free[rows[near]]] = self._limbs[columns[near]]
         return Start(labels, self._distance_m(points_m, labels, torso, example))
 
     def _distance_m(self, points_m: Array, labels: IntArray, torso: IntArray, example: int) -> float:
         """Return `Start.distance_m` of labels against one example laid on the chosen torso."""
         placed, turn = self._laid(points_m, torso, example)
-        squares = np.full(len(placed), _MISSED_M**2)
+        squares = np.full(len(placed), MISSED_M**2)
         found = np.flatnonzero(labels >= 0)
         off = np.sum((points_m[found] - placed[labels[found]]) ** 2, axis=1)
-        squares[labels[found]] = np.minimum(off, _MISSED_M**2)
+        squares[labels[found]] = np.minimum(off, MISSED_M**2)
         tilt = _UP_M**2 * np.sum((self._ups[example] - turn[1]) ** 2)
         return float(np.sqrt((squares.sum() + tilt + _turned_away(turn)) / len(placed)))
 
