@@ -159,13 +159,19 @@ def build_database(
         out, fps, mean_rotations, poses, root_rotations, root_positions_m, clips, collected.skeletons, graph,
         culled_frames,
     )  # fmt: skip
-    memory_mb, reader_memory_mb = _peak_memory_mb()
-    return {
+    built = {
         "frames": len(poses),
         "clips": len(clips),
         "fps": fps,
         "seconds": round(time.monotonic() - started, 2),
         "bytes": out.stat().st_size,
+    }
+    return built | _contents(clips, culled_frames, collected)
+
+
+def _contents(clips: Sequence[Clip], culled_frames: int, collected: _Collected) -> dict[str, Any]:
+    memory_mb, reader_memory_mb = _peak_memory_mb()
+    return {
         "behaviours": _behaviours(clips),
         "mirrored_clips": sum(clip.mirrored for clip in clips),
         "culled_frames": culled_frames,
