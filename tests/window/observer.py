@@ -304,7 +304,7 @@ def every_tenth():
     try:
         follow_orders()
         report()
-    except Exception:
+    except Exception:  # Blender never calls a timer again that has raised; the run would hang without a word
         traceback.print_exc()
     return 0.1
 
