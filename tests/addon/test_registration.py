@@ -1,39 +1,38 @@
 import importlib
 import sys
 from types import ModuleType
-from typing import Any
 
 import bpy
 import pytest
+from remains import remains
+
+TIMES = 100
 
 
-def snapshot() -> dict[str, Any]:
-    handlers = {
-        name: [f"{f.__module__}.{f.__qualname__}" for f in getattr(bpy.app.handlers, name)]
-        for name in dir(bpy.app.handlers)
-        if isinstance(getattr(bpy.app.handlers, name), list)
-    }
-    return {
-        "handlers": handlers,
-        "types": {name for name in dir(bpy.types) if "PERFANIM" in name.upper()},
-        "operators": set(dir(bpy.ops.perfanim)),
-        "scene": {name for name in dir(bpy.types.Scene) if "perfanim" in name},
-        "classes": {c.__name__ for c in bpy.types.Panel.__subclasses__() if getattr(c, "is_registered", False)},
-    }
-
-
-def test_on_and_off_three_times_leaves_nothing(extension: str) -> None:
+def test_on_and_off_a_hundred_times_leaves_nothing_and_says_nothing(
+    extension: str, capfd: pytest.CaptureFixture[str]
+) -> None:
     import addon_utils
 
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    before = snapshot()
-    assert before["operators"] == set()
-    for _ in range(3):
+    before = remains()
+    assert not {"types", "operators", "properties", "classes", "drawn", "timers", "keys"} & set(before)
+    capfd.readouterr()
+    for _ in range(TIMES):
         assert addon_utils.enable(extension, default_set=True) is not None
         assert "start_capture" in dir(bpy.ops.perfanim)
         assert bpy.context.scene.perfanim.source == "SIMULATED"
         addon_utils.disable(extension, default_set=True)
-        assert snapshot() == before
+    assert remains() == before
+    assert "".join(capfd.readouterr()) == ""
+
+
+def test_what_is_looked_for_is_there_while_the_addon_is_on(addon: ModuleType) -> None:
+    found = remains()
+    assert {"PERFANIM_PT_capture", "PERFANIM_PG_settings", "PERFANIM_OT_start_capture"} <= set(found["classes"])
+    assert {"Scene.perfanim", "Object.perfanim_character", "WindowManager.perfanim_takes"} <= set(found["properties"])
+    assert any("draw_offer" in line for line in found["drawn"])
+    assert any("perfanim" in name for name in found["handlers"]["load_pre"])
 
 
 def test_preferences_and_tab(addon: ModuleType, extension: str) -> None:
