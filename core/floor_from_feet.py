@@ -49,7 +49,7 @@ def floor_points(take: MarkerTake, marker_set: MarkerSet, pose: Callable[[Skelet
         MarkerSetError: the set has no offsets.
     """
     skeleton = default_skeleton()
-    upright = _upright(take, marker_set, skeleton, pose(skeleton))
+    upright = upright_rotation(take, marker_set, skeleton, pose(skeleton))
     calm = smoothed(take, min(_SMOOTHING_HZ, 0.2 * take.fps))
     stands = _stands(calm, marker_set, skeleton, upright)
     if len(stands) < _FEWEST_S * take.fps:
@@ -68,7 +68,7 @@ def moved_to_rig(take: MarkerTake, old: CameraRig, new: CameraRig) -> MarkerTake
     return replace(take, positions_m=transform(rotation, translation, take.positions_m), single=single)
 
 
-def _upright(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, pose: Array) -> Array:
+def upright_rotation(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, pose: Array) -> Array:
     """Return the rotation (3, 3) from a level frame into the take's world, by the mean direction of the body."""
     joints = marker_set.joint_indices(skeleton)
     positions, world = forward_kinematics(skeleton, pose, np.zeros(3))

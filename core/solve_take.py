@@ -67,7 +67,7 @@ def solve_take(
 def solve_recorded(
     take: TakeFile,
     frames: Sequence[MarkerFrame],
-    rig: CameraRig,
+    rig: CameraRig | None,
     subject: Subject,
     database: Database,
     settings: SolveSettings,
@@ -78,7 +78,7 @@ def solve_recorded(
     Args:
         take: what was recorded.
         frames: its marker frames, or others made of its 2D detections.
-        rig: the cameras that see them.
+        rig: the cameras that see them, None for imported markers without any.
 
     Raises:
         TakeError: there are not two frames.

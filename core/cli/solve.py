@@ -15,9 +15,10 @@ from ..marker_set import Subject, load_marker_set, load_subject
 from ..marker_take import MarkerTake
 from ..motion_files import read_skeleton
 from ..solve_take import SolvedTake, solve_recorded, solve_take
+from ..solved_take_file import keep_solved_anew
 from ..solver.settings import METHODS, SolveSettings
 from ..sources.take import is_unnamed
-from ..take_file.reading import read_take_file
+from ..take_file.reading import ENDING, read_take_file
 
 
 def add_parser(subparsers: Any) -> None:
@@ -46,7 +47,12 @@ def add_parser(subparsers: Any) -> None:
         help="low-pass markers before and motion after, without lag; 6 suits walking; of a .perftake the motion alone "
         "(default: off)",
     )
-    parser.add_argument("--out", required=True, metavar="MOTION.bvh", help="motion to write")
+    parser.add_argument(
+        "--out",
+        required=True,
+        metavar="MOTION.bvh",
+        help=f"motion to write; of a {ENDING} also another {ENDING}: what was recorded, with the new poses",
+    )
     parser.add_argument("--units", choices=("m", "cm"), default="m", help="unit of the BVH file (default m)")
     parser.set_defaults(run=run, wrong_usage=parser.error)
 
@@ -60,8 +66,14 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
         args.wrong_usage("one of the arguments --subject --skeleton is required")
     if not recorded and args.cameras is not None:
         args.wrong_usage("argument --cameras: only a .perftake holds what cameras saw")
+    if is_recorded(args.out) and not recorded:
+        args.wrong_usage("argument --out: perfanim take import makes a .perftake of other takes")
+    if is_recorded(args.out) and args.smooth is not None:
+        args.wrong_usage("argument --smooth: a .perftake holds poses as they are solved")
     progress(0.0, "reading")
     solved, facts = _solve_recorded(args, progress) if recorded else _solve_markers(args, progress)
+    if is_recorded(args.out):
+        return solved.summary() | {"fps": solved.motion.fps} | facts | {"out": str(Path(args.out))}
     motion = solved.motion if args.smooth is None else smoothed_motion(solved.motion, args.smooth)
     write_bvh(motion, args.out, args.units)
     return solved.summary() | {"fps": motion.fps} | facts | {"out": str(Path(args.out))}
@@ -102,7 +114,11 @@ def _solve_recorded(
     if not path:
         raise TakeError("does not tell its motion database", where=str(args.take), advice="give --database")
     database = open_database(path)
+    if is_recorded(args.out) and Path(args.out).exists() and Path(args.out).samefile(args.take):
+        raise TakeError("would be overwritten", where=str(args.out), advice="give another name")
     solved = solve_recorded(take, frames, rig, subject, database, settings, progress)
+    if is_recorded(args.out):
+        keep_solved_anew(args.out, take, frames, rig, subject, database, settings, solved)
     warnings = list(take.problems)
     if args.database is None and identity(database)["sha256"] != setup.database.get("sha256"):
         warnings.append(f"{path} has changed since the take was recorded")

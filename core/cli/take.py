@@ -15,6 +15,7 @@ from ..solve_take import steady_motion
 from ..take_file.edit import recover
 from ..take_file.lock import is_locked
 from ..take_file.reading import ENDING, TakeFile, rate, read_take_file, take_name
+from . import take_import
 
 Progress = Callable[[float, str], None]
 
@@ -30,6 +31,7 @@ def add_parser(subparsers: Any) -> None:
     mend.add_argument("take", metavar="TAKE", help=f"recorded take ({ENDING}); it stays as it is")
     mend.add_argument("--out", metavar="TAKE", help=f"take to write (default: NAME-recovered{ENDING} beside it)")
     mend.set_defaults(run=run_recover)
+    take_import.add_parser(group)
     export = group.add_parser("export", help="motion or markers of a recorded take as they were solved live")
     export.add_argument(
         "take", metavar="TAKE", help=f"recorded take ({ENDING}); one that was cut off gives what it has"
@@ -52,6 +54,7 @@ def _recorded_info(take: TakeFile) -> dict[str, Any]:
     numbers = np.array([frame.number for frame in frames], dtype=np.int64)
     times_s = np.array([frame.time_s for frame in frames])
     subject = setup.worn_subject()
+    rig = setup.camera_rig()
     poses = [solved.pose for solved in take.poses]
     return {
         "format": "recorded take",
@@ -66,7 +69,7 @@ def _recorded_info(take: TakeFile) -> dict[str, Any]:
         "visible_fraction": float(np.mean([np.isfinite(p.observed_m[:, 0]) for p in poses])) if poses else None,
         "poses": len(poses),
         "confidence": float(np.mean([pose.confidence for pose in poses])) if poses else None,
-        "cameras": len(setup.camera_rig()),
+        "cameras": len(rig) if rig is not None else 0,
         "subject": subject.name,
         "marker_set": subject.marker_set.name,
         "database": setup.database.get("path", ""),

@@ -7,12 +7,12 @@ from io import FileIO
 from pathlib import Path
 
 from ..errors import TakeError
-from ..files import atomic_path
-from .chunks import ChunkKind, encode_chunk, preamble
+from .chunks import ChunkKind, encode_chunk
 from .footer import Footer, find_footer
 from .lock import is_locked, lock
 from .reading import TakeFile
 from .setup import TakeNotes
+from .whole import take_facts, write_chunks
 
 
 def append_notes(path: Path | str, notes: TakeNotes) -> None:
@@ -67,13 +67,4 @@ def recover(take: TakeFile, path: Path | str) -> None:
     told = json.dumps({"frames": len(frames), "text": "recovered: " + ("; ".join(map(str, take.faults)) or "cut off")})
     kept = [(chunk.kind, bytes(chunk.payload)) for chunk in take.chunks if chunk.kind != ChunkKind.END]
     kept.append((ChunkKind.EVENT, told.encode("utf-8")))
-    duration_s = frames[-1].time_s - frames[0].time_s if frames else 0.0
-    facts = {"frames": len(frames), "poses": len(take.poses), "duration_s": duration_s, "orphaned": False}
-    index: list[tuple[int, int]] = []
-    with atomic_path(path) as temporary, temporary.open("wb") as file:
-        file.write(preamble())
-        for kind, payload in kept:
-            index.append((kind, file.tell()))
-            file.write(encode_chunk(kind, len(index) - 1, payload))
-        index.append((ChunkKind.END, file.tell()))
-        file.write(encode_chunk(ChunkKind.END, len(index) - 1, Footer(facts, tuple(index)).pack()))
+    write_chunks(path, kept, take_facts(frames, len(take.poses)))

@@ -1,9 +1,9 @@
 """Reading takes: all that is intact, and what is not."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -86,7 +86,7 @@ class TakeFile:
         """The marker frames in order."""
         return tuple(frame for _, frame in self.stamped_frames)
 
-    @cached_property
+    @property
     def poses(self) -> tuple[SolvedPose, ...]:
         """The poses as they were solved live, in order; there may be fewer than frames."""
         return tuple(self._records(ChunkKind.POSES, unpack_solved))
@@ -171,6 +171,17 @@ class TakeSummary:
         frames, duration_s: 0 when it is not complete.
         created: ISO 8601.
         notes: name, notes, rating.
+def unused_path(folder: Path, name: str) -> Path:
+    """Return a file of a folder for a take of that name, where none is yet."""
+    stem = (
+        "".join("-" if letter in '<>:"/\\|?*' or ord(letter) < 32 else letter for letter in name).strip(". ") or "take"
+    )
+    path, count = folder / f"{stem}{ENDING}", 2
+    while path.exists():
+        path, count = folder / f"{stem} ({count}){ENDING}", count + 1
+    return path
+
+
         orphaned: whether the recording outlived Blender.
     """
 
@@ -196,6 +207,7 @@ def summarise(path: Path | str) -> TakeSummary:
             footer = find_footer(file)
             if footer is None:
                 return TakeSummary(path, False, notes=TakeNotes(take_name(path)))
+        subject, marker_set, method, database: names of what it was solved with, "" for the default, or unknown.
             return _listed(path, file, footer)
     except OSError as error:
         raise TakeError(f"cannot be read ({error.strerror})", where=str(path), advice="check the path") from error
@@ -205,6 +217,10 @@ def has_frames(path: Path | str) -> bool:
     """Return whether a take holds a frame, looking no further than to the first.
 
     Raises:
+    subject: str = ""
+    marker_set: str = ""
+    method: str = ""
+    database: str = ""
         TakeError: it is no take, or cannot be read.
     """
     try:
@@ -221,13 +237,27 @@ def has_frames(path: Path | str) -> bool:
 def _listed(path: Path, file: BinaryIO, footer: Footer) -> TakeSummary:
     """Return the summary of a take from the last notes and a set-up of its index."""
     last = {kind: offset for kind, offset in footer.index if kind in (ChunkKind.SETUP, ChunkKind.NOTES)}
-    created, notes = "", TakeNotes()
+    known: dict[str, str] = {}
+    notes = TakeNotes()
     for kind, offset in last.items():
         chunk = read_chunk(file, offset)
         if chunk is not None and kind == ChunkKind.SETUP:
-            created = TakeSetup.from_json(bytes(chunk.payload), str(path)).created
+            known = _known(TakeSetup.from_json(bytes(chunk.payload), str(path)))
         elif chunk is not None:
             notes = TakeNotes.from_json(bytes(chunk.payload), str(path))
     notes = notes if notes.name else replace(notes, name=take_name(path))
     frames, duration_s = int(footer.facts.get("frames", 0)), float(footer.facts.get("duration_s", 0.0))
-    return TakeSummary(path, True, frames, duration_s, created, notes, bool(footer.facts.get("orphaned", False)))
+    orphaned = bool(footer.facts.get("orphaned", False))
+    return TakeSummary(path, True, frames, duration_s, notes=notes, orphaned=orphaned, **known)
+
+
+def _known(setup: TakeSetup) -> dict[str, str]:
+    """Return what a summary tells of a set-up; its tables are not looked into any further."""
+    worn = setup.subject.get("marker_set")
+    return {
+        "created": setup.created,
+        "subject": str(setup.subject.get("name", "")),
+        "marker_set": str(worn.get("name", "")) if isinstance(worn, Mapping) else "",
+        "method": str(setup.settings.get("method", "")),
+        "database": PurePath(str(setup.database.get("path", ""))).stem,
+    }

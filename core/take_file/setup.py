@@ -19,7 +19,7 @@ class TakeSetup:
     """All that turns the marker frames of a take into poses, as plain tables that travel as JSON.
 
     Args:
-        rig: tables of the calibration, as in its file.
+        rig: tables of the calibration, as in its file; empty for markers that were imported without cameras.
         subject: tables of the subject and its marker set, as in its file.
         settings: of the solver, those that differ from its defaults.
         database: "path", "frames", "fps" and "sha256" (of its header) of the motion database.
@@ -38,7 +38,7 @@ class TakeSetup:
 
     @staticmethod
     def of(
-        rig: CameraRig,
+        rig: CameraRig | None,
         subject: Subject,
         settings: Mapping[str, Any],
         database: Mapping[str, Any],
@@ -46,8 +46,9 @@ class TakeSetup:
     ) -> "TakeSetup":
         """Return the set-up of a take that begins now."""
         created = datetime.now(UTC).astimezone().isoformat(timespec="seconds")
+        cameras = rig_tables(rig) if rig is not None else {}
         made = TakeSetup(
-            rig_tables(rig), subject_tables(subject), settings, database, capture, created, f"perfanim {__version__}"
+            cameras, subject_tables(subject), settings, database, capture, created, f"perfanim {__version__}"
         )
         return TakeSetup.from_json(made.to_json(), "")  # what a reader will see, to the last digit
 
@@ -65,8 +66,10 @@ class TakeSetup:
             raise TakeError(f"has an incomplete set-up ({error})", where=where) from error
         return TakeSetup(**parts, created=str(facts.get("created", "")), software=str(facts.get("software", "")))
 
-    def camera_rig(self) -> CameraRig:
-        """Return the cameras; TakeError when the tables are damaged."""
+    def camera_rig(self) -> CameraRig | None:
+        """Return the cameras, None for imported markers without any; TakeError when the tables are damaged."""
+        if not self.rig:
+            return None
         return _made("calibration", lambda: rig_from(self.rig, "calibration of the take"))
 
     def worn_subject(self) -> Subject:

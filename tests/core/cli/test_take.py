@@ -17,7 +17,7 @@ from perfanim.core.session import Session
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.take_file import writer as writer_module
 from perfanim.core.take_file.chunks import scan
-from perfanim.core.take_file.reading import read_take_file
+from perfanim.core.take_file.reading import read_take_file, summarise
 from perfanim.core.take_file.setup import TakeNotes, TakeSetup
 from perfanim.core.take_file.writer import TakeWriter
 
@@ -194,3 +194,34 @@ def test_wrong_usage_exits_with_2(line, capsys):
         main(line.split())
     assert ended.value.code == 2
     assert "usage" in capsys.readouterr().err
+
+
+def test_a_take_solved_anew_is_a_take(recorded, tmp_path, capsys, database_file):
+    out = tmp_path / "again.perftake"
+    facts = run(capsys, "solve", recorded, "--method", "lwr", "--database", database_file, "--out", out)
+    before, after = read_take_file(recorded), read_take_file(out)
+    assert (facts["frames"], facts["method"], facts["warnings"]) == (57, "lwr", [])
+    assert (after.complete, after.problems, after.events) == (True, [], before.events)
+    assert (after.notes.name, after.notes.character) == ("Walk 1 (lwr)", "")
+    for (stamp_s, frame), (again_s, again) in zip(before.stamped_frames, after.stamped_frames, strict=True):
+        assert (stamp_s, frame.number, frame.time_s) == (again_s, again.number, again.time_s)
+        np.testing.assert_array_equal(frame.detected[1], again.detected[1])
+    motion = tmp_path / "again.bvh"
+    run(capsys, "solve", recorded, "--method", "lwr", "--database", database_file, "--out", motion)
+    run(capsys, "take", "export", out, "--out", tmp_path / "kept.bvh")
+    np.testing.assert_array_equal(read_motion(tmp_path / "kept.bvh").rotations, read_motion(motion).rotations)
+    listed = summarise(out)
+    assert (listed.method, listed.subject, listed.marker_set) == ("lwr", "walker", "locomotion")
+    assert (listed.database, summarise(recorded).method) == (database_file.stem, "")
+    run(capsys, "solve", out, "--method", "nearest", "--database", database_file, "--out", tmp_path / "third.perftake")
+    assert summarise(tmp_path / "third.perftake").notes.name == "Walk 1 (nearest)"
+
+
+def test_a_take_solved_anew_takes_no_other_s_place(recorded, tmp_path, capsys):
+    content = recorded.read_bytes()
+    assert main(["solve", str(recorded), "--out", str(recorded)]) == 1
+    assert "would be overwritten" in capsys.readouterr().err
+    assert recorded.read_bytes() == content
+    for wrong in (["--smooth", "6"], ["--out", "x.bvh", "--cameras", "y"]):
+        with pytest.raises(SystemExit, match="2"):
+            main(["solve", "walk.take.npz", "--database", "d", "--subject", "s", "--out", "x.perftake", *wrong])

@@ -1,0 +1,120 @@
+"""`perfanim take import`: marker takes of other systems, solved and kept as recorded takes."""
+
+import argparse
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ..database.store import Database, open_database
+from ..errors import FormatError, MarkerSetError, PerfanimError, SettingsError, SubjectError, TakeError
+from ..formats.takes import READABLE, declared_frames, is_recorded, read_take
+from ..marker_set import Subject, load_marker_set, load_subject
+from ..product_skeleton import default_skeleton
+from ..solved_take_file import keep_markers
+from ..solver.settings import METHODS, SolveSettings
+from ..sources.take import is_unnamed
+from ..take_file.edit import recover
+from ..take_file.reading import ENDING, read_take_file, unused_path
+from ..take_import import UPS, brought_in
+
+Progress = Callable[[float, str], None]
+
+
+def add_parser(group: Any) -> None:
+    """Add `import` to the `take` group."""
+    parser = group.add_parser("import", help="solve marker takes of other systems and keep them as recorded takes")
+    parser.add_argument("takes", nargs="+", metavar="TAKE", help=f"{', '.join(READABLE)}; a {ENDING} is copied")
+    parser.add_argument("--out", required=True, metavar="DIR", help=f"folder for NAME{ENDING}; none is replaced")
+    parser.add_argument("--database", required=True, metavar="DB", help="motion database")
+    parser.add_argument(
+        "--subject", metavar="FILE", help="calibrated subject (default: an average body, markers at their usual places)"
+    )
+    parser.add_argument("--height", type=float, default=1.75, metavar="M", help="of the average body (default 1.75)")
+    parser.add_argument("--marker-set", metavar="NAME", help="shipped marker set or TOML file (default: the subject's)")
+    parser.add_argument("--method", choices=METHODS, default="best", help="how poses are found (default best)")
+    parser.add_argument(
+        "--up",
+        choices=UPS,
+        default="auto",
+        help="axis of the file that points up: auto for that which the performer stands along (default), feet for the "
+        "floor on which the feet stand, which becomes y = 0",
+    )
+    parser.set_defaults(run=run, wrong_usage=parser.error)
+
+
+def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Keep marker takes as recorded ones; a bad one does not keep the others out."""
+    if args.subject is None and args.marker_set is None:
+        args.wrong_usage("one of the arguments --subject --marker-set is required")
+    progress(0.0, "reading")
+    subject, database = _worn(args), open_database(args.database)
+    kept: list[dict[str, Any]] = []
+    failed: list[PerfanimError] = []
+    for number, path in enumerate(args.takes):
+        share = 1.0 / len(args.takes)
+
+        def part(fraction: float, text: str, done: float = number * share, share: float = share) -> None:
+            progress(done + share * fraction, text)
+
+        try:
+            kept.append(_imported(args, Path(path), subject, database, part))
+        except (FormatError, TakeError, MarkerSetError) as error:
+            failed.append(error)
+    if not kept:
+        raise failed[0]
+    return {
+        "frames": sum(take["frames"] for take in kept),
+        "takes": kept,
+        "failed": [str(error) for error in failed],
+        "out": str(args.out),
+    }
+
+
+def _worn(args: argparse.Namespace) -> Subject:
+    """Return who performs, with the markers that are worn."""
+    marker_set = load_marker_set(args.marker_set) if args.marker_set else None
+    if args.subject is None:
+        if not 1.0 <= args.height <= 2.5:
+            raise SettingsError(f"--height {args.height:g} is out of range", advice="give metres, 1 to 2.5")
+        assert marker_set is not None  # noqa: S101 - one of the two is required
+        return Subject("average body", default_skeleton(args.height), marker_set)
+    subject = load_subject(args.subject)
+    if marker_set is None:
+        return subject
+    unknown = [name for name in marker_set.names if name not in subject.marker_set.names]
+    if unknown:
+        raise SubjectError(
+            f"is calibrated without {', '.join(unknown)} of the marker set {marker_set.name}",
+            where=str(args.subject),
+            advice="calibrate the subject with this marker set",
+        )
+    return replace(subject, marker_set=subject.marker_set.subset(marker_set.names))
+
+
+def _imported(
+    args: argparse.Namespace, path: Path, subject: Subject, database: Database, progress: Progress
+) -> dict[str, Any]:
+    """Write one take and return what is to be told of it."""
+    progress(0.0, f"reading {path.name}")
+    if is_recorded(path):
+        recorded = read_take_file(path)
+        out = unused_path(Path(args.out), recorded.notes.name)
+        recover(recorded, out)
+        return {"take": path.name, "frames": recorded.frame_count, "warnings": recorded.problems, "out": str(out)}
+    take = read_take(path)
+    declared = declared_frames(path)
+    warnings = [f"{path.name} holds {take.frames} of {declared} frames"] * (take.frames < declared)
+    take = brought_in(replace(take, name=_stem(path)), subject.marker_set, args.up)
+    lacking = [] if is_unnamed(take) else [name for name in subject.marker_set.names if name not in take.names]
+    warnings += [f"not in {path.name}: {', '.join(lacking)}"] * bool(lacking)
+    out = unused_path(Path(args.out), take.name)
+    capture = {"imported": str(path), "up": args.up}
+    solved = keep_markers(out, take, subject, database, SolveSettings(method=args.method), capture, progress)
+    return {"take": path.name, "warnings": warnings, "out": str(out)} | solved.summary()
+
+
+def _stem(path: Path) -> str:
+    """Return a file's name without the ending that tells its kind."""
+    ending = next((ending for ending in READABLE if path.name.lower().endswith(ending)), "")
+    return path.name[: len(path.name) - len(ending)] or path.name

@@ -1,0 +1,102 @@
+"""Solved takes kept as recorded ones: markers of other systems brought in, and captures solved anew."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from .camera import CameraRig, rig_tables
+from .database.store import Database, identity
+from .marker_frame import MarkerFrame
+from .marker_set import Subject, subject_tables
+from .marker_take import MarkerTake
+from .pose_bytes import SolvedPose
+from .solve_take import SolvedTake, solve_take
+from .solver.settings import SolveSettings
+from .sources.take import take_frames
+from .take_file.chunks import ChunkKind
+from .take_file.reading import TakeFile
+from .take_file.setup import TakeNotes, TakeSetup
+from .take_file.whole import write_whole_take
+
+Progress = Callable[[float, str], None]
+
+
+def keep_markers(
+    path: Path | str,
+    take: MarkerTake,
+    subject: Subject,
+    database: Database,
+    settings: SolveSettings,
+    capture: Mapping[str, Any],
+    progress: Progress,
+) -> SolvedTake:
+    """Solve labelled markers and write them, with the poses, as a recorded take.
+
+    Args:
+        path: the recorded take to write; what is there is replaced.
+        take: in the product's world.
+        subject, database, settings: by which it is solved.
+        capture: where the markers came from, for the set-up.
+
+    Raises:
+        TakeError: the take lacks torso markers.
+        FormatError: `path` cannot be written.
+    """
+    solved = solve_take(take, subject, database, settings, progress)
+    rig = take.single.rig if take.single is not None else None
+    setup = TakeSetup.of(rig, subject, _differing(settings), identity(database), capture)
+    frames = [(0.0, frame) for frame in take_frames(take, subject.marker_set)]
+    write_whole_take(path, setup, TakeNotes(take.name), frames, _poses(solved, [stamp_s for stamp_s, _ in frames]))
+    return solved
+
+
+def keep_solved_anew(
+    path: Path | str,
+    take: TakeFile,
+    frames: Sequence[MarkerFrame],
+    rig: CameraRig | None,
+    subject: Subject,
+    database: Database,
+    settings: SolveSettings,
+    solved: SolvedTake,
+) -> None:
+    """Write a recorded take with the poses of another solve; rating and notes go along, the name tells the method.
+
+    Args:
+        path: the recorded take to write, another than `take`'s.
+        take: what was recorded.
+        frames: its marker frames, as they were solved.
+        rig, subject, database, settings: by which they were solved.
+        solved: their poses.
+
+    Raises:
+        FormatError: `path` cannot be written.
+    """
+    setup = replace(
+        take.setup,
+        rig=rig_tables(rig) if rig is not None else {},
+        subject=subject_tables(subject),
+        settings=_differing(settings),
+        database=identity(database),
+    )
+    name = take.notes.name.removesuffix(f" ({_method(take.setup.settings)})")
+    notes = TakeNotes(f"{name} ({settings.method})", take.notes.notes, take.notes.rating)
+    stamps_s = [stamp_s for stamp_s, _ in take.stamped_frames]
+    events = [bytes(chunk.payload) for chunk in take.chunks if chunk.kind == ChunkKind.EVENT]
+    write_whole_take(path, setup, notes, list(zip(stamps_s, frames, strict=True)), _poses(solved, stamps_s), events)
+
+
+def _poses(solved: SolvedTake, stamps_s: Sequence[float]) -> list[SolvedPose]:
+    rows = zip(solved.poses, stamps_s, solved.seconds, strict=True)
+    return [SolvedPose(pose, stamp_s, float(seconds)) for pose, stamp_s, seconds in rows]
+
+
+def _differing(settings: SolveSettings) -> dict[str, Any]:
+    """Return the settings that differ from the defaults."""
+    usual = vars(SolveSettings())
+    return {name: value for name, value in vars(settings).items() if value != usual[name]}
+
+
+def _method(settings: Mapping[str, Any]) -> str:
+    return str(settings.get("method", SolveSettings().method))

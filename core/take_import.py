@@ -1,0 +1,139 @@
+"""Marker takes of other systems brought to the product's world and to the names of a marker set."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import rotations as rot
+from .calibration_pose import standing
+from .camera import CameraRig
+from .errors import TakeError
+from .floor_from_feet import floor_points, upright_rotation
+from .marker_set import MarkerSet
+from .marker_take import MarkerTake
+from .product_skeleton import default_skeleton
+from .rigid import transform
+from .sources.take import is_unnamed
+from .tracking_names import named_take
+
+Array = NDArray[np.float64]
+
+UPS = ("auto", "feet", "y", "z")
+
+_UP = np.array([0.0, 1.0, 0.0])
+_TURNS = {  # from a world with this axis up to one with y up
+    "y": np.eye(3),
+    "z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
+    "-y": np.diag([1.0, -1.0, -1.0]),
+    "-z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+    "x": np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+    "-x": np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+}
+
+
+def brought_in(take: MarkerTake, marker_set: MarkerSet, up: str) -> MarkerTake:
+    """Return a take with y up and its markers under the names of the marker set.
+
+    Names agree whatever their case and with a subject's before them ("Anna:head"); where they do not agree at all, a
+    take with as many markers as the set is told apart by where they are on a standing body. A take of one camera is
+    returned as it is: its markers are told apart when it is solved, and its calibration has the world.
+
+    Args:
+        take: as it was read.
+        marker_set: worn, with usual offsets.
+        up: of `UPS`: the axis of the file that points up; "auto" for the one that performers stand along; "feet" for
+            the floor on which the feet stand, which becomes y = 0.
+
+    Raises:
+        TakeError: the markers are not the set's, or too few are seen at once to tell what is up.
+        MarkerSetError: the set has no usual offsets, without which neither can be told.
+    """
+    if is_unnamed(take):
+        return take
+    named = _by_name(take, marker_set)
+    if named is None:
+        named = _by_place(take, marker_set, [up] if up in _TURNS else list(_TURNS))
+    elif up in _TURNS:
+        named = _turned(named, _TURNS[up])
+    else:
+        named = _turned(named, _TURNS[_axis_up(named, marker_set)])
+    return _on_floor(named, marker_set.subset(named.names)) if up == "feet" else named
+
+
+def _by_name(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake | None:
+    """Return the take under the set's names as far as they agree, None when those of the torso do not."""
+    known = {_plain(name): name for name in marker_set.names}
+    names: list[str] = []
+    for name in take.names:
+        found = name if name in marker_set.names else known.get(_plain(name), name)
+        names.append(name if found in names or (found != name and found in take.names) else found)
+    torso = [marker.name for marker in marker_set.markers if marker.torso]
+    return replace(take, names=tuple(names)) if sum(name in names for name in torso) >= 3 else None
+
+
+def _plain(name: str) -> str:
+    return name.rpartition(":")[2].strip().casefold()
+
+
+def _by_place(take: MarkerTake, marker_set: MarkerSet, axes: Sequence[str]) -> MarkerTake:
+    """Return the take turned so that it stands, under the set's names as the markers' places tell them."""
+    if len(take.names) != len(marker_set):
+        raise TakeError(
+            f"its markers are called {', '.join(take.names)}, those of the set {marker_set.name} "
+            f"{', '.join(marker_set.names)}",
+            where=take.name,
+            advice="choose the marker set that was worn, or give one of your own (TOML) with these names",
+        )
+    problem: TakeError | None = None
+    for axis in axes:
+        try:
+            named = named_take(_turned(take, _TURNS[axis]), marker_set)
+        except TakeError as error:
+            problem = problem or error
+            continue
+        if len(axes) == 1 or _axis_up(named, marker_set) == "y":  # lying bodies are recognised, too
+            return named
+    advice = "choose the marker set that was worn, or give one of your own (TOML) with the file's names"
+    raise TakeError(problem.what if problem else "", where=take.name, advice=advice)
+
+
+def _axis_up(take: MarkerTake, marker_set: MarkerSet) -> str:
+    """Return the name of the axis that is nearest to the performer's mean way up."""
+    skeleton = default_skeleton()
+    try:
+        up = upright_rotation(take, marker_set.subset(take.names), skeleton, standing(skeleton))[:, 1]
+    except TakeError as error:
+        advice = "say which axis points up"
+        raise TakeError(
+            "too few markers are seen at once to tell what is up", where=take.name, advice=advice
+        ) from error
+    return max(_TURNS, key=lambda axis: float(_UP @ _TURNS[axis] @ up))
+
+
+def _on_floor(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
+    """Return the take with the floor on which the feet stand at y = 0; the way it faces stays."""
+    points = floor_points(take, marker_set)
+    middle = points.mean(axis=0)
+    normal = np.linalg.svd(points - middle)[2][2]
+    normal = normal if normal[1] > 0.0 else -normal
+    turn = rot.to_matrix(rot.between(normal, _UP))
+    return _turned(take, turn, np.array([0.0, -float((turn @ middle)[1]), 0.0]))
+
+
+def _turned(take: MarkerTake, turn: Array, shift_m: Array | None = None) -> MarkerTake:
+    """Return a take in the world into which p goes as turn p + shift, and its cameras with it."""
+    moved = np.zeros(3) if shift_m is None else shift_m
+    single = take.single
+    if single is not None:
+        cameras = [
+            replace(
+                camera,
+                rotation=camera.rotation @ turn.T,
+                translation_m=camera.translation_m - camera.rotation @ turn.T @ moved,
+            )
+            for camera in single.rig.cameras
+        ]
+        single = replace(single, rig=CameraRig(tuple(cameras), single.rig.metadata))
+    return replace(take, positions_m=transform(turn, moved, take.positions_m), single=single)

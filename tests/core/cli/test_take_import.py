@@ -1,0 +1,166 @@
+"""`perfanim take import`: marker takes of other systems become recorded ones; and captures solved anew stay takes."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from perfanim.core import rotations as rot
+from perfanim.core.camera import CameraRig
+from perfanim.core.cli.main import main
+from perfanim.core.formats.takes import read_take, write_take
+from perfanim.core.marker_set import save_subject
+from perfanim.core.marker_take import MarkerTake, SingleViews
+from perfanim.core.solve_take import solve_take
+from perfanim.core.solver.settings import SolveSettings
+from perfanim.core.take_file.reading import read_take_file
+from perfanim.core.take_import import brought_in
+
+FPS = 30.0
+Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # (x, y, z) here is (x, -z, y) there
+ROUNDED_M = 1e-6  # what the formats keep of positions some metres from the origin
+
+
+@pytest.fixture(scope="module")
+def walk(true_markers, subject):
+    return MarkerTake("walk", FPS, subject.marker_set.names, true_markers[:20])
+
+
+@pytest.fixture
+def subject_file(subject, tmp_path):
+    save_subject(subject, tmp_path / "walker.toml")
+    return tmp_path / "walker.toml"
+
+
+@pytest.fixture
+def bring(tmp_path, subject_file, database_file, capsys):
+    """bring(files, options) -> the command's answer."""
+
+    def run(*files, options=()):
+        line = ["take", "import", *files, "--out", tmp_path / "takes", "--subject", subject_file]
+        assert main([*map(str, [*line, "--database", database_file, *options]), "--json"]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    return run
+
+
+def z_up(take):
+    return replace(take, positions_m=take.positions_m @ Z_UP.T)
+
+
+def test_takes_of_all_formats_are_solved_and_kept(bring, tmp_path, walk, subject, database):
+    files = [tmp_path / f"Walk {i}.{ending}" for i, ending in enumerate(("c3d", "trc", "csv", "take.npz"))]
+    for file in files:
+        write_take(z_up(walk) if file.suffix == ".c3d" else walk, file)
+    answer = bring(*files)
+    assert (len(answer["takes"]), answer["failed"]) == (4, [])
+    for number, (file, row) in enumerate(zip(files, answer["takes"], strict=True)):
+        assert (row["warnings"], row["frames"]) == ([], walk.frames)
+        take = read_take_file(tmp_path / "takes" / f"Walk {number}.perftake")
+        assert str(take.path) == row["out"]
+        assert (take.complete, take.problems, take.notes.name) == (True, [], f"Walk {number}")
+        assert (take.setup.camera_rig(), take.setup.worn_subject().name) == (None, subject.name)
+        read = brought_in(read_take(file), subject.marker_set, "auto")
+        np.testing.assert_allclose(read.positions_m, walk.positions_m, atol=ROUNDED_M)
+        np.testing.assert_array_equal(read_take(take.path).positions_m, read.positions_m)
+    solved = solve_take(read, subject, database, SolveSettings(), lambda *_: None)
+    for kept, pose in zip(take.poses, solved.poses, strict=True):
+        np.testing.assert_array_equal(kept.pose.rotations, pose.rotations)
+
+
+def test_a_bad_file_does_not_keep_the_others_out(bring, tmp_path, walk):
+    write_take(walk, tmp_path / "a.c3d")
+    (tmp_path / "b.c3d").write_bytes((tmp_path / "a.c3d").read_bytes()[:300])
+    (tmp_path / "c.trc").write_text("no markers")
+    write_take(
+        replace(walk, names=tuple(f"M{i}" for i in range(8)), positions_m=0.0 * walk.positions_m), tmp_path / "d.csv"
+    )
+    whole = (tmp_path / "a.c3d").read_bytes()
+    (tmp_path / "e.c3d").write_bytes(whole[: len(whole) - 512 * 2])
+    answer = bring(*(tmp_path / name for name in ("b.c3d", "a.c3d", "c.trc", "d.csv", "e.c3d")))
+    assert [row["take"] for row in answer["takes"]] == ["a.c3d", "e.c3d"]
+    assert answer["takes"][1]["warnings"][0].endswith(f"of {walk.frames} frames")
+    assert [text.partition(": ")[0].rpartition("/")[2] for text in answer["failed"]] == ["b.c3d", "c.trc", "d"]
+    assert sorted(path.name for path in (tmp_path / "takes").iterdir()) == ["a.perftake", "e.perftake"]
+
+
+def test_nothing_that_can_be_used_is_an_error(tmp_path, subject_file, database_file, capsys):
+    (tmp_path / "words.trc").write_text("no markers")
+    line = ["take", "import", tmp_path / "words.trc", "--out", tmp_path / "takes", "--subject", subject_file]
+    assert main([*map(str, line), "--database", str(database_file)]) == 1
+    assert "words.trc" in capsys.readouterr().err
+    assert not (tmp_path / "takes").exists()
+    assert main([*map(str, line[:-2]), "--database", str(database_file), "--marker-set", "kendo", "--height", "3"]) == 1
+    assert "1 to 2.5" in capsys.readouterr().err
+
+
+def test_none_that_is_there_is_replaced_and_recorded_takes_are_copied(bring, tmp_path, walk):
+    write_take(walk, tmp_path / "walk.csv")
+    bring(tmp_path / "walk.csv")
+    first = (tmp_path / "takes" / "walk.perftake").read_bytes()
+    again = bring(tmp_path / "walk.csv", tmp_path / "takes" / "walk.perftake")
+    assert [row["out"].rpartition("/")[2] for row in again["takes"]] == ["walk (2).perftake", "walk (3).perftake"]
+    assert (tmp_path / "takes" / "walk.perftake").read_bytes() == first
+    copy, source = (read_take_file(tmp_path / "takes" / f"walk{name}.perftake") for name in (" (3)", ""))
+    assert (copy.complete, copy.notes) == (True, source.notes)
+    assert [pose.pose.number for pose in copy.poses] == [pose.pose.number for pose in source.poses]
+
+
+@pytest.mark.parametrize(
+    "turn", [np.eye(3), Z_UP, np.diag([-1.0, -1.0, 1.0]), Z_UP.T, np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1.0]])]
+)
+def test_what_is_up_is_told_from_the_performer(walk, subject, turn):
+    found = brought_in(replace(walk, positions_m=walk.positions_m @ turn.T), subject.marker_set, "auto")
+    np.testing.assert_allclose(found.positions_m[..., 1], walk.positions_m[..., 1], atol=1e-9)
+    apart = np.linalg.norm(found.positions_m[:, :, None] - found.positions_m[:, None], axis=-1)
+    np.testing.assert_allclose(apart, np.linalg.norm(walk.positions_m[:, :, None] - walk.positions_m[:, None], axis=-1))
+    triple = [np.linalg.det(take.positions_m[0, 1:4] - take.positions_m[0, :1]) for take in (found, walk)]
+    assert triple[0] == pytest.approx(triple[1])  # turned, not mirrored
+
+
+def test_an_axis_that_is_given_is_taken(walk, subject):
+    found = brought_in(z_up(walk), subject.marker_set, "z")
+    np.testing.assert_allclose(found.positions_m, walk.positions_m)
+
+
+def test_the_floor_is_found_from_the_feet(walk, subject):
+    lean = rot.to_matrix(rot.from_rotation_vector(np.radians([6.0, 0.0, -4.0])))
+    moved = replace(walk, positions_m=(walk.positions_m @ lean.T + [0.3, -1.2, 2.0]) @ Z_UP.T)
+    found = brought_in(moved, subject.marker_set, "feet")
+    lowest = [np.percentile(take.positions_m[..., 1], 1) for take in (found, walk)]
+    assert lowest[0] == pytest.approx(lowest[1], abs=0.02)  # two of the height's standard deviations
+    heights = found.positions_m[..., 1].mean(axis=0), walk.positions_m[..., 1].mean(axis=0)
+    np.testing.assert_allclose(*heights, atol=0.05)
+
+
+def test_markers_are_known_whatever_their_case_and_subject(walk, subject):
+    renamed = replace(walk, names=tuple(f"Anna:{name.lower()}" for name in walk.names))
+    assert brought_in(renamed, subject.marker_set, "y").names == subject.marker_set.names
+    doubled = replace(
+        walk,
+        names=(*walk.names, "anna:" + walk.names[0]),
+        positions_m=np.concatenate((walk.positions_m,) * 2, 1)[:, :9],
+    )
+    assert brought_in(doubled, subject.marker_set, "y").names == doubled.names
+
+
+def test_markers_without_names_are_told_apart_by_their_places(walk, subject):
+    shuffled = np.random.default_rng(3).permutation(len(walk.names))
+    names = tuple(f"unlabeled_{i}" for i in range(len(walk.names)))
+    other = replace(z_up(walk), names=names, positions_m=z_up(walk).positions_m[:, shuffled])
+    found = brought_in(other, subject.marker_set, "auto")
+    np.testing.assert_allclose(found.positions_m, walk.positions_m)
+    with pytest.raises(Exception, match="choose the marker set that was worn"):
+        brought_in(replace(other, names=names[:-1], positions_m=other.positions_m[:, :-1]), subject.marker_set, "auto")
+
+
+def test_rays_of_single_cameras_turn_with_the_world(walk, subject, stage_rig):
+    upside_down = np.diag([-1.0, -1.0, 1.0])
+    elsewhere = replace(walk, positions_m=walk.positions_m @ upside_down.T)
+    cameras = np.full(walk.positions_m.shape[:2], -1)
+    cameras[::3, 5] = 1
+    rig = CameraRig(tuple(replace(cam, rotation=cam.rotation @ upside_down.T) for cam in stage_rig.cameras))
+    single = SingleViews(rig, cameras, np.full((*cameras.shape, 2), 0.1))
+    found = brought_in(replace(elsewhere, single=single), subject.marker_set, "feet")
+    for before, after in zip(stage_rig.cameras, found.single.rig.cameras, strict=True):
+        np.testing.assert_allclose(after.project(found.positions_m), before.project(walk.positions_m), atol=1e-6)
