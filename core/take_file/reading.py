@@ -86,7 +86,7 @@ class TakeFile:
         """The marker frames in order."""
         return tuple(frame for _, frame in self.stamped_frames)
 
-    @property
+    @cached_property
     def poses(self) -> tuple[SolvedPose, ...]:
         """The poses as they were solved live, in order; there may be fewer than frames."""
         return tuple(self._records(ChunkKind.POSES, unpack_solved))
@@ -147,6 +147,17 @@ def take_name(path: Path | str) -> str:
     return Path(path).name.removesuffix(ENDING)
 
 
+def unused_path(folder: Path, name: str) -> Path:
+    """Return a file of a folder for a take of that name, where none is yet."""
+    stem = (
+        "".join("-" if letter in '<>:"/\\|?*' or ord(letter) < 32 else letter for letter in name).strip(". ") or "take"
+    )
+    path, count = folder / f"{stem}{ENDING}", 2
+    while path.exists():
+        path, count = folder / f"{stem} ({count}){ENDING}", count + 1
+    return path
+
+
 def rate(times_s: NDArray[np.float64], numbers: NDArray[np.int64]) -> float:
     """Return the frames per second of numbered frames; a whole number when it is one to 0.02.
 
@@ -171,18 +182,8 @@ class TakeSummary:
         frames, duration_s: 0 when it is not complete.
         created: ISO 8601.
         notes: name, notes, rating.
-def unused_path(folder: Path, name: str) -> Path:
-    """Return a file of a folder for a take of that name, where none is yet."""
-    stem = (
-        "".join("-" if letter in '<>:"/\\|?*' or ord(letter) < 32 else letter for letter in name).strip(". ") or "take"
-    )
-    path, count = folder / f"{stem}{ENDING}", 2
-    while path.exists():
-        path, count = folder / f"{stem} ({count}){ENDING}", count + 1
-    return path
-
-
         orphaned: whether the recording outlived Blender.
+        subject, marker_set, method, database: names of what it was solved with, "" for the default, or unknown.
     """
 
     path: Path
@@ -192,6 +193,10 @@ def unused_path(folder: Path, name: str) -> Path:
     created: str = ""
     notes: TakeNotes = field(default_factory=TakeNotes)
     orphaned: bool = False
+    subject: str = ""
+    marker_set: str = ""
+    method: str = ""
+    database: str = ""
 
 
 def summarise(path: Path | str) -> TakeSummary:
@@ -207,7 +212,6 @@ def summarise(path: Path | str) -> TakeSummary:
             footer = find_footer(file)
             if footer is None:
                 return TakeSummary(path, False, notes=TakeNotes(take_name(path)))
-        subject, marker_set, method, database: names of what it was solved with, "" for the default, or unknown.
             return _listed(path, file, footer)
     except OSError as error:
         raise TakeError(f"cannot be read ({error.strerror})", where=str(path), advice="check the path") from error
@@ -217,10 +221,6 @@ def has_frames(path: Path | str) -> bool:
     """Return whether a take holds a frame, looking no further than to the first.
 
     Raises:
-    subject: str = ""
-    marker_set: str = ""
-    method: str = ""
-    database: str = ""
         TakeError: it is no take, or cannot be read.
     """
     try:
