@@ -1,5 +1,7 @@
 """From the settings of the panels to what the worker is asked for."""
 
+import secrets
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -53,7 +55,11 @@ def make(settings: Any) -> Setup:
     save_subject(subject, subject_path)
     request = {
         "job": "capture",
-        "cameras": {**cameras(settings), "preview": bool(settings.capture_preview)},
+        "cameras": {
+            **cameras(settings),
+            "preview": bool(settings.capture_preview),
+            "background_file": str(Path(tempfile.gettempdir()) / f"perfanim-{secrets.token_hex(8)}.npz"),
+        },
         "subject": subject_path,
         "database": database_path,
         "take": str(takes.new_path()),

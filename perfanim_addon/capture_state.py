@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..core.errors import CaptureError, PerfanimError
 from ..core.pose_frame import PoseFrame
 from ..core.worker.protocol import Message, MessageKind
+from ..core.worker.seam import Seam
 
 STOP_LIMIT_S = 8.0
 FREEZE_NOTICE_S = 0.2
@@ -32,6 +33,9 @@ class Client(Protocol):
     """What a capture needs of a worker client."""
 
     ended: bool
+    may_restart: bool
+
+    def restart(self, **changes: Any) -> None: ...  # noqa: D102
 
     def poll(self) -> list[Message]: ...  # noqa: D102
 
@@ -68,7 +72,7 @@ class Statistics:
 
 
 class CaptureRun:
-    """One capture.
+    """One capture; a worker that dies or hangs in the midst of it is replaced, and the capture goes on.
 
     Args:
         client: of the worker that was asked to capture.
@@ -89,11 +93,14 @@ class CaptureRun:
         self._arrivals: deque[float] = deque()
         self._stamp = 0.0
         self._preview: Message | None = None
+        self._mending = ""  # until the worker that was started again hands over a pose
         self._last_arrival = self._stop_asked = clock()
 
     @property
     def notice(self) -> str:
         """What is wrong at the moment, in plain words; "" when all is well."""
+        if self._mending:
+            return self._mending
         if self.standing:
             return self.standing
         silent_s = self._clock() - self._last_arrival
@@ -113,7 +120,7 @@ class CaptureRun:
             return None
         before = len(self.poses)
         try:
-            for message in self._client.poll():
+            for message in self._poll():
                 self._take(message)
         except PerfanimError as error:
             self.error = self.error or error
@@ -129,6 +136,20 @@ class CaptureRun:
                 "the solver did not end in time; its last frames may be missing", advice="look at the end of the action"
             )
         return self.poses[-1] if len(self.poses) > before else None
+
+    def _poll(self) -> list[Message]:
+        """Return what the worker has sent; one that died or hangs in the midst of the capture is replaced."""
+        try:
+            return self._client.poll()
+        except CaptureError as error:
+            if not self.poses or self.phase is not Phase.RUNNING or not self._client.may_restart:
+                raise
+            cause = f"the solver's process {error.what}"
+        first, last = self.poses[0], self.poses[-1]
+        seam = Seam.after((first.number, first.time_s), (last.number, last.time_s), self._stamp)
+        self._mending = f"{cause}: starting it again"
+        self._client.restart(after=seam.table(), cause=cause)
+        return []
 
     def take_preview(self) -> NDArray[np.uint8] | None:
         """Return the newest picture (height, width, 3), RGB, of what the cameras see; None when there is no new one."""
@@ -191,6 +212,7 @@ class CaptureRun:
         figures.solve_s = solved.solve_s
         figures.confidence = solved.pose.confidence
         self._stamp = solved.stamp_s
+        self._mending = ""
         self._last_arrival = self._clock()
         self._arrivals.append(self._last_arrival)
         if self.phase is Phase.STARTING:

@@ -64,6 +64,8 @@ def _recorded_info(take: TakeFile) -> dict[str, Any]:
         "fps": rate(times_s, numbers) if len(frames) > 1 else None,
         "complete": take.complete,
         "lost_frames": _left_out(numbers),
+        "gaps": len(take.gaps),
+        "gaps_s": sum(gap.seconds for gap in take.gaps),
         "markers": len(subject.marker_set),
         "names": list(subject.marker_set.names),
         "visible_fraction": float(np.mean([np.isfinite(p.observed_m[:, 0]) for p in poses])) if poses else None,

@@ -33,6 +33,21 @@ _RECOVER = "perfanim take recover writes what is intact as a whole take"
 
 
 @dataclass(frozen=True)
+class Gap:
+    """Frames that are missing because a process of the capture was replaced.
+
+    Args:
+        after: number of the last frame before them.
+        seconds: of the performance that are missing; 0 where the source was read again from there.
+        text: what happened, in plain words.
+    """
+
+    after: int
+    seconds: float
+    text: str
+
+
+@dataclass(frozen=True)
 class TakeFile:
     """A recorded take, or what is left of it.
 
@@ -70,11 +85,20 @@ class TakeFile:
             last = TakeNotes.from_json(bytes(chunk.payload), str(self.path))
         return last if last.name else replace(last, name=take_name(self.path))
 
-    @cached_property
+    @property
     def events(self) -> tuple[str, ...]:
         """What happened while recording, in plain words."""
-        rows = (json_object(bytes(chunk.payload), str(self.path)) for chunk in self._of(ChunkKind.EVENT))
-        return tuple(str(row.get("text", "")) for row in rows)
+        return tuple(str(row.get("text", "")) for row in self._event_rows)
+
+    @property
+    def gaps(self) -> tuple[Gap, ...]:
+        """Where a process of the capture was replaced."""
+        found = [(row["gap"], str(row.get("text", ""))) for row in self._event_rows if isinstance(row.get("gap"), dict)]
+        return tuple(Gap(int(gap.get("after", -1)), float(gap.get("seconds", 0.0)), text) for gap, text in found)
+
+    @cached_property
+    def _event_rows(self) -> tuple[dict[str, Any], ...]:
+        return tuple(json_object(bytes(chunk.payload), str(self.path)) for chunk in self._of(ChunkKind.EVENT))
 
     @cached_property
     def stamped_frames(self) -> tuple[tuple[float, MarkerFrame], ...]:

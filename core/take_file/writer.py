@@ -7,6 +7,7 @@ sum.
 """
 
 import contextlib
+import errno
 import json
 import os
 import threading
@@ -14,10 +15,11 @@ import time
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from ..errors import TakeError
-from ..marker_frame import unpack_stamped
-from .chunks import ChunkKind, encode_chunk, join_records, preamble
+from ..marker_frame import MarkerFrame, unpack_stamped
+from .chunks import HEADER_BYTES, ChunkKind, encode_chunk, join_records, preamble, scan, split_records
 from .footer import Footer
 from .lock import lock
 from .setup import TakeNotes, TakeSetup
@@ -33,12 +35,13 @@ class TakeWriter:
     """One take while it is recorded.
 
     Args:
-        path: must not exist.
-        setup, notes: of the take.
+        path: must not exist, or with `resumed` be a take whose writer was killed.
+        setup, notes: of the take; one that is resumed has its notes.
         tell: called with one line when nothing can be written, with "" once it can again; from another thread.
+        resumed: go on with what is there: half a chunk at its end is cut off.
 
     Raises:
-        TakeError: the file exists or cannot be written.
+        TakeError: the file exists or cannot be written, or there is nothing to go on with.
     """
 
     def __init__(
@@ -47,30 +50,63 @@ class TakeWriter:
         setup: TakeSetup,
         notes: TakeNotes | None = None,
         tell: Callable[[str], None] = lambda problem: None,
+        *,
+        resumed: bool = False,
     ) -> None:
         self.path = Path(path)
         self.frames = self.poses = 0
         self._tell = tell
         self._setup = setup
-        self._file = _created(self.path)
         self._whole = 0  # bytes of the file that are whole chunks
         self._index: list[tuple[int, int]] = []  # kind and offset, by sequence number
         self._frames_in: deque[bytes] = deque()
         self._poses_in: deque[bytes] = deque()
-        self._events_in: deque[str] = deque()
+        self._events_in: deque[dict[str, Any]] = deque()
         self._first_frame = self._last_frame = b""
-        self._waiting = bytearray(preamble())  # encoded, not written
+        self._waiting = bytearray()  # encoded, not written
         self._dropped = 0
         self._told = ""
         self._closed = False
         self._ending = threading.Event()
         self._unsynced = threading.Event()
-        self._queue(ChunkKind.SETUP, setup.to_json())
-        self._queue(ChunkKind.NOTES, (notes or TakeNotes()).to_json())
-        self._write()
+        if resumed:
+            self._file = _opened(self.path)
+            self._go_on()
+        else:
+            self._file = _created(self.path)
+            self._waiting += preamble()
+            self._queue(ChunkKind.SETUP, setup.to_json())
+            self._queue(ChunkKind.NOTES, (notes or TakeNotes()).to_json())
+            self._write()
         self._threads = [threading.Thread(target=work, daemon=True) for work in (self._write_loop, self._sync_loop)]
         for thread in self._threads:
             thread.start()
+
+    def _go_on(self) -> None:
+        """Take over what is whole of the file, and cut off what is not."""
+        try:
+            chunks, faults = scan(self.path.read_bytes(), str(self.path))
+            if not chunks or chunks[-1].kind == ChunkKind.END or not all(fault.cut for fault in faults):
+                raise OSError(errno.EIO, "it is damaged or has ended")
+            self._whole = chunks[-1].offset + HEADER_BYTES + len(chunks[-1].payload)
+            os.ftruncate(self._file, self._whole)
+            os.lseek(self._file, self._whole, os.SEEK_SET)
+        except (OSError, TakeError) as error:
+            os.close(self._file)
+            advice = "what it holds is kept: recover it later"
+            raise TakeError(f"cannot be gone on with ({error})", where=str(self.path), advice=advice) from error
+        self._index = [(chunk.kind, chunk.offset) for chunk in chunks]
+        self._setup = TakeSetup.from_json(bytes(chunks[0].payload), str(self.path))
+        records = [list(split_records(chunk.payload)) for chunk in chunks if chunk.kind == ChunkKind.FRAMES]
+        self.frames = sum(map(len, records))
+        self.poses = sum(1 for chunk in chunks if chunk.kind == ChunkKind.POSES for _ in split_records(chunk.payload))
+        if records:
+            self._first_frame, self._last_frame = records[0][0], records[-1][-1]
+
+    @property
+    def last_frame(self) -> tuple[float, MarkerFrame] | None:
+        """Stamp and marker frame that were written last; None before the first."""
+        return unpack_stamped(self._last_frame) if self._last_frame else None
 
     def add_frame(self, record: bytes) -> None:
         """Keep a marker frame (`marker_frame.pack_stamped`)."""
@@ -80,9 +116,19 @@ class TakeWriter:
         """Keep a solved pose (`pose_bytes.pack_solved`)."""
         self._poses_in.append(record)
 
-    def add_event(self, text: str) -> None:
-        """Keep a line about what went wrong."""
-        self._events_in.append(text)
+    def add_event(self, text: str, **facts: Any) -> None:
+        """Keep a line about what went wrong, with facts for programs."""
+        self._events_in.append({"text": text, **facts})
+
+    def add_gap(self, text: str, after: int, seconds: float) -> None:
+        """Keep that frames are missing because a process was replaced.
+
+        Args:
+            text: what happened, in plain words.
+            after: number of the last frame before the gap.
+            seconds: of the performance that are missing; 0 where the source was read again from there.
+        """
+        self.add_event(text, gap={"after": after, "seconds": seconds})
 
     def close(self, orphaned: bool = False) -> None:
         """Write what is left and the end mark; safe to call twice.
@@ -137,15 +183,15 @@ class TakeWriter:
         if poses:
             self._queue(ChunkKind.POSES, join_records(poses))
         while self._events_in:
-            self._event(self._events_in.popleft())
+            self._event(**self._events_in.popleft())
 
     def _tell_dropped(self) -> None:
         if self._dropped:
             self._event(f"{self._dropped} frames could not be kept: the disk was full")
             self._dropped = 0
 
-    def _event(self, text: str) -> None:
-        self._queue(ChunkKind.EVENT, json.dumps({"frames": self.frames, "text": text}).encode("utf-8"))
+    def _event(self, text: str, **facts: Any) -> None:
+        self._queue(ChunkKind.EVENT, json.dumps({"frames": self.frames, "text": text, **facts}).encode("utf-8"))
 
     def _queue(self, kind: ChunkKind, payload: bytes) -> None:
         sequence = len(self._index)
@@ -189,10 +235,18 @@ class TakeWriter:
 
 def _created(path: Path) -> int:
     """Return the handle of a new file, locked for this process."""
-    flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+    return _locked(path, os.O_CREAT | os.O_EXCL)
+
+
+def _opened(path: Path) -> int:
+    """Return the handle of a take that is gone on with, locked for this process."""
+    return _locked(path, 0)
+
+
+def _locked(path: Path, flags: int) -> int:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle = os.open(path, flags, 0o666)
+        handle = os.open(path, os.O_RDWR | flags | getattr(os, "O_BINARY", 0), 0o666)
     except OSError as error:
         raise TakeError(
             f"cannot be recorded ({error.strerror})", where=str(path), advice="choose another name or folder"

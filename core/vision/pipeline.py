@@ -56,6 +56,7 @@ class MarkerPipeline:
     def set_backgrounds(self, backgrounds: Sequence[Background | None]) -> None:
         """Use these backgrounds, one per camera (None: dark)."""
         self._check_count(len(backgrounds))
+        self.backgrounds = tuple(backgrounds)
         pairs = zip(backgrounds, self._detection, strict=True)
         self.detectors = tuple(Detector(background, settings) for background, settings in pairs)
 

@@ -3,14 +3,17 @@
 Request: "source" (see `sources.spec`), "rig" (calibration file; null for the simulated performer, whose cameras are
 known), "background_s" (seconds in which the empty room is learned, cameras only), "threshold" (grey levels or null),
 "in_flight" (frames that may be on their way; null: no limit. Cameras cannot wait, all other sources can), "preview"
-(see `preview`).
+(see `preview`), "background_file" (where the backgrounds are kept for a process that takes this one's place).
+Of a process that takes another's place also "after": number of the last frame that was handed over. Its backgrounds
+are the other's, as the performer stands before the cameras now.
 """
 
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
-from itertools import islice
+from itertools import dropwhile, islice
+from pathlib import Path
 from threading import Event
 from typing import Any
 
@@ -20,7 +23,10 @@ from numpy.typing import NDArray
 
 from ..camera import CameraRig, load_rig
 from ..errors import CaptureError
+from ..files import atomic_path
 from ..sources.spec import ImageSetLike, ImageSource, open_source
+from ..sources.videos import is_stream
+from ..vision.background import Background
 from ..vision.blob_preview import draw_blobs
 from ..vision.live import live_frames, live_settings
 from ..vision.pipeline import MarkerPipeline
@@ -31,6 +37,8 @@ Image = NDArray[np.uint8]
 
 _EMPTY_FRAMES = 30  # of the simulated room
 _SPREAD_FRAMES = 40  # of a recorded take, which shows the performer
+_FREED_S = 5.0  # in which a process that was replaced gives the cameras back
+_RETRY_S = 0.1
 
 
 class Stopped(Exception):  # noqa: N818 - no error: somebody asked for the end
@@ -51,7 +59,8 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
             channel.send_status("waiting for images")
             for warning in getattr(source, "warnings", ()):
                 channel.send_warning(warning)
-            images = _Images(channel.stop_requested, source if is_live(request) else _paced(source))
+            remaining = _remaining(request, source)
+            images = _Images(channel.stop_requested, remaining if is_live(request) else _paced(remaining))
             preview = PreviewSender(request, channel)
             thresholds = [detector.threshold for detector in pipeline.detectors]
             for stamp_s, frame in live_frames(images, pipeline, channel.send_warning, exact=is_simulated(request)):
@@ -84,6 +93,13 @@ def is_live(request: Mapping[str, Any]) -> bool:
     return str(request["source"].get("kind", "")) == "cameras"
 
 
+def is_repeatable(request: Mapping[str, Any]) -> bool:
+    """Return whether the images can be read again, so that a process that takes another's place loses none."""
+    source = request["source"]
+    streams = any(is_stream(str(path)) for path in source.get("paths", ()))
+    return not (is_live(request) or streams or source.get("live"))
+
+
 def is_simulated(request: Mapping[str, Any]) -> bool:
     """Return whether the images are the simulated performer's, whose time stamps are exact."""
     return str(request["source"].get("kind", "")) == "simulated"
@@ -98,13 +114,59 @@ def opened(request: Mapping[str, Any], channel: Channel) -> Iterator[tuple[Image
     """
     spec = dict(request["source"])
     channel.send_status("opening the cameras")
-    source = open_source(spec)
+    source = _open_when_free(spec, channel) if _takes_place(request) else open_source(spec)
     try:
         pipeline = MarkerPipeline(_rig(request, source), live_settings(request.get("threshold")))
-        _learn(pipeline, source, str(spec.get("kind", "")), float(request.get("background_s", 2.0)), channel)
+        kept = Path(request.get("background_file") or "")
+        if _takes_place(request) and kept.is_file():
+            pipeline.set_backgrounds(_read_backgrounds(kept))
+        else:
+            _learn(pipeline, source, str(spec.get("kind", "")), float(request.get("background_s", 2.0)), channel)
+            if kept.name:
+                _keep_backgrounds(pipeline, kept)
         yield source, pipeline
     finally:
         source.close()
+
+
+def _takes_place(request: Mapping[str, Any]) -> bool:
+    return request.get("after") is not None
+
+
+def _open_when_free(spec: Mapping[str, Any], channel: Channel) -> ImageSource:
+    """Open a source that the process before may not have given back yet; errors as `open_source`."""
+    limit_s = time.monotonic() + _FREED_S
+    while True:
+        try:
+            return open_source(spec)
+        except CaptureError:
+            if time.monotonic() > limit_s or channel.stop_requested.wait(_RETRY_S):
+                raise
+
+
+def _keep_backgrounds(pipeline: MarkerPipeline, path: Path) -> None:
+    known = [background for background in pipeline.backgrounds if background is not None]
+    arrays = [array for background in known for array in (background.mean, background.deviation)]
+    if len(known) == len(pipeline.backgrounds):
+        with atomic_path(path) as temporary, temporary.open("wb") as file:
+            np.savez(file, *arrays)
+
+
+def _read_backgrounds(path: Path) -> list[Background]:
+    with np.load(path) as arrays:
+        pairs = [(arrays[f"arr_{i}"], arrays[f"arr_{i + 1}"]) for i in range(0, len(arrays.files), 2)]
+    return [Background(mean, deviation) for mean, deviation in pairs]
+
+
+def _remaining(request: Mapping[str, Any], source: Any) -> Iterable[ImageSetLike]:
+    """Return the images that were not handed over by the process before."""
+    after = request.get("after")
+    if after is None or not is_repeatable(request):
+        return source
+    if is_simulated(request):
+        source.first = int(after) + 1
+        return source
+    return dropwhile(lambda images: images.number <= int(after), source)
 
 
 def _rig(request: Mapping[str, Any], source: ImageSource) -> CameraRig:
@@ -139,7 +201,7 @@ def _reported(
         yield images
 
 
-def _paced(source: ImageSource) -> Iterator[ImageSetLike]:
+def _paced(source: Iterable[ImageSetLike]) -> Iterator[ImageSetLike]:
     """Yield the images of a source that can wait, no faster than they were taken.
 
     Nothing is left out: on a machine that is too slow the performer moves slowly, instead of jumping.

@@ -4,19 +4,26 @@ Three processes share the work: the cameras' (OpenCV), this one (the solver) and
 nothing to do but to put poses on the armature, so that the window stays as quick as without a capture. Every marker
 frame that the cameras' process hands over is solved here in order and handed on; nobody drops or waits.
 
+Should the cameras' process die or hang, another takes its place; should this one, Blender starts another. Either goes
+on in the same take, which has a record of what is missing.
+
 Request: "cameras" (request of `camera_job`), "subject" (file), "database" (file), "settings" (of `SolveSettings`),
 "take" (file that keeps the capture as it comes, see `take_file`; without it none does), "character" (who is driven).
+Of a process that takes another's place also "after" (`seam.Seam` as a table: the last frame whose pose was taken) and
+"cause" (what happened to the other, in plain words).
 """
 
 import os
 import time
 from collections import deque
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from ..camera import CameraRig, load_rig
 from ..database.store import Database, identity, open_database
 from ..errors import CaptureError, PerfanimError, SettingsError
+from ..marker_frame import MarkerFrame, pack_stamped, unpack_stamped
 from ..marker_set import load_subject
 from ..pose_bytes import SolvedPose, pack_solved
 from ..session import Session
@@ -24,9 +31,11 @@ from ..simulate.studio.rig import default_rig
 from ..solver.settings import SolveSettings
 from ..take_file.setup import TakeNotes, TakeSetup
 from ..take_file.writer import TakeWriter
+from .camera_job import is_live, is_repeatable, is_simulated
 from .channel import Channel
 from .client import WorkerClient
 from .protocol import Message, MessageKind
+from .seam import Seam, Shift, missing_text
 
 STOP_LIMIT_S = 5.0
 GONE_LIMIT_S = 1.0  # the same when Blender is gone: the process has three seconds then, see `channel`
@@ -38,6 +47,7 @@ _FRAMES_AHEAD = 2  # of the solver, for sources that can wait
 # The simulated performer keeps step with the window: each redraw shows its next frame. On a machine that draws slowly,
 # what is computed for poses that nobody sees would be taken from the drawing. Recorded images do run ahead.
 _POSES_AHEAD = 1
+_NO_SHIFT = Shift()
 
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:
@@ -52,14 +62,21 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
         _give_way(_SIMULATED_NICENESS if kind == "simulated" else _RECORDED_NICENESS)
         cameras["in_flight"] = _FRAMES_AHEAD
     channel.send_status("opening the cameras")
-    client = WorkerClient({**cameras, "job": "cameras"})
-    take = None
+    take, client = None, None
     try:
         database = open_database(request["database"])
-        setup, session = _session(request, cameras, database)
+        setup, settings = _setup(request, cameras, database)
+        seam = Seam.of_table(request["after"]) if request.get("after") else None
         take = _take(request, setup, channel)
-        ahead = _POSES_AHEAD if kind == "simulated" else None
-        _Relay(client, session, channel, ahead, take).run()
+        if seam is not None and take is not None and take.last_frame is not None:
+            seam = seam.moved_to(*take.last_frame)
+        after = seam.number if seam is not None else None
+        client = WorkerClient({**cameras, "job": "cameras", "after": after})
+        session = Session(setup.worn_subject(), database, setup.camera_rig(), settings)
+        relay = _Relay(client, session, channel, take, cameras)
+        if seam is not None:
+            relay.expect(seam, str(request.get("cause", "")))
+        relay.run()
     except PerfanimError as error:
         if take is not None:
             take.add_event(f"ended: {error}")
@@ -69,7 +86,10 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
             take.close(orphaned=channel.gone.is_set())
             if not take.frames:  # stopped before the first
                 take.path.unlink(missing_ok=True)
-        client.close()
+        if client is not None:
+            client.close()
+        if cameras.get("background_file"):
+            Path(cameras["background_file"]).unlink(missing_ok=True)
 
 
 def _give_way(niceness: int) -> None:
@@ -78,15 +98,17 @@ def _give_way(niceness: int) -> None:
         os.nice(niceness)
 
 
-def _session(request: Mapping[str, Any], cameras: Mapping[str, Any], database: Database) -> tuple[TakeSetup, Session]:
-    """Return what a take of the capture begins with, and the session made of just that."""
+def _setup(
+    request: Mapping[str, Any], cameras: Mapping[str, Any], database: Database
+) -> tuple[TakeSetup, SolveSettings]:
+    """Return what a take of the capture begins with, and the solver's settings."""
     given = request.get("settings", {})
     try:
         settings = SolveSettings(**given)
     except TypeError as error:
         raise SettingsError(str(error), where="solver") from error
-    setup = TakeSetup.of(_rig(cameras), load_subject(request["subject"]), given, identity(database), cameras)
-    return setup, Session(setup.worn_subject(), database, setup.camera_rig(), settings)
+    subject = load_subject(request["subject"])
+    return TakeSetup.of(_rig(cameras), subject, given, identity(database), cameras), settings
 
 
 def _take(request: Mapping[str, Any], setup: TakeSetup, channel: Channel) -> TakeWriter | None:
@@ -99,7 +121,9 @@ def _take(request: Mapping[str, Any], setup: TakeSetup, channel: Channel) -> Tak
         channel.send_warning(problem, standing=True)
 
     try:
-        return TakeWriter(str(request["take"]), setup, notes, tell)
+        # one that was not begun, as its disk was full, is begun now
+        resumed = bool(request.get("after")) and Path(request["take"]).exists()
+        return TakeWriter(str(request["take"]), setup, notes, tell, resumed=resumed)
     except PerfanimError as error:
         tell(f"this capture is not kept as a take: {error}")
         return None
@@ -110,29 +134,47 @@ def _rig(cameras: Mapping[str, Any]) -> CameraRig:
 
 
 class _Relay:
-    """Takes messages of the cameras' process, keeps and solves frames, hands everything on."""
+    """Takes messages of the cameras' process, keeps and solves frames, hands everything on.
+
+    Args:
+        client: of the cameras' process.
+        take: keeps all that comes.
+        cameras: what that process was asked for.
+    """
 
     def __init__(
         self,
         client: WorkerClient,
         session: Session,
         channel: Channel,
-        poses_ahead: int | None,
         take: TakeWriter | None,
+        cameras: Mapping[str, Any],
     ) -> None:
         self._client = client
         self._kept = take
-        self._poses_ahead = poses_ahead
+        self._poses_ahead = _POSES_AHEAD if is_simulated(cameras) else None
+        self._repeatable = is_repeatable(cameras)
+        self._live = is_live(cameras)
         self._session = session
         self._channel = channel
-        self._pending: deque[Message] = deque()
+        self._pending: deque[bytes] = deque()
+        self._first_frame = self._last_frame = b""
+        self._seam: Seam | None = None  # until the first frame behind it
+        self._cause = ""
+        self._shift = Shift()
         self._solved: bytes | None = None  # ahead of time: Blender has it as soon as it has taken the last
         self._stop_asked_s = 0.0
         self._error: PerfanimError | None = None
 
+    def expect(self, seam: Seam, cause: str) -> None:
+        """Take the next frame for the first after a process was replaced; `cause` says why, in plain words."""
+        self._seam, self._cause = seam, cause
+
     def run(self) -> None:
         """Go on until the cameras' process has ended and all its frames are solved; raises what ended it early."""
         while self._solved or self._pending or not (self._client.ended or self._error):
+            if self._live:  # other sources give way to all else on the machine: they may stand still for long
+                self._channel.alive_s = time.monotonic()
             self._collect()
             if self._channel.gone.is_set():  # the frames are kept; their poses can be solved at any time
                 self._pending.clear()
@@ -145,6 +187,7 @@ class _Relay:
                 self._solved = self._solve(self._pending.popleft())
             else:
                 self._client.wait(_IDLE_S)
+        self._channel.alive_s = None
         if self._error is not None:
             raise self._error
 
@@ -159,10 +202,25 @@ class _Relay:
             return
         try:
             self._watch_stop()
-            for message in self._client.poll():
+            for message in self._poll():
                 self._take(message)
         except PerfanimError as error:
             self._error = error  # what has arrived is solved all the same
+
+    def _poll(self) -> list[Message]:
+        """Return what the cameras' process has sent; one that died or hangs is replaced."""
+        try:
+            return self._client.poll()
+        except CaptureError as error:
+            if not self._last_frame or not self._client.may_restart or self._channel.stop_requested.is_set():
+                raise
+            cause = f"the cameras' process {error.what}"
+        (_, first), (stamp_s, last) = unpack_stamped(self._first_frame), unpack_stamped(self._last_frame)
+        seam = Seam.after((first.number, first.time_s), (last.number, last.time_s), stamp_s)
+        self.expect(seam, cause)
+        self._channel.send_warning(f"{cause}: starting it again", standing=True)
+        self._client.restart(after=last.number)
+        return []
 
     def _watch_stop(self) -> None:
         if not self._channel.stop_requested.is_set():
@@ -175,9 +233,7 @@ class _Relay:
 
     def _take(self, message: Message) -> None:
         if message.kind is MessageKind.FRAME:
-            self._pending.append(message)
-            if self._kept is not None:
-                self._kept.add_frame(message.payload)
+            self._take_frame(message.payload)
         elif message.kind is MessageKind.STATUS:
             content = message.json()
             self._channel.send_status(str(content.get("activity", "")), content.get("fraction"))
@@ -189,12 +245,34 @@ class _Relay:
         elif message.kind is MessageKind.PREVIEW:
             self._channel.send_preview(message.preview())
         elif message.kind is MessageKind.END:
-            self._channel.final["handed_over"] = int(message.json().get("frames", -1))
+            self._channel.final["handed_over"] = self._client.earlier_frames + int(message.json().get("frames", -1))
         elif message.kind is MessageKind.ERROR:
             raise message.error()
 
-    def _solve(self, message: Message) -> bytes:
-        stamp_s, frame = message.frame()
+    def _take_frame(self, record: bytes) -> None:
+        if self._seam is not None:
+            self._join(self._seam, *unpack_stamped(record))
+        if self._shift != _NO_SHIFT:
+            stamp_s, frame = unpack_stamped(record)
+            record = pack_stamped(stamp_s, self._shift.applied(frame))
+        self._first_frame, self._last_frame = self._first_frame or record, record
+        self._pending.append(record)
+        if self._kept is not None:
+            self._kept.add_frame(record)
+
+    def _join(self, seam: Seam, stamp_s: float, frame: MarkerFrame) -> None:
+        """Find how numbers and times go on with this frame, and keep how much is missing before it."""
+        self._seam = None
+        self._shift = _NO_SHIFT if self._repeatable else seam.shift(stamp_s, frame)
+        missing_s = seam.missing_s(self._shift.applied(frame))
+        if self._kept is not None:
+            text = f"{self._cause}: started again, {missing_text(missing_s)}"
+            self._kept.add_gap(text, seam.number, missing_s)
+        self._channel.send_warning("", standing=True)
+        self._channel.send_warning(f"{self._cause}: it was started again, {missing_text(missing_s)}")
+
+    def _solve(self, record: bytes) -> bytes:
+        stamp_s, frame = unpack_stamped(record)
         started_s = time.perf_counter()
         pose = self._session.step(frame)
         record = pack_solved(SolvedPose(pose, stamp_s, time.perf_counter() - started_s, len(self._pending)))

@@ -42,6 +42,7 @@ class Channel:
         self.frames = 0
         self.taken = 0  # frames that the receiver says it is done with
         self.final: dict[str, Any] = {}  # goes into END
+        self.alive_s: float | None = None  # `time.monotonic()` of a job's last sign of getting on, where it gives any
         self._queue.put(encode_json(MessageKind.HELLO, {"token": token, "process": os.getpid()}))
         self._sender = threading.Thread(target=self._send_loop, name="send")
         self._sender.start()
@@ -111,7 +112,8 @@ class Channel:
             try:
                 data = self._queue.get(timeout=HEARTBEAT_S)
             except queue.Empty:
-                content = {"activity": self.activity, "frames": self.frames, "queued": 0}
+                stalled_s = 0.0 if self.alive_s is None else time.monotonic() - self.alive_s
+                content = {"activity": self.activity, "frames": self.frames, "queued": 0, "stalled_s": stalled_s}
                 data = encode_json(MessageKind.STATUS, content)
             if data is None:
                 return

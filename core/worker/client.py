@@ -1,4 +1,4 @@
-"""Blender's side of the worker: starts the process, collects its messages without waiting, ends it.
+"""Blender's side of the worker: starts the process, collects its messages without waiting, ends it, or replaces it.
 
 The two processes talk over a loopback socket, the one channel that can be read without waiting on Linux, macOS and
 Windows alike; a random token keeps other programs of the machine out. No thread is used on this side. The worker
@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
@@ -26,6 +27,10 @@ from .protocol import Decoder, Message, MessageKind, encode, encode_json
 
 START_LIMIT_S = 60.0
 SILENCE_LIMIT_S = 15.0
+# Once frames come, a process gives a sign of life every half second (`channel.HEARTBEAT_S`).
+HUNG_S = 1.25
+MOST_RESTARTS, _RESTARTS_WITHIN_S = 3, 60.0
+_LOOKED_AWAY_S = 0.25  # of the time between two polls counts as silence at most: it may be who polls that was held up
 _CHUNK = 1 << 20
 _DYING_S = 1.0  # from a closed standard input to the end of a process
 _LIBRARIES = ("numpy", "scipy", "cv2", "ezc3d")
@@ -51,6 +56,8 @@ def _not_started(program: str, reason: str) -> CaptureError:
 class WorkerClient:
     """One worker process with one job.
 
+    A process that has handed over frames or poses and then dies or hangs can be replaced (`may_restart`, `restart`).
+
     Args:
         request: the job, JSON-able (see `process`).
         python: the interpreter; never Blender's own binary.
@@ -61,6 +68,14 @@ class WorkerClient:
 
     def __init__(self, request: Mapping[str, Any], python: str | None = None) -> None:
         self._request = dict(request)
+        self._python = python
+        self._frames = 0  # frames and poses handed over, by processes that were replaced as well
+        self.earlier_frames = 0  # by those alone
+        self._restarts_s: deque[float] = deque(maxlen=MOST_RESTARTS)
+        self._stop_asked = False
+        self._launch()
+
+    def _launch(self) -> None:
         self._token = secrets.token_hex(16)
         self._decoder = Decoder()
         self._connection: socket.socket | None = None
@@ -70,8 +85,9 @@ class WorkerClient:
         self._log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 (closed in _release)
         self._listener = socket.create_server(("127.0.0.1", 0), backlog=4)
         self._listener.setblocking(False)
-        self._last_heard = self._started = time.monotonic()
-        program = python or sys.executable
+        self._silent_s, self._stalled_s = 0.0, 0.0
+        self._polled_s = time.monotonic()
+        program = self._python or sys.executable
         try:
             self._process = self._start(program)
         except OSError as error:
@@ -122,7 +138,7 @@ class WorkerClient:
         """Return all whole messages that have arrived since the last call; never waits.
 
         Raises:
-            CaptureError: the worker died, fell silent, or spoke nonsense.
+            CaptureError: the worker died, hangs, or spoke nonsense.
         """
         if self._ended:
             return []
@@ -131,18 +147,60 @@ class WorkerClient:
         messages = self._receive() if self._connection is not None else []
         self._send_pending()
         now = time.monotonic()
+        self._silent_s += min(now - self._polled_s, _LOOKED_AWAY_S)
+        self._polled_s = now
         if messages:
-            self._last_heard = now
+            self._silent_s = 0.0
         elif not self.running:
             messages = self._receive() if self._connection is not None else []
             if not messages:
                 raise self._death()
-        elif now - self._last_heard > (SILENCE_LIMIT_S if self._authenticated else START_LIMIT_S):
-            raise CaptureError(
-                f"has said nothing for {now - self._last_heard:.0f} s", where="worker", advice="start again"
-            )
-        self._ended = any(message.kind is MessageKind.END for message in messages)
+        elif self._silent_s > self._patience_s:
+            raise CaptureError(f"has said nothing for {self._silent_s:.1f} s", where="worker", advice="start again")
+        for message in messages:
+            self._heed(message)
+        if self._stalled_s > HUNG_S and self._frames > self.earlier_frames:
+            raise CaptureError(f"has got no further for {self._stalled_s:.1f} s", where="worker", advice="start again")
         return messages
+
+    @property
+    def _patience_s(self) -> float:
+        if self._frames > self.earlier_frames:
+            return HUNG_S
+        return SILENCE_LIMIT_S if self._authenticated else START_LIMIT_S
+
+    def _heed(self, message: Message) -> None:
+        if message.kind in (MessageKind.FRAME, MessageKind.POSE):
+            self._frames += 1
+            self._stalled_s = 0.0
+        elif message.kind is MessageKind.STATUS:
+            self._stalled_s = float(message.json().get("stalled_s", 0.0))
+        elif message.kind is MessageKind.END:
+            self._ended = True
+
+    @property
+    def may_restart(self) -> bool:
+        """Whether a worker that died or hangs should be replaced: it has worked, and does not fail again and again."""
+        often = len(self._restarts_s) == MOST_RESTARTS
+        if often and time.monotonic() - self._restarts_s[0] < _RESTARTS_WITHIN_S:
+            return False
+        return self._frames > self.earlier_frames and not self._stop_asked
+
+    def restart(self, **changes: Any) -> None:
+        """End the process at once and start another for the same job, but for some keys of the request.
+
+        Raises:
+            CaptureError: the process could not be started.
+        """
+        self._restarts_s.append(time.monotonic())
+        self._drop_connection()
+        self._process.kill()  # one that hangs answers to nothing else
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(timeout=_DYING_S)
+        self._release()
+        self.earlier_frames = self._frames
+        self._request |= changes
+        self._launch()
 
     def wait(self, limit_s: float) -> None:
         """Return when there is something to poll, or after `limit_s`; for processes without a window to keep alive."""
@@ -217,12 +275,13 @@ class WorkerClient:
         return f": {lines[-1]}" if lines else ""
 
     def confirm_taken(self, frames: int) -> None:
-        """Tell the worker how many frames have been dealt with in all."""
-        self._outgoing += encode_json(MessageKind.TAKEN, {"frames": frames})
+        """Tell the worker how many frames have been dealt with in all, those of its predecessors counted."""
+        self._outgoing += encode_json(MessageKind.TAKEN, {"frames": max(frames - self.earlier_frames, 0)})
         self._send_pending()
 
     def request_stop(self) -> None:
         """Ask the worker to end cleanly; go on calling `poll` until `ended`."""
+        self._stop_asked = True
         self._outgoing += encode(MessageKind.STOP)
         self._send_pending()
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,6 +32,12 @@ class PlayedWorker:
     asked_to_stop: bool = False
     taken: int = 0
     closed: bool = False
+    may_restart: bool = False
+    restarted: list[dict[str, Any]] = field(default_factory=list)
+
+    def restart(self, **changes: Any) -> None:
+        self.failure = None
+        self.restarted.append(changes)
 
     def say(self, *data: bytes) -> None:
         self.waiting += Decoder().feed(b"".join(data))
@@ -153,6 +160,35 @@ def test_a_dead_worker_ends_the_capture() -> None:
     assert run.phase is Phase.DONE
     assert run.error is worker.failure
     assert len(run.poses) == 1
+
+
+def test_a_worker_that_dies_is_replaced_and_the_capture_goes_on() -> None:
+    run, worker, _ = a_run()
+    worker.may_restart = True
+    worker.failure = CaptureError("ended by itself")
+    run.tick()
+    assert run.phase is Phase.DONE  # before the first pose it is an error as any other
+    run, worker, _ = a_run()
+    worker.may_restart = True
+    worker.say(*poses([0, 1, 2, 3], stamp=99.5))
+    run.tick()
+    worker.failure = CaptureError("ended by itself")
+    run.tick()
+    assert run.phase is Phase.RUNNING
+    (asked,) = worker.restarted
+    assert asked["after"] == {"number": 3, "time_s": 3 / 60, "stamp_s": 99.5, "period_s": pytest.approx(1 / 60)}
+    assert asked["cause"] == "the solver's process ended by itself"
+    assert run.notice == "the solver's process ended by itself: starting it again"
+    worker.say(*poses([60]))
+    run.tick()
+    assert run.notice == ""
+    assert [pose.number for pose in run.poses] == [0, 1, 2, 3, 60]
+    assert run.statistics.lost == 56
+    run.stop()
+    worker.failure = CaptureError("ended by itself")
+    run.tick()
+    assert run.phase is Phase.DONE
+    assert len(worker.restarted) == 1
 
 
 def test_dropped_frames_and_silence_are_told() -> None:

@@ -38,6 +38,9 @@ class SimulatedSource:
         fps: images per second.
         live: hand every frame over at its time on the clock, and leave out those that are late, as a camera does.
         loop: start again when the performance is over.
+
+    Attributes:
+        first: number of the first frame that is handed over; live all begin at 0.
     """
 
     def __init__(
@@ -56,6 +59,7 @@ class SimulatedSource:
         self.fps = fps
         self.live = live
         self.loop = loop
+        self.first = 0
         self.dropped = 0
         self._closed = False
 
@@ -92,7 +96,7 @@ class SimulatedSource:
     def __iter__(self) -> Iterator[StudioFrame]:
         """Yield image sets until the performance is over, or `close`."""
         start = time.perf_counter()
-        number = 0
+        number = 0 if self.live else self.first
         while not self._closed and (self.loop or number < self.frames):
             if self.live:
                 late = int((time.perf_counter() - start) * self.fps)

@@ -66,6 +66,38 @@ def test_takes_of_the_first_version_stay_readable() -> None:
     np.testing.assert_allclose(np.linalg.norm(take.poses[1].pose.rotations, axis=1), 1.0)
 
 
+def test_a_take_whose_writer_was_killed_is_gone_on_with(
+    tmp_path: Path, write: Write, setup: TakeSetup, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer_module, "WRITE_EVERY_S", 3600.0)
+    data = write(tmp_path / "whole.perftake").read_bytes()
+    frames = [chunk for chunk in scan(data, "")[0] if chunk.kind == ChunkKind.FRAMES]
+    path = tmp_path / "cut.perftake"
+    path.write_bytes(data[: frames[2].offset + HEADER_BYTES + 5])  # two whole chunks of frames, and a piece
+    other = replace(setup, created="later")
+    writer = TakeWriter(path, other, resumed=True)
+    assert writer.last_frame is not None
+    assert writer.last_frame[1].number == 5
+    assert is_locked(path)
+    writer.add_gap("the solver's process hung: started again, 0.5 s are missing", 5, 0.5)
+    writer.add_frame(frame_record(40))
+    writer.add_pose(pose_record(40))
+    writer.close()
+    take = read_take_file(path)
+    assert take.complete
+    assert frames_of(take) == [frame_record(number) for number in (0, 1, 2, 3, 4, 5, 40)]
+    assert poses_of(take) == [pose_record(number) for number in (0, 1, 2, 3, 4, 5, 40)]
+    assert take.setup == setup
+    assert take.notes.name == "Walk 1"
+    assert [(gap.after, gap.seconds) for gap in take.gaps] == [(5, 0.5)]
+    assert take.events == ("the solver's process hung: started again, 0.5 s are missing",)
+    assert summarise(path).duration_s == pytest.approx(40 / 60)
+    with pytest.raises(TakeError, match="has ended"):  # a whole one is not
+        TakeWriter(path, setup, resumed=True)
+    assert read_take_file(path).complete
+    assert not is_locked(path)
+
+
 def test_every_cut_leaves_all_whole_chunks(tmp_path: Path, write: Write) -> None:
     data = write(tmp_path / "whole.perftake", 4, 2).read_bytes()
     chunks, _ = scan(data, "")

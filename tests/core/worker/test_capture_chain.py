@@ -1,7 +1,10 @@
 """The whole live chain without Blender: cameras' process, solver's process, poses."""
 
+import json
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from perfanim.core.database.build import build_database
+from perfanim.core.errors import CaptureError
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.marker_set import Subject, load_marker_set, save_subject
 from perfanim.core.pose_bytes import pack_solved
@@ -18,6 +22,7 @@ from perfanim.core.simulate.performer import perform
 from perfanim.core.take_file.reading import read_take_file, summarise
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import Message, MessageKind
+from perfanim.core.worker.seam import Seam
 
 PATIENCE_S = 180.0
 
@@ -40,8 +45,8 @@ def request(files: dict[str, str], **source: Any) -> dict[str, Any]:
 def collect(
     client: WorkerClient, until: Callable[[list[Message]], bool], earlier: list[Message] | None = None
 ) -> list[Message]:
-    """Return the earlier messages and those that come until the condition holds, confirming each pose."""
-    messages = list(earlier or [])
+    """Return the earlier messages, with those added that come until the condition holds; each pose is confirmed."""
+    messages = [] if earlier is None else earlier
     limit = time.monotonic() + PATIENCE_S
     while not until(messages):
         assert time.monotonic() < limit, [(m.kind.name, m.payload[:80]) for m in messages][-5:]
@@ -170,32 +175,84 @@ def is_running(process_id: int) -> bool:
     return state != "Z"
 
 
+def wait_until_gone(process_ids: list[int]) -> None:
+    limit = time.monotonic() + PATIENCE_S
+    while any(map(is_running, process_ids)):
+        assert time.monotonic() < limit, "a process stays"
+        time.sleep(0.05)
+
+
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="looks at /proc")
-def test_no_process_is_left_when_another_dies(request_files: dict[str, str], tmp_path: Path) -> None:
+def test_processes_that_die_or_hang_are_replaced_and_the_take_goes_on(
+    request_files: dict[str, str], tmp_path: Path
+) -> None:
     path = tmp_path / "walk.perftake"
-    client = WorkerClient({**request(request_files, loop=True), "take": str(path)})
+    # live: what happens meanwhile is missing, as with cameras
+    asked = {**request(request_files, live=True), "take": str(path)}
+    asked["cameras"]["background_file"] = str(tmp_path / "background.npz")
+    client = WorkerClient(asked)
     try:
-        messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= 5)
-        (cameras,) = children(client._process.pid)
-        os.kill(cameras, signal.SIGKILL)
-        messages = collect(client, lambda _: client.ended, messages)
-        (error,) = of(MessageKind.ERROR, messages)
-        assert "ended by itself" in str(error.error())
+        messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= 10)
+        solver = client._process.pid
+        (first_cameras,) = children(solver)
+        os.kill(first_cameras, signal.SIGKILL)
+
+        def is_mended(told: list[Message]) -> bool:
+            return any("started again" in str(m.json().get("text")) for m in of(MessageKind.WARNING, told))
+
+        messages = collect(client, is_mended, messages)
+        count = len(of(MessageKind.POSE, messages))
+        messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= count + 10, messages)
+        (second_cameras,) = children(solver)
+        os.kill(solver, signal.SIGSTOP)
+        with pytest.raises(CaptureError, match="has said nothing for 1"):
+            collect(client, lambda _: False, messages)
+        count = len(of(MessageKind.POSE, messages))
+        last = read_take_file(path).poses[-1]
+        assert client.may_restart
+        table = Seam(last.pose.number, last.pose.time_s, last.stamp_s).table()
+        client.restart(after=table, cause="the solver's process hung")
+        messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= count + 10, messages)
+        wait_until_gone([first_cameras, solver, second_cameras])
+        client.request_stop()
+        collect(client, lambda _: client.ended, messages)
     finally:
         client.close()
     take = read_take_file(path)
     assert take.complete
-    assert [pack_solved(pose) for pose in take.poses] == [m.payload for m in of(MessageKind.POSE, messages)]
-    assert "ended by itself" in take.events[-1]
+    assert [gap.text.partition(":")[0] for gap in take.gaps] == [
+        "the cameras' process ended by itself (status -9)",
+        "the solver's process hung",
+    ]
+    numbers = np.array([frame.number for frame in take.frames])
+    stamps_s, times_s = np.array([(stamp_s, frame.time_s) for stamp_s, frame in take.stamped_frames]).T
+    assert np.all(np.diff(numbers) > 0)
+    for gap in take.gaps:
+        before = int(np.searchsorted(numbers, gap.after))
+        assert numbers[before] == gap.after
+        passed_s = float(times_s[before + 1] - times_s[before])
+        # by the clock, to what the images' way to the stamp varies by
+        assert passed_s == pytest.approx(stamps_s[before + 1] - stamps_s[before], abs=0.1)
+        assert passed_s == pytest.approx((numbers[before + 1] - numbers[before]) / 60, abs=0.6 / 60)
+        assert gap.seconds == pytest.approx(passed_s - 1 / 60, abs=1e-3)
+    assert not (tmp_path / "background.npz").exists()
 
-    client = WorkerClient(request(request_files, loop=True))
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="looks at /proc")
+def test_no_process_is_left_when_blender_is_killed(request_files: dict[str, str], tmp_path: Path) -> None:
+    path = tmp_path / "walk.perftake"
+    asked = {**request(request_files, loop=True), "take": str(path)}
+    line = [sys.executable, str(Path(__file__).with_name("in_blenders_place.py")), json.dumps(asked)]
+    blender = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
     try:
-        collect(client, lambda m: len(of(MessageKind.POSE, m)) >= 5)
-        (cameras,) = children(client._process.pid)
-        os.kill(client._process.pid, signal.SIGKILL)
-        limit = time.monotonic() + PATIENCE_S
-        while is_running(cameras):
-            assert time.monotonic() < limit, "the cameras' process stays"
-            time.sleep(0.1)
+        assert blender.stdout is not None
+        solver = int(blender.stdout.readline())
+        assert blender.stdout.readline() == "capturing\n"
+        family = [solver, *children(solver)]
+        assert len(family) == 2
     finally:
-        client.close()
+        blender.kill()
+        blender.wait()
+    wait_until_gone(family)
+    assert read_take_file(path).complete
+    assert summarise(path).orphaned

@@ -1,0 +1,42 @@
+"""Numbers and times where a capture goes on after a process was replaced."""
+
+import numpy as np
+import pytest
+from perfanim.core.marker_frame import MarkerFrame
+from perfanim.core.worker.seam import Seam, Shift, missing_text
+
+
+def test_a_camera_that_began_anew_goes_on_by_the_clock() -> None:
+    seam = Seam.after((0, 0.5), (59, 0.5 + 59 / 60), 100.0)
+    assert seam.period_s == pytest.approx(1 / 60)
+    assert Seam.of_table(seam.table()) == seam
+    first = MarkerFrame(0, 0.02, blobs=(np.empty((0, 5), np.float32),) * 2, camera_times_s=np.array([0.02, np.nan]))
+    shift = seam.shift(102.0, first)
+    frame = shift.applied(first)
+    assert frame.number == 59 + 120
+    assert frame.time_s == pytest.approx(0.5 + 59 / 60 + 2.0)
+    np.testing.assert_allclose(frame.camera_times_s, [frame.time_s, np.nan])
+    assert seam.missing_s(frame) == pytest.approx(2.0 - 1 / 60)
+    later = shift.applied(MarkerFrame(3, 0.07))
+    assert (later.number, later.time_s) == (frame.number + 3, pytest.approx(frame.time_s + 0.05))
+
+
+def test_a_frame_after_a_seam_always_comes_after_it() -> None:
+    seam = Seam.after((7, 1.0), (7, 1.0), 100.0)  # one frame tells no rate
+    frame = seam.shift(99.0, MarkerFrame(0, 0.0)).applied(MarkerFrame(0, 0.0))
+    assert frame.number == 8
+    assert frame.time_s > 1.0
+    assert seam.missing_s(frame) == 0.0
+
+
+def test_the_later_of_two_last_frames_counts() -> None:
+    seam = Seam(5, 1.0, 100.0)
+    assert seam.moved_to(100.1, MarkerFrame(9, 1.1)) == Seam(9, 1.1, 100.1)
+    assert seam.moved_to(99.0, MarkerFrame(4, 0.9)) == seam
+
+
+def test_what_is_missing_is_told_in_plain_words() -> None:
+    assert missing_text(1.34) == "1.3 s are missing"
+    assert missing_text(0.0) == "nothing is missing"
+    same = MarkerFrame(3, 0.1)
+    assert Shift().applied(same) is same
