@@ -1,21 +1,26 @@
-"""Kill captures at random moments (SIGKILL) and see what their takes have kept.
+"""Kill or freeze processes of captures at random moments (SIGKILL, SIGSTOP) and see what their takes have kept.
 
     python tools/take_fuzz.py --kills 100 --out report.json
 
 Each time the whole chain of a capture runs: a process in Blender's place, the solver's process, the cameras' process
-with the simulated performer. Every other time the solver's process is killed, else the one in Blender's place. Then all
-that was in the cameras' hands half a second before must be in the take, each frame as in a capture that nobody killed;
-where Blender was killed, the take must have its end mark; and no process may be left. Linux only: it looks at /proc.
+with the simulated performer. One of the three is killed, by turns; the two workers are frozen instead every other time.
+
+- Blender killed: the take must have its end mark and hold all that was in the cameras' hands half a second before.
+- A worker killed or frozen: it must be replaced within two seconds, the capture must go on in the same take, which
+  marks one gap, and end as it should. All that was in the cameras' hands half a second before must have been kept.
+
+Always every frame before that must be as in a capture that nobody killed, every frame whose pose Blender had taken must
+be there, no number may be left out, and no process may be left. Linux only: it looks at /proc.
 """
 
 import argparse
-import contextlib
 import json
 import os
 import random
 import secrets
 import select
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
@@ -25,7 +30,6 @@ from typing import Any
 
 from perfanim.core.assets import MOTION
 from perfanim.core.database.build import build_database
-from perfanim.core.errors import CaptureError
 from perfanim.core.marker_frame import pack
 from perfanim.core.marker_set import Subject, load_marker_set, save_subject
 from perfanim.core.product_skeleton import default_skeleton
@@ -33,8 +37,19 @@ from perfanim.core.take_file.edit import recover
 from perfanim.core.take_file.reading import read_take_file
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import MessageKind
+from perfanim.perfanim_addon.capture_state import CaptureRun, Phase
 
+VICTIMS = (
+    ("solver", signal.SIGKILL),
+    ("Blender", signal.SIGKILL),
+    ("cameras", signal.SIGKILL),
+    ("solver", signal.SIGSTOP),
+    ("Blender", signal.SIGKILL),
+    ("cameras", signal.SIGSTOP),
+)
 MOST_LOST_S = 0.5
+REPLACED_S = 2.0
+GOES_ON = 30  # poses after a worker was replaced
 LONGEST_S = 8.0  # of a capture, from its first pose on
 ENDED_S = 10.0
 START_LIMIT_S = 120.0
@@ -59,11 +74,10 @@ def main() -> int:
         reference = _reference(request, folder / "reference.perftake")
         rows = []
         for number in range(options.kills):
-            victim = ("worker", "Blender")[number % 2]
+            victim = VICTIMS[number % len(VICTIMS)]
             path = folder / f"{number}.perftake"
-            rows.append(
-                _killed({**request, "take": str(path)}, path, victim, chance.uniform(0.0, LONGEST_S), reference)
-            )
+            asked = {**request, "take": str(path)}
+            rows.append(_killed(asked, path, victim, chance.uniform(0.0, LONGEST_S), reference))
             sys.stdout.write(f"{number + 1}: {rows[-1]}\n")
             sys.stdout.flush()
             path.unlink(missing_ok=True)
@@ -74,12 +88,14 @@ def main() -> int:
         "kills": len(rows),
         "lost_median_s": lost[len(lost) // 2],
         "lost_most_s": lost[-1],
+        "replaced_most_s": max(row["replaced_s"] for row in rows),
         "failed": failed,
         "rows": rows,
     }
     if options.out:
         options.out.write_text(json.dumps(report, indent=1))
     sys.stdout.write(f"lost: median {report['lost_median_s']:.3f} s, most {report['lost_most_s']:.3f} s; ")
+    sys.stdout.write(f"replaced within {report['replaced_most_s']:.2f} s; ")
     sys.stdout.write(f"{len(failed)} of {len(rows)} failed; seed {seed}\n")
     return 1 if failed else 0
 
@@ -94,22 +110,40 @@ def _request(folder: Path) -> dict[str, Any]:
 
 
 def _stand_in(request: dict[str, Any]) -> None:
-    """Take poses as Blender does, 60 times a second; prints the worker's process id, and a line at the first pose."""
-    client = WorkerClient(request)
-    sys.stdout.write(f"{client._process.pid}\n")
-    sys.stdout.flush()
-    taken = 0
-    with contextlib.suppress(CaptureError):  # the worker was killed
-        while not client.ended:
-            poses = sum(message.kind is MessageKind.POSE for message in client.poll())
-            if poses and not taken:
-                sys.stdout.write("capturing\n")
-                sys.stdout.flush()
-            taken += poses
-            if poses:
-                client.confirm_taken(taken)
+    """Take poses as Blender does, 60 times a second.
+
+    Prints the worker's process id, a line at the first pose, the moment at which a worker was replaced, and a line when
+    the capture has gone on for a while after that; then it is stopped. How many poses were taken stands in a file.
+    """
+    run = CaptureRun(WorkerClient(request))
+    _say(run._client._process.pid)
+    taken = replaced_at = 0
+    with _count_file(request["take"]).open("wb", buffering=0) as count:
+        while run.phase is not Phase.DONE:
+            was_replaced = run.notice.endswith("starting it again")
+            run.tick()
+            os.pwrite(count.fileno(), struct.pack("<Q", len(run.poses)), 0)
+            if run.poses and not taken:
+                _say("capturing")
+            taken = len(run.poses)
+            if run.notice.endswith("starting it again") and not was_replaced:
+                _say(time.perf_counter())
+                replaced_at = taken
+            if replaced_at and taken > replaced_at + GOES_ON and run.phase is Phase.RUNNING:
+                run.stop()
             time.sleep(1 / 60)
-    client.close()
+    run.close()
+    if run.error is not None:
+        sys.stderr.write(f"{run.error}\n")
+
+
+def _say(what: object) -> None:
+    sys.stdout.write(f"{what}\n")
+    sys.stdout.flush()
+
+
+def _count_file(take: str) -> Path:
+    return Path(take).with_suffix(".count")
 
 
 def _reference(request: dict[str, Any], path: Path) -> list[bytes]:
@@ -129,31 +163,47 @@ def _reference(request: dict[str, Any], path: Path) -> list[bytes]:
     return [pack(frame) for frame in take.frames]
 
 
-def _killed(request: dict[str, Any], path: Path, victim: str, after_s: float, reference: list[bytes]) -> dict[str, Any]:
-    """Return what one killed capture has kept."""
+def _killed(
+    request: dict[str, Any], path: Path, victim: tuple[str, int], after_s: float, reference: list[bytes]
+) -> dict[str, Any]:
+    """Return what one capture has kept, of whose processes one was killed or frozen."""
     line = [sys.executable, __file__, "--in-blenders-place", json.dumps(request)]
     blender = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
-    worker = int(_line(blender))
+    solver = int(_line(blender))
     _line(blender)
     time.sleep(after_s)
-    family = [worker, *_children(worker)]
-    os.kill(worker if victim == "worker" else blender.pid, signal.SIGKILL)
+    (cameras,) = _children(solver)
+    who, how = victim
+    os.kill({"solver": solver, "cameras": cameras, "Blender": blender.pid}[who], how)
     killed_s = time.perf_counter()
-    if victim == "worker":
-        blender.wait()
-    blender.kill()
+    (sent,) = struct.unpack("<Q", _count_file(str(path)).read_bytes())
+    family = [solver, cameras]
+    replaced_s = 0.0
+    if who != "Blender":
+        replaced_s = float(_line(blender)) - killed_s
+        family += [process_id for process_id in _descendants(blender.pid) if process_id not in family]
     blender.wait()
+    wrong = []
     left = _left(family)
     take = read_take_file(path)
     frames = [pack(frame) for frame in take.frames]
-    lost_s = max(killed_s - take.stamped_frames[-1][0], 0.0) if frames else killed_s
-    wrong = []
+    numbers = [frame.number for frame in take.frames]
+    kept = take.gaps[0].after + 1 if take.gaps else len(frames)
+    lost_s = max(killed_s - take.stamped_frames[kept - 1][0], 0.0) if kept else killed_s
     if lost_s > MOST_LOST_S:
         wrong.append("more than half a second is lost")
-    if frames != reference[: len(frames)]:
+    if frames[:kept] != reference[:kept]:
         wrong.append("frames are not as they were")
-    if take.complete != (victim == "Blender"):
-        wrong.append("; ".join(take.problems) or "a killed worker cannot have ended its take")
+    if numbers != list(range(len(numbers))):
+        wrong.append("numbers are left out")
+    if len(frames) < sent:
+        wrong.append(f"{sent - len(frames)} frames whose poses were taken are not kept")
+    if not take.complete:
+        wrong.append("; ".join(take.problems))
+    if len(take.gaps) != (who != "Blender"):
+        wrong.append(f"{len(take.gaps)} gaps are marked")
+    if replaced_s > REPLACED_S:
+        wrong.append("replaced too late")
     if left:
         wrong.append(f"{len(left)} processes are left")
     whole = path.with_name("whole.perftake")
@@ -161,8 +211,8 @@ def _killed(request: dict[str, Any], path: Path, victim: str, after_s: float, re
     again = read_take_file(whole)
     if not again.complete or [pack(frame) for frame in again.frames] != frames:
         wrong.append("not recovered")
-    poses = len(take.poses)
-    return {"victim": victim, "after_s": round(after_s, 3), "frames": len(frames), "poses": poses,
+    return {"victim": who, "signal": signal.Signals(how).name, "after_s": round(after_s, 3), "sent": sent, "kept": kept,
+            "frames": len(frames), "poses": len(take.poses), "replaced_s": round(replaced_s, 3),
             "lost_s": round(lost_s, 4), "wrong": wrong}  # fmt: skip
 
 
@@ -184,6 +234,10 @@ def _children(process_id: int) -> list[int]:
         except OSError:
             continue
     return found
+
+
+def _descendants(process_id: int) -> list[int]:
+    return [found for child in _children(process_id) for found in (child, *_descendants(child))]
 
 
 def _left(processes: list[int]) -> list[int]:

@@ -54,8 +54,9 @@ def run(capsys, *line):
 def test_info(recorded, capsys):
     facts = run(capsys, "take", "info", recorded)
     expected = {
-        "name": "Walk 1", "frames": 57, "poses": 57, "complete": True, "lost_frames": 3, "gaps": 0, "markers": 8, "fps": 30.0,
-        "cameras": 2, "subject": "walker", "marker_set": "locomotion", "character": "Xbot", "problems": [],
+        "name": "Walk 1", "frames": 57, "poses": 57, "complete": True, "lost_frames": 3, "gaps": 0,
+        "markers": 8, "fps": 30.0, "cameras": 2, "subject": "walker", "marker_set": "locomotion", "character": "Xbot",
+        "problems": [],
     }  # fmt: skip
     assert {key: facts[key] for key in expected} == expected
     assert facts["duration_s"] == pytest.approx(59 / 30)
