@@ -17,7 +17,19 @@ from .. import __version__
 from ..errors import PerfanimError
 
 # Each module offers add_parser(subparsers), which sets `run`: (args, progress) -> summary.
-COMMANDS = ("demo", "calibrate", "track", "take", "database", "solve", "evaluate", "retarget", "simulate", "bench")
+COMMANDS = (
+    "demo",
+    "calibrate",
+    "track",
+    "take",
+    "database",
+    "solve",
+    "evaluate",
+    "retarget",
+    "simulate",
+    "bench",
+    "diagnose",
+)
 
 
 # The solver's matrices are small: threads cost it more than they bring, above all beside other processes.

@@ -1,11 +1,14 @@
 """Cameras by device number as a source."""
 
+import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from itertools import zip_longest
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -26,6 +29,7 @@ _ALL_LOST_S = 10.0
 _NEVER_USABLE_S = 5.0
 _JOIN_S = 0.5
 _SAME_CLOCK_S = 1.0
+_MOST_DEVICES = 8  # that are looked for where the system has no list of them
 
 
 class CameraSource:
@@ -234,3 +238,37 @@ def _open(device: int | str, size: tuple[int, int] | None, fps: float | None) ->
             return capture, np.asarray(image, dtype=np.uint8)
     capture.release()
     raise CaptureError(f"camera {device} gives no image", advice="unplug it, plug it in again, close other programs")
+
+
+@dataclass(frozen=True)
+class FoundCamera:
+    """A camera of this computer.
+
+    Args:
+        device: its number.
+        size: (width, height) of its images in pixels, None when it gives none.
+    """
+
+    device: int
+    size: tuple[int, int] | None
+
+
+def find_cameras() -> list[FoundCamera]:
+    """Return the cameras that are plugged in, those that give no image as well; each is opened for a moment."""
+    found = []
+    for device in _devices():
+        capture = cv2.VideoCapture(device)
+        if capture.isOpened():
+            images = (capture.read() for _ in range(_WARM_UP_READS))
+            image = next((image for ok, image in images if ok), None)
+            found.append(FoundCamera(device, None if image is None else (image.shape[1], image.shape[0])))
+        capture.release()
+    return found
+
+
+def _devices() -> list[int]:
+    """Return the numbers that may be cameras: Linux has a file for each."""
+    if sys.platform != "linux":
+        return list(range(_MOST_DEVICES))
+    numbers = (path.name.removeprefix("video") for path in Path("/dev").glob("video*"))
+    return sorted(int(number) for number in numbers if number.isdigit())

@@ -1,0 +1,45 @@
+"""`perfanim diagnose`: what is installed, and which cameras are found."""
+
+import argparse
+import importlib
+import platform
+import sys
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
+
+LIBRARIES = ("numpy", "scipy", "cv2")
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command."""
+    parser = subparsers.add_parser("diagnose", help="versions of what is installed, and the cameras that are found")
+    parser.set_defaults(run=_run)
+
+
+def _run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+    progress(0.0, "loading the libraries")
+    libraries = {name: library_facts(name) for name in LIBRARIES}
+    progress(0.5, "looking for cameras")
+    return {
+        "python": f"{platform.python_version()} ({sys.executable})",
+        "platform": platform.platform(),
+        "libraries": libraries,
+        "cameras": _cameras(),
+    }
+
+
+def library_facts(name: str) -> str:
+    """Return a library's version, or why it cannot be loaded."""
+    try:
+        return str(importlib.import_module(name).__version__)
+    except Exception as error:  # whatever a broken library does is what is to be told
+        return f"cannot be loaded: {type(error).__name__}: {error}"
+
+
+def _cameras() -> list[dict[str, Any]]:
+    try:
+        from ..sources.cameras import find_cameras
+    except ImportError:  # the libraries' lines say why
+        return []
+    return [asdict(camera) for camera in find_cameras()]
