@@ -11,13 +11,15 @@ from ..core.errors import PerfanimError
 from ..core.pose_frame import PoseFrame
 from ..core.product_skeleton import default_skeleton
 from ..core.skeleton import Skeleton
-from . import capture_setup, preview, takes
+from . import capture_setup, preview, sound, takes
 from .actions import scene_frames, write_action
 from .armature_driver import ArmatureDriver
 from .capture_state import CaptureRun, Phase
 from .character import create_character
 from .job import Job, command
 from .properties import settings
+from .recording import Recording
+from .result import placement, start_frame
 from .stage import free_place, look_at
 
 Array = NDArray[np.float64]
@@ -52,7 +54,7 @@ def write_poses(
     start_frame: float,
     name: str,
 ) -> str:
-    """Write poses as an action of an armature, or of a new character where that is gone; return the action's name.
+    """Write poses onto an armature, or a new character where that is gone, as is chosen; return the action's name.
 
     Args:
         times_s: (F,) the first stands at `start_frame`, t seconds later is `start_frame` + t * the scene's frames per
@@ -67,7 +69,8 @@ def write_poses(
     if object_name not in bpy.data.objects:
         object_name = add_character(context, skeleton)
     frames = scene_frames(increasing(times_s), context.scene, start_frame)
-    action = write_action(object_name, frames, rotations, root_positions_m, skeleton, name=name)
+    chosen = placement(context, bpy.data.objects.get(object_name))
+    action = write_action(object_name, frames, rotations, root_positions_m, skeleton, name=name, placement=chosen)
     if settings(context).extend_scene:
         context.scene.frame_end = max(context.scene.frame_end, int(np.ceil(frames[-1])))
     return action
@@ -86,6 +89,8 @@ class Capture:
     def __init__(self, python: str | None, prepare: list[str]) -> None:
         self.job = Job("Making the starter database", "capture", command(prepare), python) if prepare else None
         self.run: CaptureRun | None = None
+        self.recording = Recording()
+        self._sounds = False
         self._python = python
         self._driver: ArmatureDriver | None = None
         self._skeleton: Skeleton | None = None
@@ -100,6 +105,8 @@ class Capture:
         """What is being done, in a few words."""
         if self.run is None:
             return f"{self.job.title}: {self.job.fraction:.0%}" if self.job else "starting"
+        if self.recording.seconds_left:
+            return f"recording in {self.recording.seconds_left} s"
         return self.run.activity
 
     @property
@@ -120,11 +127,25 @@ class Capture:
         picture = self.run.take_preview()
         if picture is not None:
             preview.show(picture, self.run.notice)
+        self._record(context, self.run)
         if pose is None:
             return False
         self._bind(context).apply(pose.rotations, pose.root_position_m)
         self.run.shown()
         return True
+
+    def _record(self, context: bpy.types.Context, run: CaptureRun) -> None:
+        """Begin and end the recording when it is time."""
+        if self.recording.over:
+            return
+        had_begun = self.recording.begun
+        cue = self.recording.advance(run.poses)
+        if self.recording.begun and not had_begun:
+            self._start_frame = start_frame(context)
+        if cue is not None and self._sounds:
+            sound.beep(cue.value)
+        if self.recording.over:
+            self.stop()
 
     def _prepare(self, context: bpy.types.Context) -> None:
         if self.job is not None:
@@ -139,7 +160,8 @@ class Capture:
         chosen = settings(context)
         setup = capture_setup.make(chosen)
         self._skeleton = setup.skeleton
-        self._start_frame = float(context.scene.frame_current)
+        self.recording = Recording(chosen.record_countdown_s, chosen.record_length_s)
+        self._sounds = chosen.record_sound
         if chosen.armature is not None:
             self._bind(context)
         self._take_path = setup.request["take"]
@@ -176,7 +198,7 @@ class Capture:
             takes.forget()  # this one is there now
 
     def keep(self, context: bpy.types.Context) -> str:
-        """Write all poses as one Action, once; return the line that says so, "" when there is nothing to keep.
+        """Write all recorded poses as one Action, once; return the line that says so, "" when there is nothing to keep.
 
         A frame captured t seconds after the first stands at the start frame + t * the scene's frames per second, so a
         60 Hz capture in a 24 fps scene has keys between the scene's frames and plays at its true speed.
@@ -187,11 +209,12 @@ class Capture:
         return self._kept
 
     def _write(self, context: bpy.types.Context) -> str:
-        poses = self.run.poses if self.run else []
+        poses = self.recording.recorded(self.run.poses) if self.run else []
         if not poses or self._skeleton is None or self._driver is None:
             self._restore_action()
             return ""
         times_s, rotations, positions = pose_arrays(poses)
+        self._restore_action()  # a strip goes above it
         action = write_poses(
             context,
             self._driver.object_name,

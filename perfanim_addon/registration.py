@@ -15,6 +15,7 @@ _REST = (
     "running",
     "bone_list",
     "properties",
+    "result",
     "operators.jobs",
     "operators.cameras",
     "operators.subject",
