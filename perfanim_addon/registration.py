@@ -6,13 +6,13 @@ says what is wrong.
 """
 
 import importlib
+import traceback
 from types import ModuleType
 
 from . import diagnostics
 
 _FIRST = ("preferences", "diagnostics_ui")
 _REST = (
-    "running",
     "bone_list",
     "properties",
     "result",
@@ -26,6 +26,7 @@ _REST = (
     "panel_character",
     "panels",
     "panel_takes",
+    "running",  # last, so that it ends what runs while all that this needs is still there
 )
 _FALLBACK = ("panel_broken",)
 
@@ -40,9 +41,11 @@ def register() -> None:
     try:
         importlib.import_module("scipy")
         _add_all(_REST)
-    except ImportError as error:
+    except Exception as error:  # a broken library may raise anything
+        traceback.print_exc()
         _remove_down_to(count)
-        diagnostics.problem = f"{error.name or 'a library'} cannot be loaded: {error}"
+        name = error.name if isinstance(error, ImportError) else None
+        diagnostics.problem = f"{name or 'a library'} cannot be loaded: {error}"
         _add_all(_FALLBACK)
 
 
