@@ -21,6 +21,8 @@ from .solver.settings import SolveSettings
 from .sources.take import take_frames
 from .take_file.reading import TakeFile, rate
 
+SessionMaker = Callable[[Subject, Database, CameraRig | None, SolveSettings], Session]
+
 _REPORT_EVERY = 30  # frames between two signs of progress
 
 
@@ -56,9 +58,13 @@ def solve_take(
     database: Database,
     settings: SolveSettings,
     progress: Callable[[float, str], None],
+    sessions: SessionMaker = Session,
 ) -> SolvedTake:
-    """Solve every frame of a labelled take in order, with what single cameras show where the take has it."""
-    session = Session(subject, database, take.single.rig if take.single is not None else None, settings)
+    """Solve every frame of a labelled take in order, with what single cameras show where the take has it.
+
+    `sessions` gives a session that has seen nothing yet (see `solver_store`).
+    """
+    session = sessions(subject, database, take.single.rig if take.single is not None else None, settings)
     frames = list(take_frames(take, subject.marker_set))
     poses, seconds = _solved(frames, session, f"solving {take.name}", progress)
     return SolvedTake(tuple(poses), motion_of(poses, subject, take.name, take.fps), seconds)
@@ -72,6 +78,7 @@ def solve_recorded(
     database: Database,
     settings: SolveSettings,
     progress: Callable[[float, str], None],
+    sessions: SessionMaker = Session,
 ) -> SolvedTake:
     """Solve a recorded take as it was solved live.
 

@@ -2,11 +2,12 @@
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ..camera import load_rig
-from ..database.store import identity, open_database
+from ..database.store import identity
 from ..errors import SubjectError, TakeError
 from ..formats.bvh import write_bvh
 from ..formats.takes import is_recorded, read_take
@@ -17,6 +18,7 @@ from ..motion_files import read_skeleton
 from ..solve_take import SolvedTake, solve_recorded, solve_take
 from ..solved_take_file import keep_solved_anew
 from ..solver.settings import METHODS, SolveSettings
+from ..solver_store import SolverStore
 from ..sources.take import is_unnamed
 from ..take_file.reading import ENDING, read_take_file
 
@@ -59,6 +61,14 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
     """Solve a take and write its motion."""
+    check(args)
+    progress(0.0, "reading")
+    solved, facts = solve(args, progress, SolverStore())
+    return solved.summary() | {"fps": solved.motion.fps} | facts | {"out": str(Path(args.out))}
+
+
+def check(args: argparse.Namespace) -> None:
+    """End with wrong usage for options that cannot be meant together."""
     recorded = is_recorded(args.take)
     if not recorded and args.database is None:
         args.wrong_usage("the following arguments are required: --database")
@@ -70,17 +80,29 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
         args.wrong_usage("argument --out: perfanim take import makes a .perftake of other takes")
     if is_recorded(args.out) and args.smooth is not None:
         args.wrong_usage("argument --smooth: a .perftake holds poses as they are solved")
-    progress(0.0, "reading")
-    solved, facts = _solve_recorded(args, progress) if recorded else _solve_markers(args, progress)
-    if is_recorded(args.out):
-        return solved.summary() | {"fps": solved.motion.fps} | facts | {"out": str(Path(args.out))}
-    motion = solved.motion if args.smooth is None else smoothed_motion(solved.motion, args.smooth)
-    write_bvh(motion, args.out, args.units)
-    return solved.summary() | {"fps": motion.fps} | facts | {"out": str(Path(args.out))}
+
+
+def solve(
+    args: argparse.Namespace, progress: Callable[[float, str], None], store: SolverStore
+) -> tuple[SolvedTake, dict[str, Any]]:
+    """Solve the take of the command's options, write what they ask for; return poses and motion, and facts.
+
+    Args:
+        args: the options, checked.
+        progress: told how far it is.
+        store: what takes that are solved one after another share.
+    """
+    solve_kind = _solve_recorded if is_recorded(args.take) else _solve_markers
+    solved, facts = solve_kind(args, progress, store)
+    if args.smooth is not None:
+        solved = replace(solved, motion=smoothed_motion(solved.motion, args.smooth))
+    if not is_recorded(args.out):
+        write_bvh(solved.motion, args.out, args.units)
+    return solved, facts
 
 
 def _solve_markers(
-    args: argparse.Namespace, progress: Callable[[float, str], None]
+    args: argparse.Namespace, progress: Callable[[float, str], None], store: SolverStore
 ) -> tuple[SolvedTake, dict[str, Any]]:
     """Solve labelled markers."""
     take = read_take(args.take)
@@ -88,12 +110,12 @@ def _solve_markers(
         take = smoothed(take, args.smooth)
     subject = _subject(args)
     settings = SolveSettings(method=args.method or "best")
-    solved = solve_take(take, subject, open_database(args.database), settings, progress)
+    solved = solve_take(take, subject, store.database(args.database), settings, progress, store.session)
     return solved, {"method": settings.method, "warnings": _differences(take, subject)}
 
 
 def _solve_recorded(
-    args: argparse.Namespace, progress: Callable[[float, str], None]
+    args: argparse.Namespace, progress: Callable[[float, str], None], store: SolverStore
 ) -> tuple[SolvedTake, dict[str, Any]]:
     """Solve what cameras saw, with what was in use then unless something else is given."""
     take = read_take_file(args.take)
@@ -113,10 +135,10 @@ def _solve_recorded(
     path = args.database or setup.database.get("path", "")
     if not path:
         raise TakeError("does not tell its motion database", where=str(args.take), advice="give --database")
-    database = open_database(path)
+    database = store.database(path)
     if is_recorded(args.out) and Path(args.out).exists() and Path(args.out).samefile(args.take):
         raise TakeError("would be overwritten", where=str(args.out), advice="give another name")
-    solved = solve_recorded(take, frames, rig, subject, database, settings, progress)
+    solved = solve_recorded(take, frames, rig, subject, database, settings, progress, store.session)
     if is_recorded(args.out):
         keep_solved_anew(args.out, take, frames, rig, subject, database, settings, solved)
     warnings = list(take.problems)

@@ -1,0 +1,44 @@
+"""Databases opened and sessions prepared once for many takes."""
+
+from collections import OrderedDict
+from pathlib import Path
+
+from .camera import CameraRig
+from .database.store import Database, open_database
+from .marker_set import Subject, subject_tables
+from .session import Session
+from .solver.settings import SolveSettings
+
+_SESSIONS_KEPT = 2  # each holds the markers of every frame of its database
+
+
+class SolverStore:
+    """Keeps what takes have in common: databases by their file, sessions by performer, database and settings."""
+
+    def __init__(self) -> None:
+        self._databases: dict[Path, Database] = {}
+        self._sessions: OrderedDict[str, Session] = OrderedDict()
+
+    def database(self, path: Path | str) -> Database:
+        """Return a database, opened when it is first asked for; errors as `open_database`."""
+        place = Path(path).resolve()
+        if place not in self._databases:
+            self._databases[place] = open_database(path)
+        return self._databases[place]
+
+    def session(self, subject: Subject, database: Database, rig: CameraRig | None, settings: SolveSettings) -> Session:
+        """Return a session that has seen nothing yet, as `Session` makes them.
+
+        It is good until the next is asked for. One with cameras is always new: they differ from take to take.
+        """
+        if rig is not None:
+            return Session(subject, database, rig, settings)
+        key = repr((subject_tables(subject), database.path.resolve(), settings))
+        if key not in self._sessions:
+            self._sessions[key] = Session(subject, database, None, settings)
+        self._sessions.move_to_end(key)
+        if len(self._sessions) > _SESSIONS_KEPT:
+            self._sessions.popitem(last=False)
+        session = self._sessions[key]
+        session.reset()
+        return session

@@ -1,0 +1,40 @@
+from dataclasses import replace
+
+import numpy as np
+from perfanim.core.marker_set import Subject, load_marker_set
+from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.solve_take import solve_take
+from perfanim.core.solver.settings import SolveSettings
+from perfanim.core.solver_store import SolverStore
+
+
+def test_takes_that_share_a_session_are_solved_as_alone(truth, subject, database_file, database):
+    """Bit by bit, whatever was solved before: or a batch would depend on the order of its takes."""
+    takes = [simulate_markers(truth, subject, noise_mm=2.0, dropout=0.05, seed=seed)[0] for seed in (1, 2)]
+    takes = [replace(take, positions_m=take.positions_m[:25], frame_numbers=[], times_s=[]) for take in takes]
+    store, settings = SolverStore(), SolveSettings()
+    for take in (*takes, takes[0]):
+        twin = Subject(subject.name, subject.skeleton, subject.marker_set)
+        shared = solve_take(take, twin, store.database(database_file), settings, _quiet, store.session)
+        alone = solve_take(take, subject, database, settings, _quiet)
+        assert np.array_equal(shared.motion.rotations, alone.motion.rotations)
+        assert np.array_equal(shared.motion.root_positions_m, alone.motion.root_positions_m)
+        assert [pose.confidence for pose in shared.poses] == [pose.confidence for pose in alone.poses]
+
+
+def test_what_is_shared(subject, database_file, stage_rig):
+    store, settings = SolverStore(), SolveSettings(method="nearest")
+    database = store.database(database_file)
+    assert store.database(str(database_file)) is database
+    session = store.session(subject, database, None, settings)
+    assert store.session(replace(subject), database, None, settings) is session
+    boxer = Subject(subject.name, subject.skeleton, load_marker_set("boxing"))
+    assert store.session(boxer, database, None, settings) is not session
+    assert store.session(subject, database, None, SolveSettings(method="lwr")) is not session
+    assert store.session(subject, database, stage_rig, settings) is not store.session(
+        subject, database, stage_rig, settings
+    )
+
+
+def _quiet(fraction, text):
+    pass
