@@ -210,10 +210,22 @@ class PERFANIM_PT_capture(bpy.types.Panel):
             draw_text(context, layout, problem, "ERROR")
             if not problem:
                 draw_text(context, layout, *running.message("capture"))
-        row = layout.row()
-        row.enabled = not isinstance(activity, Capture)
-        row.prop(settings(context), "capture_preview")
-        layout.prop(settings(context), "extend_scene")
+        self._draw_settings(layout, settings(context), isinstance(activity, Capture))
+
+    def _draw_settings(self, layout: bpy.types.UILayout, chosen: Any, is_live: bool) -> None:
+        column = layout.column()
+        column.use_property_split = True
+        column.use_property_decorate = False
+        _props(column, chosen, "smoothing_ms", "feet")
+        column = column.column()
+        column.enabled = not is_live
+        row = column.row(align=True)
+        row.prop(chosen, "record_countdown_s")
+        row.prop(chosen, "record_sound", text="", icon="OUTLINER_OB_SPEAKER")
+        _props(column, chosen, "record_length_s")
+        column.label(text="Only")
+        column.grid_flow(columns=4, align=True, row_major=True).prop(chosen, "body_parts", expand=True)
+        _props(column, chosen, "capture_preview", "extend_scene")
 
     def _draw_figures(self, context: bpy.types.Context, layout: bpy.types.UILayout, capture: Capture) -> None:
         run = capture.run

@@ -5,6 +5,7 @@ from typing import Any
 import bpy
 
 from ..core.marker_set import marker_set_names
+from . import running
 from .posing import fill_map
 
 SOURCES = (
@@ -12,6 +13,22 @@ SOURCES = (
     ("CAMERAS", "Cameras", "Two cameras connected to this computer, by device number"),
     ("VIDEOS", "Videos", "A recorded video of each camera"),
     ("IMAGES", "Image Folders", "A folder of numbered images of each camera"),
+)
+
+FEET = (
+    ("off", "Free", "Feet move as they are solved"),
+    ("auto", "Auto", "A foot that stands is held in place until it is lifted or moves off"),
+    ("always", "Always", "The lower foot is held even if it glides: for who never jumps"),
+)
+
+BODY_PARTS = (
+    ("HIPS", "Hips", "Hips, and the way through the room", 1),
+    ("TORSO", "Torso", "Back and chest", 2),
+    ("HEAD", "Head", "Neck and head", 4),
+    ("ARM_L", "Arm L", "Left shoulder, arm and hand", 8),
+    ("ARM_R", "Arm R", "Right shoulder, arm and hand", 16),
+    ("LEG_L", "Leg L", "Left leg and foot", 32),
+    ("LEG_R", "Leg R", "Right leg and foot", 64),
 )
 
 BEHAVIOURS = (
@@ -37,6 +54,13 @@ def _marker_set_items(_self: object, _context: object) -> list[tuple[str, str, s
 def _find_bones(self: Any, _context: object) -> None:
     if self.armature is not None:
         fill_map(self.armature)
+
+
+def _retune(self: Any, _context: object) -> None:
+    """Let a running capture show its poses by the new setting."""
+    tune = getattr(running.current(), "tune", None)
+    if tune is not None:
+        tune(self)
 
 
 def _is_armature(_self: object, candidate: bpy.types.Object) -> bool:
@@ -195,6 +219,50 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         description="Show what the cameras see while capturing, and which blobs are taken for markers: "
         "green by both cameras, orange by one alone, red by none",
         default=False,
+    )
+    record_countdown_s: bpy.props.IntProperty(
+        name="Countdown",
+        description="Seconds from the first pose to the recording; the character moves along meanwhile. 0: at once",
+        default=0,
+        min=0,
+        max=60,
+        subtype="TIME_ABSOLUTE",
+    )
+    record_sound: bpy.props.BoolProperty(
+        name="Sound", description="A beep for each second of the countdown, a higher one at its end", default=True
+    )
+    record_length_s: bpy.props.FloatProperty(
+        name="Stop After",
+        description="Length of the recording in seconds, after which the capture ends by itself. 0: when you stop it",
+        default=0,
+        min=0,
+        soft_max=600,
+        subtype="TIME_ABSOLUTE",
+    )
+    smoothing_ms: bpy.props.FloatProperty(
+        name="Smoothing (ms)",
+        description="Calms what trembles; a still body then comes so many milliseconds late, a fast one less. 0: off. "
+        "The take keeps the motion as it was solved",
+        default=0,
+        min=0,
+        max=200,
+        precision=0,
+        step=100,
+        update=_retune,
+    )
+    feet: bpy.props.EnumProperty(
+        name="Feet",
+        description="Whether feet that stand are held in place. The take keeps the motion as it was solved",
+        items=FEET,
+        default="off",
+        update=_retune,
+    )
+    body_parts: bpy.props.EnumProperty(
+        name="Only",
+        description="Parts of the body that the capture moves; the others keep their own animation",
+        items=BODY_PARTS,
+        default={key for key, *_ in BODY_PARTS},
+        options={"ENUM_FLAG"},
     )
     extend_scene: bpy.props.BoolProperty(
         name="Extend Scene",

@@ -1,0 +1,71 @@
+"""Which poses of a capture are recorded: from the end of a countdown on, for as long as was asked for."""
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from enum import Enum
+
+from ..core.pose_frame import PoseFrame
+
+
+class Cue(Enum):
+    """What a sound tells the performer, by its pitch in Hz."""
+
+    COUNT = 440.0
+    BEGIN = 880.0
+    END = 660.0
+
+
+class Recording:
+    """The recorded part of one capture.
+
+    Args:
+        countdown_s: from the first pose to the first recorded one.
+        length_s: of the recording by the poses' times; 0 for as long as the capture goes on.
+        clock: seconds.
+    """
+
+    def __init__(
+        self, countdown_s: float = 0.0, length_s: float = 0.0, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
+        self.begun = self.over = False
+        self.seconds_left = 0  # of the countdown
+        self._countdown_s = countdown_s
+        self._length_s = length_s
+        self._clock = clock
+        self._due_s: float | None = None
+        self._first = 0
+
+    def advance(self, poses: Sequence[PoseFrame]) -> Cue | None:
+        """Go by the clock and by all poses of the capture so far; return what is to be heard."""
+        if not poses or self.over:
+            return None
+        if not self.begun:
+            return self._count_down(poses)
+        if self._length_s and poses[-1].time_s - poses[min(self._first, len(poses) - 1)].time_s >= self._length_s:
+            self.over = True
+            return Cue.END
+        return None
+
+    def _count_down(self, poses: Sequence[PoseFrame]) -> Cue | None:
+        now = self._clock()
+        if self._due_s is None:
+            self._due_s = now + self._countdown_s
+        if now >= self._due_s:
+            self.begun, self.seconds_left = True, 0
+            # poses that came before the end of the countdown are of before it
+            self._first = len(poses) if self._countdown_s else 0
+            return Cue.BEGIN if self._countdown_s else None
+        left = math.ceil(self._due_s - now)
+        if left == self.seconds_left:
+            return None
+        self.seconds_left = left
+        return Cue.COUNT
+
+    def recorded(self, poses: Sequence[PoseFrame]) -> list[PoseFrame]:
+        """Return those of all poses of the capture that are recorded."""
+        kept = list(poses[self._first :]) if self.begun else []
+        if kept and self._length_s:
+            end_s = kept[0].time_s + self._length_s
+            return [pose for pose in kept if pose.time_s <= end_s]
+        return kept
