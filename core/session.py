@@ -35,6 +35,7 @@ _FIRST_CHECK_S = 0.1  # after a start its labels are compared with a new start's
 _RARE_CHECK_S = 1.0  # from here on only while the markers are badly explained
 _DOUBTFUL = 0.5  # confidence
 _BETTER = 0.7  # of the labels' distance to the examples: a new start that is closer shows that they are wrong
+_NEARER = 0.5  # of the markers' distance to the closest example: a pose without a past that is nearer is the right one
 
 
 class Session:
@@ -78,6 +79,8 @@ class Session:
         self._located_s: float | None = None
         self._checked_s: float | None = None
         self._check_after_s = _FIRST_CHECK_S
+        self._familiar_s: float | None = None
+        self._doubt_after_s = _FIRST_CHECK_S
 
     def step(self, frame: MarkerFrame) -> PoseFrame:
         """Return the pose of the next marker frame."""
@@ -95,7 +98,30 @@ class Session:
         observation = self._label(frame)
         if self._second_look.changed:
             self._solver.reset()
-        return observation, self._solver.step(observation, frame.time_s)
+        return observation, self._undeceived(frame, observation, self._solver.step(observation, frame.time_s))
+
+    def _undeceived(self, frame: MarkerFrame, observation: Observation, solution: Solution | None) -> Solution | None:
+        """Return the pose of a solver without a past in place of one that the database is far from, if it is near.
+
+        A pose that has gone wrong keeps itself: examples are looked for near where the motion seems to go. All
+        markers may then be where they should be, on a body that is wrung. This is looked at when it has lasted for a
+        moment, then ever more rarely.
+        """
+        now = frame.time_s
+        if solution is None or not solution.nearest_m > _FAMILIAR_M:
+            self._familiar_s, self._doubt_after_s = now, _FIRST_CHECK_S
+            return solution
+        if self._familiar_s is None:
+            self._familiar_s = now
+        if now - self._familiar_s < self._doubt_after_s:
+            return solution
+        self._familiar_s, self._doubt_after_s = now, min(2.0 * self._doubt_after_s, _RARE_CHECK_S)
+        anew = self._solver.without_past()
+        found = anew.step(observation, now)
+        if found is None or not found.nearest_m < _NEARER * solution.nearest_m:
+            return solution
+        self._solver = anew
+        return found
 
     def _followed_by_one_camera(
         self, frame: MarkerFrame, follower: SingleViewFollower
@@ -262,7 +288,8 @@ class Session:
             return False
         self._checked_s, self._check_after_s = now, min(2.0 * self._check_after_s, _RARE_CHECK_S)
         start = self._start.label(frame.points_m)
-        return start is not None and start.distance_m < _BETTER * self._start.distance_m(result.observed_m)
+        as_they_are_m = self._start.distance_m(result.observed_m, result.markers_m)
+        return start is not None and start.distance_m < _BETTER * as_they_are_m
 
 
 def _is_labelled(frame: MarkerFrame) -> bool:

@@ -102,18 +102,26 @@ class StartLabeller:
         found = [self._labelled(points_m, torso, example) for _, example in closest]
         return min(found, key=lambda start: start.distance_m)
 
-    def distance_m(self, markers_m: Array) -> float:
-        """Return the RMS distance of markers (M, 3), NaN where unseen, to the closest example, as `Start` has it."""
+    def distance_m(self, markers_m: Array, followed_m: Array | None = None) -> float:
+        """Return the RMS distance of markers to the closest example, as `Start` has it.
+
+        Args:
+            markers_m: (M, 3), NaN where unseen.
+            followed_m: (M, 3) where a body that is followed has them, which places it when too few of the torso are
+                seen; None for no such body: then nothing tells where it is, and all count as missed.
+        """
         seen = np.all(np.isfinite(markers_m), axis=1)
-        torso = np.where(seen[self._torso], self._torso, -1)
+        torso, placing = np.where(seen[self._torso], self._torso, -1), markers_m
         if np.sum(torso >= 0) < _FEWEST_TORSO:
-            return MISSED_M
-        turns, shifts, _ = _placed(self._mean_torso, markers_m, torso[None])
+            if followed_m is None:
+                return MISSED_M
+            torso, placing = self._torso, np.where(seen[:, None], markers_m, followed_m)
+        turns, shifts, _ = _placed(self._mean_torso, placing, torso[None])
         local = ((markers_m[seen] - shifts[0]) @ turns[0]).astype(np.float32)
         squares = np.sum((self._examples[:, seen] - local) ** 2, axis=2)
         cost = squares.sum(axis=1) + _UP_M**2 * np.sum((self._ups - turns[0][1].astype(np.float32)) ** 2, axis=1)
         example = int(np.argmin(cost))
-        return self._distance_m(markers_m, np.where(seen, np.arange(len(seen)), -1), torso, example)
+        return self._distance_m(placing, np.where(seen, np.arange(len(seen)), -1), torso, example)
 
     def _torsos(self, points_m: Array) -> IntArray:
         """Return (H, T) which point may be which torso marker, -1 for none, by their distances from each other."""

@@ -148,6 +148,13 @@ class PoseSolver:
         result._pose_history.continue_from(self._pose_history)
         return result
 
+    def without_past(self) -> "PoseSolver":
+        """Return a solver that knows of the motion so far only where the root is."""
+        result = self.branch()
+        result.reset()
+        result._root = self._root
+        return result
+
     def surprise(self) -> float:
         """Return how unlikely the last frame's markers were after all before: minus the logarithm of their density.
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from perfanim.core import rotations as rot
-from perfanim.core.start_labelling import StartLabeller
+from perfanim.core.start_labelling import MISSED_M, StartLabeller
 
 NOISE_M = 0.002
 
@@ -67,3 +67,14 @@ def test_distance_tells_wrong_labels_from_right_ones(labeller, true_markers):
     assert labeller.distance_m(hidden) > right
     hidden[:3] = np.nan
     assert labeller.distance_m(hidden) > right  # nothing tells where the body is
+
+
+def test_a_body_that_is_followed_is_placed_with_its_shoulders_hidden(labeller, true_markers):
+    row = true_markers[0]
+    right = labeller.distance_m(row)
+    stooped = row.copy()
+    stooped[:2] = np.nan
+    missed = 2.0 * MISSED_M**2 / len(row)  # two count as missed, whatever is thought of them
+    assert labeller.distance_m(stooped, row) == pytest.approx(np.sqrt(right**2 + missed), abs=right)
+    assert labeller.distance_m(stooped, row) < labeller.distance_m(stooped) == MISSED_M
+    assert labeller.distance_m(stooped[[0, 1, 2, 3, 6, 5, 4, 7]], row) > labeller.distance_m(stooped, row) + right
