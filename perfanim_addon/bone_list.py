@@ -57,17 +57,19 @@ class PERFANIM_PG_joint(bpy.types.PropertyGroup):
         description="Bone that stands for this joint; empty: none",
         update=_edited,
     )
-    state: bpy.props.StringProperty()
-    reason: bpy.props.StringProperty()
+    state: bpy.props.StringProperty(name="State", description="How sure it is that this bone stands for the joint")
+    reason: bpy.props.StringProperty(name="Reason", description="Why the bone is doubtful or missing")
 
 
 class PERFANIM_PG_character(bpy.types.PropertyGroup):
     """How an armature is driven."""
 
-    joints: bpy.props.CollectionProperty(type=PERFANIM_PG_joint)
+    joints: bpy.props.CollectionProperty(
+        name="Joints", description="Which bone stands for which joint", type=PERFANIM_PG_joint
+    )
     active: bpy.props.IntProperty(name="Joint", description="Joint whose bone is chosen")
-    origin: bpy.props.StringProperty()
-    problem: bpy.props.StringProperty()
+    origin: bpy.props.StringProperty(name="Origin", description="How the bones were found")
+    problem: bpy.props.StringProperty(name="Problem", description="Why the armature cannot be driven")
     filling: bpy.props.BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
     root_motion: bpy.props.EnumProperty(
         name="Root Motion",

@@ -49,7 +49,7 @@ class PERFANIM_PG_take(bpy.types.PropertyGroup):
 class PERFANIM_PG_takes(bpy.types.PropertyGroup):
     """The list of the takes in the user's folder."""
 
-    entries: bpy.props.CollectionProperty(type=PERFANIM_PG_take)
+    entries: bpy.props.CollectionProperty(name="Takes", description="The takes in the folder", type=PERFANIM_PG_take)
     active: bpy.props.IntProperty(name="Take", description="The take that the buttons below are about")
 
 
