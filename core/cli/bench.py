@@ -5,12 +5,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ..bench.accuracy import accuracy
 from ..bench.end_to_end import end_to_end
 from ..bench.figure5 import figure5
 from ..bench.figure6 import figure6
 from ..bench.gap import gap
 from ..bench.heterogeneity import heterogeneity
 from ..bench.offset import offset
+from ..bench.scale import scale
 from ..bench.speed import speed
 from ..bench.table1 import table1
 from ..bench.tuning import tuning
@@ -24,8 +26,10 @@ _BENCHES = {
     "figure5": (figure5, "error of models of pose by their dimension"),
     "end-to-end": (end_to_end, "recorded motion filmed by simulated cameras, tracked and solved, beside true markers"),
     "figure6": (figure6, "nearest, lwr, local-pca and best frame by frame"),
+    "accuracy": (accuracy, "every method on six takes, with the clip unseen and with the whole subject unseen"),
     "gap": (gap, "what the distance to the paper's Figure 6 is made of: data, rate, markers, unit, model"),
     "speed": (speed, "time of detection, of two streams to labelled points, of solve, search and import"),
+    "scale": (scale, "time to open, search and solve, and the error, by the size of the database"),
     "heterogeneity": (heterogeneity, "walking solved with a database of walks and with one of everything"),
     "tuning": (tuning, "local-pca over a grid of K, B and weights, on takes that no figure reports"),
 }

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from perfanim.core.bench.accuracy import UNSEEN_CLIP, UNSEEN_SUBJECT, accuracy
 from perfanim.core.bench.data import WALKING
 from perfanim.core.bench.figure5 import (
     DIMENSIONS,
@@ -23,6 +24,7 @@ from perfanim.core.bench.figure5 import (
 from perfanim.core.bench.figure6 import degrees_per_joint, figure6, ratios
 from perfanim.core.bench.methods import METHODS, PAPER_RANGE
 from perfanim.core.bench.plots import Line, Panel, check_plots, write_plot
+from perfanim.core.bench.scale import scale
 from perfanim.core.bench.speed import speed
 from perfanim.core.bench.streams import STAGES, Streams
 from perfanim.core.bench.table1 import searched, table1
@@ -103,6 +105,34 @@ def test_table1_counts_frames(data, tmp_path, monkeypatch):
     times = {(row["database"], row["search"]): row for row in figures["times"]}
     assert times["CMU", "exhaustive"]["median_of_exhaustive"] == 1.0
     assert all(0.0 < row["median_ms"] <= row["p99_ms"] for row in times.values())
+
+
+def test_accuracy_leaves_out_the_clip_and_then_whoever_moves(data, tmp_path, monkeypatch):
+    monkeypatch.setattr("perfanim.core.bench.accuracy.TAKES", (WALKING,))
+    figures = accuracy(data, tmp_path, 1, silent)
+    rows = {(row["condition"], row["method"]): row for row in figures["rows"]}
+    assert set(rows) == {(condition, method) for condition in (UNSEEN_CLIP, UNSEEN_SUBJECT) for method in METHODS}
+    subjects = {clip.subject for clip in open_database(tmp_path / "databases/cmu-without-subject-16.perfdb").clips}
+    assert subjects == {"09", "14"}
+    clips = {clip.name for clip in open_database(tmp_path / "databases/cmu-without-tests.perfdb").clips}
+    assert {"16_15", "16_17"} < clips
+    assert "16_16" not in clips
+    for condition in (UNSEEN_CLIP, UNSEEN_SUBJECT):
+        nearest, best = (rows[condition, method]["deg_per_joint"] for method in ("nearest", "best"))
+        assert rows[condition, "best"]["of_nearest"] == pytest.approx(best / nearest, abs=1e-3)
+    assert [row["takes"] for row in figures["means"]] == [1] * 2 * len(METHODS)
+
+
+def test_scale_goes_from_a_few_clips_to_all_of_them_twice(data, tmp_path, monkeypatch):
+    monkeypatch.setattr("perfanim.core.bench.speed._REFERENCE", (3000, 60, 32))
+    monkeypatch.setattr("perfanim.core.bench.scale._SHARES", (1 / 2, 1.0))
+    figures = scale(data, tmp_path, 1, silent)
+    half, whole, mirrored = figures["rows"]
+    assert half["frames"] < whole["frames"] == mirrored["frames"] / 2
+    names = {clip.name for clip in open_database(tmp_path / "databases/scale-mirrored.perfdb").clips}
+    assert not {"16_16", "09_03", "16_02", "14_02"} & names
+    assert all(row["solve_ms_p99"] >= row["solve_ms_median"] > 0.0 for row in figures["rows"])
+    assert (tmp_path / "scale.svg").stat().st_size > 5_000
 
 
 def test_speed_times_every_part_beside_a_search_in_numpy(data, tmp_path, monkeypatch):
