@@ -235,6 +235,23 @@ def _assign(animation: bpy.types.AnimData, action: bpy.types.Action) -> None:
         animation.action_slot = action.slots[0]
 
 
+def played(armature_object: bpy.types.Object) -> tuple[Any, ...] | None:
+    """Return what an armature plays, for `play`; None without animation."""
+    animation = armature_object.animation_data
+    return None if animation is None else (animation.action, _slot_of(animation), animation.use_nla)
+
+
+def play(armature_object: bpy.types.Object, before: tuple[Any, ...] | None) -> None:
+    """Let an armature play what `played` returned earlier."""
+    if before is None:
+        armature_object.animation_data_clear()
+        return
+    animation = armature_object.animation_data
+    animation.action, slot, animation.use_nla = before
+    if slot is not None:
+        animation.action_slot = slot
+
+
 def _new_channels(action: bpy.types.Action, armature_object: bpy.types.Object) -> Any:
     """Return what curves of a new action are added to: a slot's channel bag, or before 4.4 the action itself."""
     if not HAS_SLOTS:
@@ -302,7 +319,8 @@ def _channels_of(action: bpy.types.Action, slot: Any) -> Iterator[Any]:
 def _keep_in_quaternions(armature_object: bpy.types.Object, bones: list[str]) -> None:
     """Give what is played quaternion curves beside others, for bones that are about to be turned by quaternions."""
     animation = armature_object.animation_data
-    strips = [strip for track in animation.nla_tracks for strip in track.strips if strip.type == "CLIP"]
+    tracks = animation.nla_tracks if animation.use_nla else ()
+    strips = [strip for track in tracks for strip in track.strips if strip.type == "CLIP"]
     played = {(used.action, _slot_of(used)) for used in (animation, *strips) if used.action is not None}
     turned = [armature_object.pose.bones[name] for name in bones]
     turned = [bone for bone in turned if bone.rotation_mode != "QUATERNION"]

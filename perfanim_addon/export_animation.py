@@ -1,0 +1,211 @@
+"""A take on a character as a file for other programs, through Blender's own exporters."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import CharacterError, FormatError
+from ..core.files import atomic_path
+from ..core.formats.bvh_axes import moved_bvh
+from ..core.skeleton import Skeleton
+from .actions import play, played, scene_frames, write_action
+from .character import find_armature
+
+Array = NDArray[np.float64]
+
+ENDINGS = {"BVH": ".bvh", "FBX": ".fbx", "GLTF": ".glb"}
+
+_YUP_FROM_BLENDER = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+
+
+def export_poses(
+    context: bpy.types.Context,
+    object_name: str,
+    target: Path,
+    kind: str,
+    times_s: Array,
+    rotations: Array,
+    root_positions_m: Array,
+    skeleton: Skeleton,
+    fps: float,
+    meshes: bool,
+) -> int:
+    """Write poses on an armature to a file; scene and armature are afterwards as before. Return the frames written.
+
+    The file has a whole number of frames a second, the one nearest to the poses' rate. BVH has y up and the scene's
+    units and the armature where it stands in the scene; FBX and glTF are as Blender writes them by default.
+
+    Args:
+        object_name: an armature, driven as `posing_of` tells.
+        target: file to write.
+        kind: of `ENDINGS`.
+        times_s: (F,) strictly increasing; the first becomes the file's beginning.
+        rotations, root_positions_m, skeleton: as `write_action` takes them.
+        fps: rate of the poses.
+        meshes: whether FBX and glTF hold the meshes that the armature deforms.
+
+    Raises:
+        CharacterError: the armature cannot be driven, or is hidden.
+        FormatError: the file cannot be written.
+    """
+    armature_object = find_armature(object_name)
+    with _lent(context, armature_object):
+        scene = context.scene
+        scene.render.fps, scene.render.fps_base = max(1, round(fps)), 1.0
+        frames = scene_frames(times_s, scene)
+        _use_alone(armature_object)
+        write_action(object_name, frames, rotations, root_positions_m, skeleton, name=target.stem)
+        scene.frame_start, scene.frame_end = 1, max(1, int(np.floor(frames[-1] + 1e-3)))
+        _select(context, armature_object, meshes and kind != "BVH")
+        with atomic_path(target) as temporary:
+            _run(target, kind, temporary, (scene.frame_start, scene.frame_end))
+            if kind == "BVH":
+                spaces = _YUP_FROM_BLENDER @ _places(context, armature_object)
+                temporary.write_text(moved_bvh(temporary.read_text(encoding="utf-8"), spaces), encoding="utf-8")
+        return int(scene.frame_end)
+
+
+def _places(context: bpy.types.Context, armature_object: bpy.types.Object) -> Array:
+    """Return the armature's place in the world (F, 4, 4) in each frame of the scene."""
+    found = []
+    for frame in range(context.scene.frame_start, context.scene.frame_end + 1):
+        context.scene.frame_set(frame)
+        found.append(armature_object.evaluated_get(context.evaluated_depsgraph_get()).matrix_world.copy())
+    return np.array(found, dtype=np.float64)
+
+
+def _run(target: Path, kind: str, path: Path, frames: tuple[int, int]) -> None:
+    first, last = frames
+    writers: dict[str, Callable[[], object]] = {
+        "BVH": lambda: bpy.ops.export_anim.bvh(
+            filepath=str(path), check_existing=False, frame_start=first, frame_end=last, root_transform_only=False
+        ),
+        "FBX": lambda: bpy.ops.export_scene.fbx(
+            filepath=str(path),
+            check_existing=False,
+            use_selection=True,
+            object_types={"ARMATURE", "MESH"},
+            add_leaf_bones=False,
+            bake_anim=True,
+            bake_anim_use_nla_strips=False,
+            bake_anim_use_all_actions=False,
+            bake_anim_simplify_factor=0.0,
+        ),
+        "GLTF": lambda: bpy.ops.export_scene.gltf(
+            filepath=str(path),
+            check_existing=False,
+            export_format="GLB",
+            use_selection=True,
+            export_animation_mode="ACTIVE_ACTIONS",
+            export_frame_range=True,
+            export_anim_slide_to_zero=True,
+            export_optimize_animation_size=False,
+        ),
+    }
+    try:
+        writers[kind]()
+    except (RuntimeError, AttributeError, TypeError, OSError) as error:
+        line = (str(error).strip().splitlines() or ["unknown error"])[-1]
+        advice = f"see that Blender's own {kind} exporter is switched on, under Preferences > Add-ons"
+        raise FormatError(f"cannot be exported ({line})", where=str(target), advice=advice) from error
+
+
+def _use_alone(armature_object: bpy.types.Object) -> None:
+    """Let nothing but the next action play on the armature."""
+    animation = armature_object.animation_data or armature_object.animation_data_create()
+    animation.use_nla = False
+    animation.action = None
+
+
+def _select(context: bpy.types.Context, armature_object: bpy.types.Object, meshes: bool) -> None:
+    """Select what goes into the file."""
+    if not armature_object.visible_get():
+        raise CharacterError(
+            "is hidden", where=armature_object.name, advice="show it: exporters pass hidden objects over"
+        )
+    for obj in context.view_layer.objects:
+        worn = meshes and obj.type == "MESH" and obj.visible_get() and obj.find_armature() == armature_object
+        obj.select_set(obj == armature_object or worn)
+    context.view_layer.objects.active = armature_object
+
+
+@contextmanager
+def _lent(context: bpy.types.Context, armature_object: bpy.types.Object) -> Iterator[None]:
+    """Put everything that an export changes back as it was."""
+    layer = context.view_layer
+    active, selected = layer.objects.active, [obj for obj in layer.objects if obj.select_get()]
+    mode = active.mode if active is not None else "OBJECT"
+    if mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+    known = set(bpy.data.actions)
+    scene_before = _scene_state(context.scene)
+    pose_before = _pose_state(armature_object)
+    try:
+        yield
+    finally:
+        _restore_pose(armature_object, *pose_before)
+        for action in set(bpy.data.actions) - known:
+            bpy.data.actions.remove(action)
+        _restore_scene(context.scene, scene_before)
+        for obj in layer.objects:
+            obj.select_set(obj in selected)
+        layer.objects.active = active
+        if mode != "OBJECT":
+            bpy.ops.object.mode_set(mode=mode)
+
+
+def _scene_state(scene: bpy.types.Scene) -> tuple[Any, ...]:
+    render = scene.render
+    return render.fps, render.fps_base, scene.frame_start, scene.frame_end, scene.frame_current, scene.frame_subframe
+
+
+def _restore_scene(scene: bpy.types.Scene, state: tuple[Any, ...]) -> None:
+    scene.render.fps, scene.render.fps_base, scene.frame_start, scene.frame_end, frame, part = state
+    scene.frame_set(frame, subframe=part)
+
+
+_OBJECT_PLACE = ("rotation_mode", "delta_location", "delta_rotation_quaternion", "delta_rotation_euler")
+
+
+def _pose_state(armature_object: bpy.types.Object) -> tuple[Any, ...]:
+    """Return what driving changes: what is played, the bones' pose and switches, muted constraints, the object."""
+    bones = [
+        (bone.name, bone.rotation_mode, bone.matrix_basis.copy(), _switches(bone), [c.mute for c in bone.constraints])
+        for bone in armature_object.pose.bones
+    ]
+    place = {name: _copied(getattr(armature_object, name)) for name in _OBJECT_PLACE}
+    return played(armature_object), bones, place, armature_object.data.pose_position
+
+
+def _switches(bone: bpy.types.PoseBone) -> dict[str, float]:
+    return {name: value for name, value in bone.items() if isinstance(value, float | int)}
+
+
+def _copied(value: Any) -> Any:
+    return value.copy() if hasattr(value, "copy") else value
+
+
+def _restore_pose(
+    armature_object: bpy.types.Object,
+    before: tuple[Any, ...] | None,
+    bones: list[tuple[Any, ...]],
+    place: dict[str, Any],
+    pose_position: str,
+) -> None:
+    play(armature_object, before)
+    for name, mode, basis, switches, muted in bones:
+        bone = armature_object.pose.bones[name]
+        bone.rotation_mode = mode
+        bone.matrix_basis = basis
+        for key, value in switches.items():
+            bone[key] = value
+        for constraint, mute in zip(bone.constraints, muted, strict=True):
+            constraint.mute = mute
+    for name, value in place.items():
+        setattr(armature_object, name, value)
+    armature_object.data.pose_position = pose_position
