@@ -181,6 +181,10 @@ class BlenderWindow:
             else:
                 return x + left, y + top
 
+    def wait_for_end(self) -> int:
+        """Return the status with which Blender has ended by itself."""
+        return self._process.wait(timeout=PATIENCE_S)
+
     def close(self) -> None:
         """End Blender."""
         self._process.terminate()

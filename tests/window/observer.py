@@ -11,8 +11,13 @@ import time
 import traceback
 from pathlib import Path
 
+import addon_utils
 import bpy
 import numpy as np
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "addon"))
+
+from remains import remains
 
 FOLDER = Path(os.environ["OBSERVER_FOLDER"])
 ADDON = "bl_ext.user_default.perfanim"
@@ -289,6 +294,46 @@ def order_bare_armature(order):
     return {"name": obj.name}
 
 
+def order_remains(order):
+    """Tell what of the add-on hangs on Blender, and whether the add-on is on."""
+    found = remains()
+    handlers = [name for names in found.pop("handlers", {}).values() for name in names if "perfanim" in name]
+    return {**found, "handlers": handlers}
+
+
+def order_addon(order):
+    """Switch the add-on on or off."""
+    if order["on"]:
+        addon_utils.enable(ADDON, default_set=True)
+    else:
+        addon_utils.disable(ADDON, default_set=True)
+    return {}
+
+
+def order_workspace(order):
+    """Show another workspace in the window, as a click on its tab does."""
+    bpy.context.window_manager.windows[0].workspace = bpy.data.workspaces[order["name"]]
+    return {}
+
+
+def order_remove_armature(order):
+    bpy.data.objects.remove(armature())
+    return {}
+
+
+def order_new_file(order):
+    window = bpy.context.window_manager.windows[0]
+    with bpy.context.temp_override(window=window):
+        bpy.ops.wm.read_homefile(app_template="")
+    return {}
+
+
+def order_quit(order):
+    """Quit as soon as the answer is written."""
+    bpy.app.timers.register(bpy.ops.wm.quit_blender, first_interval=0.5)
+    return {}
+
+
 ORDERS = {
     "bare_timer": order_bare_timer,
     "rates": order_rates,
@@ -297,6 +342,12 @@ ORDERS = {
     "get": order_get,
     "call": order_call,
     "bare_armature": order_bare_armature,
+    "remains": order_remains,
+    "addon": order_addon,
+    "workspace": order_workspace,
+    "remove_armature": order_remove_armature,
+    "new_file": order_new_file,
+    "quit": order_quit,
 }
 
 
