@@ -80,8 +80,11 @@ class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
             _props(layout, chosen, "left_folder", "right_folder", "files_fps")
         layout.prop(chosen, "calibration")
         box = layout.box().column()
-        box.label(text="Chessboard, inner corners")
+        box.prop(chosen, "board_kind")
+        box.label(text="Squares" if chosen.board_kind == "CHARUCO" else "Inner corners")
         _props(box, chosen, "board_columns", "board_rows", "board_square_mm")
+        if chosen.board_kind == "CHARUCO":
+            _props(box, chosen, "board_code_mm", "board_dictionary")
         if chosen.source == "CAMERAS":
             box.operator("perfanim.save_board", icon="FILE")
             _props(box, chosen, "board_views", "board_timed")

@@ -41,6 +41,8 @@ BEHAVIOURS = (
     ("kendo", "Kendo", "Strokes with a sword"),
 )
 
+BOARD_CODES = tuple(f"DICT_{size}X{size}_{count}" for size in (4, 5, 6, 7) for count in (50, 100, 250, 1000))
+
 _marker_sets: list[tuple[str, str, str]] = []  # Blender keeps no reference to a dynamic enumeration's strings
 
 
@@ -115,11 +117,27 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         name="Rate (Hz)", description="Images per second at which the images were taken", default=60, min=1, max=500
     )
     calibration: _file("Calibration", "Calibration file of the two cameras (TOML)")
+    board_kind: bpy.props.EnumProperty(
+        name="Board",
+        description="What is printed on the board",
+        items=(
+            ("CHESSBOARD", "Chessboard", "Squares alone; counts when it is seen whole"),
+            ("CHARUCO", "ChArUco", "Squares with codes in them; counts when it is seen in part, too"),
+        ),
+    )
     board_columns: bpy.props.IntProperty(
-        name="Columns", description="Inner corners of the chessboard in a row", default=9, min=2, max=50
+        name="Columns",
+        description="In a row: inner corners of a chessboard, squares of a ChArUco board",
+        default=9,
+        min=3,
+        max=50,
     )
     board_rows: bpy.props.IntProperty(
-        name="Rows", description="Inner corners of the chessboard in a column", default=6, min=2, max=50
+        name="Rows",
+        description="In a column: inner corners of a chessboard, squares of a ChArUco board",
+        default=6,
+        min=3,
+        max=50,
     )
     board_square_mm: bpy.props.FloatProperty(
         name="Square (mm)",
@@ -127,6 +145,20 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         default=24,
         min=1,
         max=1000,
+    )
+    board_code_mm: bpy.props.FloatProperty(
+        name="Code (mm)",
+        description="Side of a code in millimetres, measured on the print; smaller than its square",
+        default=18,
+        min=1,
+        max=1000,
+    )
+    board_dictionary: bpy.props.EnumProperty(
+        name="Codes",
+        description="Which codes are in the squares",
+        items=tuple(
+            (name, name.removeprefix("DICT_"), "Codes of so many fields, and how many") for name in BOARD_CODES
+        ),
     )
     board_views: bpy.props.IntProperty(
         name="Views at Most",

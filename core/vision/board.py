@@ -117,8 +117,15 @@ def parse_board(spec: str) -> Board:
         columns, rows = _parse_size(parts[1], spec)
         square, marker = _parse_length(parts[2], spec), _parse_length(parts[3], spec)
         inverted = len(parts) == 6 and parts[5].lower() == "inverted"
-        _dictionary(parts[4])
-        return Board("charuco", columns, rows, square, marker, parts[4].upper(), inverted)
+        board = Board("charuco", columns, rows, square, marker, parts[4].upper(), inverted)
+        needed, there = columns * rows // 2, len(_dictionary(parts[4]).bytesList)
+        if needed > there:
+            raise SettingsError(
+                f"{columns}x{rows} squares need {needed} codes, {board.dictionary} has {there}",
+                where=repr(spec),
+                advice="take a dictionary with more, e.g. DICT_4X4_250",
+            )
+        return board
     raise SettingsError("is not a board", where=repr(spec), advice=f"use {SPEC_HELP}")
 
 

@@ -21,7 +21,10 @@ SIMULATED_BOARD = (9, 6, 80.0)  # inner corners and square in mm of the board th
 
 def board_spec(chosen: PERFANIM_PG_settings) -> str:
     """Return the board as the calibration takes it."""
-    return f"chessboard:{chosen.board_columns}x{chosen.board_rows}:{chosen.board_square_mm:g}mm"
+    size = f"{chosen.board_columns}x{chosen.board_rows}:{chosen.board_square_mm:g}mm"
+    if chosen.board_kind == "CHARUCO":
+        return f"charuco:{size}:{chosen.board_code_mm:g}mm:{chosen.board_dictionary}"
+    return f"chessboard:{size}"
 
 
 class PERFANIM_OT_calibrate_cameras(JobOperator, bpy.types.Operator):
@@ -157,6 +160,7 @@ class PERFANIM_OT_set_floor(_Watching, bpy.types.Operator):
 def _watched(chosen: PERFANIM_PG_settings) -> dict[str, Any]:
     """Return what the worker is asked for to watch the board."""
     if chosen.source == "SIMULATED":
+        chosen.board_kind = "CHESSBOARD"
         chosen.board_columns, chosen.board_rows, chosen.board_square_mm = SIMULATED_BOARD
     return {"source": capture_setup.source(chosen), "board": board_spec(chosen), "preview": True}
 

@@ -132,13 +132,18 @@ def test_the_board_is_watched_with_all_chosen_cameras(part: Any) -> None:
     asked = operator.request(SimpleNamespace(), bpy.context)
     assert asked["source"]["devices"] == [0]
     assert asked["every_s"] == 4.0
+    chosen.board_kind, chosen.board_code_mm, chosen.board_dictionary = "CHARUCO", 22.5, "DICT_5X5_100"
+    assert operator.request(SimpleNamespace(), bpy.context)["board"] == "charuco:9x6:31.5mm:22.5mm:DICT_5X5_100"
 
 
 def test_the_board_is_written_to_be_printed(part: Any, tmp_path: Path) -> None:
     operator = part("operators.cameras").PERFANIM_OT_save_board
-    text = run_job(part, operator, SimpleNamespace(filepath=str(tmp_path / "board.pdf")))
-    assert text.startswith("print board.pdf on A4")
-    assert (tmp_path / "board.pdf").read_bytes().startswith(b"%PDF")
+    chosen = bpy.context.scene.perfanim
+    for chosen.board_kind in ("CHESSBOARD", "CHARUCO"):
+        target = tmp_path / f"{chosen.board_kind}.pdf"
+        text = run_job(part, operator, SimpleNamespace(filepath=str(target)))
+        assert text.startswith(f"print {target.name} on A4")
+        assert target.read_bytes().startswith(b"%PDF")
 
 
 def test_a_newcomer_calibrates_everything_in_the_sidebar(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -61,10 +61,18 @@ def test_spec_of_a_charuco_board_counts_squares():
 
 @pytest.mark.parametrize(
     "spec",
-    ["", "board", "chessboard:9x6", "chessboard:9:24mm", "chessboard:9x6:wide", "charuco:7x5:40mm:30mm:DICT_NONE"],
+    [
+        "",
+        "board",
+        "chessboard:9x6",
+        "chessboard:9:24mm",
+        "chessboard:9x6:wide",
+        "charuco:7x5:40mm:30mm:DICT_NONE",
+        "charuco:11x10:40mm:30mm:DICT_4X4_50",  # needs 55 codes
+    ],
 )
 def test_what_is_no_spec_is_refused_with_an_example(spec):
-    with pytest.raises(SettingsError, match=r"chessboard:9x6:24\.23mm|DICT_4X4_50"):
+    with pytest.raises(SettingsError, match=r"chessboard:9x6:24\.23mm|DICT_4X4_50|DICT_4X4_250"):
         parse_board(spec)
 
 
