@@ -62,6 +62,7 @@ def make(settings: Any) -> Setup:
         },
         "subject": subject_path,
         "database": database_path,
+        "settings": {"method": preferences.method(bpy.context)},
         "take": str(takes.new_path()),
         "character": settings.armature.name if settings.armature else "",
     }

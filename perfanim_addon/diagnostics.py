@@ -1,9 +1,13 @@
-"""What a report about a broken installation needs; nothing but the standard library."""
+"""What a report about an installation needs; nothing but the standard library."""
 
+import importlib
 import importlib.metadata
 import importlib.util
 import platform
 import sys
+from pathlib import Path
+
+from ..core import __version__
 
 LIBRARIES = {
     "numpy": "numpy",
@@ -12,23 +16,33 @@ LIBRARIES = {
 }
 
 problem = ""  # why the add-on is only partly registered; "" when all is well
+tested: list[str] = []  # what the self-test has found, a line each
 
 
-def library_version(module: str) -> str:
-    """Return a library's version, or "missing"."""
-    if importlib.util.find_spec(module) is None:
-        return "missing"
+def library_facts(module: str, load: bool = False) -> str:
+    """Return a library's version and folder, or what is wrong with it; `load` also tries whether it can be used."""
+    spec = importlib.util.find_spec(module)
+    if spec is None:
+        return f"{module} missing"
+    if load:
+        try:
+            importlib.import_module(module)
+        except Exception as error:  # whatever a broken library does is what is to be told
+            return f"{module} cannot be loaded: {type(error).__name__}: {error}"
     try:
-        return importlib.metadata.version(LIBRARIES[module])
+        version = importlib.metadata.version(LIBRARIES[module])
     except importlib.metadata.PackageNotFoundError:
-        return "present"
+        version = "of unknown version"
+    folders = list(spec.submodule_search_locations or [])
+    return f"{module} {version} in {Path(folders[0]).parent}" if folders else f"{module} {version}"
 
 
-def lines(blender_version: str) -> list[str]:
-    """Return the facts, one a line."""
+def lines(blender_version: str, load: bool = False) -> list[str]:
+    """Return the facts, one a line; `load` also tries whether the libraries can be used."""
     facts = [
-        f"Blender {blender_version}, Python {platform.python_version()}, {platform.platform()}",
+        f"Perfanim {__version__}, Blender {blender_version}, Python {platform.python_version()}",
+        platform.platform(),
         f"Worker's Python: {sys.executable}",
-        *[f"{module} {library_version(module)}" for module in LIBRARIES],
+        *[library_facts(module, load) for module in LIBRARIES],
     ]
-    return [*facts, f"Problem: {problem}"] if problem else facts
+    return [*facts, *([f"Problem: {problem}"] if problem else []), *tested]

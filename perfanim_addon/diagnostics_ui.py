@@ -1,4 +1,4 @@
-"""Button that copies the diagnostics."""
+"""The diagnostics in the preferences, and the button that copies them."""
 
 import bpy
 
@@ -6,16 +6,26 @@ from . import diagnostics
 
 
 class PERFANIM_OT_copy_diagnostics(bpy.types.Operator):
-    """Copy versions and paths to the clipboard, to be pasted into a report"""
+    """Copy versions, folders and what the self-test has found to the clipboard, to be pasted into a report"""
 
     bl_idname = "perfanim.copy_diagnostics"
     bl_label = "Copy Diagnostics"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Copy."""
-        context.window_manager.clipboard = "\n".join(diagnostics.lines(bpy.app.version_string))
+        context.window_manager.clipboard = "\n".join(diagnostics.lines(bpy.app.version_string, load=True))
         self.report({"INFO"}, "Diagnostics copied to the clipboard")
         return {"FINISHED"}
+
+
+def draw(layout: bpy.types.UILayout) -> None:
+    """Draw what is known, and the buttons."""
+    for line in diagnostics.lines(bpy.app.version_string):
+        layout.label(text=line)
+    row = layout.row()
+    if hasattr(bpy.types, "PERFANIM_OT_self_test"):  # not where a library is broken
+        row.operator("perfanim.self_test", icon="PLAY")
+    row.operator("perfanim.copy_diagnostics", icon="COPYDOWN")
 
 
 register, unregister = bpy.utils.register_classes_factory((PERFANIM_OT_copy_diagnostics,))

@@ -1,5 +1,7 @@
 """Where the add-on is and where it may write."""
 
+import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -8,14 +10,51 @@ import bpy
 ADDON = __package__.rpartition(".")[0]
 
 
+# Folders that the user may choose in the preferences: first part of `user_folder` -> name of the preference.
+CHOSEN_FOLDERS = {"takes": "takes_folder", "databases": "databases_folder", "profiles": "profiles_folder"}
+_PROFILES = ("subjects", "calibrations", "bone_maps")  # lie in folders of these names below that of the profiles
+
+
 def user_folder(*parts: str) -> Path:
-    """Return a folder of the user's for the add-on's data, made if need be; never the add-on's own folder."""
+    """Return a folder of the user's for the add-on's data, made if need be; never the add-on's own folder.
+
+    The first part is a kind of data. Where the user's choice for it cannot be used, so that nothing is lost, it is
+    what it would be without one; `folder_problem` tells.
+    """
+    base, rest = _chosen(parts)
+    if base:
+        folder = Path(absolute(base), *rest)
+        if not _make(folder):
+            return folder
     path = "/".join(parts)
     if ADDON.startswith("bl_ext."):
         return Path(bpy.utils.extension_path_user(ADDON, path=path, create=True))
     folder = Path(bpy.utils.user_resource("DATAFILES", path="perfanim", create=True)) / path
     folder.mkdir(parents=True, exist_ok=True)
     return folder
+
+
+def folder_problem(kind: str) -> str:
+    """Return why the folder that the user chose for takes, databases or profiles cannot be used, "" when it can."""
+    base, _ = _chosen((kind,))
+    reason = _make(Path(absolute(base))) if base else ""
+    return f"{base} cannot be used ({reason}): the add-on's own folder is used" if reason else ""
+
+
+def _chosen(parts: Sequence[str]) -> tuple[str, Sequence[str]]:
+    """Return the folder that the user chose for a kind of data, "" for none, and what follows it."""
+    kind, rest = ("profiles", parts) if parts[0] in _PROFILES else (parts[0], parts[1:])
+    addon = bpy.context.preferences.addons.get(ADDON)
+    return (getattr(addon.preferences, CHOSEN_FOLDERS[kind]) if addon and kind in CHOSEN_FOLDERS else ""), rest
+
+
+def _make(folder: Path) -> str:
+    """Make a folder unless it is there; return why it cannot be written to, "" when it can."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        return str(error.strerror)
+    return "" if os.access(folder, os.W_OK) else "it cannot be written to"
 
 
 def absolute(path: str) -> str:

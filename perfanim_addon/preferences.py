@@ -1,14 +1,22 @@
-"""Preferences: name of the sidebar's tab, the worker's Python, the cameras' exposure, gain and focus, diagnostics."""
+"""Preferences: the sidebar's tab, folders, defaults, the worker, the cameras' exposure, gain and focus, diagnostics."""
 
 import sys
+from collections.abc import Iterator
 from typing import Any
 
 import bpy
 
-from . import diagnostics
-from .place import ADDON
+from ..core.solver.settings import METHODS
+from . import diagnostics_ui
+from .place import ADDON, CHOSEN_FOLDERS, folder_problem
 
 DEFAULT_TAB = "Perfanim"
+_METHOD_TEXTS = {
+    "best": "The most accurate",
+    "local-pca": "A local model of pose with the settings of the published method",
+    "lwr": "Locally weighted regression of the nearest recorded poses",
+    "nearest": "The nearest recorded pose as it is",
+}
 
 
 def _tab_changed(preferences: "PERFANIM_AP_preferences", context: bpy.types.Context) -> None:
@@ -16,6 +24,18 @@ def _tab_changed(preferences: "PERFANIM_AP_preferences", context: bpy.types.Cont
         panels = sys.modules.get(f"{__package__}.{name}")
         if panels is not None:
             panels.move_to_tab(preferences.tab or DEFAULT_TAB)
+
+
+def _marker_sets(_self: object, _context: object, typed: str) -> Iterator[str]:
+    from ..core.marker_set import marker_set_names  # needs numpy, which may be what is broken
+
+    return (name for name in marker_set_names() if typed in name)
+
+
+def _folder(name: str, content: str) -> Any:
+    return bpy.props.StringProperty(
+        name=name, description=f"Folder for {content}; empty: the add-on's own user folder", subtype="DIR_PATH"
+    )
 
 
 def _automatic(what: str) -> Any:
@@ -56,25 +76,66 @@ class PERFANIM_AP_preferences(bpy.types.AddonPreferences):
         default=DEFAULT_TAB,
         update=_tab_changed,
     )
+    takes_folder: _folder("Takes", "recorded takes")
+    databases_folder: _folder("Databases", "motion databases")
+    profiles_folder: _folder("Profiles", "calibrated performers and cameras, and bone maps")
+    marker_set: bpy.props.StringProperty(
+        name="Marker Set",
+        description="Marker set of new files",
+        default="boxing",
+        search=_marker_sets,
+    )
+    database: bpy.props.StringProperty(
+        name="Database",
+        description="Motion database of new files; empty: the starter motion of the add-on",
+        subtype="FILE_PATH",
+    )
+    method: bpy.props.EnumProperty(
+        name="Method",
+        description="How poses are found while capturing; a take can be solved again with any",
+        items=[(name, name, _METHOD_TEXTS[name]) for name in METHODS],
+        default="best",
+    )
     worker_python: bpy.props.StringProperty(
         name="Worker's Python",
         description="Python program that runs the cameras; leave empty to use Blender's own",
         subtype="FILE_PATH",
     )
-    left_camera: bpy.props.PointerProperty(type=PERFANIM_PG_camera_controls)
-    right_camera: bpy.props.PointerProperty(type=PERFANIM_PG_camera_controls)
+    workers: bpy.props.IntProperty(
+        name="Processes",
+        description="How many processes read motion files when a database is imported; 0: one for each core",
+        default=0,
+        min=0,
+        max=64,
+    )
+    left_camera: bpy.props.PointerProperty(
+        name="Left Camera", description="What the left camera is told", type=PERFANIM_PG_camera_controls
+    )
+    right_camera: bpy.props.PointerProperty(
+        name="Right Camera", description="What the right camera is told", type=PERFANIM_PG_camera_controls
+    )
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw."""
         layout = self.layout
         layout.use_property_split = True
         layout.prop(self, "tab")
-        layout.prop(self, "worker_python")
+        self._draw_folders(layout.column(heading="Folders"))
+        column = layout.column(heading="Defaults")
+        for name in ("marker_set", "database", "method"):
+            column.prop(self, name)
+        column = layout.column(heading="Worker")
+        for name in ("worker_python", "workers"):
+            column.prop(self, name)
         draw_camera_controls(layout, self)
-        box = layout.box()
-        for line in diagnostics.lines(bpy.app.version_string):
-            box.label(text=line)
-        box.operator("perfanim.copy_diagnostics", icon="COPYDOWN")
+        diagnostics_ui.draw(layout.box())
+
+    def _draw_folders(self, layout: bpy.types.UILayout) -> None:
+        for kind, name in CHOSEN_FOLDERS.items():
+            layout.prop(self, name)
+            problem = folder_problem(kind)
+            if problem:
+                layout.label(text=problem, icon="ERROR")
 
 
 def draw_camera_controls(layout: bpy.types.UILayout, preferences: PERFANIM_AP_preferences) -> None:
@@ -91,28 +152,46 @@ def draw_camera_controls(layout: bpy.types.UILayout, preferences: PERFANIM_AP_pr
 
 def camera_controls(context: bpy.types.Context) -> list[dict[str, float | None]]:
     """Return what the left and the right camera are told, as `core.sources.camera_controls` takes it."""
-    addon = context.preferences.addons.get(ADDON)
-    return [_told(addon.preferences.left_camera), _told(addon.preferences.right_camera)] if addon else []
+    found = chosen(context)
+    return [_told(found.left_camera), _told(found.right_camera)] if found else []
 
 
-def _told(chosen: PERFANIM_PG_camera_controls) -> dict[str, float | None]:
+def _told(camera: PERFANIM_PG_camera_controls) -> dict[str, float | None]:
     return {
-        "exposure_s": None if chosen.exposure_auto else chosen.exposure_ms / 1000.0,
-        "gain": None if chosen.gain_auto else chosen.gain,
-        "focus": None if chosen.focus_auto else chosen.focus,
+        "exposure_s": None if camera.exposure_auto else camera.exposure_ms / 1000.0,
+        "gain": None if camera.gain_auto else camera.gain,
+        "focus": None if camera.focus_auto else camera.focus,
     }
+
+
+def chosen(context: bpy.types.Context) -> PERFANIM_AP_preferences | None:
+    """Return the preferences; None where the add-on is loaded as a plain package."""
+    addon = context.preferences.addons.get(ADDON)
+    return addon.preferences if addon else None
 
 
 def worker_python(context: bpy.types.Context) -> str | None:
     """Return the Python that the user chose for the worker, None for Blender's own."""
-    addon = context.preferences.addons.get(ADDON)
-    return bpy.path.abspath(addon.preferences.worker_python) or None if addon else None
+    found = chosen(context)
+    return bpy.path.abspath(found.worker_python) or None if found else None
+
+
+def method(context: bpy.types.Context) -> str:
+    """Return how poses are found while capturing."""
+    found = chosen(context)
+    return found.method if found else METHODS[0]
+
+
+def workers(context: bpy.types.Context) -> int:
+    """Return how many processes read motion files, 0 for one for each core."""
+    found = chosen(context)
+    return found.workers if found else 0
 
 
 def tab(context: bpy.types.Context) -> str:
     """Return the name of the sidebar's tab."""
-    addon = context.preferences.addons.get(ADDON)
-    return addon.preferences.tab or DEFAULT_TAB if addon else DEFAULT_TAB
+    found = chosen(context)
+    return found.tab or DEFAULT_TAB if found else DEFAULT_TAB
 
 
 register, unregister = bpy.utils.register_classes_factory((PERFANIM_PG_camera_controls, PERFANIM_AP_preferences))

@@ -23,6 +23,8 @@ _REST = (
     "operators.character",
     "operators.capture",
     "operators.takes",
+    "operators.self_test",
+    "defaults",
     "panel_character",
     "panels",
     "panel_takes",

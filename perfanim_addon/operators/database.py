@@ -8,7 +8,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from ...core.assets import MOTION
 from ...core.errors import DatabaseError
-from .. import running, states
+from .. import preferences, running, states
 from ..place import user_folder
 from ..properties import settings
 from . import common
@@ -61,6 +61,8 @@ class PERFANIM_OT_build_database(JobOperator, bpy.types.Operator, ImportHelper):
         self._target = str(user_folder("databases") / f"{folder.stem or 'motion'}.perfdb")
         fps = settings(context).database_fps
         chosen = [*(["--mirror"] if self.mirror else []), *(["--cull"] if self.cull else [])]
+        workers = preferences.workers(context)
+        chosen += ["--workers", str(workers)] if workers else []
         return ["database", "build", *sources, "--out", self._target, "--fps", f"{fps:g}", *chosen]
 
     def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:

@@ -38,6 +38,10 @@ class JobOperator:
         """Return what the worker is asked for."""
         return command(self.arguments(context))
 
+    def begin(self, context: bpy.types.Context, python: str | None) -> Job:
+        """Start the work in a worker that `python` runs, None for Blender's own."""
+        return Job(self.title, self.panel, self.request(context), python, self.finishable)
+
     def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         """Use the summary; return the line to show."""
         return f"{self.title}: done"
@@ -46,8 +50,7 @@ class JobOperator:
         """Start the worker and go on by the timer."""
         running.set_message(self.panel, "")
         try:
-            python = preferences.worker_python(context)
-            job = Job(self.title, self.panel, self.request(context), python, self.finishable)
+            job = self.begin(context, preferences.worker_python(context))
         except PerfanimError as error:
             return common.failed(self, self.panel, error)
         self._job = job

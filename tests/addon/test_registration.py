@@ -62,34 +62,3 @@ def test_what_the_cameras_are_told_is_kept_in_the_preferences(addon: ModuleType,
     finally:
         left.exposure_auto = left.gain_auto = True
         settings.source = "SIMULATED"
-
-
-def test_a_broken_library_leaves_preferences_and_an_explanation(
-    extension: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    import addon_utils
-
-    for name in [name for name in sys.modules if name.startswith(extension)]:
-        del sys.modules[name]
-    monkeypatch.setitem(sys.modules, "scipy", None)
-    assert addon_utils.enable(extension, default_set=True) is not None
-    try:
-        diagnostics = sys.modules[f"{extension}.perfanim_addon.diagnostics"]
-        assert "scipy" in diagnostics.problem
-        assert any("Problem" in line for line in diagnostics.lines("4.5"))
-        assert bpy.context.preferences.addons[extension].preferences.tab == "Perfanim"
-        assert set(dir(bpy.ops.perfanim)) == {"copy_diagnostics"}
-        assert hasattr(bpy.types, "PERFANIM_PT_broken")
-    finally:
-        addon_utils.disable(extension, default_set=True)
-    assert not hasattr(bpy.types, "PERFANIM_PT_broken")
-
-
-def test_every_button_and_setting_explains_itself(addon: ModuleType) -> None:
-    for name in dir(bpy.ops.perfanim):
-        operator = getattr(bpy.ops.perfanim, name).get_rna_type()
-        assert len(operator.description) > 20, name
-        assert operator.name, name
-    for prop in bpy.context.scene.perfanim.bl_rna.properties:
-        if prop.identifier not in ("rna_type", "name"):
-            assert len(prop.description) > 10, prop.identifier

@@ -1,0 +1,56 @@
+"""The button of the self-test."""
+
+from typing import Any
+
+import bpy
+
+from .. import diagnostics, running, states
+from ..job import Job
+from ..self_test import PANEL, SelfTest
+from .database import starter_arguments
+from .jobs import JobOperator
+
+
+class PERFANIM_OT_self_test(JobOperator, bpy.types.Operator):
+    """Try what a capture needs: the worker's libraries, the cameras, and a second of the simulated performer"""
+
+    bl_idname = "perfanim.self_test"
+    bl_label = "Self-Test"
+    panel = PANEL
+
+    def begin(self, context: bpy.types.Context, python: str | None) -> Job:
+        """Start it."""
+        database = states.starter_database_path()
+        self._test = SelfTest(str(database), [] if database.exists() else starter_arguments(), python)
+        return self._test
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Go on with it, and show in the preferences how far it is."""
+        result = super().modal(context, event)
+        if event.type == "TIMER" or "PASS_THROUGH" not in result:
+            state = running.message(PANEL)[0] or f"{self._test.text} ..."
+            diagnostics.tested = [*self._test.lines, f"Self-test: {state}"]
+            _redraw_preferences(context)
+        return result
+
+    def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+        """Return how it ended."""
+        return "all works"
+
+
+def _redraw_preferences(context: bpy.types.Context) -> None:
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "PREFERENCES":
+                area.tag_redraw()
+
+
+def register() -> None:
+    """Register the button; nothing has been tested."""
+    diagnostics.tested = []
+    bpy.utils.register_class(PERFANIM_OT_self_test)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    bpy.utils.unregister_class(PERFANIM_OT_self_test)

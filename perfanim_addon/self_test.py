@@ -1,0 +1,110 @@
+"""The self-test: what the worker has loaded, the cameras that it finds, and a capture of the simulated performer."""
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ..core.errors import CaptureError
+from ..core.marker_set import Subject, load_marker_set, save_subject
+from ..core.product_skeleton import default_skeleton
+from ..core.worker.client import WorkerClient
+from .capture_state import CaptureRun, Phase
+from .job import Job, command
+
+PANEL = "diagnostics"  # whose message tells how it ended
+MARKER_SET = "boxing"
+WANTED_POSES = 60
+LEAST_CONFIDENCE = 0.5
+
+
+class SelfTest(Job):
+    """One run of the self-test; what it has found stands in `lines` as it goes, one a line.
+
+    Args:
+        database: the starter database.
+        prepare: command that makes it, [] where it is there.
+        python: interpreter of the worker, None for Blender's own.
+    """
+
+    def __init__(self, database: str, prepare: Sequence[str], python: str | None) -> None:
+        super().__init__("Self-test", PANEL, command(["diagnose"]), python)
+        self.text = "looking for cameras"
+        self.lines: list[str] = []
+        self._database, self._python = database, python
+        self._prepare = Job("Making the starter database", self.panel, command(prepare), python) if prepare else None
+        self._folder = tempfile.TemporaryDirectory(prefix="perfanim-")
+        self._run: CaptureRun | None = None
+
+    @property
+    def ended(self) -> bool:
+        """Whether all was tried."""
+        return self._run is not None and self._run.phase is Phase.DONE
+
+    def tick(self) -> None:
+        """Go on with it; never waits.
+
+        Raises:
+            PerfanimError: what does not work.
+        """
+        if not self.lines:
+            super().tick()
+            if self.summary is not None:
+                self.lines = _facts(self.summary)
+                self._client.close()
+        elif self._prepare is not None:
+            self._prepare.tick()
+            self.text, self.fraction = self._prepare.title, self._prepare.fraction
+            if self._prepare.ended:
+                self._prepare.close()
+                self._prepare = None
+        elif self._run is None:
+            self._run = CaptureRun(WorkerClient(self._capture_request(), self._python))
+        else:
+            self._capture(self._run)
+
+    def _capture(self, run: CaptureRun) -> None:
+        run.tick()
+        self.text, self.fraction = run.activity, min(len(run.poses) / WANTED_POSES, 1.0)
+        if len(run.poses) >= WANTED_POSES:
+            run.stop()
+        if run.error is not None:
+            raise run.error
+        if run.phase is Phase.DONE:
+            good = sum(pose.confidence >= LEAST_CONFIDENCE for pose in run.poses)
+            self.lines.append(f"Capture of the simulated performer: {len(run.poses)} poses, {good} of them sure")
+            if 2 * good < len(run.poses):
+                raise CaptureError("the simulated performer is followed badly", advice="report this, with these lines")
+
+    def _capture_request(self) -> dict[str, Any]:
+        subject = Path(self._folder.name) / "subject.toml"
+        save_subject(Subject("Self-test", default_skeleton(), load_marker_set(MARKER_SET)), subject)
+        source = {"kind": "simulated", "behaviour": "walking", "loop": True, "marker_set": MARKER_SET}
+        return {
+            "job": "capture",
+            "cameras": {"source": source, "rig": None, "background_s": 1.0, "threshold": None, "preview": False},
+            "subject": str(subject),
+            "database": self._database,
+            "character": "",
+        }
+
+    def close(self) -> None:
+        """End its workers."""
+        super().close()
+        if self._prepare is not None:
+            self._prepare.close()
+        if self._run is not None:
+            self._run.close()
+        self._folder.cleanup()
+
+
+def _facts(summary: dict[str, Any]) -> list[str]:
+    libraries = ", ".join(f"{name} {fact}" for name, fact in summary["libraries"].items())
+    cameras = [
+        f"{camera['device']} ({'{}x{}'.format(*camera['size']) if camera['size'] else 'gives no image'})"
+        for camera in summary["cameras"]
+    ]
+    return [
+        f"Worker: Python {summary['python']}, {libraries}",
+        f"Cameras found: {', '.join(cameras) or 'none'}",
+    ]

@@ -1,0 +1,140 @@
+"""What the preferences change, and that everything explains itself."""
+
+import importlib
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import bpy
+import pytest
+
+
+@pytest.fixture
+def part(addon: ModuleType, extension: str) -> Any:
+    def find(name: str) -> Any:
+        return importlib.import_module(f"{extension}.perfanim_addon.{name}")
+
+    return find
+
+
+@pytest.fixture
+def preferences(addon: ModuleType, extension: str) -> Any:
+    return bpy.context.preferences.addons[extension].preferences  # gone, with all that was set, with the add-on
+
+
+def test_data_goes_where_the_user_wants_it(part: Any, preferences: Any, tmp_path: Path) -> None:
+    user_folder = part("place").user_folder
+    own = {name: user_folder(name) for name in ("takes", "databases", "subjects", "calibrations", "bone_maps")}
+    preferences.takes_folder = str(tmp_path / "Takes")
+    preferences.databases_folder = str(tmp_path / "Motion")
+    preferences.profiles_folder = str(tmp_path / "People")
+    assert user_folder("takes") == tmp_path / "Takes"
+    assert user_folder("databases") == tmp_path / "Motion"
+    assert user_folder("subjects") == tmp_path / "People" / "subjects"
+    assert user_folder("calibrations", "board") == tmp_path / "People" / "calibrations" / "board"
+    assert user_folder("bone_maps").is_dir()
+    assert part("takes").new_path().parent == tmp_path / "Takes"
+    preferences.takes_folder = preferences.databases_folder = preferences.profiles_folder = ""
+    assert {name: user_folder(name) for name in own} == own
+
+
+def test_a_folder_that_cannot_be_used_loses_nothing_and_is_told(part: Any, preferences: Any, tmp_path: Path) -> None:
+    place = part("place")
+    own = place.user_folder("takes")
+    (tmp_path / "file").write_text("in the way")
+    assert place.folder_problem("takes") == ""
+    preferences.takes_folder = str(tmp_path / "file" / "takes")
+    assert place.user_folder("takes") == own
+    assert "file/takes cannot be used (Not a directory)" in place.folder_problem("takes")
+    preferences.profiles_folder = str(tmp_path / "file")
+    assert "cannot be used" in place.folder_problem("profiles")
+
+
+def test_new_files_begin_with_the_defaults_of_the_preferences(
+    part: Any, preferences: Any, extension: str, tmp_path: Path
+) -> None:
+    assert bpy.context.scene.perfanim.marker_set == "boxing"
+    preferences.marker_set, preferences.database = "kendo", "/motion/mine.pfdb"
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=False)
+    assert bpy.context.scene.perfanim.marker_set == "kendo"
+    assert bpy.context.scene.perfanim.database == "/motion/mine.pfdb"
+
+    kept = str(tmp_path / "kept.blend")
+    bpy.context.scene.perfanim.property_unset("marker_set")
+    bpy.context.scene.perfanim.database = "/motion/other.pfdb"
+    bpy.ops.wm.save_as_mainfile(filepath=kept)
+    bpy.ops.wm.open_mainfile(filepath=kept)
+    assert bpy.context.scene.perfanim.marker_set == "boxing", "files that are there stay as they are"
+    assert bpy.context.scene.perfanim.database == "/motion/other.pfdb"
+
+    preferences.marker_set = "no such set"
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=False)
+    assert bpy.context.scene.perfanim.marker_set == "boxing"
+
+
+def test_the_marker_sets_are_offered(part: Any) -> None:
+    assert {"boxing", "kendo", "locomotion"} <= set(part("preferences")._marker_sets(None, None, ""))
+    assert list(part("preferences")._marker_sets(None, None, "ken")) == ["kendo"]
+
+
+def test_a_capture_is_asked_for_with_the_method_of_the_preferences(
+    part: Any, preferences: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(part("states"), "database_frames", lambda path: 1)
+    make = part("capture_setup").make
+    assert make(bpy.context.scene.perfanim).request["settings"] == {"method": "best"}
+    preferences.method = "lwr"
+    assert make(bpy.context.scene.perfanim).request["settings"] == {"method": "lwr"}
+
+
+def test_motion_is_imported_by_as_many_processes_as_the_preferences_say(
+    part: Any, preferences: Any, tmp_path: Path
+) -> None:
+    operator = part("operators.database").PERFANIM_OT_build_database
+    played = SimpleNamespace(files=[], directory="", filepath=str(tmp_path), mirror=False, cull=False)
+    assert "--workers" not in operator.arguments(played, bpy.context)
+    preferences.workers = 3
+    assert operator.arguments(played, bpy.context)[-2:] == ["--workers", "3"]
+
+
+SEEN_NOWHERE = ("rna_type", "name", "bl_idname")  # Blender's own
+
+
+def test_everything_that_can_be_set_says_what_it_is(addon: ModuleType) -> None:
+    unexplained = []
+    for cls in our_classes():
+        for prop in cls.bl_rna.properties:
+            inherited = any(prop.identifier in base.bl_rna.properties for base in cls.__mro__ if hidden_base(base))
+            if inherited or prop.identifier in SEEN_NOWHERE or prop.is_hidden:
+                continue
+            if len(prop.description) < 10 or prop.description == prop.name:
+                unexplained.append(f"{cls.__name__}.{prop.identifier}: {prop.description!r}")
+            if prop.type == "ENUM" and not prop.is_enum_flag:
+                texts = [item for item in prop.enum_items_static if not item.description]
+                unexplained += [f"{cls.__name__}.{prop.identifier}: {item.identifier}" for item in texts]
+    assert not unexplained, "\n".join(unexplained)
+
+
+def test_every_button_says_what_it_does(addon: ModuleType) -> None:
+    names = dir(bpy.ops.perfanim)
+    assert {"start_capture", "self_test", "copy_diagnostics"} <= set(names)
+    for name in names:
+        operator = getattr(bpy.ops.perfanim, name).get_rna_type()
+        assert len(operator.description) > 20, name
+        assert operator.name, name
+
+
+def hidden_base(base: type) -> bool:
+    return base.__module__ == "bpy_types" or base.__module__.startswith("_bpy")
+
+
+def our_classes() -> Iterator[Any]:
+    """The add-on's registered classes that carry properties."""
+    for kind in (bpy.types.Operator, bpy.types.PropertyGroup, bpy.types.AddonPreferences):
+        waiting = list(kind.__subclasses__())
+        while waiting:
+            cls = waiting.pop()
+            waiting += cls.__subclasses__()
+            if cls.__name__.startswith("PERFANIM_") and cls.is_registered:
+                yield cls
