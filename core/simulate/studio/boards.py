@@ -13,7 +13,7 @@ from ... import rotations as rot
 from ...camera import Camera, CameraRig
 from ...errors import SettingsError
 from ...sources.image_set import ImageSet
-from ...vision.board import Board
+from ...vision.board import Board, charuco_board
 from .lens import undistorted_grid
 from .render import Renderer
 from .rig import looking_at
@@ -30,6 +30,7 @@ _LENS_BLUR_PX = 0.5
 _CANDIDATES = 600
 _CELL_PX = 64
 _FIRST_NUMBER = 10_000_000  # frame numbers of board pictures, apart from those of performances
+_PRINT_PX = 120  # of a square of a ChArUco board; fields of codes are whole pixels for usual sizes
 _CARRIED_FPS = 8.0
 _CARRIED_FRAMES, _HELD_FRAMES = 3, 6
 _CARRIED_SAMPLES = 2
@@ -166,15 +167,10 @@ def _between(start: BoardPose, end: BoardPose, f: float) -> BoardPose:
 
 
 def draw_board(image: Image, camera: Camera, board: Board, pose: BoardPose, samples: int = _SAMPLES) -> None:
-    """Draw a chessboard into a camera's image, in place: bent by the lens, anti-aliased, a little blurred.
+    """Draw a board into a camera's image, in place: bent by the lens, anti-aliased, a little blurred.
 
     `samples` is how many a pixel is the mean of each way.
-
-    Raises:
-        SettingsError: the board is not a chessboard.
     """
-    if board.kind != "chessboard":
-        raise SettingsError(f"the studio draws chessboards, not {board.kind}")
     outline = camera.project(pose.points(_outline(board)))
     pad = 3
     low, high = np.floor(outline.min(axis=0)) - pad, np.ceil(outline.max(axis=0)) + pad
@@ -202,10 +198,17 @@ def _fine(start: int, stop: int, samples: int) -> Array:
 def _pattern(board: Board, x: Array, y: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Whether there is paper, and whether it is dark, at board positions (metres), 0 or 1."""
     column, row = x / board.square_m, y / board.square_m
+    columns, rows = board.corner_grid
     rim = 1.0 + _MARGIN
-    paper = (column > -rim) & (column < board.columns - 1 + rim) & (row > -rim) & (row < board.rows - 1 + rim)
-    squares = (column > -1.0) & (column < board.columns) & (row > -1.0) & (row < board.rows)
-    dark = squares & ((np.floor(column) + np.floor(row)) % 2 == 0)
+    paper = (column > -rim) & (column < columns - 1 + rim) & (row > -rim) & (row < rows - 1 + rim)
+    squares = (column > -1.0) & (column < columns) & (row > -1.0) & (row < rows)
+    if board.kind == "chessboard":
+        dark = squares & ((np.floor(column) + np.floor(row)) % 2 == 0)
+    else:
+        printed = charuco_board(board).generateImage((_PRINT_PX * (columns + 1), _PRINT_PX * (rows + 1)))
+        across = np.clip(_PRINT_PX * (column + 1.0), 0, printed.shape[1] - 1).astype(np.int64)
+        down = np.clip(_PRINT_PX * (row + 1.0), 0, printed.shape[0] - 1).astype(np.int64)
+        dark = squares & (printed[down, across] < 128)
     return paper.astype(np.float32), dark.astype(np.float32)
 
 
@@ -217,7 +220,7 @@ def _shrunk(layer: NDArray[np.float32], height: int, width: int, samples: int) -
 def _outline(board: Board) -> Array:
     """Points (N, 3) along the rim of the paper, metres."""
     rim = 1.0 + _MARGIN
-    low, high = np.array([-rim, -rim]), np.array([board.columns - 1 + rim, board.rows - 1 + rim])
+    low, high = np.array([-rim, -rim]), np.array(board.corner_grid) - 1 + rim
     f = np.linspace(0.0, 1.0, 12)[:, None]
     corners = [low, np.array([high[0], low[1]]), high, np.array([low[0], high[1]])]
     sides = [a + f * (b - a) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]

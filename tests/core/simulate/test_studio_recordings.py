@@ -25,6 +25,7 @@ from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.simulate.studio.settings import StudioSettings
 from perfanim.core.simulate.studio.source import open_simulated, simulated_source, with_return
 from perfanim.core.simulate.studio.staging import lowest_point_m, on_stage, with_poses, with_t_pose
+from perfanim.core.vision.board import find_board, parse_board
 
 FPS = 60.0
 QUIET = StudioSettings(noise_sigma=0.0, clutter=False)
@@ -81,6 +82,21 @@ def test_boards_calibrate_the_cameras(pictures: list[BoardPicture]) -> None:
     for (matrix, _), camera in zip(solved, rig.cameras, strict=True):
         assert matrix[0, 0] == pytest.approx(camera.matrix[0, 0], rel=0.01)
         assert matrix[:2, 2] == pytest.approx(camera.matrix[:2, 2], abs=10.0)
+
+
+def test_boards_with_codes_are_found_where_they_are() -> None:
+    board = parse_board("charuco:7x5:100mm:75mm:DICT_4X4_50")
+    found = []
+    for picture in board_pictures(Renderer(default_rig()), board, 4):
+        for image, corners in zip(picture.images, picture.corners, strict=True):
+            view = find_board(image, board)
+            if view is not None:
+                found.append(view.pixels - corners[view.ids])
+    errors = np.concatenate(found)
+    assert len(found) >= 6
+    # corners are known to about a tenth of a pixel at two grey levels of noise, and a wrong number is a square off
+    assert np.sqrt(np.mean(errors**2)) < 0.15
+    assert np.abs(errors).max() < 1.0
 
 
 def test_boards_cover_both_images(pictures: list[BoardPicture]) -> None:
