@@ -63,10 +63,16 @@ def make(settings: Any) -> Setup:
         "subject": subject_path,
         "database": database_path,
         "settings": {"method": preferences.method(bpy.context)},
+        "shape": shape(settings),
         "take": str(takes.new_path()),
         "character": settings.armature.name if settings.armature else "",
     }
     return Setup(request, subject.skeleton)
+
+
+def shape(settings: Any) -> dict[str, Any]:
+    """Return how poses are to be shown and baked, as `core.pose_shaping` takes it."""
+    return {"smoothing_s": settings.smoothing_ms / 1000.0, "feet": settings.feet}
 
 
 def cameras(settings: Any) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Protocol
@@ -40,6 +40,8 @@ class Client(Protocol):
     def poll(self) -> list[Message]: ...  # noqa: D102
 
     def confirm_taken(self, frames: int) -> None: ...  # noqa: D102
+
+    def tune(self, shape: Mapping[str, Any]) -> None: ...  # noqa: D102
 
     def request_stop(self) -> None: ...  # noqa: D102
 
@@ -159,6 +161,10 @@ class CaptureRun:
     def shown(self) -> None:
         """Note that the newest pose stands on the armature now: its latency ends here."""
         self.statistics.latency_s = self._clock() - self._stamp
+
+    def tune(self, shape: Mapping[str, Any]) -> None:
+        """Have poses shown, and kept in `poses`, in another shape from now on (see `core.pose_shaping`)."""
+        self._client.tune(shape)
 
     def stop(self) -> None:
         """Ask for a clean end; go on calling `tick` until the phase is DONE."""

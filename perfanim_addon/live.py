@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Sequence
+from typing import Any
 
 import bpy
 import numpy as np
@@ -181,6 +182,11 @@ class Capture:
             self._driver = ArmatureDriver(chosen.armature.name, skeleton)
             self._held_action = _release_action(chosen.armature)
         return self._driver
+
+    def tune(self, chosen: Any) -> None:
+        """Go on with the smoothing and the foot lock of the settings."""
+        if self.run is not None:
+            self.run.tune(capture_setup.shape(chosen))
 
     def stop(self) -> None:
         """Ask for a clean end; `tick` goes on until `done`."""

@@ -9,6 +9,7 @@ from typing import Any
 from ..camera import load_rig
 from ..database.store import identity
 from ..errors import SubjectError, TakeError
+from ..foot_lock import FEET, floor_of, with_feet_held
 from ..formats.bvh import write_bvh
 from ..formats.takes import is_recorded, read_take
 from ..marker_filter import smoothed, smoothed_motion
@@ -50,6 +51,12 @@ def add_parser(subparsers: Any) -> None:
         "(default: off)",
     )
     parser.add_argument(
+        "--feet",
+        choices=FEET,
+        default="off",
+        help="hold feet in place: auto, those that stand; always, the lower one even if it glides (default off)",
+    )
+    parser.add_argument(
         "--out",
         required=True,
         metavar="MOTION.bvh",
@@ -80,6 +87,8 @@ def check(args: argparse.Namespace) -> None:
         args.wrong_usage("argument --out: perfanim take import makes a .perftake of other takes")
     if is_recorded(args.out) and args.smooth is not None:
         args.wrong_usage("argument --smooth: a .perftake holds poses as they are solved")
+    if is_recorded(args.out) and args.feet != "off":
+        args.wrong_usage("argument --feet: a .perftake holds poses as they are solved")
 
 
 def solve(
@@ -96,9 +105,18 @@ def solve(
     solved, facts = solve_kind(args, progress, store)
     if args.smooth is not None:
         solved = replace(solved, motion=smoothed_motion(solved.motion, args.smooth))
+    if args.feet != "off":
+        solved = replace(solved, motion=with_feet_held(solved.motion, args.feet, _floor_m(args)))
     if not is_recorded(args.out):
         write_bvh(solved.motion, args.out, args.units)
     return solved, facts
+
+
+def _floor_m(args: argparse.Namespace) -> float | None:
+    """Return the height of the floor that the calibration tells of, None where there is none."""
+    if args.cameras is not None:
+        return floor_of(load_rig(args.cameras))
+    return floor_of(read_take_file(args.take).setup.camera_rig()) if is_recorded(args.take) else None
 
 
 def _solve_markers(

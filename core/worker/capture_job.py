@@ -8,7 +8,8 @@ Should the cameras' process die or hang, another takes its place; should this on
 on in the same take, which has a record of what is missing.
 
 Request: "cameras" (request of `camera_job`), "subject" (file), "database" (file), "settings" (of `SolveSettings`),
-"take" (file that keeps the capture as it comes, see `take_file`; without it none does), "character" (who is driven).
+"take" (file that keeps the capture as it comes, see `take_file`; without it none does), "character" (who is driven),
+"shape" (of the poses as they are handed over, see `pose_shaping`; the take keeps them as they are solved).
 Of a process that takes another's place also "after" (`seam.Seam` as a table: the last frame whose pose was taken) and
 "cause" (what happened to the other, in plain words).
 """
@@ -17,15 +18,18 @@ import os
 import time
 from collections import deque
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ..camera import CameraRig, load_rig
 from ..database.store import Database, identity, open_database
 from ..errors import CaptureError, PerfanimError, SettingsError
+from ..foot_lock import floor_of
 from ..marker_frame import MarkerFrame, pack_stamped, unpack_stamped
 from ..marker_set import load_subject
 from ..pose_bytes import SolvedPose, pack_solved
+from ..pose_shaping import PoseShaper, Shape
 from ..session import Session
 from ..simulate.studio.rig import default_rig
 from ..solver.settings import SolveSettings
@@ -73,7 +77,8 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
         after = seam.number if seam is not None else None
         client = WorkerClient({**cameras, "job": "cameras", "after": after})
         session = Session(setup.worn_subject(), database, setup.camera_rig(), settings)
-        relay = _Relay(client, session, channel, take, cameras)
+        shaper = _shaper(request, setup, cameras)
+        relay = _Relay(client, session, shaper, channel, take, cameras)
         if seam is not None:
             relay.expect(seam, str(request.get("cause", "")))
         relay.run()
@@ -111,6 +116,11 @@ def _setup(
     return TakeSetup.of(_rig(cameras), subject, given, identity(database), cameras), settings
 
 
+def _shaper(request: Mapping[str, Any], setup: TakeSetup, cameras: Mapping[str, Any]) -> PoseShaper:
+    floor_m = floor_of(setup.camera_rig()) if cameras.get("rig") else 0.0  # the simulated performer's is known
+    return PoseShaper(setup.worn_subject().skeleton, floor_m, Shape.of_table(request.get("shape", {})))
+
+
 def _take(request: Mapping[str, Any], setup: TakeSetup, channel: Channel) -> TakeWriter | None:
     """Return the take that is asked for; one that cannot be written is told and does not hold the capture up."""
     if not request.get("take"):
@@ -138,6 +148,9 @@ class _Relay:
 
     Args:
         client: of the cameras' process.
+        session: solves.
+        shaper: makes of solved poses what is handed over.
+        channel: to Blender.
         take: keeps all that comes.
         cameras: what that process was asked for.
     """
@@ -146,6 +159,7 @@ class _Relay:
         self,
         client: WorkerClient,
         session: Session,
+        shaper: PoseShaper,
         channel: Channel,
         take: TakeWriter | None,
         cameras: Mapping[str, Any],
@@ -156,6 +170,7 @@ class _Relay:
         self._repeatable = is_repeatable(cameras)
         self._live = is_live(cameras)
         self._session = session
+        self._shaper = shaper
         self._channel = channel
         self._pending: deque[bytes] = deque()
         self._first_frame = self._last_frame = b""
@@ -275,10 +290,15 @@ class _Relay:
         stamp_s, frame = unpack_stamped(record)
         started_s = time.perf_counter()
         pose = self._session.step(frame)
-        record = pack_solved(SolvedPose(pose, stamp_s, time.perf_counter() - started_s, len(self._pending)))
+        solved = SolvedPose(pose, stamp_s, time.perf_counter() - started_s, len(self._pending))
+        record = pack_solved(solved)
         if self._kept is not None:
             self._kept.add_pose(record)
-        return record
+        tuned, self._channel.tuned = self._channel.tuned, None
+        if tuned is not None:
+            self._shaper.tune(Shape.of_table(tuned))
+        shown = self._shaper.step(pose)
+        return record if shown is pose else pack_solved(replace(solved, pose=shown))
 
     def _hand_over(self, record: bytes) -> None:
         self._solved = None

@@ -41,6 +41,7 @@ class Channel:
         self.activity = "starting"
         self.frames = 0
         self.taken = 0  # frames that the receiver says it is done with
+        self.tuned: dict[str, Any] | None = None  # by the last TUNE message; who heeds it sets None
         self.final: dict[str, Any] = {}  # goes into END
         self.alive_s: float | None = None  # `time.monotonic()` of a job's last sign of getting on, where it gives any
         self._queue.put(encode_json(MessageKind.HELLO, {"token": token, "process": os.getpid()}))
@@ -144,6 +145,8 @@ class Channel:
                     with self._news:
                         self.taken = int(message.json().get("frames", 0))
                         self._news.notify_all()
+                elif message.kind is MessageKind.TUNE:
+                    self.tuned = message.json()
                 else:
                     self._requests.put(message)
         # A job that does not end by itself now must not stay as an orphan.

@@ -279,6 +279,13 @@ class WorkerClient:
         self._outgoing += encode_json(MessageKind.TAKEN, {"frames": max(frames - self.earlier_frames, 0)})
         self._send_pending()
 
+    def tune(self, shape: Mapping[str, Any]) -> None:
+        """Tell the worker, and whichever takes its place, how poses are to be shown from now on."""
+        self._request["shape"] = dict(shape)
+        if self._authenticated:
+            self._outgoing += encode_json(MessageKind.TUNE, shape)
+            self._send_pending()
+
     def request_stop(self) -> None:
         """Ask the worker to end cleanly; go on calling `poll` until `ended`."""
         self._stop_asked = True

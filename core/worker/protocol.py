@@ -27,11 +27,12 @@ _MAGIC = b"PA"
 
 
 class MessageKind(IntEnum):
-    """What a message is; the first three go to the worker, the others come from it."""
+    """What a message is; the first four go to the worker, the others come from it."""
 
     REQUEST = 1  # JSON: what to do
     STOP = 2  # end cleanly, hand over what is left
     TAKEN = 3  # JSON: frames that the receiver is done with, so that a source that can wait does not run ahead
+    TUNE = 4  # JSON: how poses are to be shown from now on, see `pose_shaping.Shape`
     HELLO = 10  # JSON: token, process id
     STATUS = 11  # JSON: activity, fraction, frames, queued
     FRAME = 12  # stamp and marker frame

@@ -1,6 +1,6 @@
 """The course of a capture without Blender's window: a worker played by the test."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -33,6 +33,7 @@ class PlayedWorker:
     taken: int = 0
     closed: bool = False
     may_restart: bool = False
+    tuned: Mapping[str, Any] = field(default_factory=dict)
     restarted: list[dict[str, Any]] = field(default_factory=list)
 
     def restart(self, **changes: Any) -> None:
@@ -51,6 +52,9 @@ class PlayedWorker:
 
     def confirm_taken(self, frames: int) -> None:
         self.taken = frames
+
+    def tune(self, shape: Mapping[str, Any]) -> None:
+        self.tuned = shape
 
     def request_stop(self) -> None:
         self.asked_to_stop = True

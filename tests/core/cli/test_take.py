@@ -14,6 +14,7 @@ from perfanim.core.marker_take import MarkerTake, save_take
 from perfanim.core.motion_files import read_motion
 from perfanim.core.pose_bytes import SolvedPose, pack_solved
 from perfanim.core.session import Session
+from perfanim.core.skeleton import forward_kinematics
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.take_file import writer as writer_module
 from perfanim.core.take_file.chunks import scan
@@ -106,6 +107,14 @@ def test_solving_again_gives_what_live_gave(tmp_path, recorded, capsys):
     assert np.degrees(rot.angle_between(again.rotations, live.rotations)).max() < 0.01  # what BVH keeps
     other = run(capsys, "solve", recorded, "--method", "lwr", "--out", tmp_path / "lwr.bvh")
     assert other["method"] == "lwr"
+    run(capsys, "solve", recorded, "--feet", "auto", "--out", tmp_path / "feet.bvh")
+    held = read_motion(tmp_path / "feet.bvh")
+    balls = [held.skeleton.index(name) for name in ("ltoes", "rtoes")]
+    slow = []
+    for motion in (held, again):
+        path = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)[0][:, balls][..., [0, 2]]
+        slow.append(np.percentile(np.linalg.norm(np.diff(path, axis=0), axis=-1), 25))
+    assert slow[0] < 0.5 * slow[1]  # in walking each foot stands for more than half of the time
 
 
 def test_solving_again_from_the_detections_alone(tmp_path, recorded, stage_rig, capsys):
@@ -223,6 +232,6 @@ def test_a_take_solved_anew_takes_no_other_s_place(recorded, tmp_path, capsys):
     assert main(["solve", str(recorded), "--out", str(recorded)]) == 1
     assert "would be overwritten" in capsys.readouterr().err
     assert recorded.read_bytes() == content
-    for wrong in (["--smooth", "6"], ["--out", "x.bvh", "--cameras", "y"]):
+    for wrong in (["--smooth", "6"], ["--feet", "auto"], ["--out", "x.bvh", "--cameras", "y"]):
         with pytest.raises(SystemExit, match="2"):
             main(["solve", "walk.take.npz", "--database", "d", "--subject", "s", "--out", "x.perftake", *wrong])

@@ -84,17 +84,25 @@ def test_every_frame_of_a_source_that_ends_is_solved_and_kept(request_files: dic
     assert not summarise(path).orphaned
 
 
-def test_stop_ends_the_chain_and_loses_nothing(request_files: dict[str, str]) -> None:
-    asked = request(request_files, loop=True)
+def test_stop_ends_the_chain_and_loses_nothing(request_files: dict[str, str], tmp_path: Path) -> None:
+    path = tmp_path / "walk.perftake"
+    asked = {**request(request_files, loop=True), "take": str(path), "shape": {"smoothing_s": 0.1, "feet": "auto"}}
     asked["cameras"]["preview"] = True
     client = WorkerClient(asked)
     try:
         messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= 20 and bool(of(MessageKind.PREVIEW, m)))
+        client.tune({})
+        tuned_at = len(of(MessageKind.POSE, messages))
+        messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= tuned_at + 10, messages)
         client.request_stop()
         messages = collect(client, lambda _: client.ended, messages)
     finally:
         client.close()
     assert messages[-1].json()["handed_over"] == len(of(MessageKind.POSE, messages)) >= 20
+    kept = [pack_solved(solved) for solved in read_take_file(path).poses]  # always as they were solved
+    changed = np.array([mine != m.payload for mine, m in zip(kept, of(MessageKind.POSE, messages), strict=True)])
+    assert changed[1:tuned_at].all()
+    assert not changed[tuned_at + 5 :].any()  # some were on their way
     picture = of(MessageKind.PREVIEW, messages)[0].preview().astype(int)
     assert picture.shape == (240, 640, 3)
     ringed = (picture[..., 1] - picture[..., [0, 2]].max(axis=2) > 80).sum(axis=0)  # green: in both cameras' images

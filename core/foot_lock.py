@@ -1,0 +1,206 @@
+"""Feet that stand are held in place: contacts found in the poses, legs bent to the held feet, poses one after another.
+
+What is held is the ball of the foot (the toes' joint), as the heel is lifted long before a step ends. The way from the
+pose's ball to the held one is added to the ankle, and hip and knee are turned to reach it in the plane of the leg (a
+chain of two bones in closed form, by the law of cosines); the foot keeps its direction in the room. On release that way
+fades out, so nothing jumps.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import rotations as rot
+from .calibration_pose import standing
+from .camera import CameraRig
+from .errors import SettingsError
+from .motion import Motion
+from .skeleton import Skeleton, forward_kinematics
+
+Array = NDArray[np.float64]
+
+FEET = ("off", "auto", "always")
+
+_SOLE_M = 0.02  # from the lowest joint of a standing foot down to the floor
+_WINDOW_S = 0.06  # over which a speed is taken: one frame's is mostly noise
+_PLANTED_M_S, _LIFTED_M_S = 0.2, 0.4  # a standing foot moves less, one that leaves more
+_PLANTED_M, _LIFTED_M = 0.05, 0.09  # the same of heights above where the ball of a standing foot is
+_REACH_M = 0.05  # a foot that would have to be held further off has moved in truth
+_GLIDE_REACH_M = 0.30  # the same where it is held although it glides
+_LOWER_M = 0.02  # a foot must be lower than the held one by this to take its place
+_FADE_S = 0.12
+_STRETCH = 0.995  # of the leg, up to which it may be straightened: near a straight knee millimetres turn it by degrees
+_PAUSE_S = 0.25  # after so long without a pose everything begins anew
+_LOWEST_PERCENT = 5.0  # of a motion's frames, that tells the floor: single frames are noise
+
+
+def floor_of(rig: CameraRig | None) -> float | None:
+    """Return the height of the floor in the world of a calibration, None where it does not know the floor."""
+    return 0.0 if rig is not None and rig.metadata.get("floor") else None
+
+
+def with_feet_held(motion: Motion, mode: str, floor_m: float | None) -> Motion:
+    """Return a motion with its feet held; arguments and errors as of `FootLock`.
+
+    Without a known floor it is taken to be where the lower foot most often stands.
+    """
+    if mode == "off":
+        return motion
+    if floor_m is None:
+        skeleton = motion.skeleton
+        balls = [skeleton.index(side + "toes") for side in "lr"]
+        heights = forward_kinematics(skeleton, motion.rotations, motion.root_positions_m)[0][:, balls, 1]
+        floor_m = float(np.percentile(heights.min(axis=1), _LOWEST_PERCENT)) - _standing_heights(skeleton)[0]
+    lock = FootLock(motion.skeleton, mode, floor_m)
+    frames = zip(motion.rotations, motion.root_positions_m, strict=True)
+    held = [lock.step(i / motion.fps, rotations, root) for i, (rotations, root) in enumerate(frames)]
+    return replace(motion, rotations=np.array(held))
+
+
+def _standing_heights(skeleton: Skeleton) -> tuple[float, float]:
+    """Return how high the balls of the left and the right foot are above the floor when somebody stands."""
+    heights = forward_kinematics(skeleton, standing(skeleton), np.zeros(3))[0][:, 1]
+    found = []
+    for side in "lr":
+        ankle, ball = heights[skeleton.index(side + "foot")], heights[skeleton.index(side + "toes")]
+        found.append(float(ball - min(ankle, ball)) + _SOLE_M)
+    return found[0], found[1]
+
+
+@dataclass
+class _Foot:
+    """One leg's joints, and where its foot is held."""
+
+    femur: int
+    tibia: int
+    foot: int
+    toes: int
+    stand_m: float  # height of the ball when standing
+    past: list[tuple[float, Array]] = field(default_factory=list)
+    anchor_m: Array | None = None
+    offset_m: Array = field(default_factory=lambda: np.zeros(3))
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self.past, self.anchor_m, self.offset_m = [], None, np.zeros(3)
+
+
+class FootLock:
+    """Holds feet in place.
+
+    Args:
+        skeleton: the performer's.
+        mode: "off", "auto" (a foot that is low and slow stands until it is lifted or moves off), or "always" (the lower
+            foot stands even if it glides: for performers who never run or jump).
+        floor_m: height of the floor in the world of the poses; None: it is below the lowest ball of the last seconds.
+
+    Raises:
+        SettingsError: there is no such mode.
+    """
+
+    def __init__(self, skeleton: Skeleton, mode: str, floor_m: float | None = 0.0) -> None:
+        if mode not in FEET:
+            raise SettingsError(f"there is no mode {mode!r} for the feet", advice="modes: " + ", ".join(FEET))
+        self.mode = mode
+        self._skeleton = skeleton
+        self._floor_m = floor_m
+        self._lowest: list[tuple[float, float]] = []
+        self._feet = []
+        for side, stand_m in zip("lr", _standing_heights(skeleton), strict=True):
+            femur, tibia, foot, toes = (skeleton.index(side + name) for name in ("femur", "tibia", "foot", "toes"))
+            self._feet.append(_Foot(femur, tibia, foot, toes, stand_m))
+        self._time_s = -np.inf
+
+    def step(self, time_s: float, rotations: Array, root_position_m: Array) -> Array:
+        """Return the rotations (J, 4) of the next pose with its feet held; `time_s` ascends."""
+        if self.mode == "off":
+            return rotations
+        passed_s = time_s - self._time_s
+        self._time_s = time_s
+        if not 0.0 < passed_s < _PAUSE_S:
+            self._lowest.clear()
+            for foot in self._feet:
+                foot.forget()
+        positions, world = forward_kinematics(self._skeleton, rotations, root_position_m)
+        floor_m = self._floor_under(time_s, positions)
+        heights = [float(positions[foot.toes, 1]) - floor_m - foot.stand_m for foot in self._feet]
+        result = rotations
+        carrying = self._carrying(heights) if self.mode == "always" else None
+        for foot, height in zip(self._feet, heights, strict=True):
+            glides = foot is carrying and height < _PLANTED_M
+            self._hold(foot, time_s, passed_s, positions[foot.toes], height, glides)
+            if np.dot(foot.offset_m, foot.offset_m) > 1e-10:
+                result = result.copy() if result is rotations else result
+                self._reach(foot, result, positions, world)
+        return result
+
+    def _floor_under(self, time_s: float, positions: Array) -> float:
+        if self._floor_m is not None:
+            return self._floor_m
+        lowest = min(float(positions[foot.toes, 1]) - foot.stand_m for foot in self._feet)
+        self._lowest = [(t, h) for t, h in self._lowest if time_s - t < 2.0]
+        self._lowest.append((time_s, lowest))
+        return min(height for _, height in self._lowest)
+
+    def _carrying(self, heights: list[float]) -> _Foot:
+        """Return the lower foot; one that is held stays it until the other is clearly lower."""
+        bonus = [_LOWER_M if foot.anchor_m is not None else 0.0 for foot in self._feet]
+        return self._feet[int(np.argmin(np.subtract(heights, bonus)))]
+
+    def _hold(self, foot: _Foot, time_s: float, passed_s: float, ball: Array, height: float, glides: bool) -> None:
+        """Plant or release a foot by what its ball does, and find how far it is to be moved."""
+        foot.past = [(t, p) for t, p in foot.past if time_s - t <= _WINDOW_S + 1e-6]
+        foot.past.append((time_s, ball))
+        (since_s, before) = foot.past[0]
+        speed = float(np.linalg.norm(ball - before)) / max(time_s - since_s, 1e-6) if len(foot.past) > 1 else np.inf
+        if foot.anchor_m is None:
+            if glides or (speed < _PLANTED_M_S and height < _PLANTED_M):
+                foot.anchor_m = ball + foot.offset_m
+        elif height > _LIFTED_M or (speed > _LIFTED_M_S and not glides):
+            foot.anchor_m = None
+        if foot.anchor_m is not None:
+            wanted = foot.anchor_m - ball
+            wanted[1] = 0.0
+            if not glides:  # one that begins to leave is let go of little by little
+                leaves = min(max((speed - _PLANTED_M_S) / (_LIFTED_M_S - _PLANTED_M_S), 0.0), 1.0)
+                wanted *= np.exp(-leaves * passed_s / _FADE_S)
+                foot.anchor_m = ball + wanted
+            if np.linalg.norm(wanted) <= (_GLIDE_REACH_M if glides else _REACH_M):
+                foot.offset_m = wanted
+                return
+            foot.anchor_m = None
+        foot.offset_m = foot.offset_m * np.exp(-passed_s / _FADE_S)
+
+    def _reach(self, foot: _Foot, rotations: Array, positions: Array, world: Array) -> None:
+        """Turn hip, knee and ankle so that the ankle moves by the foot's offset; `rotations` is changed."""
+        hip, knee, ankle = positions[foot.femur], positions[foot.tibia], positions[foot.foot]
+        thigh, shank, reach = knee - hip, ankle - knee, ankle - hip
+        a, b, c = (float(np.linalg.norm(v)) for v in (thigh, shank, reach))
+        target = reach + foot.offset_m
+        longest = max(_STRETCH * (a + b), c)
+        wanted = float(np.linalg.norm(target))
+        d = min(max(wanted, abs(a - b) + 1e-6), longest)
+        axis = np.cross(thigh, shank)
+        size = float(np.linalg.norm(axis))
+        # a straight knee bends about its own axis, to the performer's left in the rest pose
+        axis = axis / size if size > 1e-3 * a * b else rot.rotate(world[foot.tibia], np.array([1.0, 0.0, 0.0]))
+        hip_before, hip_after = _angle(a, c, b), _angle(a, d, b)
+        ankle_before, ankle_after = _angle(b, c, a), _angle(b, d, a)
+        turn = rot.between(reach / c, target / max(wanted, 1e-9))
+        femur = rot.multiply(turn, rot.multiply(_about(axis, hip_before - hip_after), world[foot.femur]))
+        tibia = rot.multiply(turn, rot.multiply(_about(axis, ankle_after - ankle_before), world[foot.tibia]))
+        above = world[self._skeleton.parents[foot.femur]]
+        rotations[foot.femur] = rot.multiply(rot.conjugate(above), femur)
+        rotations[foot.tibia] = rot.multiply(rot.conjugate(femur), tibia)
+        rotations[foot.foot] = rot.multiply(rot.conjugate(tibia), world[foot.foot])
+
+
+def _angle(near: float, side: float, opposite: float) -> float:
+    """Return the angle between the sides `near` and `side` of a triangle."""
+    cosine = (near * near + side * side - opposite * opposite) / (2.0 * near * side)
+    return float(np.arccos(min(max(cosine, -1.0), 1.0)))
+
+
+def _about(axis: Array, angle: float) -> Array:
+    return rot.from_rotation_vector(axis * angle)

@@ -1,0 +1,62 @@
+"""What is done to solved poses before they are shown and baked: smoothing, feet held in place. Takes keep neither."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from .foot_lock import FootLock
+from .pose_frame import PoseFrame
+from .pose_smoothing import PoseSmoother
+from .skeleton import Skeleton
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What is asked for.
+
+    Args:
+        smoothing_s: delay of a slow motion (see `PoseSmoother`), 0 for none.
+        feet: mode of `FootLock`.
+    """
+
+    smoothing_s: float = 0.0
+    feet: str = "off"
+
+    @staticmethod
+    def of_table(table: Mapping[str, Any]) -> "Shape":
+        """Return the shape that a JSON object describes; what it leaves out is off."""
+        return Shape(float(table.get("smoothing_s", 0.0)), str(table.get("feet", "off")))
+
+
+class PoseShaper:
+    """Shapes poses one after another.
+
+    Args:
+        skeleton: the performer's.
+        floor_m: height of the floor in the world of the poses, None where nobody knows it.
+        shape: what is asked for.
+
+    Raises:
+        SettingsError: there is no such mode for the feet.
+    """
+
+    def __init__(self, skeleton: Skeleton, floor_m: float | None, shape: Shape) -> None:
+        self._skeleton = skeleton
+        self._floor_m = floor_m
+        self._shape = shape
+        self._smoother = PoseSmoother(shape.smoothing_s)
+        self._feet = FootLock(skeleton, shape.feet, floor_m)
+
+    def tune(self, shape: Shape) -> None:
+        """Go on with another shape; errors as at construction."""
+        self._smoother.delay_s = shape.smoothing_s
+        if shape.feet != self._shape.feet:
+            self._feet = FootLock(self._skeleton, shape.feet, self._floor_m)
+        self._shape = shape
+
+    def step(self, pose: PoseFrame) -> PoseFrame:
+        """Return the next pose as it is shown; the very same when nothing is asked for."""
+        if self._shape == Shape():
+            return pose
+        rotations, root = self._smoother.step(pose.time_s, pose.rotations, pose.root_position_m)
+        return replace(pose, rotations=self._feet.step(pose.time_s, rotations, root), root_position_m=root)

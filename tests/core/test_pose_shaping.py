@@ -1,0 +1,83 @@
+"""Smoothing of poses as they come, and what is shown in place of solved poses."""
+
+import numpy as np
+import pytest
+from perfanim.core import rotations as rot
+from perfanim.core.errors import SettingsError
+from perfanim.core.pose_frame import PoseFrame
+from perfanim.core.pose_shaping import PoseShaper, Shape
+from perfanim.core.pose_smoothing import PoseSmoother
+from perfanim.core.product_skeleton import default_skeleton
+
+FPS = 60
+JOINTS = 29
+
+
+def smoothed(delay_s: float, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Angles (F,) about x of all joints, and the root's way (F,) along x by as many metres, smoothed."""
+    smoother = PoseSmoother(delay_s)
+    found, way = [], []
+    for number, angle in enumerate(angles):
+        turn = rot.from_rotation_vector(np.tile([angle, 0.0, 0.0], (JOINTS, 1)))
+        turns, root = smoother.step(number / FPS, turn, np.array([angle, 0.0, 0.0]))
+        found.append(rot.to_rotation_vector(turns)[-1, 0])
+        way.append(root[0])
+    return np.array(found), np.array(way)
+
+
+def test_what_trembles_is_calmed() -> None:
+    noise = 0.005 * np.random.default_rng(3).standard_normal(600)  # 0.3 degrees, 5 mm
+    shaken = np.std(np.diff(noise, 3))
+    calmer = [np.std(np.diff(smoothed(delay_s, noise)[0][60:], 3)) / shaken for delay_s in (0.02, 0.05, 0.1)]
+    # a low-pass of first order lets through alpha / (2 - alpha) of white noise and less of its differences
+    for share, delay_s in zip(calmer, (0.02, 0.05, 0.1), strict=True):
+        alpha = 1.0 - np.exp(-1.0 / (FPS * delay_s) - 2.0 * np.pi * 0.5 / FPS)  # noise alone looks like some speed
+        assert share < np.sqrt(alpha / (2.0 - alpha))
+    assert calmer == sorted(calmer, reverse=True)
+
+
+@pytest.mark.parametrize("delay_s", [0.02, 0.1])
+def test_a_slow_motion_comes_later_by_the_delay_and_a_fast_one_by_less(delay_s: float) -> None:
+    lags = []
+    for speed, frames in ((0.01, 240), (3.0, 60)):  # no angle beyond half a turn
+        seconds = np.arange(frames) / FPS
+        turned, moved = smoothed(delay_s, speed * seconds)
+        lags.append(seconds[-1] - np.array((turned[-1], moved[-1])) / speed)
+    # a low-pass of first order at 60 steps a second; the slow motion's own speed raises its cutoff by 2.5 % at most
+    assert lags[0] == pytest.approx(np.full(2, 1.0 / FPS / np.expm1(1.0 / FPS / delay_s)), rel=0.03)
+    assert np.all(lags[0] <= delay_s)
+    assert np.all(lags[1] < 0.7 * lags[0])
+
+
+def test_after_a_gap_it_begins_anew() -> None:
+    smoother = PoseSmoother(0.1)
+    still, turned = rot.identity((JOINTS,)), rot.from_rotation_vector(np.full((JOINTS, 3), 0.5))
+    smoother.step(0.0, still, np.zeros(3))
+    first, _ = smoother.step(1 / FPS, turned, np.ones(3))
+    assert rot.angle_between(first, turned).max() > 0.1
+    again, root = smoother.step(1.0, turned, np.ones(3))
+    np.testing.assert_array_equal(again, turned)
+    np.testing.assert_array_equal(root, np.ones(3))
+
+
+def a_pose(number: int) -> PoseFrame:
+    angle = 0.05 * (number % 2)
+    nowhere, none = np.empty((0, 3)), np.empty(0, dtype=np.int64)
+    turns = rot.from_rotation_vector(np.tile([angle, 0.0, 0.0], (JOINTS, 1)))
+    return PoseFrame(number, number / FPS, turns, np.zeros(3), 0.5, nowhere, nowhere, none, 0.0)
+
+
+def test_nothing_is_touched_until_something_is_asked_for() -> None:
+    shaper = PoseShaper(default_skeleton(), 0.0, Shape())
+    assert all(shaper.step(pose) is pose for pose in map(a_pose, range(5)))
+    shaper.tune(Shape.of_table({"smoothing_s": 0.05}))
+    shown = [shaper.step(a_pose(number)) for number in range(5, 30)]
+    raw = [a_pose(number) for number in range(5, 30)]
+    swings = [np.ptp([rot.to_rotation_vector(pose.rotations)[-1, 0] for pose in poses[5:]]) for poses in (shown, raw)]
+    assert swings[0] < 0.7 * swings[1]
+    assert [pose.number for pose in shown] == [pose.number for pose in raw]
+    shaper.tune(Shape())
+    pose = a_pose(30)
+    assert shaper.step(pose) is pose
+    with pytest.raises(SettingsError, match="no mode"):
+        shaper.tune(Shape(feet="sometimes"))
