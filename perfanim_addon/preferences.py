@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ..core.solver.settings import METHODS
-from . import diagnostics_ui
+from . import diagnostics, diagnostics_ui
 from .place import ADDON, CHOSEN_FOLDERS, folder_problem
 
 DEFAULT_TAB = "Perfanim"
@@ -22,7 +22,7 @@ _METHOD_TEXTS = {
 def _tab_changed(preferences: "PERFANIM_AP_preferences", context: bpy.types.Context) -> None:
     for name in ("panels", "panel_takes"):
         panels = sys.modules.get(f"{__package__}.{name}")
-        if panels is not None:
+        if panels is not None and not diagnostics.problem:
             panels.move_to_tab(preferences.tab or DEFAULT_TAB)
 
 
@@ -42,27 +42,21 @@ def _automatic(what: str) -> Any:
     return bpy.props.BoolProperty(name=f"Automatic {what}", description=f"Leave {what} to the camera", default=True)
 
 
+def _number(name: str, description: str, default: float, least: float, most: float) -> Any:
+    return bpy.props.FloatProperty(name=name, description=description, default=default, min=least, max=most)
+
+
 class PERFANIM_PG_camera_controls(bpy.types.PropertyGroup):
     """What one camera is told, on this computer; kept from session to session."""
 
     exposure_auto: _automatic("exposure")
-    exposure_ms: bpy.props.FloatProperty(
-        name="Exposure (ms)",
-        description="Milliseconds that the shutter is open: 2 to 4 keep markers of a fast performer sharp",
-        default=4,
-        min=0.1,
-        max=1000,
+    exposure_ms: _number(
+        "Exposure (ms)", "Milliseconds that the shutter is open: 2 to 4 keep fast markers sharp", 4, 0.1, 1000
     )
     gain_auto: _automatic("gain")
-    gain: bpy.props.FloatProperty(name="Gain", description="In the camera's own numbers", default=0, min=0, max=1000)
+    gain: _number("Gain", "In the camera's own numbers", 0, 0, 1000)
     focus_auto: _automatic("focus")
-    focus: bpy.props.FloatProperty(
-        name="Focus",
-        description="In the camera's own numbers; a focus that changes spoils the calibration",
-        default=0,
-        min=0,
-        max=1023,
-    )
+    focus: _number("Focus", "In the camera's own numbers; a focus that changes spoils the calibration", 0, 0, 1023)
 
 
 class PERFANIM_AP_preferences(bpy.types.AddonPreferences):

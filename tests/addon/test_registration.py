@@ -1,5 +1,4 @@
 import importlib
-import sys
 from types import ModuleType
 
 import bpy
@@ -35,15 +34,19 @@ def test_what_is_looked_for_is_there_while_the_addon_is_on(addon: ModuleType) ->
     assert any("perfanim" in name for name in found["handlers"]["load_pre"])
 
 
-def test_preferences_and_tab(addon: ModuleType, extension: str) -> None:
+def test_all_panels_move_to_the_tab_of_the_preferences(addon: ModuleType, extension: str) -> None:
+    def tabs() -> set[str]:
+        ours = [panel for panel in bpy.types.Panel.__subclasses__() if panel.__name__.startswith("PERFANIM_PT_")]
+        shown = [panel for panel in ours if getattr(panel, "is_registered", False)]
+        assert len(shown) > 7
+        return {panel.bl_category for panel in shown}
+
     preferences = bpy.context.preferences.addons[extension].preferences
     assert preferences.tab == "Perfanim"
     preferences.tab = "Mocap"
-    panels = sys.modules[f"{extension}.perfanim_addon.panels"]
-    assert {cls.bl_category for cls in panels._CLASSES} == {"Mocap"}
-    assert all(cls.is_registered for cls in panels._CLASSES)
+    assert tabs() == {"Mocap"}
     preferences.tab = ""
-    assert {cls.bl_category for cls in panels._CLASSES} == {"Perfanim"}
+    assert tabs() == {"Perfanim"}
 
 
 def test_what_the_cameras_are_told_is_kept_in_the_preferences(addon: ModuleType, extension: str) -> None:
