@@ -1,9 +1,12 @@
 """Puts poses on an armature, fast enough for every tick of a live capture."""
 
+from collections.abc import Collection
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.skeleton import Skeleton
+from .body_parts import PARTS, bones_of_parts
 from .character import find_armature
 from .posing import posing_of
 from .retarget_rig import delta_transforms
@@ -20,14 +23,17 @@ class ArmatureDriver:
         object_name: an armature object, driven as `posing_of` tells; rest pose, rolls, scale and further bones are
             its own. Its bones are switched to quaternions.
         skeleton: the skeleton that the poses are relative to.
+        parts: of the body that are moved (see `body_parts`); the bones of the others are left alone.
 
     Raises:
         CharacterError: no such armature, or it cannot be driven (the message says why).
     """
 
-    def __init__(self, object_name: str, skeleton: Skeleton) -> None:
+    def __init__(self, object_name: str, skeleton: Skeleton, parts: Collection[str] = PARTS) -> None:
         self.object_name = object_name
         self._skeleton = skeleton
+        self._parts = parts
+        self._last: tuple[ArrayLike, ArrayLike] | None = None
         self.bind()
 
     def bind(self) -> None:
@@ -36,7 +42,12 @@ class ArmatureDriver:
         self._posing = posing_of(armature_object, self._skeleton)
         bones = armature_object.pose.bones
         places = {bone.name: index for index, bone in enumerate(bones)}
-        self._order: NDArray[np.int64] = np.array([places[name] for name in self._posing.bones])
+        self.only = bones_of_parts(armature_object, self._posing, self._parts)
+        only = self._posing.bones if self.only is None else self.only
+        self._turned = np.flatnonzero([name in only for name in self._posing.bones])
+        self._located = [(name, place) for place, name in enumerate(self._posing.located) if name in only]
+        self._names = [self._posing.bones[place] for place in self._turned]
+        self._order: NDArray[np.int64] = np.array([places[name] for name in self._names], dtype=np.int64)
         self._quaternions = np.zeros((len(bones), 4), dtype=np.float32)
         self._modes = np.zeros(len(bones), dtype=np.int32)
 
@@ -50,6 +61,7 @@ class ArmatureDriver:
         Raises:
             CharacterError: the armature is gone or has lost bones.
         """
+        self._last = rotations, root_position_m
         armature_object = find_armature(self.object_name)
         bones = armature_object.pose.bones
         if len(bones) != len(self._quaternions):
@@ -59,17 +71,24 @@ class ArmatureDriver:
         if len(bones) > len(self._order):  # further bones of the rig keep the pose they have
             bones.foreach_get("rotation_quaternion", flat)
         pose = self._posing.pose(rotations, root_position_m)
-        self._quaternions[self._order] = pose.rotations
+        self._quaternions[self._order] = pose.rotations[self._turned]
         bones.foreach_set("rotation_quaternion", flat)
-        if pose.object_rotation is not None and pose.object_location is not None:
+        if pose.object_rotation is not None and pose.object_location is not None and self.only is None:
             turn, way = delta_transforms(armature_object, pose.object_rotation, pose.object_location)
             armature_object.delta_rotation_quaternion, armature_object.delta_location = turn, way
         # an ordinary assignment last: unlike foreach_set it tells Blender to evaluate and draw the new pose
-        for name, location in zip(self._posing.located, pose.locations, strict=True):
-            bones[name].location = location
+        for name, place in self._located:
+            bones[name].location = pose.locations[place]
+        if not self._located and self._names:
+            bones[self._names[0]].rotation_quaternion = self._quaternions[self._order[0]]
+
+    def apply_again(self) -> None:
+        """Pose the armature as last, after an animation has overwritten it; errors as of `apply`."""
+        if self._last is not None:
+            self.apply(*self._last)
 
     def _ensure_quaternion_mode(self, bones) -> None:  # type: ignore[no-untyped-def]
         bones.foreach_get("rotation_mode", self._modes)
         if np.any(self._modes[self._order] != _QUATERNION_MODE):
-            for name in self._posing.bones:
+            for name in self._names:
                 bones[name].rotation_mode = "QUATERNION"

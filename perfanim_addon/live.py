@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import bpy
@@ -12,8 +13,8 @@ from ..core.errors import PerfanimError
 from ..core.pose_frame import PoseFrame
 from ..core.product_skeleton import default_skeleton
 from ..core.skeleton import Skeleton
-from . import capture_setup, preview, sound, takes
-from .actions import scene_frames, write_action
+from . import capture_setup, preview, running, sound, takes
+from .actions import Onto, Placement, scene_frames, write_action
 from .armature_driver import ArmatureDriver
 from .capture_state import CaptureRun, Phase
 from .character import create_character
@@ -54,6 +55,7 @@ def write_poses(
     skeleton: Skeleton,
     start_frame: float,
     name: str,
+    only: frozenset[str] | None = None,
 ) -> str:
     """Write poses onto an armature, or a new character where that is gone, as is chosen; return the action's name.
 
@@ -63,18 +65,29 @@ def write_poses(
         rotations, root_positions_m: (F, J, 4), (F, 3) as `write_action` takes them.
         skeleton: the performer's.
         name: wished name of the action.
+        only: bones that are written, None for all; the others keep the animation that they have.
 
     Raises:
         CharacterError: the armature cannot be driven, or there are no poses.
     """
     if object_name not in bpy.data.objects:
-        object_name = add_character(context, skeleton)
+        object_name, only = add_character(context, skeleton), None
     frames = scene_frames(increasing(times_s), context.scene, start_frame)
     chosen = placement(context, bpy.data.objects.get(object_name))
+    if only is not None:
+        chosen = _partial(chosen, only, bpy.data.objects[object_name])
     action = write_action(object_name, frames, rotations, root_positions_m, skeleton, name=name, placement=chosen)
     if settings(context).extend_scene:
         context.scene.frame_end = max(context.scene.frame_end, int(np.ceil(frames[-1])))
     return action
+
+
+def _partial(chosen: Placement, only: frozenset[str], armature: bpy.types.Object) -> Placement:
+    """Return a placement of some bones; a strip where a new action would take the others' animation away."""
+    animation = armature.animation_data
+    others = animation is not None and animation.action is not None
+    onto = Onto.STRIP if chosen.onto is Onto.ACTION and others else chosen.onto
+    return replace(chosen, onto=onto, only=only if chosen.only is None else only & set(chosen.only))
 
 
 class Capture:
@@ -179,9 +192,17 @@ class Capture:
             chosen, skeleton = settings(context), self._skeleton or default_skeleton()
             if chosen.armature is None:
                 add_character(context, skeleton)
-            self._driver = ArmatureDriver(chosen.armature.name, skeleton)
-            self._held_action = _release_action(chosen.armature)
+            self._driver = ArmatureDriver(chosen.armature.name, skeleton, chosen.body_parts)
+            if self._driver.only is None:
+                self._held_action = _release_action(chosen.armature)
+            if _plays(chosen.armature):
+                bpy.app.handlers.frame_change_post.append(_after_frame_change)
         return self._driver
+
+    def pose_again(self) -> None:
+        """Put the newest pose back where an animation has overwritten it."""
+        if self._driver is not None:
+            self._driver.apply_again()
 
     def tune(self, chosen: Any) -> None:
         """Go on with the smoothing and the foot lock of the settings."""
@@ -196,6 +217,8 @@ class Capture:
 
     def close(self) -> None:
         """Take what has arrived, and end the worker processes."""
+        with contextlib.suppress(ValueError):  # it is there only where something else animates the character
+            bpy.app.handlers.frame_change_post.remove(_after_frame_change)
         if self.job is not None:
             self.job.close()
         if self.run is not None:
@@ -230,6 +253,7 @@ class Capture:
             self._skeleton,
             self._start_frame,
             "Capture",
+            self._driver.only,
         )
         with contextlib.suppress(PerfanimError):  # there may be no take: its disk is full, its worker was killed
             takes.mark_played(self._take_path)
@@ -243,6 +267,20 @@ class Capture:
         action = bpy.data.actions.get(self._held_action)
         if armature is not None and action is not None and armature.animation_data is not None:
             armature.animation_data.action = action
+
+
+def _plays(armature: bpy.types.Object) -> bool:
+    """Return whether something animates the armature, so that a change of frame overwrites its pose."""
+    animation = armature.animation_data
+    return animation is not None and (animation.action is not None or len(animation.nla_tracks) > 0)
+
+
+def _after_frame_change(*_: object) -> None:
+    """Let the live pose stand over what the timeline plays."""
+    capture = running.current()
+    if isinstance(capture, Capture):
+        with contextlib.suppress(PerfanimError):  # the next tick tells
+            capture.pose_again()
 
 
 def _release_action(armature: bpy.types.Object) -> str:

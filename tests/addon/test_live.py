@@ -50,6 +50,12 @@ def test_the_defaults_capture_a_new_character_into_one_action(part: Any) -> None
         assert character.type == "ARMATURE"
         bone = character.pose.bones["lfemur"]
         assert not np.allclose(bone.rotation_quaternion, (1, 0, 0, 0))
+        before = np.array(bone.rotation_quaternion)
+        for frame in (40, 3, 90):  # the timeline is free to be played
+            bpy.context.scene.frame_set(frame)
+            np.testing.assert_array_equal(bone.rotation_quaternion, before)
+        count = len(capture.run.poses)
+        tick_until(capture, lambda: len(capture.run.poses) > count + 5)
         capture.stop()
         tick_until(capture, lambda: capture.done)
         text = capture.keep(bpy.context)
@@ -91,6 +97,85 @@ def test_stop_before_the_first_frame_leaves_the_old_action(part: Any) -> None:
     finally:
         capture.close()
     assert armature.animation_data.action is old
+
+
+def quaternion_at(armature: Any, bone: str, frame: int) -> np.ndarray:
+    bpy.context.scene.frame_set(frame)
+    return np.array(armature.evaluated_get(bpy.context.evaluated_depsgraph_get()).pose.bones[bone].rotation_quaternion)
+
+
+def swing(skeleton: Any, bones: tuple[str, ...], frames: int) -> np.ndarray:
+    """Rotations (F, J, 4) of bones that turn steadily about x."""
+    result = np.zeros((frames, len(skeleton), 4))
+    result[..., 0] = 1.0
+    half = 0.004 * np.arange(1.0, frames + 1.0)
+    for bone in bones:
+        result[:, skeleton.index(bone)] = np.stack((np.cos(half), np.sin(half), 0 * half, 0 * half), axis=1)
+    return result
+
+
+def test_one_arm_is_captured_while_the_rest_plays_its_own_animation(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    live, running, chosen = part("live"), part("running"), bpy.context.scene.perfanim
+    bpy.context.scene.render.fps = 60
+    skeleton = part("operators.character").performer_skeleton(chosen)
+    name = live.add_character(bpy.context, skeleton)
+    armature = bpy.data.objects[name]
+    nod = swing(skeleton, ("head", "lradius", "rradius"), 100)
+    still = np.tile([0.0, 1.0, 0.0], (100, 1))
+    part("actions").write_action(name, np.arange(1.0, 101.0), nod, still, skeleton, name="Nod")
+    alone = {frame: {bone: quaternion_at(armature, bone, frame) for bone in ("head", "rradius")} for frame in (31, 60)}
+    turned = swing(skeleton, ("lradius", "lfemur", "head"), 200)[::2]
+    solved = [SimpleNamespace(time_s=n / 60, rotations=turned[n], root_position_m=still[n]) for n in range(50)]
+    run = SimpleNamespace(poses=[], standing="", activity="", take_preview=lambda: None)
+    run.tick = lambda: run.poses.append(solved[len(run.poses)]) or run.poses[-1]
+    run.shown = run.close = lambda: None
+    setup = SimpleNamespace(skeleton=skeleton, request={"take": ""}, start=lambda _python: run)
+    monkeypatch.setattr(part("capture_setup"), "make", lambda _chosen: setup)
+
+    chosen.body_parts = {"ARM_L"}
+    bpy.context.scene.frame_set(30)
+    capture = live.Capture(None, [])
+    running.begin(bpy.context, capture, 1.0)
+    for _ in range(32):  # the first begins it
+        capture.tick(bpy.context)
+    arm = np.array(armature.pose.bones["lradius"].rotation_quaternion)
+    assert abs(arm[1:]).max() > 0.1
+    for frame, bones in alone.items():  # the timeline is played while live
+        for bone, expected in bones.items():
+            np.testing.assert_allclose(quaternion_at(armature, bone, frame), expected, atol=1e-6)
+        np.testing.assert_array_equal(armature.pose.bones["lradius"].rotation_quaternion, arm)
+    assert np.allclose(armature.pose.bones["lfemur"].rotation_quaternion, (1, 0, 0, 0))
+    text = running.finish(bpy.context)  # which ticks once more
+
+    assert text.startswith(f"{len(run.poses)} frames recorded")
+    assert live._after_frame_change not in bpy.app.handlers.frame_change_post
+    assert [track.name for track in armature.animation_data.nla_tracks] == ["Nod", "Capture"]
+    for frame, bones in alone.items():
+        for bone, expected in bones.items():
+            np.testing.assert_allclose(quaternion_at(armature, bone, frame), expected, atol=1e-6)
+    np.testing.assert_allclose(quaternion_at(armature, "lradius", 60), arm, atol=1e-6)  # the 31st pose, from frame 30
+    np.testing.assert_allclose(quaternion_at(armature, "lfemur", 60), (1, 0, 0, 0), atol=1e-6)
+
+
+def test_parts_of_a_foreign_rig_take_the_bones_between(part: Any) -> None:
+    posing = part("posing")
+    parts = part("body_parts")
+    skeleton = part("operators.character").performer_skeleton(bpy.context.scene.perfanim)
+    armature = bpy.data.objects[part("live").add_character(bpy.context, skeleton)]
+    product = posing.posing_of(armature, skeleton)
+    assert parts.bones_of_parts(armature, product, parts.PARTS) is None
+    by_part = {one: parts.bones_of_parts(armature, product, {one}) for one in parts.PARTS}
+    assert frozenset().union(*by_part.values()) == set(skeleton.names)
+    assert sum(map(len, by_part.values())) == len(skeleton)  # each bone in one part
+    bpy.context.view_layer.objects.active = armature
+    for bone in armature.data.bones:
+        bone.name = "Rig " + bone.name
+    posing.fill_map(armature)
+    retargeter = posing.posing_of(armature, skeleton)
+    assert not isinstance(retargeter, posing.ProductPosing)
+    for one, bones in by_part.items():
+        found = parts.bones_of_parts(armature, retargeter, {one})
+        assert found == {"Rig " + bone for bone in bones if "Rig " + bone in retargeter.bones}
 
 
 @pytest.mark.parametrize("way_out", ["closed window", "file load"])
