@@ -60,6 +60,9 @@ class Statistics:
         latency_s: from the images in hand to the pose on the armature, newest frame.
         solve_s: time in the solver, newest frame.
         confidence: of the newest pose, 0 to 1.
+        not_shown: poses that a newer one overtook before they could be shown; they are recorded all the same.
+        blind: images of single cameras that were of no use (late, repeated, black).
+        skew_s: how much later the last camera's image is than the first's; None where that is not known.
         handed_over: marker frames that the cameras' process says it handed over in all; -1 until it has ended.
     """
 
@@ -70,6 +73,9 @@ class Statistics:
     latency_s: float = 0.0
     solve_s: float = 0.0
     confidence: float = 0.0
+    not_shown: int = 0
+    blind: int = 0
+    skew_s: float | None = None
     handed_over: int = -1
 
 
@@ -129,6 +135,7 @@ class CaptureRun:
             self.phase = Phase.DONE
         self._count_rate()
         if len(self.poses) > before:
+            self.statistics.not_shown += len(self.poses) - before - 1
             self._client.confirm_taken(len(self.poses))
         if self._client.ended:
             self.phase = Phase.DONE
@@ -186,7 +193,9 @@ class CaptureRun:
     def _take(self, message: Message) -> None:
         if message.kind is MessageKind.POSE:
             self._take_pose(message)
-        elif message.kind is MessageKind.STATUS and self.phase is Phase.STARTING:
+        elif message.kind is MessageKind.STATUS and self.phase is not Phase.STARTING:
+            self._note_cameras(message)
+        elif message.kind is MessageKind.STATUS:
             content = message.json()
             self.activity = str(content.get("activity", self.activity))
             fraction = content.get("fraction")
@@ -199,6 +208,13 @@ class CaptureRun:
             self.error = self.error or message.error()
         elif message.kind is MessageKind.END:
             self.statistics.handed_over = int(message.json().get("handed_over", -1))
+
+    def _note_cameras(self, message: Message) -> None:
+        content = message.json()
+        if "blind" in content:
+            skew_s = content.get("skew_s")
+            self.statistics.skew_s = float(skew_s) if isinstance(skew_s, int | float) else None
+            self.statistics.blind = int(content["blind"])
 
     def _warn(self, message: Message) -> None:
         content = message.json()

@@ -242,7 +242,12 @@ class PERFANIM_PT_capture(bpy.types.Panel):
         grid.label(text=f"{figures.frames_per_s:.0f} frames/s")
         grid.label(text=f"{figures.latency_s * 1000:.0f} ms latency")
         grid.label(text=f"{figures.received} frames")
-        grid.label(text=f"{figures.lost} dropped")
+        grid.label(text=f"{figures.solve_s * 1000:.0f} ms of it solver")
+        if figures.skew_s is not None:
+            grid.label(text=f"Cameras {figures.skew_s * 1000:+.1f} ms")
+            grid.label(text=f"{figures.blind} of one camera lost")
+        grid.label(text=f"{figures.lost} dropped by cameras")
+        grid.label(text=f"{figures.not_shown} not drawn")
         draw_progress(layout, figures.confidence, f"Confidence {figures.confidence:.0%}")
         if figures.waiting > 1:
             layout.label(text=f"Solver {figures.waiting} frames behind", icon="SORTTIME")

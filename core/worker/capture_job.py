@@ -14,6 +14,7 @@ Of a process that takes another's place also "after" (`seam.Seam` as a table: th
 "cause" (what happened to the other, in plain words).
 """
 
+import math
 import os
 import time
 from collections import deque
@@ -52,6 +53,7 @@ _FRAMES_AHEAD = 2  # of the solver, for sources that can wait
 # what is computed for poses that nobody sees would be taken from the drawing. Recorded images do run ahead.
 _POSES_AHEAD = 1
 _NO_SHIFT = Shift()
+_TOLD_EVERY_S = 0.5
 
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:
@@ -178,6 +180,8 @@ class _Relay:
         self._cause = ""
         self._shift = Shift()
         self._solved: bytes | None = None  # ahead of time: Blender has it as soon as it has taken the last
+        self._blind = 0  # images of single cameras that were of no use
+        self._told_s = 0.0
         self._stop_asked_s = 0.0
         self._error: PerfanimError | None = None
 
@@ -294,11 +298,23 @@ class _Relay:
         record = pack_solved(solved)
         if self._kept is not None:
             self._kept.add_pose(record)
+        self._tell_cameras(frame)
         tuned, self._channel.tuned = self._channel.tuned, None
         if tuned is not None:
             self._shaper.tune(Shape.of_table(tuned))
         shown = self._shaper.step(pose)
         return record if shown is pose else pack_solved(replace(solved, pose=shown))
+
+    def _tell_cameras(self, frame: MarkerFrame) -> None:
+        """Tell now and then how far apart the cameras' images are in time, and how many were of no use."""
+        times_s = [time_s for time_s in frame.camera_times_s.tolist() if not math.isnan(time_s)]
+        self._blind += len(frame.camera_times_s) - len(times_s)
+        now_s = time.monotonic()
+        if now_s - self._told_s < _TOLD_EVERY_S or len(frame.camera_times_s) < 2:
+            return
+        self._told_s = now_s
+        skew_s = times_s[-1] - times_s[0] if len(times_s) == len(frame.camera_times_s) else None
+        self._channel.send_status(self._channel.activity, skew_s=skew_s, blind=self._blind)
 
     def _hand_over(self, record: bytes) -> None:
         self._solved = None

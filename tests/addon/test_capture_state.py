@@ -219,6 +219,23 @@ def test_what_the_worker_does_is_told_until_poses_come() -> None:
     assert run.activity == "capturing"
 
 
+def test_what_was_dropped_is_told_by_stage() -> None:
+    run, worker, _ = a_run()
+    worker.say(*poses([0]), encode_json(MessageKind.STATUS, {"activity": "x", "skew_s": -0.0012, "blind": 4}))
+    run.tick()
+    worker.say(*poses([1, 2, 5]))  # two frames lost by the cameras, two poses overtaken by a newer one
+    run.tick()
+    figures = run.statistics
+    assert (figures.lost, figures.blind, figures.not_shown) == (2, 4, 2)
+    assert figures.skew_s == pytest.approx(-0.0012)
+    worker.say(encode_json(MessageKind.STATUS, {"activity": "x", "skew_s": None, "blind": 9}))
+    run.tick()
+    assert (figures.skew_s, figures.blind) == (None, 9)
+    worker.say(encode_json(MessageKind.STATUS, {"activity": "x"}))  # only a sign of life
+    run.tick()
+    assert figures.blind == 9
+
+
 def test_the_rate_is_that_of_the_last_second() -> None:
     run, worker, clock = a_run()
     for number in range(180):

@@ -99,6 +99,9 @@ def test_stop_ends_the_chain_and_loses_nothing(request_files: dict[str, str], tm
     finally:
         client.close()
     assert messages[-1].json()["handed_over"] == len(of(MessageKind.POSE, messages)) >= 20
+    told = [m.json() for m in of(MessageKind.STATUS, messages) if "blind" in m.json()]
+    assert told[0]["blind"] == 0
+    assert abs(told[0]["skew_s"]) < 1 / 60
     kept = [pack_solved(solved) for solved in read_take_file(path).poses]  # always as they were solved
     changed = np.array([mine != m.payload for mine, m in zip(kept, of(MessageKind.POSE, messages), strict=True)])
     assert changed[1:tuned_at].all()
