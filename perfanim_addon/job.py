@@ -24,10 +24,17 @@ class Job:
         request: what the worker is asked for (see `core.worker.process`).
         python: interpreter of the worker, None for Blender's own.
         finishable: whether it can be asked to end early with what it has.
+        first: work that must be done before, None for none.
     """
 
     def __init__(
-        self, title: str, panel: str, request: Mapping[str, Any], python: str | None, finishable: bool = False
+        self,
+        title: str,
+        panel: str,
+        request: Mapping[str, Any],
+        python: str | None,
+        finishable: bool = False,
+        first: "Job | None" = None,
     ) -> None:
         self.title = title
         self.panel = panel
@@ -37,17 +44,32 @@ class Job:
         self.fraction = 0.0
         self.summary: dict[str, Any] | None = None
         self._preview: Message | None = None
-        self._client = WorkerClient(request, python)
+        self._first = first
+        self._request, self._python = request, python
+        self._client = None if first else WorkerClient(request, python)
 
     @property
     def ended(self) -> bool:
         """Whether the worker is done."""
-        return self._client.ended
+        return self._client is not None and self._client.ended
 
     def tick(self) -> None:
         """Take what the worker has sent; raises the PerfanimError that ended the work."""
+        if self._client is None:
+            self._prepare()
+            return
         for message in self._client.poll():
             self._take(message)
+
+    def _prepare(self) -> None:
+        """Go on with what must be done before, and begin when it is."""
+        if self._first is not None:
+            self._first.tick()
+            self.text, self.fraction = self._first.title, self._first.fraction
+            if not self._first.ended:
+                return
+            self._first.close()
+        self._client = WorkerClient(self._request, self._python)
 
     def _take(self, message: Message) -> None:
         if message.kind is MessageKind.PREVIEW:
@@ -72,11 +94,15 @@ class Job:
     def finish(self) -> None:
         """Ask the worker to end with what it has; go on calling `tick` until `ended`."""
         self.finishable = False
-        self._client.request_stop()
+        if self._client is not None:
+            self._client.request_stop()
 
     def close(self) -> None:
         """End the worker."""
-        self._client.close()
+        if self._first is not None:
+            self._first.close()
+        if self._client is not None:
+            self._client.close()
 
     def keep(self, context: object) -> str:
         """Keep nothing: what a command has not finished leaves nothing."""

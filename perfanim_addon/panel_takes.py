@@ -3,21 +3,24 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import bpy
 
 from ..core.errors import PerfanimError
+from ..core.solver.settings import SolveSettings
 from ..core.take_file.edit import append_notes
 from ..core.take_file.reading import TakeSummary, summarise
 from ..core.take_file.setup import MOST_STARS
-from . import panels, preferences, running, takes
+from . import panels, preferences, result, running, takes
 from .live import Capture
 
 KEY = "takes"
 ROWS = 4
 
 _filling = [False]  # the list's items are being set from the files, not by the user
+_wanted = [""]  # file of the take that becomes the active one when the list is next filled
 
 
 def _changed(item: "PERFANIM_PG_take", _context: bpy.types.Context) -> None:
@@ -44,6 +47,9 @@ class PERFANIM_PG_take(bpy.types.PropertyGroup):
     complete: bpy.props.BoolProperty(name="Complete", description="Whether the take came to its end")
     length: bpy.props.StringProperty(name="Length", description="Minutes and seconds")
     created: bpy.props.StringProperty(name="Date", description="When the take began")
+    character: bpy.props.StringProperty(name="Character", description="Who was last moved by it")
+    used: bpy.props.StringProperty(name="Used", description="By which performer, markers, method and database")
+    held: bpy.props.StringProperty(name="Size", description="Frames, and room on the disk")
 
 
 class PERFANIM_PG_takes(bpy.types.PropertyGroup):
@@ -100,26 +106,46 @@ class PERFANIM_PT_takes(bpy.types.Panel):
         else:
             layout.template_list("PERFANIM_UL_takes", "", shown, "entries", shown, "active", rows=ROWS)
         if 0 <= shown.active < len(shown.entries):
-            _draw_take(layout, shown.entries[shown.active])
+            _draw_take(context, layout, shown.entries[shown.active])
         panels.draw_job(layout, KEY)
         panels.draw_text(context, layout, *running.message(KEY))
+        layout.operator("perfanim.import_takes", icon="IMPORT")
+        _draw_room(layout, len(shown.entries))
 
 
-def _draw_take(layout: bpy.types.UILayout, item: PERFANIM_PG_take) -> None:
+def _draw_take(context: bpy.types.Context, layout: bpy.types.UILayout, item: PERFANIM_PG_take) -> None:
     if not item.complete:
         layout.operator("perfanim.recover_take", icon="FILE_REFRESH").path = item.path
         layout.operator("perfanim.delete_take", icon="TRASH").path = item.path
         return
-    layout.label(text=item.created)
+    column = layout.column(align=True)
+    for text in (item.created, item.held, item.used):
+        panels.draw_text(context, column, text, "BLANK1")
     column = layout.column()
     column.use_property_split = True
     column.use_property_decorate = False
     column.prop(item, "rating")
     column.prop(item, "notes")
     layout.operator("perfanim.play_take", icon="ARMATURE_DATA").path = item.path
+    header, body = layout.panel("perfanim_result", default_closed=True)
+    header.label(text="Onto")
+    if body is not None:
+        result.draw(body, context)
     row = layout.row(align=True)
-    row.operator_menu_enum("perfanim.solve_take", "method", icon="FILE_REFRESH").path = item.path
+    row.operator("perfanim.solve_take", icon="FILE_REFRESH").path = item.path
+    row.operator_menu_enum("perfanim.export_take", "kind", text="Export", icon="EXPORT").path = item.path
     row.operator("perfanim.delete_take", text="", icon="TRASH").path = item.path
+
+
+def _draw_room(layout: bpy.types.UILayout, count: int) -> None:
+    """Draw how much room the takes need, and what can be done about it."""
+    listed, gone = takes.room()
+    if count or gone:
+        text = takes.size_text(listed) + (f" + {takes.size_text(gone)} deleted" if gone else "")
+        row = layout.row(align=True)
+        row.operator("perfanim.clean_up_takes", text=text, icon="DISK_DRIVE")
+        if gone:
+            row.operator_menu_enum("perfanim.restore_take", "take", icon="LOOP_BACK")
 
 
 def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
@@ -139,20 +165,24 @@ def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
 def _list(context: bpy.types.Context) -> PERFANIM_PG_takes:
     """Return the list; when it is not what is in the folder, let it be filled as soon as drawing is over."""
     shown = context.window_manager.perfanim_takes
-    current = [(item.path, item.title, item.notes, item.rating, item.complete) for item in shown.entries]
+    current = [
+        (item.path, item.title, item.notes, item.rating, item.complete, item.character) for item in shown.entries
+    ]
     if current != [_facts(take) for take in takes.listed()] and not bpy.app.timers.is_registered(_fill):
         bpy.app.timers.register(_fill)
     return shown
 
 
-def _facts(take: TakeSummary) -> tuple[str, str, str, int, bool]:
-    return str(take.path), take.notes.name, take.notes.notes, take.notes.rating, take.complete
+def _facts(take: TakeSummary) -> tuple[str, str, str, int, bool, str]:
+    notes = take.notes
+    return str(take.path), notes.name, notes.notes, notes.rating, take.complete, notes.character
 
 
 def _fill() -> None:
     """Set the list's items from the files; Blender's timer calls it once."""
     shown = bpy.context.window_manager.perfanim_takes
-    chosen = shown.entries[shown.active].path if 0 <= shown.active < len(shown.entries) else ""
+    chosen = _wanted[0] or (shown.entries[shown.active].path if 0 <= shown.active < len(shown.entries) else "")
+    _wanted[0] = ""
     with _not_by_the_user():
         shown.entries.clear()
         for take in takes.listed():
@@ -163,9 +193,27 @@ def _fill() -> None:
 
 
 def _set(item: PERFANIM_PG_take, take: TakeSummary) -> None:
-    item.path, item.title, item.notes, item.rating, item.complete = _facts(take)
+    item.path, item.title, item.notes, item.rating, item.complete, item.character = _facts(take)
     item.length = f"{int(take.duration_s) // 60}:{int(take.duration_s) % 60:02d}"
     item.created = take.created.replace("T", " ")[:16]
+    item.held = f"{take.frames} frames, {takes.size_text(takes.size([take.path]))}"
+    item.used = ", ".join(
+        text
+        for text in (
+            take.subject,
+            take.marker_set,
+            take.method or SolveSettings().method,
+            f"database {take.database}" if take.database else "",
+            f"on {item.character}" if item.character else "",
+        )
+        if text
+    )
+
+
+def choose(path: Path) -> None:
+    """Make a new take the active one of the list."""
+    _wanted[0] = str(path)
+    takes.forget()
 
 
 @contextmanager

@@ -23,6 +23,7 @@ _REST = (
     "operators.character",
     "operators.capture",
     "operators.takes",
+    "operators.take_files",
     "operators.self_test",
     "defaults",
     "panel_character",

@@ -1,16 +1,19 @@
-"""The user's recorded takes: where they are, what is in the folder, which were cut off."""
+"""The user's recorded takes: where they are, what is in the folder, which were cut off, which were deleted."""
 
+import shutil
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from datetime import datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from ..core.errors import TakeError
 from ..core.take_file.edit import append_notes
 from ..core.take_file.lock import is_locked
-from ..core.take_file.reading import ENDING, TakeSummary, has_frames, summarise
+from ..core.take_file.reading import ENDING, TakeSummary, has_frames, summarise, take_name, unused_path
 from .place import user_folder
 
 SET_ASIDE = ".cut"  # behind the name of a file whose content has been recovered
+_DELETED = "deleted"  # folder in that of the takes, from which they can be had back
 
 
 @dataclass
@@ -19,6 +22,8 @@ class _Known:
 
     stamp: int = -1
     takes: list[TakeSummary] = field(default_factory=list)
+    bytes: int = 0
+    deleted: int = 0
 
 
 _known = _Known()
@@ -49,7 +54,14 @@ def listed() -> list[TakeSummary]:
         return []
     if stamp != _known.stamp:
         _known.stamp, _known.takes = stamp, _found()
+        _known.bytes, _known.deleted = size(take.path for take in _known.takes), size(gone())
     return _known.takes
+
+
+def room() -> tuple[int, int]:
+    """Return how many bytes the takes hold that `listed` shows, and how many what can be removed for good."""
+    listed()
+    return _known.bytes, _known.deleted
 
 
 def forget() -> None:
@@ -65,25 +77,125 @@ def cut_off() -> list[TakeSummary]:
     return [take for take in listed() if not take.complete or (take.orphaned and not take.notes.played)]
 
 
-def mark_played(path: Path | str) -> None:
-    """Note that a take that outlived Blender, or its capture, has been put onto a character; it is offered no more.
+def mark_played(path: Path | str, character: str = "") -> None:
+    """Note that a take has been put onto a character; one that outlived Blender, or its capture, is offered no more.
+
+    Args:
+        character: whose name is kept with the take; "" leaves what is there.
 
     Raises:
         TakeError: it is no take, or cannot be written.
     """
     take = summarise(path)
-    if take.orphaned and not take.notes.played:
-        append_notes(path, replace(take.notes, played=True))
+    notes = replace(take.notes, played=take.notes.played or take.orphaned, character=character or take.notes.character)
+    if notes != take.notes:
+        append_notes(path, notes)
         forget()
 
 
-def _found() -> list[TakeSummary]:
-    found = []
-    for path in sorted(folder().glob(f"*{ENDING}"), reverse=True):
+def delete(path: Path) -> None:
+    """Put a take where it can be had back from.
+
+    Raises:
+        TakeError: it is no take, is being recorded, or cannot be moved.
+    """
+    name = summarise(path).notes.name
+    if is_locked(path):
+        raise TakeError("is being recorded", where=name, advice="wait for the end of the capture")
+    _move(path, folder() / _DELETED)
+
+
+def deleted() -> list[TakeSummary]:
+    """Return the takes that can be had back, the newest first."""
+    return _summaries(folder() / _DELETED)
+
+
+def restore(path: Path) -> None:
+    """Bring a deleted take back into the list; TakeError when that cannot be done."""
+    _move(path, folder())
+
+
+def gone() -> list[Path]:
+    """Return the files that nobody sees any more: deleted takes, and cut ones whose content has been recovered."""
+    return [*(folder() / _DELETED).glob(f"*{ENDING}"), *folder().glob(f"*{ENDING}{SET_ASIDE}")]
+
+
+def unloved(days: int, stars: int) -> list[TakeSummary]:
+    """Return the whole takes that are older than so many days and have no more than so many stars."""
+    limit = datetime.now(UTC) - timedelta(days=days)
+    return [take for take in listed() if take.complete and take.notes.rating <= stars and _created(take) < limit]
+
+
+def remove(paths: Iterable[Path]) -> int:
+    """Remove files for good; return the bytes that are free now.
+
+    Raises:
+        TakeError: one cannot be removed.
+    """
+    freed = 0
+    for path in paths:
         try:
-            take = summarise(path)
-            if take.complete or (has_frames(path) and not is_locked(path)):
-                found.append(take)
-        except TakeError:  # nothing that could be shown, or saved
+            held = path.stat().st_size
+            path.unlink()
+        except OSError as error:
+            raise TakeError(f"cannot be removed ({error.strerror})", where=str(path)) from error
+        finally:
+            forget()
+        freed += held
+    return freed
+
+
+def size(paths: Iterable[Path]) -> int:
+    """Return how many bytes files hold."""
+    return sum(path.stat().st_size for path in paths if path.exists())
+
+
+def size_text(count: float) -> str:
+    """Return a number of bytes as people read it."""
+    for unit in ("bytes", "KB", "MB"):
+        if count < 1000:
+            return f"{count:.0f} {unit}"
+        count /= 1000
+    return f"{count:.1f} GB"
+
+
+def _move(path: Path, target: Path) -> None:
+    place = unused_path(target, take_name(path))
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        shutil.move(path, place)
+    except OSError as error:
+        raise TakeError(f"cannot be moved ({error.strerror})", where=str(path), advice="check its folder") from error
+    forget()
+
+
+def _found() -> list[TakeSummary]:
+    return [take for take in _summaries(folder()) if take.complete or _is_cut_off(take.path)]
+
+
+def _is_cut_off(path: Path) -> bool:
+    try:
+        return has_frames(path) and not is_locked(path)
+    except TakeError:
+        return False
+
+
+def _summaries(where: Path) -> list[TakeSummary]:
+    """Return what a folder's takes are, the newest first; what is none, and could not be saved, is left out."""
+    return sorted(_readable(where), key=_created, reverse=True)
+
+
+def _readable(where: Path) -> Iterator[TakeSummary]:
+    for path in sorted(where.glob(f"*{ENDING}")):
+        try:
+            yield summarise(path)
+        except TakeError:
             continue
-    return found
+
+
+def _created(take: TakeSummary) -> datetime:
+    """Return when a take began; one that was cut off, when it was last written to."""
+    try:
+        return datetime.fromisoformat(take.created).astimezone(UTC)
+    except ValueError:
+        return datetime.fromtimestamp(take.path.stat().st_mtime, UTC)

@@ -1,72 +1,101 @@
-"""Recorded takes: recover, play, solve again, delete."""
+"""Recorded takes: recover, play, solve again, import, export."""
 
-import tempfile
 from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
+from bpy_extras.io_utils import ExportHelper, ImportHelper
 
-from ...core.errors import PerfanimError, TakeError
-from ...core.motion_files import read_motion
-from ...core.skeleton import Skeleton
+from ...core.errors import PerfanimError, SettingsError, TakeError
+from ...core.formats.takes import READABLE
 from ...core.solver.settings import METHODS
-from ...core.take_file.lock import is_locked
-from ...core.take_file.reading import ENDING, read_take_file, summarise
-from .. import running, states, takes
-from ..live import Array, pose_arrays, write_poses
+from ...core.take_file.reading import TakeFile, rate, read_take_file, summarise, take_name, unused_path
+from ...core.take_import import UPS
+from .. import panel_takes, running, states, takes
+from ..export_animation import ENDINGS, export_poses
+from ..job import Job, command
+from ..live import add_character, increasing, pose_arrays, write_poses
+from ..place import absolute
 from ..properties import settings
+from ..result import start_frame
 from . import common
+from .database import starter_arguments
 from .jobs import JobOperator
 
-PANEL = "takes"
+PANEL = panel_takes.KEY
+
+_METHODS = [(name, name, f"The method {name!r}") for name in METHODS]
+_UP_TEXTS = {
+    "auto": ("From the Performer", "The axis of the file that the performer stands along"),
+    "feet": (
+        "Floor from the Feet",
+        "The floor on which the feet stand becomes the scene's; for cameras that were tilted",
+    ),
+    "y": ("Y", "The file's Y axis"),
+    "z": ("Z", "The file's Z axis"),
+}
 
 
-def _chosen_path() -> bpy.types.StringProperty:
-    return bpy.props.StringProperty(name="Take", description="File of the take", options={"HIDDEN", "SKIP_SAVE"})
+class _OfTake:
+    """What operators on one take share."""
+
+    bl_options = {"REGISTER", "UNDO"}
+    path: bpy.props.StringProperty(name="Take", description="File of the take", options={"HIDDEN", "SKIP_SAVE"})
 
 
-def _put_on_character(
-    context: bpy.types.Context, times_s: Array, rotations: Array, root_positions_m: Array, skeleton: Skeleton, name: str
-) -> str:
-    """Write poses as an action of the chosen armature, or of a new character; return the line that says so."""
-    armature = settings(context).armature
-    driven, start = armature.name if armature else "", float(context.scene.frame_current)
-    action = write_poses(context, driven, times_s, rotations, root_positions_m, skeleton, start, name)
-    return f"{len(times_s)} frames in {action} on {settings(context).armature.name}"
+class _TakeJob(JobOperator):
+    """What takes are made by: work in the worker, after the starter database where that is needed and missing."""
+
+    panel = PANEL
+
+    def begin(self, context: bpy.types.Context, python: str | None) -> Job:
+        """Start the work."""
+        chosen, first = settings(context), None
+        request = self.request(context)
+        if not chosen.database and not states.starter_database_path().exists():
+            first = Job("Making the starter database", PANEL, command(starter_arguments()), python)
+        return Job(self.title, PANEL, request, python, first=first)
 
 
-def _play(context: bpy.types.Context, path: Path) -> str:
-    """Put a take as it was solved live onto the character; return the line that says so."""
-    take = read_take_file(path)
+def _poses_of(take: TakeFile) -> list[Any]:
     poses = [solved.pose for solved in take.poses]
     if not poses:
         raise TakeError("has no pose that was solved live", where=take.notes.name, advice="solve it again")
-    skeleton = take.setup.worn_subject().skeleton
-    text = _put_on_character(context, *pose_arrays(poses), skeleton, take.notes.name)
-    takes.mark_played(path)
-    unsolved = take.frame_count - len(poses)
+    return poses
+
+
+def _play(context: bpy.types.Context, path: Path) -> str:
+    """Put a take as it was solved onto the chosen armature, or a new character; return the line that says so."""
+    take = read_take_file(path)
+    poses = _poses_of(take)
+    armature = settings(context).armature
+    action = write_poses(
+        context,
+        armature.name if armature else "",
+        *pose_arrays(poses),
+        take.setup.worn_subject().skeleton,
+        start_frame(context),
+        take.notes.name,
+    )
+    name = settings(context).armature.name
+    takes.mark_played(path, name)
+    text, unsolved = f"{len(poses)} frames in {action} on {name}", take.frame_count - len(poses)
     return f"{text}; {unsolved} more were not solved live: solve it again for them" if unsolved > 0 else text
 
 
-class PERFANIM_OT_recover_take(JobOperator, bpy.types.Operator):
+class PERFANIM_OT_recover_take(_OfTake, JobOperator, bpy.types.Operator):
     """Write all that is intact of a take that was cut off as a whole take, and put its motion onto the character"""
 
     bl_idname = "perfanim.recover_take"
     bl_label = "Recover Take"
-    bl_options = {"REGISTER", "UNDO"}
     title = "Recovering the take"
     panel = PANEL
-    path: _chosen_path()
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         """Return the command."""
         path = Path(self.path)
-        name, count = path.name.removesuffix(ENDING), 1
-        self._target = path.with_name(f"{name} recovered{ENDING}")
-        while self._target.exists():
-            count += 1
-            self._target = path.with_name(f"{name} recovered {count}{ENDING}")
+        self._target = unused_path(path.parent, f"{take_name(path)} recovered")
         return ["take", "recover", str(path), "--out", str(self._target)]
 
     def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
@@ -78,13 +107,11 @@ class PERFANIM_OT_recover_take(JobOperator, bpy.types.Operator):
         return f"{text}; {_play(context, self._target)}" if summary["poses"] else f"{text}: solve them again"
 
 
-class PERFANIM_OT_play_take(bpy.types.Operator):
-    """Put a take onto the character as it was solved live, as an Action that begins at the current frame"""
+class PERFANIM_OT_play_take(_OfTake, bpy.types.Operator):
+    """Put a take onto the character as it was solved, as Action, strip or layer"""
 
     bl_idname = "perfanim.play_take"
     bl_label = "Put on Character"
-    bl_options = {"REGISTER", "UNDO"}
-    path: _chosen_path()
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -92,7 +119,7 @@ class PERFANIM_OT_play_take(bpy.types.Operator):
         return common.in_scene(cls, context) and common.idle(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Write the action."""
+        """Write the keyframes."""
         try:
             text = _play(context, Path(self.path))
         except PerfanimError as error:
@@ -102,72 +129,177 @@ class PERFANIM_OT_play_take(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class PERFANIM_OT_solve_take(JobOperator, bpy.types.Operator):
-    """Solve a take again from what its cameras saw, with the chosen motion database, and put it onto the character"""
+def _recorded_or_chosen(name: str, what: str, panel: str, default: str) -> Any:
+    items = (
+        ("RECORDED", "As Recorded", f"The {what} that the take was recorded with"),
+        ("CHOSEN", "As Chosen", f"The {what} that is chosen under {panel}"),
+    )
+    return bpy.props.EnumProperty(name=name, description=f"Which {what} is used", items=items, default=default)
+
+
+class PERFANIM_OT_solve_take(_OfTake, _TakeJob, bpy.types.Operator):
+    """Solve a take again from what was recorded, with other settings; the result is a take of its own beside it"""
 
     bl_idname = "perfanim.solve_take"
     bl_label = "Solve Again"
-    bl_options = {"REGISTER", "UNDO"}
     title = "Solving the take"
-    panel = PANEL
-    path: _chosen_path()
-    method: bpy.props.EnumProperty(
-        name="Method",
-        description="How poses are found",
-        items=[(name, name, f"The method {name!r}") for name in METHODS],
-        default="best",
+    method: bpy.props.EnumProperty(name="Method", description="How poses are found", items=_METHODS, default="best")
+    database: _recorded_or_chosen("Database", "motion database", "Motion Database", "CHOSEN")
+    performer: _recorded_or_chosen("Performer", "performer", "Subject", "RECORDED")
+    cameras: _recorded_or_chosen("Cameras", "calibration of the cameras", "Cameras", "RECORDED")
+    put_on: bpy.props.BoolProperty(
+        name="Put on Character", description="Put the result onto the character at once", default=True
     )
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Ask for the settings."""
+        return context.window_manager.invoke_props_dialog(self)
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         """Return the command."""
-        database = states.database_path(settings(context))
-        self._folder = tempfile.TemporaryDirectory(prefix="perfanim-")
-        self._target = Path(self._folder.name) / "solved.bvh"
-        given = ["--database", str(database)] if database.exists() else []
-        return ["solve", self.path, *given, "--method", self.method, "--out", str(self._target)]
+        chosen, given = settings(context), ["--method", self.method]
+        if self.database == "CHOSEN":
+            given += ["--database", str(states.database_path(chosen))]
+        for source, name, option, panel in (
+            (self.performer, "subject", "--subject", "Subject"),
+            (self.cameras, "calibration", "--cameras", "Cameras"),
+        ):
+            if source == "CHOSEN":
+                path = absolute(getattr(chosen, name))
+                if not path:
+                    raise SettingsError(
+                        f"no {name} is chosen", advice=f"choose one under {panel}, or take the recorded"
+                    )
+                given += [option, path]
+        name = summarise(self.path).notes.name
+        self._target = unused_path(takes.folder(), f"{name} ({self.method})")
+        return ["solve", self.path, *given, "--out", str(self._target)]
 
     def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """Put the motion onto the character."""
-        motion = read_motion(self._target)
-        self._folder.cleanup()
-        times_s, name = np.arange(motion.frames) / motion.fps, summarise(self.path).notes.name
-        text = _put_on_character(context, times_s, motion.rotations, motion.root_positions_m, motion.skeleton, name)
+        """List the new take and put it onto the character."""
+        panel_takes.choose(self._target)
+        name = summarise(self._target).notes.name
+        text = _play(context, self._target) if self.put_on else f"{summary['frames']} frames solved as {name}"
         return "; ".join((text, *summary["warnings"]))
 
 
-class PERFANIM_OT_delete_take(bpy.types.Operator):
-    """Delete the file of a take for good; its Actions stay"""
+class PERFANIM_OT_import_takes(_TakeJob, bpy.types.Operator, ImportHelper):
+    """Solve marker takes of other systems, by the chosen performer, markers and motion database, and list them"""
 
-    bl_idname = "perfanim.delete_take"
-    bl_label = "Delete Take"
-    path: _chosen_path()
+    bl_idname = "perfanim.import_takes"
+    bl_label = "Import Marker Takes"
+    title = "Importing takes"
+    filename_ext = ""
+    filter_glob: bpy.props.StringProperty(
+        default=";".join(f"*{ending}".replace(".take.npz", ".npz") for ending in READABLE), options={"HIDDEN"}
+    )
+    files: bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
+    directory: bpy.props.StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
+    up: bpy.props.EnumProperty(
+        name="Up",
+        description="Which way is up in the files",
+        items=[(up, *_UP_TEXTS[up]) for up in UPS],
+        default="auto",
+    )
+    method: bpy.props.EnumProperty(name="Method", description="How poses are found", items=_METHODS, default="best")
+
+    def arguments(self, context: bpy.types.Context) -> list[str]:
+        """Return the command."""
+        chosen = settings(context)
+        files = [str(Path(self.directory) / item.name) for item in self.files if item.name] or [self.filepath]
+        for file in files:
+            if not Path(file).is_file():
+                raise TakeError("not found", where=file or "import", advice="choose marker takes")
+        performer = (
+            ["--subject", absolute(chosen.subject)] if chosen.subject else ["--height", str(chosen.subject_height)]
+        )
+        markers = ["--marker-set", states.marker_set_source(chosen)]
+        solver = ["--database", str(states.database_path(chosen)), "--method", self.method]
+        return ["take", "import", *files, *performer, *markers, *solver, "--up", self.up, "--out", str(takes.folder())]
+
+    def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+        """List them."""
+        kept, failed = summary["takes"], summary["failed"]
+        panel_takes.choose(Path(kept[0]["out"]))
+        said = [f"{len(kept)} of {len(kept) + len(failed)} takes imported" if failed else f"{len(kept)} takes imported"]
+        return "; ".join((*said, *failed, *(warning for take in kept for warning in take["warnings"])))
+
+
+class PERFANIM_OT_export_take(_OfTake, bpy.types.Operator, ExportHelper):
+    """Write a take, as it was solved, on the chosen character to a file for other programs"""
+
+    bl_idname = "perfanim.export_take"
+    bl_label = "Export Take"
+    filename_ext = ""
+    check_extension = None
+    kind: bpy.props.EnumProperty(
+        name="Format",
+        description="Kind of file",
+        items=(
+            ("BVH", "BVH", "Bones and motion, Y up"),
+            ("FBX", "FBX", "Character and motion"),
+            ("GLTF", "glTF", "Character and motion in one file (.glb)"),
+        ),
+        options={"SKIP_SAVE"},
+    )
+    meshes: bpy.props.BoolProperty(
+        name="Meshes", description="FBX and glTF: also the meshes that the armature deforms", default=True
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Only while nothing runs."""
-        return common.idle(cls)
+        return common.in_scene(cls, context) and common.idle(cls)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Ask first."""
-        return context.window_manager.invoke_confirm(self, event)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Delete."""
-        path = Path(self.path)
+        """Ask for the file."""
         try:
-            name = summarise(path).notes.name
-            if is_locked(path):
-                raise TakeError("is being recorded", where=name, advice="wait for the end of the capture")
-            path.unlink()
-        except OSError as error:
-            return common.failed(self, PANEL, TakeError(f"cannot be deleted ({error.strerror})", where=str(path)))
+            self.filepath = bpy.path.clean_name(summarise(self.path).notes.name) + ENDINGS[self.kind]
         except PerfanimError as error:
             return common.failed(self, PANEL, error)
-        takes.forget()
-        running.set_message(PANEL, f"{name} deleted")
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def check(self, context: bpy.types.Context) -> bool:
+        """Let the name end as the format does."""
+        wanted = self._with_ending()
+        changed, self.filepath = wanted != self.filepath, wanted
+        return changed
+
+    def _with_ending(self) -> str:
+        path = self.filepath
+        known = next((ending for ending in ENDINGS.values() if path.lower().endswith(ending)), "")
+        return path[: len(path) - len(known)] + ENDINGS[self.kind]
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Write the file."""
+        try:
+            text = self._export(context, Path(absolute(self._with_ending())))
+        except PerfanimError as error:
+            return common.failed(self, PANEL, error)
+        running.set_message(PANEL, text)
+        self.report({"INFO"}, text)
         return {"FINISHED"}
 
+    def _export(self, context: bpy.types.Context, target: Path) -> str:
+        take = read_take_file(self.path)
+        times_s, rotations, positions = pose_arrays(_poses_of(take))
+        numbers = np.array([solved.pose.number for solved in take.poses])
+        fps = rate(times_s, numbers) if len(times_s) > 1 else 1.0
+        skeleton = take.setup.worn_subject().skeleton
+        chosen = settings(context).armature
+        name = chosen.name if chosen else add_character(context, skeleton)
+        poses = (increasing(times_s), rotations, positions, skeleton, fps)
+        count = export_poses(context, name, target, self.kind, *poses, self.meshes)
+        return f"{count} frames of {take.notes.name} on {name} in {target}"
 
-_CLASSES = (PERFANIM_OT_recover_take, PERFANIM_OT_play_take, PERFANIM_OT_solve_take, PERFANIM_OT_delete_take)
+
+_CLASSES = (
+    PERFANIM_OT_recover_take,
+    PERFANIM_OT_play_take,
+    PERFANIM_OT_solve_take,
+    PERFANIM_OT_import_takes,
+    PERFANIM_OT_export_take,
+)
 
 register, unregister = bpy.utils.register_classes_factory(_CLASSES)

@@ -1,6 +1,7 @@
 """Recorded takes in Blender: kept by every capture, listed, recovered, played, solved again, renamed, deleted."""
 
 import os
+import shutil
 import signal
 import sys
 import time
@@ -33,8 +34,7 @@ def part(addon: ModuleType, extension: str) -> Iterator[Any]:
         return sys.modules[f"{extension}.perfanim_addon.{name}"]
 
     def clear() -> None:
-        for path in find("takes").folder().iterdir():
-            path.unlink()
+        shutil.rmtree(find("takes").folder())
         find("takes").forget()
 
     clear()
@@ -99,16 +99,9 @@ def test_a_worker_that_is_killed_leaves_a_take_that_can_be_recovered(part: Any) 
             time.sleep(1 / 60)
         assert takes.cut_off() == []  # it is being recorded
         os.kill(capture.run._client._process.pid, signal.SIGKILL)
-        while not capture.done:
-            assert time.monotonic() < limit
-            capture.tick(bpy.context)
-            time.sleep(1 / 60)
-        text = capture.keep(bpy.context)
     finally:
-        capture.close()
+        capture.close()  # and so is Blender: nobody starts another
     received = [pose.number for pose in capture.run.poses]
-    assert f"{len(received)} frames recorded" in text
-    assert capture.run.error is not None
     path = takes.cut_off()[0].path
     assert len(read_take_file(path).poses) >= len(received) - 30  # half a second
     operator = part("operators.takes").PERFANIM_OT_recover_take
@@ -123,8 +116,10 @@ def test_a_worker_that_is_killed_leaves_a_take_that_can_be_recovered(part: Any) 
     armature = bpy.context.scene.perfanim.armature
     assert len(key_times(part("actions").curves_of(armature))) == len(whole.poses)
     again = part("operators.takes").PERFANIM_OT_solve_take
-    text = run_job(part, again, SimpleNamespace(path=str(whole.path), method="lwr"))
-    assert text.startswith(f"{len(whole.frames)} frames in {whole.notes.name}")
+    as_before = {"database": "RECORDED", "performer": "RECORDED", "cameras": "RECORDED", "put_on": True}
+    text = run_job(part, again, SimpleNamespace(path=str(whole.path), method="lwr", **as_before))
+    assert text.startswith(f"{len(whole.frames)} frames in {whole.notes.name} (lwr)")
+    assert [item.title for item in shown(part)] == [f"{whole.notes.name} (lwr)", whole.notes.name]
 
 
 def test_the_list_shows_what_is_in_the_folder(part: Any) -> None:
@@ -184,12 +179,3 @@ def test_a_capture_that_outlived_blender_is_offered_until_it_is_on_a_character(p
     part("operators.takes")._play(bpy.context, path)
     assert takes.cut_off() == []
     assert [item.title for item in shown(part)] == ["walk"]
-
-
-def test_a_take_is_deleted(part: Any) -> None:
-    path = write_take(part("takes").folder(), "walk")
-    assert bpy.ops.perfanim.delete_take(path=str(path)) == {"FINISHED"}
-    assert not path.exists()
-    assert shown(part) == []
-    with pytest.raises(RuntimeError, match="cannot be read"):
-        bpy.ops.perfanim.delete_take(path=str(path))

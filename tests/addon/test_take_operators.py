@@ -1,0 +1,258 @@
+"""What the Takes panel's buttons do: import, solve again, put on a character, export, delete, have back, clean up."""
+
+import shutil
+import sys
+import time
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from functools import partial
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from perfanim.core.assets import MOTION
+from perfanim.core.cli.main import main
+from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.formats.takes import write_take
+from perfanim.core.marker_frame import MarkerFrame
+from perfanim.core.marker_set import Subject, load_marker_set, save_subject
+from perfanim.core.marker_take import MarkerTake
+from perfanim.core.motion import resampled, sliced
+from perfanim.core.motion_files import read_motion
+from perfanim.core.pose_bytes import SolvedPose
+from perfanim.core.pose_frame import PoseFrame
+from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.skeleton import marker_positions
+from perfanim.core.take_file.reading import read_take_file
+from perfanim.core.take_file.setup import TakeNotes, TakeSetup
+from perfanim.core.take_file.whole import write_whole_take
+from played import key_times
+
+PATIENCE_S = 300.0
+
+
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
+    """Somebody's walk as C3D with z up, who it is, and a database with that walk."""
+    folder = tmp_path_factory.mktemp("walk")
+    motion = resampled(read_motion(MOTION / "walking-01-neutral.bvh"), 30.0)
+    write_bvh(motion, folder / "walk.bvh")
+    assert (
+        main(["database", "build", str(folder / "walk.bvh"), "--fps", "30", "--out", str(folder / "walk.perfdb")]) == 0
+    )
+    subject = Subject("Anna", motion.skeleton, load_marker_set("locomotion"))
+    save_subject(subject, folder / "anna.toml")
+    part = sliced(motion, 20, 40)
+    joints = subject.marker_set.joint_indices(part.skeleton)
+    offsets = subject.marker_set.offsets_m
+    markers = marker_positions(part.skeleton, joints, offsets, part.rotations, part.root_positions_m)
+    z_up = markers @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]).T
+    write_take(MarkerTake("walk", 30.0, subject.marker_set.names, z_up), folder / "walk.c3d")
+    return SimpleNamespace(folder=folder, motion=part, subject=subject)
+
+
+@pytest.fixture
+def part(addon: ModuleType, extension: str, walk: SimpleNamespace) -> Any:
+    def find(name: str) -> Any:
+        return sys.modules[f"{extension}.perfanim_addon.{name}"]
+
+    chosen = bpy.context.scene.perfanim
+    chosen.subject, chosen.database = str(walk.folder / "anna.toml"), str(walk.folder / "walk.perfdb")
+    chosen.marker_set = "locomotion"
+    shutil.rmtree(find("takes").folder())
+    find("takes").forget()
+    return find
+
+
+def recorded(part: Any, walk: SimpleNamespace, name: str, **notes: Any) -> Path:
+    """A take with the walk as its poses."""
+    none, motion = np.full((8, 3), np.nan), (walk.motion.rotations, walk.motion.root_positions_m)
+    poses = [
+        PoseFrame(number, number / 30.0, rotations, root, 0.9, none, none, np.full(8, -1), 0.0)
+        for number, (rotations, root) in enumerate(zip(*motion, strict=True))
+    ]
+    setup = TakeSetup.of(default_rig(), walk.subject, {"method": "lwr"}, {"path": "C:/data/walks.perfdb"}, {})
+    frames = [(0.0, MarkerFrame(pose.number, pose.time_s)) for pose in poses]
+    path = part("takes").folder() / f"{name}.perftake"
+    write_whole_take(path, setup, TakeNotes(name, **notes), frames, [SolvedPose(pose, 0.0) for pose in poses])
+    part("takes").forget()
+    return path
+
+
+def run_job(part: Any, operator: Any, played: Any) -> str:
+    """Do what the operator does between the click and the end; return its line."""
+    played.arguments = partial(operator.arguments, played)
+    played.request = partial(operator.request, played)
+    played.title = operator.title
+    job = operator.begin(played, bpy.context, None)
+    limit = time.monotonic() + PATIENCE_S
+    try:
+        while not job.ended:
+            job.tick()
+            assert time.monotonic() < limit, job.text
+            time.sleep(0.02)
+    finally:
+        job.close()
+    return str(operator.done(played, bpy.context, job.summary))
+
+
+def shown(part: Any) -> list[Any]:
+    part("panel_takes")._fill()
+    return list(bpy.context.window_manager.perfanim_takes.entries)
+
+
+def imported(part: Any, walk: SimpleNamespace, *files: str) -> str:
+    operator = part("operators.takes").PERFANIM_OT_import_takes
+    names = [SimpleNamespace(name=name) for name in files]
+    given = {"files": names, "directory": str(walk.folder), "filepath": "", "up": "auto", "method": "nearest"}
+    return run_job(part, operator, SimpleNamespace(**given))
+
+
+def test_marker_takes_are_imported_into_the_list_and_played(part: Any, walk: SimpleNamespace) -> None:
+    (walk.folder / "words.trc").write_text("no markers")
+    write_take(MarkerTake("half", 30.0, ("a", "b"), np.zeros((5, 2, 3))), walk.folder / "half.csv")
+    text = imported(part, walk, "words.trc", "walk.c3d", "half.csv")
+    assert text.startswith("1 of 3 takes imported; ")
+    assert "words.trc" in text
+    assert "choose the marker set that was worn" in text
+    (item,) = shown(part)
+    assert (item.title, item.complete) == ("walk", True)
+    assert item.used == "Anna, locomotion, nearest, database walk"
+    assert item.held.startswith("20 frames, ")
+    bpy.context.scene.render.fps = 30
+    bpy.context.scene.frame_set(7)
+    assert bpy.ops.perfanim.play_take(path=item.path) == {"FINISHED"}
+    armature = bpy.context.scene.perfanim.armature
+    np.testing.assert_allclose(key_times(part("actions").curves_of(armature)), np.arange(7, 27), atol=1e-3)
+    assert shown(part)[0].used.endswith(f"on {armature.name}")
+    bpy.context.scene.frame_set(15)  # half way through the walk the body stands upright there
+    hips = armature.matrix_world @ armature.pose.bones["root"].head
+    wanted = walk.motion.root_positions_m[8] @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]).T
+    assert np.linalg.norm(np.array(hips - armature.location) - wanted) < 0.05
+
+
+def test_nothing_to_import_is_said_before_any_work(part: Any, walk: SimpleNamespace) -> None:
+    with pytest.raises(Exception, match="not found"):
+        imported(part, walk, "none.c3d")
+    (walk.folder / "none.trc").write_text("no markers")
+    with pytest.raises(Exception, match=r"none\.trc"):
+        imported(part, walk, "none.trc")
+    assert shown(part) == []
+
+
+def test_without_a_database_the_starter_is_made_first(part: Any, walk: SimpleNamespace, monkeypatch: Any) -> None:
+    bpy.context.scene.perfanim.database = ""
+    target = part("states").starter_database_path()
+    made = ["database", "build", str(walk.folder / "walk.bvh"), "--fps", "30", "--out", str(target)]
+    monkeypatch.setattr(part("operators.takes"), "starter_arguments", lambda: made)
+    assert not target.exists()
+    assert imported(part, walk, "walk.c3d") == "1 takes imported"
+    assert target.exists()
+    assert read_take_file(shown(part)[0].path).setup.database["path"] == str(target)
+
+
+def test_a_take_is_solved_again_with_other_settings(part: Any, walk: SimpleNamespace) -> None:
+    imported(part, walk, "walk.c3d")
+    (item,) = shown(part)
+    path = item.path
+    save_subject(replace(walk.subject, name="Anna anew"), walk.folder / "anew.toml")
+    bpy.context.scene.perfanim.subject = str(walk.folder / "anew.toml")
+    operator = part("operators.takes").PERFANIM_OT_solve_take
+    chosen = {"database": "CHOSEN", "performer": "CHOSEN", "cameras": "RECORDED", "put_on": False}
+    text = run_job(part, operator, SimpleNamespace(path=path, method="local-pca", **chosen))
+    assert text == "20 frames solved as walk (local-pca)"
+    assert [(i.title, i.used) for i in shown(part)] == [
+        ("walk (local-pca)", "Anna anew, locomotion, local-pca, database walk"),
+        ("walk", "Anna, locomotion, nearest, database walk"),
+    ]
+    assert bpy.context.window_manager.perfanim_takes.active == 0
+    bpy.context.scene.perfanim.calibration = ""
+    with pytest.raises(Exception, match="choose one under Cameras"):
+        run_job(part, operator, SimpleNamespace(path=path, method="best", **chosen | {"cameras": "CHOSEN"}))
+
+
+def test_a_take_goes_where_is_chosen(part: Any, walk: SimpleNamespace) -> None:
+    path, scene = recorded(part, walk, "walk"), bpy.context.scene
+    scene.render.fps = 30
+    chosen = scene.perfanim_result
+    chosen.start, chosen.reduce = "FIRST", True
+    scene.frame_set(50)
+    bpy.ops.perfanim.play_take(path=str(path))
+    armature = scene.perfanim.armature
+    curves = part("actions").curves_of(armature)
+    assert key_times(curves)[[0, -1]].tolist() == pytest.approx([1.0, 20.0])
+    assert sum(len(curve.keyframe_points) for curve in curves) < 0.7 * 20 * len(curves)
+    chosen.start, chosen.reduce, chosen.onto, chosen.only_selected = "PLAYHEAD", False, "LAYER", True
+    for bone in armature.pose.bones:
+        holder = bone if bpy.app.version >= (5, 0, 0) else bone.bone
+        holder.select = bone.name == "lhumerus"
+    bpy.ops.perfanim.play_take(path=str(path))
+    tracks = armature.animation_data.nla_tracks
+    assert [track.name for track in tracks] == ["walk", "walk.001"]
+    assert (tracks[1].strips[0].frame_start, tracks[1].strips[0].blend_in > 0.0) == (pytest.approx(50.0), True)
+    armature.animation_data.action = bpy.data.actions["walk.001"]
+    if part("actions").HAS_SLOTS:
+        armature.animation_data.action_slot = bpy.data.actions["walk.001"].slots[0]
+    assert {curve.group.name for curve in part("actions").curves_of(armature)} == {"lhumerus"}
+
+
+def test_a_take_is_exported(part: Any, walk: SimpleNamespace, tmp_path: Path) -> None:
+    path = recorded(part, walk, "walk")
+    assert bpy.ops.perfanim.export_take(path=str(path), kind="FBX", filepath=str(tmp_path / "a.bvh")) == {"FINISHED"}
+    text, icon = part("running").message("takes")
+    name = bpy.context.scene.perfanim.armature.name
+    assert (text, icon) == (f"20 frames of walk on {name} in {tmp_path / 'a.fbx'}", "INFO")
+    assert [file.name for file in tmp_path.iterdir()] == ["a.fbx"]
+    with pytest.raises(RuntimeError, match="cannot be written"):
+        bpy.ops.perfanim.export_take(path=str(path), kind="FBX", filepath=str(tmp_path / "a.fbx" / "b.fbx"))
+
+
+def test_a_deleted_take_can_be_had_back(part: Any, walk: SimpleNamespace) -> None:
+    first, second = recorded(part, walk, "walk"), recorded(part, walk, "run")
+    content = first.read_bytes()
+    assert bpy.ops.perfanim.delete_take(path=str(first)) == {"FINISHED"}
+    assert [item.title for item in shown(part)] == ["run"]
+    assert part("takes").room() == (second.stat().st_size, len(content))
+    (gone,) = part("takes").deleted()
+    recorded(part, walk, "walk")  # another of that name
+    assert bpy.ops.perfanim.restore_take(take=str(gone.path)) == {"FINISHED"}
+    assert sorted(item.title for item in shown(part)) == ["run", "walk", "walk"]
+    assert (first.parent / "walk (2).perftake").read_bytes() == content
+    with pytest.raises(RuntimeError, match="cannot be read"):
+        bpy.ops.perfanim.delete_take(path=str(first) + "x")
+
+
+def test_clean_up_removes_what_is_deleted_or_old_and_nothing_else(part: Any, walk: SimpleNamespace) -> None:
+    takes = part("takes")
+    for name, days, rating in (("old", 100, 0), ("old but good", 100, 3), ("new", 1, 0), ("gone", 1, 5)):
+        path = recorded(part, walk, name, rating=rating)
+        made = read_take_file(path)
+        setup = replace(made.setup, created=(datetime.now(UTC) - timedelta(days=days)).isoformat())
+        write_whole_take(path, setup, made.notes, made.stamped_frames, made.poses)
+    (takes.folder() / ("cut.perftake" + takes.SET_ASIDE)).write_bytes(b"x" * 500)
+    takes.forget()
+    takes.delete(takes.folder() / "gone.perftake")
+    deleted = next(iter(takes.deleted())).path.stat().st_size
+    assert takes.room()[1] == deleted + 500
+    assert bpy.ops.perfanim.clean_up_takes(deleted=True, old=False) == {"FINISHED"}
+    assert part("running").message("takes")[0] == f"2 files removed, {takes.size_text(deleted + 500)} free"
+    assert {item.title for item in shown(part)} == {"new", "old", "old but good"}
+    assert takes.room()[1] == 0
+    assert bpy.ops.perfanim.clean_up_takes(deleted=False, old=True, days=90, stars=0) == {"FINISHED"}
+    assert {item.title for item in shown(part)} == {"new", "old but good"}
+    with pytest.raises(RuntimeError, match="nothing is chosen"):
+        bpy.ops.perfanim.clean_up_takes(deleted=True, old=False)
+
+
+def test_sizes_are_told_as_people_read_them(part: Any) -> None:
+    text = part("takes").size_text
+    assert [text(n) for n in (0, 999, 1000, 2_340_000, 1_250_000_000)] == [
+        "0 bytes",
+        "999 bytes",
+        "1 KB",
+        "2 MB",
+        "1.2 GB",
+    ]
