@@ -42,7 +42,7 @@ def lines(blender_version: str, load: bool = False) -> list[str]:
     facts = [
         f"Perfanim {__version__}, Blender {blender_version}, Python {platform.python_version()}",
         platform.platform(),
-        f"Worker's Python: {sys.executable}",
+        f"Python program: {sys.executable}",
         *[library_facts(module, load) for module in LIBRARIES],
     ]
     return [*facts, *([f"Problem: {problem}"] if problem else []), *tested]

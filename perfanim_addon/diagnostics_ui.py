@@ -19,13 +19,13 @@ class PERFANIM_OT_copy_diagnostics(bpy.types.Operator):
 
 
 def draw(layout: bpy.types.UILayout) -> None:
-    """Draw what is known, and the buttons."""
-    for line in diagnostics.lines(bpy.app.version_string):
-        layout.label(text=line)
+    """Draw the buttons, and what is known."""
     row = layout.row()
     if hasattr(bpy.types, "PERFANIM_OT_self_test"):  # not where a library is broken
         row.operator("perfanim.self_test", icon="PLAY")
     row.operator("perfanim.copy_diagnostics", icon="COPYDOWN")
+    for line in diagnostics.lines(bpy.app.version_string):
+        layout.label(text=line)
 
 
 register, unregister = bpy.utils.register_classes_factory((PERFANIM_OT_copy_diagnostics,))

@@ -114,15 +114,15 @@ class PERFANIM_AP_preferences(bpy.types.AddonPreferences):
         layout = self.layout
         layout.use_property_split = True
         layout.prop(self, "tab")
-        self._draw_folders(layout.column(heading="Folders"))
-        column = layout.column(heading="Defaults")
+        self._draw_folders(_section(layout, "Folders"))
+        column = _section(layout, "New Files and Captures")
         for name in ("marker_set", "database", "method"):
             column.prop(self, name)
-        column = layout.column(heading="Worker")
+        column = _section(layout, "Worker")
         for name in ("worker_python", "workers"):
             column.prop(self, name)
         draw_camera_controls(layout, self)
-        diagnostics_ui.draw(layout.box())
+        diagnostics_ui.draw(_section(layout, "Diagnostics"))
 
     def _draw_folders(self, layout: bpy.types.UILayout) -> None:
         for kind, name in CHOSEN_FOLDERS.items():
@@ -132,10 +132,16 @@ class PERFANIM_AP_preferences(bpy.types.AddonPreferences):
                 layout.label(text=problem, icon="ERROR")
 
 
+def _section(layout: bpy.types.UILayout, title: str) -> bpy.types.UILayout:
+    column = layout.column()
+    column.label(text=title)
+    return column
+
+
 def draw_camera_controls(layout: bpy.types.UILayout, preferences: PERFANIM_AP_preferences) -> None:
     """Draw exposure, gain and focus of both cameras."""
     for title, told in (("Left Camera", preferences.left_camera), ("Right Camera", preferences.right_camera)):
-        column = layout.column(heading=title)
+        column = _section(layout, title)
         for name in ("exposure", "gain", "focus"):
             row = column.row()
             value = row.row()
