@@ -7,7 +7,21 @@ STAMP := $(VENV)/.installed
 GPLVM_VENV := .venv-gplvm
 GPLVM_STAMP := $(GPLVM_VENV)/.installed
 
-.PHONY: demo test gplvm-test check window-test window-bench take-fuzz extension clean
+# Each supported Blender: the Python and the numpy that it brings.
+PYTHON311 ?= python3.11
+PYTHON313 ?= python3.13
+BPY_VERSIONS := 4.2 4.5 5.0 5.2
+BPY_TESTS := $(BPY_VERSIONS:%=bpy-test-%)
+PYTHON_OF_4.2 := $(PYTHON311)
+PYTHON_OF_4.5 := $(PYTHON311)
+PYTHON_OF_5.0 := $(PYTHON311)
+PYTHON_OF_5.2 := $(PYTHON313)
+NUMPY_OF_4.2 := 1.24
+NUMPY_OF_4.5 := 1.26
+NUMPY_OF_5.0 := 1.26
+NUMPY_OF_5.2 := 2.3
+
+.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-bench take-fuzz extension clean
 
 # bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
 # the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
@@ -22,6 +36,21 @@ demo: $(STAMP)
 
 test: $(STAMP)
 	$(BIN)/python -m pytest tests --ignore tests/window --ignore tests/gplvm -n auto --dist loadfile
+
+# The add-on's tests on each supported Blender as a module, with the wheels of the extension, one environment each. The
+# project itself is there without its requirements: its numpy would be newer than that of Blender 4.2.
+bpy-test: $(BPY_TESTS)
+
+$(BPY_TESTS): bpy-test-%:
+	@$(PYTHON_OF_$*) -c '' 2>/dev/null || { echo 'bpy $* is left out: $(PYTHON_OF_$*) is not there'; exit 0; }; \
+	$(MAKE) .venv-bpy-$*/.installed && .venv-bpy-$*/bin/python -m pytest tests/addon -n auto --dist loadfile
+
+.venv-bpy-%/.installed: pyproject.toml tools/wheels.txt
+	$(PYTHON_OF_$*) -m venv .venv-bpy-$*
+	.venv-bpy-$*/bin/python -m pip install --quiet --disable-pip-version-check --requirement tools/wheels.txt \
+	  'bpy==$*.*' 'numpy==$(NUMPY_OF_$*).*' pytest pytest-xdist
+	.venv-bpy-$*/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
+	touch $@
 
 # GPy wants an older scipy than the rest is tested with.
 $(GPLVM_STAMP): pyproject.toml
@@ -54,4 +83,4 @@ extension: $(STAMP)
 	$(BIN)/python tools/build_extension.py --out dist
 
 clean:
-	rm -rf $(VENV) $(GPLVM_VENV) out dist
+	rm -rf $(VENV) $(GPLVM_VENV) .venv-bpy-* out dist
