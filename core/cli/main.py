@@ -15,8 +15,9 @@ from typing import Any
 
 from .. import __version__
 from ..errors import PerfanimError
+from .outcome import Outcome
 
-# Each module offers add_parser(subparsers), which sets `run`: (args, progress) -> summary.
+# Each module offers add_parser(subparsers), which sets `run`: (args, progress) -> summary, or an `Outcome`.
 COMMANDS = (
     "demo",
     "calibrate",
@@ -26,6 +27,7 @@ COMMANDS = (
     "solve",
     "evaluate",
     "retarget",
+    "batch",
     "simulate",
     "bench",
     "diagnose",
@@ -105,7 +107,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stderr.write("perfanim: interrupted\n")
         return 130
     progress.clear()
-    sys.stdout.write((json.dumps(jsonable(summary)) if args.json else summary_text(summary)) + "\n")
+    text = summary.text if isinstance(summary, Outcome) else summary_text(summary)
+    sys.stdout.write((json.dumps(jsonable(summary)) if args.json else text) + "\n")
+    if isinstance(summary, Outcome) and summary.failure:
+        sys.stdout.flush()
+        sys.stderr.write(f"perfanim: {summary.failure}\n")
+        return 1
     return 0
 
 

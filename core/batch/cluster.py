@@ -1,0 +1,43 @@
+"""Tasks done by the machines of a Dask cluster, each take one task."""
+
+from collections.abc import Callable, Generator, Sequence
+
+from ..errors import SettingsError
+from .take import Record, Task, failed
+
+_CONNECT_S = 30.0
+
+
+def on_cluster(address: str, serve: Callable[[str], str], tasks: Sequence[Task]) -> Generator[Record, None, None]:
+    """Yield what comes of tasks, as it comes.
+
+    Args:
+        address: of the scheduler, e.g. tcp://host:8786. Its workers have this package, and all files at the same paths.
+        serve: does one task, JSON in and out; found by its name on the workers.
+        tasks: in the order in which they are begun.
+
+    Raises:
+        SettingsError: Dask is not installed, or no scheduler answers.
+    """
+    try:
+        from distributed import Client, as_completed
+    except ImportError as error:
+        raise SettingsError(
+            "Dask is not installed", where="--scheduler", advice="pip install 'perfanim[cluster]'"
+        ) from error
+    try:
+        client = Client(address, timeout=_CONNECT_S)
+    except (OSError, ValueError) as error:
+        raise SettingsError(
+            "no Dask scheduler answers there", where=address, advice="start one with `dask scheduler`"
+        ) from error
+    with client:
+        # priority keeps the order; a take is no pure function: it writes files
+        futures = {
+            client.submit(serve, task.text(), pure=False, priority=-number): task for number, task in enumerate(tasks)
+        }
+        for future in as_completed(futures):
+            if future.status == "finished":
+                yield Record.of_text(future.result())
+            else:
+                yield failed(futures[future].take, "the machine that did it was lost, or another version is on it")

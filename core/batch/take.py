@@ -1,0 +1,265 @@
+"""One take of a batch, from its file or videos to its outputs and what is told of it."""
+
+import json
+import os
+import shutil
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from ..errors import PerfanimError
+from ..formats.takes import declared_frames
+from ..solve_take import SolvedTake
+from .digest import file_digest
+from .figures import figures_of, why_bad, why_doubtful
+from .plan import TakePlan
+from .strip import write_strip
+
+REPORT = "report"  # folder of records and pictures below that of the results
+
+GOOD, DOUBTFUL, BAD = "good", "doubtful", "bad"
+
+
+class Commands(Protocol):
+    """The commands of the command line that a take goes through, which do all the work; each raises PerfanimError."""
+
+    def track(self, options: Sequence[str]) -> dict[str, Any]:
+        """Run `perfanim track`."""
+
+    def solve(self, options: Sequence[str]) -> tuple[SolvedTake, dict[str, Any]]:
+        """Run `perfanim solve`; return poses and motion, and facts."""
+
+    def retarget(self, options: Sequence[str]) -> dict[str, Any]:
+        """Run `perfanim retarget`."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """What is told of a take, and kept beside its outputs.
+
+    Args:
+        name, source, digest: as in its plan.
+        status: GOOD, DOUBTFUL (a look is worth while) or BAD (there is no motion).
+        reasons: why it is not good.
+        warnings: what the commands noticed.
+        figures: of `figures_of`; empty when it could not be solved.
+        outputs: kind -> file below the folder of the results.
+        sha256: file -> digest of its bytes.
+        is_kept: whether a later run takes it as done; not what another moment or machine may do well.
+    """
+
+    name: str
+    source: str
+    digest: str
+    status: str
+    reasons: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    figures: dict[str, float | int | None] = field(default_factory=dict)
+    outputs: dict[str, str] = field(default_factory=dict)
+    sha256: dict[str, str] = field(default_factory=dict)
+    is_kept: bool = True
+
+    @classmethod
+    def of_text(cls, text: str) -> "Record":
+        """Return the record of a JSON object; ValueError or TypeError when it is none."""
+        table = json.loads(text)
+        return cls(**{**table, "reasons": tuple(table["reasons"]), "warnings": tuple(table["warnings"])})
+
+    def text(self) -> str:
+        """Return the record as a JSON object on one line."""
+        return json.dumps(asdict(self), sort_keys=True)
+
+
+@dataclass(frozen=True)
+class Task:
+    """One take to be done, as it goes to another process.
+
+    Args:
+        take: what becomes of it.
+        out: folder of the results.
+        work: folder below it for what is not finished.
+    """
+
+    take: TakePlan
+    out: str
+    work: str
+
+    @classmethod
+    def of_text(cls, text: str) -> "Task":
+        """Return the task of a JSON object."""
+        table = json.loads(text)
+        return cls(TakePlan(**table["take"]), table["out"], table["work"])
+
+    def text(self) -> str:
+        """Return the task as a JSON object on one line."""
+        return json.dumps(asdict(self))
+
+
+def record_path(out: Path, name: str) -> Path:
+    """Return where the record of a take is kept."""
+    return out / REPORT / f"{name}.json"
+
+
+def finished_record(take: TakePlan, out: Path) -> Record | None:
+    """Return the record of an earlier run if inputs and settings are as then and all outputs are there, whole."""
+    record = stored_record(take.name, out)
+    if record is None or record.digest != take.digest:
+        return None
+    if any(file_digest(out / file) != digest for file, digest in record.sha256.items()):
+        return None
+    return record
+
+
+def stored_record(name: str, out: Path) -> Record | None:
+    """Return what an earlier run told of a take of this name, None when nothing that can be read."""
+    try:
+        return Record.of_text(record_path(out, name).read_text(encoding="utf-8"))
+    except (OSError, ValueError, TypeError, KeyError):
+        return None
+
+
+def failed(take: TakePlan, reason: str) -> Record:
+    """Return the record of a take that was kept from being done: the next run tries again."""
+    return Record(take.name, take.source, take.digest, BAD, (reason,), is_kept=False)
+
+
+def run_task(task: Task, commands: Commands) -> Record:
+    """Do one take: its outputs and its record are written whole, or it is told why there are none."""
+    take, out, work = task.take, Path(task.out), Path(task.work) / task.take.name
+    try:
+        work.mkdir(parents=True)
+        record = _Chain(take, work, commands).run()
+        if record.is_kept:
+            _hand_over(record, work, out)
+    except OSError as error:
+        return failed(take, f"cannot be written ({error.strerror})")
+    except Exception as error:  # the last resort: the other takes go on
+        return failed(take, f"failed unexpectedly: {type(error).__name__}: {error}")
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+    return record
+
+
+class _Chain:
+    """The steps of one take, in a folder of its own."""
+
+    def __init__(self, take: TakePlan, work: Path, commands: Commands) -> None:
+        self._take = take
+        self._work = work
+        self._commands = commands
+        self._outputs: dict[str, str] = {}
+        self._warnings: list[str] = []
+        self._doubts: list[str] = []
+
+    def run(self) -> Record:
+        """Return what came of the steps; the files of its outputs lie in the folder."""
+        try:
+            solved = self._solve()
+        except PerfanimError as error:
+            # what cannot be written is no fault of the take's
+            return self._record(BAD, [self._said(error)], is_kept=not error.where.startswith(str(self._work)))
+        figures = figures_of(solved)
+        self._keep("picture", f"{self._take.name}.jpg", lambda path: write_strip(solved, path))
+        wrong = why_bad(figures)
+        if wrong:
+            self._outputs.pop("motion")
+            return self._record(BAD, [wrong], figures)
+        try:
+            self._retarget()
+        except PerfanimError as error:
+            return self._record(BAD, [self._said(error)], figures, is_kept=False)
+        doubts = [*self._doubts, *why_doubtful(figures)]
+        return self._record(DOUBTFUL if doubts else GOOD, doubts, figures)
+
+    def _solve(self) -> SolvedTake:
+        name, source = self._take.name, self._take.take
+        if self._take.is_tracked:
+            self._track()
+            source = str(self._work / self._outputs["markers"])
+        motion = self._work / f"{name}.bvh"
+        solved, facts = self._commands.solve([source, *self._take.options_of("solve"), "--out", str(motion)])
+        self._warnings += [self._plain(text) for text in facts["warnings"]]
+        self._outputs["motion"] = motion.name
+        declared = 0 if self._take.is_tracked else declared_frames(source)
+        if declared > len(solved.poses):
+            self._doubts.append(f"the file was cut off: it holds {len(solved.poses)} of {declared} frames")
+        if not facts.get("complete", True):
+            self._doubts.append("the recording was cut off")
+        return solved
+
+    def _track(self) -> None:
+        def write(path: Path) -> None:
+            facts = self._commands.track([*self._take.options_of("track"), "--out", str(path)])
+            self._warnings += [self._plain(text) for text in facts["warnings"]]
+
+        self._keep("markers", f"{self._take.name}.take.npz", write)
+
+    def _retarget(self) -> None:
+        options = self._take.options_of("retarget")
+        if not options:
+            return
+        motion = self._work / self._outputs["motion"]
+
+        def write(path: Path) -> None:
+            facts = self._commands.retarget([str(motion), *options, "--out", str(path)])
+            if facts["doubtful"] or facts["unmapped"]:
+                joints = ", ".join(sorted({**facts["doubtful"], **facts["unmapped"]}))
+                self._warnings.append(f"doubtful or without a bone: {joints}")
+
+        self._keep("character", f"{self._take.name}.blend", write)
+
+    def _keep(self, kind: str, name: str, write: Callable[[Path], object]) -> None:
+        write(self._work / name)
+        self._outputs[kind] = name
+
+    def _record(
+        self,
+        status: str,
+        reasons: list[str],
+        figures: dict[str, float | int | None] | None = None,
+        *,
+        is_kept: bool = True,
+    ) -> Record:
+        outputs = {kind: f"{REPORT}/{name}" if kind == "picture" else name for kind, name in self._outputs.items()}
+        return Record(
+            self._take.name, self._take.source, self._take.digest, status, tuple(reasons), tuple(self._warnings),
+            figures or {}, outputs if is_kept else {}, is_kept=is_kept,
+        )  # fmt: skip
+
+    def _said(self, error: PerfanimError) -> str:
+        text = " ".join(str(error).split())
+        return self._plain(text.removeprefix(f"{self._take.take}: ") if self._take.take else text)
+
+    def _plain(self, text: str) -> str:
+        """Return a message without the places of this machine."""
+        known = {str(self._work) + os.sep: "", self._take.take: self._take.source}
+        for place, told in known.items():
+            text = text.replace(place, told) if place else text
+        return text
+
+
+def _hand_over(record: Record, work: Path, out: Path) -> None:
+    """Move the outputs to their places, and the record last: what has one is whole."""
+    (out / REPORT).mkdir(parents=True, exist_ok=True)
+    for file in record.outputs.values():
+        made = work / Path(file).name
+        record.sha256[file] = file_digest(made)
+        made.replace(out / file)
+    text = work / f"{record.name}.json"
+    with text.open("w", encoding="utf-8", newline="\n") as stream:
+        stream.write(record.text() + "\n")
+        stream.flush()
+        os.fsync(stream.fileno())
+    text.replace(record_path(out, record.name))
+
+
+def remove_old(take: TakePlan, out: Path) -> None:
+    """Remove the record of an earlier run whose inputs were others, and its outputs."""
+    record = stored_record(take.name, out)
+    for file in record.outputs.values() if record else ():
+        if Path(file).name.startswith(take.name):
+            (out / file).unlink(missing_ok=True)
+    with suppress(FileNotFoundError):
+        record_path(out, take.name).unlink()

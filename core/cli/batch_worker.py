@@ -1,0 +1,123 @@
+"""What does the takes of a batch: a process started by path, or a worker of a cluster that imports this by name.
+
+A process has no package at first, so it makes the one it belongs to importable by its place (in Blender it is called
+bl_ext.<repository>.perfanim, which only Blender can import).
+"""
+
+import importlib
+import importlib.util
+import json
+import os
+import queue
+import signal
+import sys
+import threading
+from collections.abc import Sequence
+from contextlib import redirect_stderr
+from io import StringIO
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import argparse
+
+    from ..solve_take import SolvedTake
+
+_local = threading.local()
+
+
+def serve_task(text: str) -> str:
+    """Do one take, JSON in and out (`batch.take.Task`, `Record`).
+
+    What takes share stays open for the next one: a database is opened once by each thread that does takes.
+    """
+    from ..batch.take import Task, run_task
+
+    if not hasattr(_local, "commands"):
+        _local.commands = CommandLine()
+    return run_task(Task.of_text(text), _local.commands).text()
+
+
+class CommandLine:
+    """The commands that a take goes through (`batch.take.Commands`), run here, with what takes share."""
+
+    def __init__(self) -> None:
+        import cv2
+
+        from ..solver_store import SolverStore
+
+        cv2.setNumThreads(1)  # there is a process for each core
+        self._store = SolverStore()
+
+    def track(self, options: Sequence[str]) -> dict[str, Any]:
+        """Run `perfanim track`."""
+        args = parsed("track", options)
+        summary: dict[str, Any] = args.run(args, _quiet)
+        return summary
+
+    def solve(self, options: Sequence[str]) -> "tuple[SolvedTake, dict[str, Any]]":
+        """Run `perfanim solve`; return poses and motion, and facts."""
+        from .solve import solve
+
+        return solve(parsed("solve", options), _quiet, self._store)
+
+    def retarget(self, options: Sequence[str]) -> dict[str, Any]:
+        """Run `perfanim retarget`."""
+        args = parsed("retarget", options)
+        summary: dict[str, Any] = args.run(args, _quiet)
+        return summary
+
+
+def parsed(command: str, options: Sequence[str]) -> "argparse.Namespace":
+    """Return the options of a command; SettingsError where the command line would end with wrong usage."""
+    from ..errors import SettingsError
+    from . import solve
+    from .main import build_parser
+
+    said = StringIO()
+    try:
+        with redirect_stderr(said):
+            args = build_parser([command]).parse_args([command, *options])
+            if command == "solve":
+                solve.check(args)
+            return args
+    except SystemExit:
+        line = said.getvalue().strip().splitlines()[-1]
+        raise SettingsError(line.rpartition("error: ")[2]) from None
+
+
+def _quiet(fraction: float, text: str) -> None:
+    """Take signs of progress that nobody sees."""
+
+
+def _serve() -> None:
+    """Do the takes that standard input names and tell of each on standard output, until it ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that started this one ends it
+    # what libraries print must not come between the answers
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+    requests: queue.SimpleQueue[str] = queue.SimpleQueue()
+    order = json.loads(sys.stdin.readline())
+    threading.Thread(target=_listen, args=(requests,), daemon=True).start()
+    sys.path.extend(path for path in order["paths"] if path not in sys.path)
+    root = order["root"]
+    spec = importlib.util.spec_from_file_location("perfanim", f"{root}/__init__.py", submodule_search_locations=[root])
+    if spec is None or spec.loader is None:
+        raise SystemExit(f"no extension in {root}")
+    package = importlib.util.module_from_spec(spec)
+    sys.modules["perfanim"] = package
+    spec.loader.exec_module(package)
+    worker = importlib.import_module("perfanim.core.cli.batch_worker")
+    while True:
+        answers.write(worker.serve_task(requests.get()) + "\n")
+        answers.flush()
+
+
+def _listen(requests: queue.SimpleQueue[str]) -> None:
+    """Hand requests over; when their sender is gone, however it ended, so is this process, whatever it is doing."""
+    for line in sys.stdin:
+        requests.put(line)
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    _serve()

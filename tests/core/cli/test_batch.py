@@ -1,0 +1,110 @@
+"""`perfanim batch` as a command: its answers, and what it refuses before any work."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from perfanim.core.cli.main import main
+from perfanim.core.formats.takes import write_take
+from perfanim.core.marker_set import save_subject
+from perfanim.core.marker_take import MarkerTake
+from perfanim.core.motion_files import read_motion
+from perfanim.core.simulate.markers import simulate_markers
+
+FRAMES = 8
+
+
+@pytest.fixture(scope="module")
+def folder(truth, subject, database_file, tmp_path_factory):
+    """A plan, its takes, one of which is bad, and all they need."""
+    place = tmp_path_factory.mktemp("plan")
+    walk = simulate_markers(truth, subject)[0]
+    write_take(MarkerTake("walk", walk.fps, walk.names, walk.positions_m[:FRAMES]), place / "walk.trc")
+    write_take(MarkerTake("other", walk.fps, ("C7", "T10"), np.zeros((FRAMES, 2, 3))), place / "other.csv")
+    save_subject(subject, place / "walker.toml")
+    shutil.copyfile(database_file, place / "all.pfdb")
+    (place / "plan.toml").write_text("""
+        out = "results"
+        database = "all.pfdb"
+        subject = "walker.toml"
+        [[take]]
+        take = "walk.trc"
+        [[take]]
+        take = "other.csv"
+        [[take]]
+        take = "none.c3d"
+        """)
+    return place
+
+
+def test_a_plan_with_bad_takes(folder, capsys):
+    assert main(["batch", str(folder / "plan.toml"), "--jobs", "1", "--json"]) == 1
+    printed = capsys.readouterr()
+    told = json.loads(printed.out)
+    assert printed.err == f"perfanim: {folder / 'results'}: 2 of 3 takes are bad; see {told['page']}\n"
+    assert (told["good"] + told["doubtful"], told["bad"], told["finished_before"]) == (1, 2, 0)
+    none, other, walk = told["takes"]
+    assert (none["name"], none["status"]) == ("none", "bad")
+    assert none["reasons"][0].startswith("cannot be read")
+    assert "choose the marker set that was worn" in other["reasons"][0]
+    assert walk["take"] == "walk.trc"
+    assert walk["figures"]["frames"] == FRAMES
+    assert read_motion(walk["outputs"]["motion"]).frames == FRAMES
+    assert all(Path(place).is_file() for place in (told["page"], *walk["outputs"].values()))
+    assert main(["batch", str(folder / "plan.toml")]) == 1
+    printed = capsys.readouterr()
+    assert "3 were done before" in printed.out
+    assert any(line.split()[:2] == ["other", "bad"] for line in printed.out.splitlines())
+
+
+def test_good_takes_alone_exit_with_0(folder, tmp_path, capsys):
+    shutil.copytree(folder / "results", tmp_path / "out")  # done there already: content counts, not places
+    given = ["--database", str(folder / "all.pfdb"), "--subject", str(folder / "walker.toml")]
+    assert main(["batch", str(folder / "walk.trc"), *given, "--out", str(tmp_path / "out"), "--json"]) == 0
+    printed = capsys.readouterr()
+    assert (json.loads(printed.out)["finished_before"], printed.err) == (1, "")
+
+
+BAD = [
+    (["--database", "none.pfdb"], "none.pfdb", 1),
+    (["--subject", "plan.toml"], "plan.toml: is not a subject file", 1),
+    (["--marker-set", "nowhere"], "no marker set", 1),
+    (["--to", "none.glb"], "none.glb: cannot be read", 1),
+    (["--jobs", "0"], "--jobs 0 is out of range", 1),
+    (["--method", "guess"], "invalid choice", 2),
+    (["--jobs", "2", "--scheduler", "tcp://here:1"], "--scheduler", 2),
+    (["walk.trc"], "a plan stands alone", 2),
+]
+
+
+@pytest.mark.parametrize(("options", "said", "status"), BAD)
+def test_what_is_refused_before_any_work(folder, tmp_path, capsys, monkeypatch, options, said, status):
+    monkeypatch.chdir(folder)
+    line = ["batch", "plan.toml", *options, "--out", str(tmp_path / "out")]
+    if status == 2:
+        with pytest.raises(SystemExit, match="2"):
+            main(line)
+    else:
+        assert main(line) == 1
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('database = "all.pfdb"\n[[take]]\ntake = "walk.trc"', "--subject --skeleton is required"),
+        ('subject = "walker.toml"\n[[take]]\ntake = "walk.trc"', "required: --database"),
+        ('database = "all.pfdb"\nsubject = "walker.toml"\nunits = "yd"\n[[take]]\ntake = "walk.trc"', "--units"),
+        ('database = "all.pfdb"\nsubject = "walker.toml"\ntempo = 1\n[[take]]\ntake = "walk.trc"', "no key 'tempo'"),
+    ],
+)
+def test_options_that_cannot_be_meant(folder, capsys, text, said):
+    (folder / "wrong.toml").write_text(text)
+    assert main(["batch", str(folder / "wrong.toml"), "--out", str(folder / "none")]) == 1
+    printed = capsys.readouterr().err
+    assert said in printed
+    assert printed.count("\n") == 1
+    assert not (folder / "none").exists()
