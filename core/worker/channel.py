@@ -4,6 +4,8 @@ Sending goes through a queue without limit and a thread of its own, so that a sl
 frames; receiving has a thread too. These threads live in the worker process, never in Blender.
 """
 
+import faulthandler
+import math
 import os
 import queue
 import socket
@@ -21,6 +23,7 @@ from .protocol import Decoder, Message, MessageKind, encode, encode_frame, encod
 
 HEARTBEAT_S = 0.5
 _PARENT_GONE_GRACE_S = 3.0
+_BLOCKED_S = 20.0  # without any Python run: longer than anybody waits for a sign of life
 
 
 class Channel:
@@ -109,7 +112,12 @@ class Channel:
         self._socket.close()
 
     def _send_loop(self) -> None:
+        armed_s = -math.inf
         while True:
+            if time.monotonic() - armed_s > HEARTBEAT_S:
+                # a library that never gives the interpreter back would keep the process alive for ever
+                faulthandler.dump_traceback_later(_BLOCKED_S, exit=True)
+                armed_s = time.monotonic()
             try:
                 data = self._queue.get(timeout=HEARTBEAT_S)
             except queue.Empty:
@@ -117,6 +125,7 @@ class Channel:
                 content = {"activity": self.activity, "frames": self.frames, "queued": 0, "stalled_s": stalled_s}
                 data = encode_json(MessageKind.STATUS, content)
             if data is None:
+                faulthandler.cancel_dump_traceback_later()
                 return
             try:
                 self._socket.sendall(data)

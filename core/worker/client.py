@@ -194,6 +194,7 @@ class WorkerClient:
         """
         self._restarts_s.append(time.monotonic())
         self._drop_connection()
+        self._close_input()
         self._process.kill()  # one that hangs answers to nothing else
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(timeout=_DYING_S)
@@ -300,10 +301,13 @@ class WorkerClient:
         self._ended = True
         self._release()
 
-    def _end_process(self, grace_s: float) -> None:
+    def _close_input(self) -> None:
         if self._process.stdin is not None:
             with contextlib.suppress(OSError):  # what a process that is gone has not read is still in its buffer
                 self._process.stdin.close()
+
+    def _end_process(self, grace_s: float) -> None:
+        self._close_input()
         try:
             self._process.wait(timeout=grace_s)
         except subprocess.TimeoutExpired:

@@ -97,3 +97,23 @@ def test_the_worker_ends_when_its_parent_is_gone() -> None:
     process = client._process
     client.close(grace_s=PATIENCE_S)
     assert process.returncode is not None
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs the C library's sleep")
+def test_a_process_whose_interpreter_is_blocked_ends_by_itself() -> None:
+    """Nothing written in Python can end it then, not even when who started it is gone."""
+    program = (
+        "import ctypes, sys\n"
+        "from perfanim.core.worker import channel\n"
+        "channel._BLOCKED_S = 1.0\n"
+        "channel.Channel(int(sys.argv[1]), 'token')\n"
+        "ctypes.PyDLL(None).sleep(3600)\n"  # keeps the interpreter's lock
+    )
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        line = [sys.executable, "-c", program, str(listener.getsockname()[1])]
+        process = subprocess.Popen(line, stderr=subprocess.PIPE)
+        connection, _ = listener.accept()
+        connection.close()
+        _, told = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 1
+    assert b"Timeout" in told
