@@ -11,7 +11,7 @@ from types import ModuleType
 
 from . import diagnostics
 
-_FIRST = ("preferences", "diagnostics_ui")
+_FIRST = ("translations", "preferences", "diagnostics_ui")
 _REST = (
     "bone_list",
     "properties",
