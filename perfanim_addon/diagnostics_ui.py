@@ -20,9 +20,10 @@ class PERFANIM_OT_copy_diagnostics(bpy.types.Operator):
 
 def draw(layout: bpy.types.UILayout) -> None:
     """Draw the buttons, and what is known."""
-    row = layout.row()
+    row = layout.row(align=True)
     if hasattr(bpy.types, "PERFANIM_OT_self_test"):  # not where a library is broken
         row.operator("perfanim.self_test", icon="PLAY")
+        row.operator("perfanim.cancel_job", text="", icon="X")
     row.operator("perfanim.copy_diagnostics", icon="COPYDOWN")
     for line in diagnostics.lines(bpy.app.version_string):
         layout.label(text=line)
