@@ -86,11 +86,12 @@ def solve_recorded(
         take: what was recorded.
         frames: its marker frames, or others made of its 2D detections.
         rig: the cameras that see them, None for imported markers without any.
+        sessions: as of `solve_take`.
 
     Raises:
         TakeError: there are not two frames.
     """
-    session = Session(subject, database, rig, settings)
+    session = sessions(subject, database, rig, settings)
     name = take.notes.name
     poses, seconds = _solved(frames, session, f"solving {name}", progress)
     return SolvedTake(tuple(poses), steady_motion(poses, subject, name, str(take.path)), seconds)
