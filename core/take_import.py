@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 UPS = ("auto", "feet", "y", "z")
 
+_MOST_NAMES = 12  # in a message
 _UP = np.array([0.0, 1.0, 0.0])
 _TURNS = {  # from a world with this axis up to one with y up
     "y": np.eye(3),
@@ -81,8 +82,8 @@ def _by_place(take: MarkerTake, marker_set: MarkerSet, axes: Sequence[str]) -> M
     """Return the take turned so that it stands, under the set's names as the markers' places tell them."""
     if len(take.names) != len(marker_set):
         raise TakeError(
-            f"its markers are called {', '.join(take.names)}, those of the set {marker_set.name} "
-            f"{', '.join(marker_set.names)}",
+            f"its markers are called {_listed(take.names)}, those of the set {marker_set.name} "
+            f"{_listed(marker_set.names)}",
             where=take.name,
             advice="choose the marker set that was worn, or give one of your own (TOML) with these names",
         )
@@ -97,6 +98,11 @@ def _by_place(take: MarkerTake, marker_set: MarkerSet, axes: Sequence[str]) -> M
             return named
     advice = "choose the marker set that was worn, or give one of your own (TOML) with the file's names"
     raise TakeError(problem.what if problem else "", where=take.name, advice=advice)
+
+
+def _listed(names: Sequence[str]) -> str:
+    left = len(names) - _MOST_NAMES
+    return ", ".join(names[:_MOST_NAMES]) + (f" and {left} more" if left > 0 else "")
 
 
 def _axis_up(take: MarkerTake, marker_set: MarkerSet) -> str:

@@ -20,6 +20,8 @@ from ..take_import import UPS, brought_in
 
 Progress = Callable[[float, str], None]
 
+_DOUBTFUL_MM = 100.0  # live, solved markers so far off mean that labels or pose are wrong
+
 
 def add_parser(group: Any) -> None:
     """Add `import` to the `take` group."""
@@ -111,7 +113,11 @@ def _imported(
     out = unused_path(Path(args.out), take.name)
     capture = {"imported": str(path), "up": args.up}
     solved = keep_markers(out, take, subject, database, SolveSettings(method=args.method), capture, progress)
-    return {"take": path.name, "warnings": warnings, "out": str(out)} | solved.summary()
+    figures = solved.summary()
+    if not figures["marker_rms_mm"] <= _DOUBTFUL_MM:
+        off = f"{figures['marker_rms_mm']:.0f} mm off"
+        warnings.append(f"no body explains the markers of {path.name} ({off}): check marker set and performer")
+    return {"take": path.name, "warnings": warnings, "out": str(out)} | figures
 
 
 def _stem(path: Path) -> str:

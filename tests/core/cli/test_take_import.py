@@ -84,6 +84,14 @@ def test_a_bad_file_does_not_keep_the_others_out(bring, tmp_path, walk):
     assert sorted(path.name for path in (tmp_path / "takes").iterdir()) == ["a.perftake", "e.perftake"]
 
 
+def test_markers_that_no_body_explains_are_told(bring, tmp_path, walk):
+    exchanged = replace(walk, names=tuple(reversed(walk.names)))
+    write_take(exchanged, tmp_path / "exchanged.csv")
+    (row,) = bring(tmp_path / "exchanged.csv", options=("--up", "y"))["takes"]
+    assert row["marker_rms_mm"] > 100.0
+    assert "no body explains the markers of exchanged.csv" in row["warnings"][0]
+
+
 def test_nothing_that_can_be_used_is_an_error(tmp_path, subject_file, database_file, capsys):
     (tmp_path / "words.trc").write_text("no markers")
     line = ["take", "import", tmp_path / "words.trc", "--out", tmp_path / "takes", "--subject", subject_file]
