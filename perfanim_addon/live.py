@@ -156,6 +156,8 @@ class Capture:
         cue = self.recording.advance(run.poses)
         if self.recording.begun and not had_begun:
             self._start_frame = start_frame(context)
+        if cue is not None:
+            running.redraw_sidebars()  # they tell the seconds
         if cue is not None and self._sounds:
             sound.beep(cue.value)
         if self.recording.over:

@@ -6,6 +6,7 @@ from typing import Any
 import bpy
 
 from . import panel_character, preferences, running, states
+from .body_parts import PARTS
 from .job import Job
 from .live import Capture
 from .panel_camera_controls import PERFANIM_PT_camera_controls
@@ -226,8 +227,13 @@ class PERFANIM_PT_capture(bpy.types.Panel):
         row.prop(chosen, "record_countdown_s")
         row.prop(chosen, "record_sound", text="", icon="OUTLINER_OB_SPEAKER")
         _props(column, chosen, "record_length_s")
-        column.label(text="Only")
-        column.grid_flow(columns=4, align=True, row_major=True).prop(chosen, "body_parts", expand=True)
+        column.prop(chosen.id_data.perfanim_result, "start")
+        row = column.row(align=True)
+        row.use_property_split = False
+        row.label(text="Only")
+        parts = row.grid_flow(columns=2, align=True, row_major=True)
+        for part in PARTS:
+            parts.prop_enum(chosen, "body_parts", part)
         _props(column, chosen, "capture_preview", "extend_scene")
 
     def _draw_figures(self, context: bpy.types.Context, layout: bpy.types.UILayout, capture: Capture) -> None:
@@ -245,8 +251,8 @@ class PERFANIM_PT_capture(bpy.types.Panel):
         grid.label(text=f"{figures.solve_s * 1000:.0f} ms of it solver")
         if figures.skew_s is not None:
             grid.label(text=f"Cameras {figures.skew_s * 1000:+.1f} ms")
-            grid.label(text=f"{figures.blind} of one camera lost")
-        grid.label(text=f"{figures.lost} dropped by cameras")
+            grid.label(text=f"{figures.blind} bad images")
+        grid.label(text=f"{figures.lost} dropped")
         grid.label(text=f"{figures.not_shown} not drawn")
         draw_progress(layout, figures.confidence, f"Confidence {figures.confidence:.0%}")
         if figures.waiting > 1:

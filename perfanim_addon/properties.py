@@ -291,7 +291,7 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
     )
     body_parts: bpy.props.EnumProperty(
         name="Only",
-        description="Parts of the body that the capture moves; the others keep their own animation",
+        description="Parts of the body that the capture moves, several with Shift; the others keep their own animation",
         items=BODY_PARTS,
         default={key for key, *_ in BODY_PARTS},
         options={"ENUM_FLAG"},
