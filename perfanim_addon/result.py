@@ -34,7 +34,7 @@ class PERFANIM_PG_result(bpy.types.PropertyGroup):
     )
     only_selected: bpy.props.BoolProperty(
         name="Selected Bones Only",
-        description="Move only the bones that are selected in Pose Mode; the others go on as they are",
+        description="Move only the bones that are selected in Pose Mode; the others keep their own animation",
         default=False,
     )
     reduce: bpy.props.BoolProperty(
@@ -61,10 +61,14 @@ class PERFANIM_PG_result(bpy.types.PropertyGroup):
 def placement(context: bpy.types.Context, armature_object: bpy.types.Object | None) -> Placement:
     """Return how keyframes are put on an armature; a character that is yet to be made has no bones selected."""
     chosen = context.scene.perfanim_result
+    onto = Onto[chosen.onto]
     bounds = KeyBounds(chosen.reduce_deg, chosen.reduce_mm) if chosen.reduce else None
     if not chosen.only_selected or armature_object is None:
-        return Placement(Onto[chosen.onto], None, bounds)
-    return Placement(Onto[chosen.onto], {bone.name for bone in armature_object.pose.bones if _selected(bone)}, bounds)
+        return Placement(onto, None, bounds)
+    animation = armature_object.animation_data
+    if onto is Onto.ACTION and animation is not None and animation.action is not None:
+        onto = Onto.STRIP  # a new action would take the other bones' animation away
+    return Placement(onto, {bone.name for bone in armature_object.pose.bones if _selected(bone)}, bounds)
 
 
 def _selected(bone: bpy.types.PoseBone) -> bool:

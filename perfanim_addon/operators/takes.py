@@ -58,17 +58,19 @@ class _TakeJob(JobOperator):
         return Job(self.title, PANEL, request, python, first=first)
 
 
-def _poses_of(take: TakeFile) -> list[Any]:
-    poses = [solved.pose for solved in take.poses]
+def _poses_of(context: bpy.types.Context, take: TakeFile) -> list[Any]:
+    """Return the poses of the recorded part of a take, smoothed and with feet held as the Capture panel says."""
+    poses = [solved.pose for solved in take.recorded_poses]
     if not poses:
         raise TakeError("has no pose that was solved live", where=take.notes.name, advice="solve it again")
-    return poses
+    shape = Shape.of_table(capture_setup.shape(settings(context)))
+    return shaped(poses, take.setup.worn_subject().skeleton, floor_of(take.setup.camera_rig()), shape)
 
 
 def _play(context: bpy.types.Context, path: Path) -> str:
     """Put a take as it was solved onto the chosen armature, or a new character; return the line that says so."""
     take = read_take_file(path)
-    poses = _poses_of(take)
+    poses = _poses_of(context, take)
     armature = settings(context).armature
     action = write_poses(
         context,
@@ -80,7 +82,7 @@ def _play(context: bpy.types.Context, path: Path) -> str:
     )
     name = settings(context).armature.name
     takes.mark_played(path, name)
-    text, unsolved = f"{len(poses)} frames in {action} on {name}", take.frame_count - len(poses)
+    text, unsolved = f"{len(poses)} frames in {action} on {name}", take.frame_count - len(take.poses)
     return f"{text}; {unsolved} more were not solved live: solve it again for them" if unsolved > 0 else text
 
 
@@ -221,8 +223,10 @@ class PERFANIM_OT_import_takes(_TakeJob, bpy.types.Operator, ImportHelper):
         """List them."""
         kept, failed = summary["takes"], summary["failed"]
         panel_takes.choose(Path(kept[0]["out"]))
-        said = [f"{len(kept)} of {len(kept) + len(failed)} takes imported" if failed else f"{len(kept)} takes imported"]
-        return "; ".join((*said, *failed, *(warning for take in kept for warning in take["warnings"])))
+        count = (
+            f"{len(kept)} of {len(kept) + len(failed)} takes" if failed else f"{len(kept)} take" + "s" * (len(kept) > 1)
+        )
+        return "; ".join((f"{count} imported", *failed, *(warning for take in kept for warning in take["warnings"])))
 
 
 class PERFANIM_OT_export_take(_OfTake, bpy.types.Operator, ExportHelper):
@@ -283,8 +287,9 @@ class PERFANIM_OT_export_take(_OfTake, bpy.types.Operator, ExportHelper):
 
     def _export(self, context: bpy.types.Context, target: Path) -> str:
         take = read_take_file(self.path)
-        times_s, rotations, positions = pose_arrays(_poses_of(take))
-        numbers = np.array([solved.pose.number for solved in take.poses])
+        found = _poses_of(context, take)
+        times_s, rotations, positions = pose_arrays(found)
+        numbers = np.array([pose.number for pose in found])
         fps = rate(times_s, numbers) if len(times_s) > 1 else 1.0
         skeleton = take.setup.worn_subject().skeleton
         chosen = settings(context).armature

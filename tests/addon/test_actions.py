@@ -13,10 +13,19 @@ from played import key_times, played_poses, points_from_blender
 SKELETON = default_skeleton(1.68)
 
 
-@pytest.fixture
-def performer() -> str:
+@pytest.fixture(scope="module")
+def made() -> str:
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     return character.create_character(bpy.context, SKELETON)
+
+
+@pytest.fixture
+def performer(made: str) -> str:
+    """The one character, without animation."""
+    bpy.data.objects[made].animation_data_clear()
+    for action in list(bpy.data.actions):
+        bpy.data.actions.remove(action)
+    return made
 
 
 def smooth_motion(count: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:

@@ -149,7 +149,7 @@ def test_without_a_database_the_starter_is_made_first(part: Any, walk: SimpleNam
     made = ["database", "build", str(walk.folder / "walk.bvh"), "--fps", "30", "--out", str(target)]
     monkeypatch.setattr(part("operators.takes"), "starter_arguments", lambda: made)
     assert not target.exists()
-    assert imported(part, walk, "walk.c3d") == "1 takes imported"
+    assert imported(part, walk, "walk.c3d") == "1 take imported"
     assert target.exists()
     assert read_take_file(shown(part)[0].path).setup.database["path"] == str(target)
 
