@@ -32,7 +32,7 @@ class SelfTest(Job):
         self.text = "looking for cameras"
         self.lines: list[str] = []
         self._database, self._python = database, python
-        self._prepare = Job("Making the starter database", self.panel, command(prepare), python) if prepare else None
+        self._starter = Job("Making the starter database", self.panel, command(prepare), python) if prepare else None
         self._folder = tempfile.TemporaryDirectory(prefix="perfanim-")
         self._run: CaptureRun | None = None
 
@@ -52,12 +52,12 @@ class SelfTest(Job):
             if self.summary is not None:
                 self.lines = _facts(self.summary)
                 self._client.close()
-        elif self._prepare is not None:
-            self._prepare.tick()
-            self.text, self.fraction = self._prepare.title, self._prepare.fraction
-            if self._prepare.ended:
-                self._prepare.close()
-                self._prepare = None
+        elif self._starter is not None:
+            self._starter.tick()
+            self.text, self.fraction = self._starter.title, self._starter.fraction
+            if self._starter.ended:
+                self._starter.close()
+                self._starter = None
         elif self._run is None:
             self._run = CaptureRun(WorkerClient(self._capture_request(), self._python))
         else:
@@ -91,8 +91,8 @@ class SelfTest(Job):
     def close(self) -> None:
         """End its workers."""
         super().close()
-        if self._prepare is not None:
-            self._prepare.close()
+        if self._starter is not None:
+            self._starter.close()
         if self._run is not None:
             self._run.close()
         self._folder.cleanup()
