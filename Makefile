@@ -21,7 +21,7 @@ NUMPY_OF_4.5 := 1.26
 NUMPY_OF_5.0 := 1.26
 NUMPY_OF_5.2 := 2.3
 
-.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-bench take-fuzz extension clean
+.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-bench take-fuzz batch-bench extension clean
 
 # bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
 # the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
@@ -78,6 +78,10 @@ window-bench: $(STAMP)
 # Kills 100 captures at random moments and looks what their takes have kept; takes half an hour. Linux only.
 take-fuzz: $(STAMP)
 	$(BIN)/python tools/take_fuzz.py
+
+# 200 takes with faults through perfanim batch in all ways; takes ten minutes. DATA holds cmu/ (ASF/AMC).
+batch-bench: $(STAMP)
+	$(BIN)/python tools/batch_bench.py --data $(DATA) --out out/batch-bench
 
 extension: $(STAMP)
 	$(BIN)/python tools/build_extension.py --out dist

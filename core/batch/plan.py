@@ -55,6 +55,7 @@ KEYS = {
     "skeleton": Key(Kind.FILE, ("solve",)),
     "method": Key(Kind.WORD, ("solve",)),
     "smooth": Key(Kind.NUMBER, ("solve",)),
+    "feet": Key(Kind.WORD, ("solve",)),
     "units": Key(Kind.WORD, ("solve",)),
     "to": Key(Kind.FILE, ("retarget",)),
     "map": Key(Kind.NAME_OR_FILE, ("retarget",)),

@@ -5,20 +5,17 @@ import os
 import queue
 import subprocess
 import sys
+import threading
+from collections import deque
 from collections.abc import Generator, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import suppress
 from pathlib import Path
 
 from .take import Record, Task, failed
 
+_ROOT = Path(__file__).resolve().parents[2]
 # sums of several threads differ in their last bits, and the results of a batch must not
 _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-_ROOT = Path(__file__).resolve().parents[2]
-
-
-class _DiedError(Exception):
-    """A process ended before it answered."""
 
 
 def in_processes(script: Path, jobs: int, tasks: Sequence[Task]) -> Generator[Record, None, None]:
@@ -28,72 +25,119 @@ def in_processes(script: Path, jobs: int, tasks: Sequence[Task]) -> Generator[Re
         script: Python file that serves tasks: a line of JSON each on standard input, a line of JSON each as answer;
             the first line tells the folder of the package and where Python finds what it imports.
         jobs: processes; one that dies is replaced, and its take is bad.
-        tasks: in the order in which they are begun.
+        tasks: in the order in which they are begun, but for those of one performer, which a process keeps.
     """
-    free: queue.SimpleQueue[_Worker | None] = queue.SimpleQueue()
-    started: list[_Worker] = []
-    for _ in range(jobs):
-        free.put(None)
-
-    def run(task: Task) -> Record:
-        worker = free.get()
-        try:
-            if worker is None:
-                worker = _Worker(script)
-                started.append(worker)
-            return worker.run(task)
-        except _DiedError:
-            worker = None
-            return failed(task.take, "its process ended without a word: too little memory, or a fault of a library")
-        finally:
-            free.put(worker)
-
+    open_tasks, records = _OpenTasks(tasks), queue.SimpleQueue[Record]()
+    workers = [_Worker(script) for _ in range(min(jobs, len(tasks)))]
     # a thread for each process hands it one take after another
-    pool = ThreadPoolExecutor(jobs)
+    threads = [threading.Thread(target=_keep_busy, args=(worker, open_tasks, records)) for worker in workers]
+    for thread in threads:
+        thread.start()
     try:
-        for future in as_completed([pool.submit(run, task) for task in tasks]):
-            yield future.result()
+        for _ in tasks:
+            yield records.get()
     finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for worker in list(started):
+        open_tasks.clear()
+        for worker in workers:
             worker.kill()
-        pool.shutdown()
-        for worker in started:
-            worker.close()
+        for thread in threads:
+            thread.join()
+
+
+def _keep_busy(worker: "_Worker", open_tasks: "_OpenTasks", records: queue.SimpleQueue[Record]) -> None:
+    """Have a process do takes until none is left."""
+    task = open_tasks.after(None)
+    while task is not None:
+        records.put(worker.run(task))
+        task = open_tasks.after(task)
+    worker.close()
+
+
+class _OpenTasks:
+    """Takes that nobody has begun. Each process gets such as it did before, whose performer it has prepared."""
+
+    def __init__(self, tasks: Sequence[Task]) -> None:
+        self._lock = threading.Lock()
+        self._left: dict[tuple[str, ...], deque[Task]] = {}
+        self._begun: set[tuple[str, ...]] = set()
+        for task in tasks:
+            self._left.setdefault(_kind(task), deque()).append(task)
+
+    def after(self, last: Task | None) -> Task | None:
+        """Return a task for the process that did `last`, None when none is left."""
+        with self._lock:
+            if not self._left:
+                return None
+            kind = _kind(last) if last is not None else None
+            if kind not in self._left:
+                # one that no process has begun, else that of which most are left
+                kind = max(self._left, key=lambda kind: (kind not in self._begun, len(self._left[kind])))
+            self._begun.add(kind)
+            task = self._left[kind].popleft()
+            if not self._left[kind]:
+                del self._left[kind]
+            return task
+
+    def clear(self) -> None:
+        """Forget those that are left."""
+        with self._lock:
+            self._left.clear()
+
+
+def _kind(task: Task) -> tuple[str, ...]:
+    return tuple(task.take.options_of("solve"))
 
 
 class _Worker:
-    """A process that does one task after another."""
+    """A process that does one task after another; when it dies, another takes its place."""
 
     def __init__(self, script: Path) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, str(script)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8",
-            env={**os.environ, **_ONE_THREAD},
-        )  # fmt: skip
-        self._send(json.dumps({"root": str(_ROOT), "paths": sys.path}))
-
-    def _send(self, line: str) -> None:
-        assert self._process.stdin is not None  # noqa: S101  # it was asked for
-        try:
-            self._process.stdin.write(line + "\n")
-            self._process.stdin.flush()
-        except OSError:
-            raise _DiedError from None
+        self._script = script
+        self._lock = threading.Lock()
+        self._process: subprocess.Popen[str] | None = None
+        self._is_killed = False
 
     def run(self, task: Task) -> Record:
         """Return what comes of a task."""
-        assert self._process.stdout is not None  # noqa: S101  # it was asked for
-        self._send(task.text())
-        answer = self._process.stdout.readline()
-        if not answer:
-            raise _DiedError
-        return Record.of_text(answer)
+        answer = ""
+        try:
+            process = self._started()
+            if process.stdin is not None and process.stdout is not None:
+                process.stdin.write(task.text() + "\n")
+                process.stdin.flush()
+                answer = process.stdout.readline()
+        except OSError:  # it does not listen any more
+            pass
+        if answer:
+            return Record.of_text(answer)
+        self.close()
+        return failed(task.take, "its process ended without a word: too little memory, or a fault of a library")
 
     def kill(self) -> None:
-        """End the process, whatever it is doing."""
-        self._process.kill()
+        """End the process for good, whatever it is doing; asked by another thread."""
+        with self._lock:
+            self._is_killed = True
+            if self._process is not None:
+                self._process.kill()
 
     def close(self) -> None:
-        """Forget the process, once nobody reads from it."""
-        with suppress(OSError):  # a request that was not taken
-            self._process.communicate()
+        """End the process when nobody waits for it."""
+        with self._lock:
+            process, self._process = self._process, None
+        if process is not None:
+            process.kill()
+            with suppress(OSError):  # a request that was not taken
+                process.communicate()
+
+    def _started(self) -> "subprocess.Popen[str]":
+        with self._lock:
+            if self._is_killed:
+                raise BrokenPipeError
+            if self._process is None:
+                self._process = subprocess.Popen(
+                    [sys.executable, str(self._script)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+                    encoding="utf-8", env={**os.environ, **_ONE_THREAD},
+                )  # fmt: skip
+                if self._process.stdin is not None:
+                    self._process.stdin.write(json.dumps({"root": str(_ROOT), "paths": sys.path}) + "\n")
+            return self._process

@@ -230,7 +230,9 @@ class _Chain:
 
     def _said(self, error: PerfanimError) -> str:
         text = " ".join(str(error).split())
-        return self._plain(text.removeprefix(f"{self._take.take}: ") if self._take.take else text)
+        # which take is known
+        is_own = error.where in (self._take.take, self._take.name)
+        return self._plain(text.removeprefix(f"{error.where}: ") if is_own else text)
 
     def _plain(self, text: str) -> str:
         """Return a message without the places of this machine."""

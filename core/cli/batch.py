@@ -17,6 +17,7 @@ from ..batch.take import BAD
 from ..camera import load_rig
 from ..database.store import open_database
 from ..errors import CharacterError, FormatError, PerfanimError, SettingsError
+from ..foot_lock import FEET
 from ..formats.takes import READABLE
 from ..marker_set import load_marker_set, load_subject
 from ..motion_files import read_skeleton
@@ -26,7 +27,8 @@ from . import batch_worker
 from .outcome import Outcome
 
 _GIVEN = (
-    "database", "subject", "skeleton", "marker_set", "method", "smooth", "units", "cameras", "to", "map", "root_motion"
+    "database", "subject", "skeleton", "marker_set", "method", "smooth", "feet", "units", "cameras", "to", "map",
+    "root_motion",
 )  # fmt: skip
 _CHECKS: dict[str, Callable[[str], object]] = {
     "database": open_database,
@@ -59,6 +61,7 @@ def add_parser(subparsers: Any) -> None:
     shared.add_argument("--marker-set", metavar="NAME", help="shipped marker set or TOML file")
     shared.add_argument("--method", choices=METHODS, help="how poses are found (default best)")
     shared.add_argument("--smooth", type=float, metavar="HZ", help="low-pass markers before and motion after")
+    shared.add_argument("--feet", choices=FEET, help="hold feet in place (default off)")
     shared.add_argument("--units", choices=("m", "cm"), help="unit of the BVH files (default m)")
     shared.add_argument("--cameras", metavar="cameras.toml", help="calibration of videos, another of .perftakes")
     shared.add_argument("--to", metavar="CHARACTER", help="also retarget: .blend, .glb, .gltf, .vrm or .fbx file")
