@@ -1,6 +1,6 @@
 """What is done to solved poses before they are shown and baked: smoothing, feet held in place. Takes keep neither."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -60,3 +60,9 @@ class PoseShaper:
             return pose
         rotations, root = self._smoother.step(pose.time_s, pose.rotations, pose.root_position_m)
         return replace(pose, rotations=self._feet.step(pose.time_s, rotations, root), root_position_m=root)
+
+
+def shaped(poses: Sequence[PoseFrame], skeleton: Skeleton, floor_m: float | None, shape: Shape) -> list[PoseFrame]:
+    """Return the poses of a take as they are shown; arguments and errors as of `PoseShaper`."""
+    shaper = PoseShaper(skeleton, floor_m, shape)
+    return [shaper.step(pose) for pose in poses]

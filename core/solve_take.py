@@ -80,7 +80,7 @@ def solve_recorded(
     progress: Callable[[float, str], None],
     sessions: SessionMaker = Session,
 ) -> SolvedTake:
-    """Solve a recorded take as it was solved live.
+    """Solve a recorded take as it was solved live; the motion is the recorded part, without a countdown.
 
     Args:
         take: what was recorded.
@@ -94,7 +94,8 @@ def solve_recorded(
     session = sessions(subject, database, rig, settings)
     name = take.notes.name
     poses, seconds = _solved(frames, session, f"solving {name}", progress)
-    return SolvedTake(tuple(poses), steady_motion(poses, subject, name, str(take.path)), seconds)
+    recorded = [pose for pose in poses if take.is_recorded(pose.number)]
+    return SolvedTake(tuple(poses), steady_motion(recorded, subject, name, str(take.path)), seconds)
 
 
 def _solved(

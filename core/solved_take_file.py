@@ -81,7 +81,8 @@ def keep_solved_anew(
         database=identity(database),
     )
     name = take.notes.name.removesuffix(f" ({_method(take.setup.settings)})")
-    notes = TakeNotes(f"{name} ({settings.method})", take.notes.notes, take.notes.rating)
+    rated = TakeNotes(f"{name} ({settings.method})", take.notes.notes, take.notes.rating)
+    notes = replace(rated, recorded=take.notes.recorded)
     stamps_s = [stamp_s for stamp_s, _ in take.stamped_frames]
     events = [bytes(chunk.payload) for chunk in take.chunks if chunk.kind == ChunkKind.EVENT]
     write_whole_take(path, setup, notes, list(zip(stamps_s, frames, strict=True)), _poses(solved, stamps_s), events)

@@ -259,6 +259,8 @@ class Capture:
         )
         with contextlib.suppress(PerfanimError):  # there may be no take: its disk is full, its worker was killed
             takes.mark_played(self._take_path)
+            if self.run is not None and len(poses) < len(self.run.poses):
+                takes.mark_recorded(self._take_path, poses[0].number, poses[-1].number)
         text = f"{len(poses)} frames recorded in {action}"
         return f"{text}; {self.run.standing}" if self.run and self.run.standing else text
 

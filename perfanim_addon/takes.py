@@ -77,6 +77,16 @@ def cut_off() -> list[TakeSummary]:
     return [take for take in listed() if not take.complete or (take.orphaned and not take.notes.played)]
 
 
+def mark_recorded(path: Path | str, first: int, last: int) -> None:
+    """Note which part of a take was asked for, by the numbers of its frames: not a countdown, nor what came too late.
+
+    Raises:
+        TakeError: it is no take, or cannot be written.
+    """
+    append_notes(path, replace(summarise(path).notes, recorded=(first, last)))
+    forget()
+
+
 def mark_played(path: Path | str, character: str = "") -> None:
     """Note that a take has been put onto a character; one that outlived Blender, or its capture, is offered no more.
 

@@ -80,6 +80,7 @@ def _recorded_info(take: TakeFile) -> dict[str, Any]:
         "notes": take.notes.notes,
         "rating": take.notes.rating,
         "character": take.notes.character,
+        "recorded": take.notes.recorded,
         "events": list(take.events),
         "bytes": take.path.stat().st_size,
         "problems": ["it is being recorded"] if is_locked(take.path) else take.problems,
@@ -154,7 +155,7 @@ def run_export(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if unsolved > 0:
         warnings.append(f"{unsolved} frames were not solved live and are left out: perfanim solve takes all of them")
     if out.suffix.lower() == ".bvh":
-        poses = [solved.pose for solved in take.poses]
+        poses = [solved.pose for solved in take.recorded_poses]
         motion = steady_motion(poses, take.setup.worn_subject(), take.notes.name, str(args.take))
         write_bvh(motion, out, args.units)
         return {"frames": motion.frames, "fps": motion.fps, "warnings": warnings, "out": str(out)}

@@ -23,7 +23,7 @@ def marker_take(take: TakeFile) -> MarkerTake:
 
     What single cameras showed is left out: a recorded take keeps it by blob, not by marker.
     """
-    poses = [solved.pose for solved in take.poses]
+    poses = [solved.pose for solved in take.recorded_poses]
     if len(poses) < 2:
         raise TakeError(
             f"has {len(poses)} solved frames", where=str(take.path), advice="markers are labelled with the poses"

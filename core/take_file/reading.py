@@ -115,6 +115,16 @@ class TakeFile:
         """The poses as they were solved live, in order; there may be fewer than frames."""
         return tuple(self._records(ChunkKind.POSES, unpack_solved))
 
+    @property
+    def recorded_poses(self) -> tuple[SolvedPose, ...]:
+        """Those of the poses that were asked for: without a countdown, or what came after an end by itself."""
+        return tuple(solved for solved in self.poses if self.is_recorded(solved.pose.number))
+
+    def is_recorded(self, number: int) -> bool:
+        """Return whether a frame was asked for, or belongs to the countdown or what came after the end."""
+        span = self.notes.recorded
+        return span is None or span[0] <= number <= span[1]
+
     @cached_property
     def frame_count(self) -> int:
         """How many marker frames can be read, without reading them."""

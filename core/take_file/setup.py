@@ -87,6 +87,8 @@ class TakeNotes:
         rating: 0 (none) to 5 stars.
         character: who was driven, "" when nobody.
         played: whether it was put onto a character after the recording.
+        recorded: numbers of the first and last frame that were asked for, where a countdown or an end by itself left
+            others beside them; None: all.
     """
 
     name: str = ""
@@ -94,6 +96,7 @@ class TakeNotes:
     rating: int = 0
     character: str = ""
     played: bool = False
+    recorded: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.rating <= MOST_STARS:
@@ -110,7 +113,9 @@ class TakeNotes:
         texts = {name: str(facts.get(name, "")) for name in ("name", "notes", "character")}
         rating = facts.get("rating", 0)
         stars = min(max(rating, 0), MOST_STARS) if isinstance(rating, int) else 0
-        return TakeNotes(**texts, rating=stars, played=bool(facts.get("played", False)))
+        span = facts.get("recorded")
+        recorded = (int(span[0]), int(span[1])) if isinstance(span, list) and len(span) == 2 else None
+        return TakeNotes(**texts, rating=stars, played=bool(facts.get("played", False)), recorded=recorded)
 
 
 def json_object(data: bytes, where: str) -> dict[str, Any]:

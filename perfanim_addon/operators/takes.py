@@ -8,11 +8,13 @@ import numpy as np
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from ...core.errors import PerfanimError, SettingsError, TakeError
+from ...core.foot_lock import floor_of
 from ...core.formats.takes import READABLE
+from ...core.pose_shaping import Shape, shaped
 from ...core.solver.settings import METHODS
 from ...core.take_file.reading import TakeFile, rate, read_take_file, summarise, take_name, unused_path
 from ...core.take_import import UPS
-from .. import panel_takes, running, states, takes
+from .. import capture_setup, panel_takes, running, states, takes
 from ..export_animation import ENDINGS, export_poses
 from ..job import Job, command
 from ..live import add_character, increasing, pose_arrays, write_poses

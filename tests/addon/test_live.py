@@ -114,6 +114,41 @@ def swing(skeleton: Any, bones: tuple[str, ...], frames: int) -> np.ndarray:
     return result
 
 
+def play_worker(part: Any, monkeypatch: pytest.MonkeyPatch, skeleton: Any, rotations: np.ndarray) -> Any:
+    """Let a capture get a pose of these (F, J, 4) at each tick, numbered from 5 on, 60 a second; return its run."""
+    root = np.array([0.0, 1.0, 0.0])
+    solved = [
+        SimpleNamespace(number=n + 5, time_s=n / 60, rotations=turns, root_position_m=root)
+        for n, turns in enumerate(rotations)
+    ]
+    run = SimpleNamespace(poses=[], standing="", activity="", take_preview=lambda: None)
+    run.tick = lambda: run.poses.append(solved[len(run.poses)]) or run.poses[-1]
+    run.shown = run.close = run.stop = lambda: None
+    setup = SimpleNamespace(skeleton=skeleton, request={"take": "a.perftake"}, start=lambda _python: run)
+    monkeypatch.setattr(part("capture_setup"), "make", lambda _chosen: setup)
+    return run
+
+
+def test_a_recording_of_a_length_says_which_part_of_the_take_it_is(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    skeleton = part("operators.character").performer_skeleton(bpy.context.scene.perfanim)
+    bpy.context.scene.render.fps = 60
+    bpy.context.scene.frame_set(7)
+    run = play_worker(part, monkeypatch, skeleton, swing(skeleton, ("head",), 60))
+    noted: list[Any] = []
+    monkeypatch.setattr(part("takes"), "mark_played", lambda *_: None)
+    monkeypatch.setattr(part("takes"), "mark_recorded", lambda *what: noted.append(what))
+    bpy.context.scene.perfanim.record_length_s = 0.5
+    capture = part("live").Capture(None, [])
+    for _ in range(45):
+        capture.tick(bpy.context)
+    assert capture.recording.over
+    assert capture.keep(bpy.context).startswith("31 frames recorded")
+    assert len(run.poses) == 44
+    assert noted == [("a.perftake", 5, 35)]
+    times = key_times(part("actions").curves_of(bpy.context.scene.perfanim.armature))
+    np.testing.assert_allclose(times, np.arange(7.0, 38.0), atol=1e-3)
+
+
 def test_one_arm_is_captured_while_the_rest_plays_its_own_animation(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     live, running, chosen = part("live"), part("running"), bpy.context.scene.perfanim
     bpy.context.scene.render.fps = 60
@@ -125,13 +160,7 @@ def test_one_arm_is_captured_while_the_rest_plays_its_own_animation(part: Any, m
     part("actions").write_action(name, np.arange(1.0, 101.0), nod, still, skeleton, name="Nod")
     alone = {frame: {bone: quaternion_at(armature, bone, frame) for bone in ("head", "rradius")} for frame in (31, 60)}
     turned = swing(skeleton, ("lradius", "lfemur", "head"), 200)[::2]
-    solved = [SimpleNamespace(time_s=n / 60, rotations=turned[n], root_position_m=still[n]) for n in range(50)]
-    run = SimpleNamespace(poses=[], standing="", activity="", take_preview=lambda: None)
-    run.tick = lambda: run.poses.append(solved[len(run.poses)]) or run.poses[-1]
-    run.shown = run.close = lambda: None
-    setup = SimpleNamespace(skeleton=skeleton, request={"take": ""}, start=lambda _python: run)
-    monkeypatch.setattr(part("capture_setup"), "make", lambda _chosen: setup)
-
+    run = play_worker(part, monkeypatch, skeleton, turned)
     chosen.body_parts = {"ARM_L"}
     bpy.context.scene.frame_set(30)
     capture = live.Capture(None, [])

@@ -5,7 +5,7 @@ import pytest
 from perfanim.core import rotations as rot
 from perfanim.core.errors import SettingsError
 from perfanim.core.pose_frame import PoseFrame
-from perfanim.core.pose_shaping import PoseShaper, Shape
+from perfanim.core.pose_shaping import PoseShaper, Shape, shaped
 from perfanim.core.pose_smoothing import PoseSmoother
 from perfanim.core.product_skeleton import default_skeleton
 
@@ -79,5 +79,9 @@ def test_nothing_is_touched_until_something_is_asked_for() -> None:
     shaper.tune(Shape())
     pose = a_pose(30)
     assert shaper.step(pose) is pose
+    skeleton, smooth = default_skeleton(), Shape(smoothing_s=0.05)
+    again = [shaper.step(a_pose(number)) for shaper in [PoseShaper(skeleton, 0.0, smooth)] for number in range(9)]
+    for mine, other in zip(shaped(list(map(a_pose, range(9))), skeleton, 0.0, smooth), again, strict=True):
+        np.testing.assert_array_equal(mine.rotations, other.rotations)
     with pytest.raises(SettingsError, match="no mode"):
         shaper.tune(Shape(feet="sometimes"))

@@ -1,6 +1,7 @@
 """`perfanim take` and solving recorded takes: as live, with another calibration, of cut files."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from perfanim.core.skeleton import forward_kinematics
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.take_file import writer as writer_module
 from perfanim.core.take_file.chunks import scan
+from perfanim.core.take_file.edit import append_notes
 from perfanim.core.take_file.reading import read_take_file, summarise
 from perfanim.core.take_file.setup import TakeNotes, TakeSetup
 from perfanim.core.take_file.writer import TakeWriter
@@ -129,6 +131,26 @@ def test_solving_again_from_the_detections_alone(tmp_path, recorded, stage_rig, 
         main(["solve", str(recorded), "--cameras", str(tmp_path / "one.toml"), "--out", str(tmp_path / "c.bvh")]) == 1
     )
     assert "was recorded by 2 cameras, the calibration has 1" in capsys.readouterr().err
+
+
+def test_a_countdown_stays_in_the_take_and_out_of_the_motion(tmp_path, recorded, capsys):
+    part = tmp_path / "part.perftake"
+    part.write_bytes(recorded.read_bytes())
+    append_notes(part, replace(read_take_file(part).notes, recorded=(10, 40)))
+    facts = run(capsys, "take", "info", part)
+    assert (facts["frames"], facts["recorded"], facts["complete"]) == (57, [10, 40], True)
+    run(capsys, "take", "export", part, "--out", tmp_path / "live.bvh")
+    run(capsys, "take", "export", recorded, "--out", tmp_path / "all.bvh")
+    live, everything = read_motion(tmp_path / "live.bvh"), read_motion(tmp_path / "all.bvh")
+    assert live.frames == 31
+    np.testing.assert_allclose(live.root_positions_m, everything.root_positions_m[10:41], atol=1e-9)
+    run(capsys, "solve", part, "--out", tmp_path / "again.bvh")
+    assert np.degrees(rot.angle_between(read_motion(tmp_path / "again.bvh").rotations, live.rotations)).max() < 0.01
+    run(capsys, "solve", part, "--out", tmp_path / "anew.perftake")
+    anew = read_take_file(tmp_path / "anew.perftake")
+    assert (anew.notes.recorded, len(anew.poses)) == ((10, 40), 57)
+    run(capsys, "take", "export", part, "--out", tmp_path / "markers.take.npz")
+    assert list(read_take(tmp_path / "markers.take.npz").frame_numbers[[0, -1]]) == [10, 40]
 
 
 def test_a_cut_take_is_recovered_and_solved(tmp_path, recorded, capsys):
