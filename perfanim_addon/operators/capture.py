@@ -101,7 +101,8 @@ class PERFANIM_OT_start_capture(bpy.types.Operator):
         except PerfanimError as second:
             error = error or second
         if text or error is None:
-            text = text or "stopped before the first frame"
+            is_counting = capture.run is not None and bool(capture.run.poses)
+            text = text or ("stopped in the countdown" if is_counting else "stopped before the first frame")
             running.set_message(PANEL, text)
             self.report({"INFO"}, text)
         if error is not None:

@@ -61,6 +61,31 @@ def test_a_killed_worker_is_noticed() -> None:
             collect(client, lambda m: False)
 
 
+def test_a_worker_that_gets_no_further_may_be_replaced_but_not_again_and_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[Message] = []
+    with worker({"job": "nonsense"}) as client:
+        collect(client, lambda m: bool(m))
+        monkeypatch.setattr(client, "_receive", lambda: [said.pop(0)] if said else [])
+        client._connection, client._ended = socket.socket(), False
+        stalled = Message(MessageKind.STATUS, b'{"stalled_s": 2.0}')
+        said += [stalled, Message(MessageKind.POSE), Message(MessageKind.STATUS, b'{"stalled_s": 0.4}')]
+        for _ in range(3):  # before its first pose a worker may take its time
+            client.poll()
+        assert client.may_restart
+        said.append(stalled)
+        with pytest.raises(CaptureError, match=r"got no further for 2.0 s"):
+            client.poll()
+        for _ in range(client_module.MOST_RESTARTS):
+            assert client.may_restart
+            client.restart()
+            assert not client.may_restart  # it has yet to show that it works
+            said.append(Message(MessageKind.POSE))
+            client._connection = socket.socket()
+            client.poll()
+        assert not client.may_restart
+        client.close()
+
+
 def test_a_missing_interpreter_is_a_clear_error(tmp_path: Path) -> None:
     with pytest.raises(CaptureError, match="could not be started"):
         WorkerClient({"job": "nonsense"}, python=str(tmp_path / "no-python"))
