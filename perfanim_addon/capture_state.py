@@ -101,6 +101,7 @@ class CaptureRun:
         self._arrivals: deque[float] = deque()
         self._stamp = 0.0
         self._preview: Message | None = None
+        self._taken = 0  # poses that came, those that came twice counted
         self._mending = ""  # until the worker that was started again hands over a pose
         self._last_arrival = self._stop_asked = clock()
 
@@ -126,7 +127,7 @@ class CaptureRun:
         """
         if self.phase is Phase.DONE:
             return None
-        before = len(self.poses)
+        before, taken = len(self.poses), self._taken
         try:
             for message in self._poll():
                 self._take(message)
@@ -134,9 +135,10 @@ class CaptureRun:
             self.error = self.error or error
             self.phase = Phase.DONE
         self._count_rate()
+        if self._taken > taken:
+            self._client.confirm_taken(self._taken)
         if len(self.poses) > before:
             self.statistics.not_shown += len(self.poses) - before - 1
-            self._client.confirm_taken(len(self.poses))
         if self._client.ended:
             self.phase = Phase.DONE
         elif self._stop_overdue():
@@ -226,6 +228,9 @@ class CaptureRun:
     def _take_pose(self, message: Message) -> None:
         solved = message.pose()
         figures = self.statistics
+        self._taken += 1
+        if self.poses and solved.pose.number <= self.poses[-1].number:
+            return  # a worker that took another's place solves once more what that had not written to the take
         if self.poses:
             figures.lost += max(0, solved.pose.number - self.poses[-1].number - 1)
         self.poses.append(solved.pose)

@@ -75,6 +75,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
         seam = Seam.of_table(request["after"]) if request.get("after") else None
         take = _take(request, setup, channel)
         if seam is not None and take is not None and take.last_frame is not None:
+            # what Blender has of the last tenth of a second may not have been written: it comes once more
             seam = seam.moved_to(*take.last_frame)
         after = seam.number if seam is not None else None
         client = WorkerClient({**cameras, "job": "cameras", "after": after})

@@ -58,9 +58,7 @@ class Seam:
         return asdict(self)
 
     def moved_to(self, stamp_s: float, frame: MarkerFrame) -> "Seam":
-        """Return the seam behind a frame, if that comes later."""
-        if frame.number <= self.number:
-            return self
+        """Return the seam behind another frame."""
         return replace(self, number=frame.number, time_s=frame.time_s, stamp_s=stamp_s)
 
     def shift(self, stamp_s: float, frame: MarkerFrame) -> Shift:

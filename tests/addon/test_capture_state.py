@@ -188,6 +188,10 @@ def test_a_worker_that_dies_is_replaced_and_the_capture_goes_on() -> None:
     assert run.notice == ""
     assert [pose.number for pose in run.poses] == [0, 1, 2, 3, 60]
     assert run.statistics.lost == 56
+    worker.say(*poses([59, 60, 61]))  # what the first had not written comes once more
+    run.tick()
+    assert [pose.number for pose in run.poses] == [0, 1, 2, 3, 60, 61]
+    assert worker.taken == 8
     run.stop()
     worker.failure = CaptureError("ended by itself")
     run.tick()

@@ -29,10 +29,9 @@ def test_a_frame_after_a_seam_always_comes_after_it() -> None:
     assert seam.missing_s(frame) == 0.0
 
 
-def test_the_later_of_two_last_frames_counts() -> None:
-    seam = Seam(5, 1.0, 100.0)
-    assert seam.moved_to(100.1, MarkerFrame(9, 1.1)) == Seam(9, 1.1, 100.1)
-    assert seam.moved_to(99.0, MarkerFrame(4, 0.9)) == seam
+def test_a_seam_keeps_its_rate_behind_another_frame() -> None:
+    seam = Seam(9, 1.1, 100.1, 0.02)
+    assert seam.moved_to(100.0, MarkerFrame(5, 1.0)) == Seam(5, 1.0, 100.0, 0.02)
 
 
 def test_what_is_missing_is_told_in_plain_words() -> None:
