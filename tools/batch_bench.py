@@ -38,6 +38,7 @@ FPS = 30.0
 MARKER_SET = "boxing"
 ENDINGS = ("c3d", "trc", "csv", "take.npz")
 BROKEN, EMPTY, WRONG = 10, 5, 5
+LEFT_OUT = ("49_21",)  # hangs on ropes, which nobody does in the database: no method finds a body
 Fault = Callable[[Path, MarkerTake], None]
 
 
@@ -61,7 +62,7 @@ def main() -> int:
 
 def make_takes(cmu: Path, out: Path, count: int, seconds: float, chance: random.Random) -> set[str]:
     """Write takes, plan and database; return the names of the bad takes."""
-    trials = sorted(cmu.glob("*/*.amc"))
+    trials = sorted(trial for trial in cmu.glob("*/*.amc") if trial.stem not in LEFT_OUT)
     filmed, known = trials[::2], trials[1::2]
     bodies = sorted({trial.parent for trial in trials})
     build_database([cmu], out / "known.pfdb", FPS, include=[trial.name for trial in known])

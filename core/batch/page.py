@@ -24,7 +24,8 @@ body { font: 14px/1.4 system-ui, sans-serif; margin: 2em; color: #222; backgroun
 table { border-collapse: collapse; background: #fff; }
 th, td { padding: 6px 10px; border-bottom: 1px solid #ddd; text-align: right; vertical-align: middle; }
 th { position: sticky; top: 0; background: #eee; font-weight: 600; }
-th:first-child, td:first-child { text-align: left; max-width: 26em; overflow-wrap: anywhere; }
+th:first-child, td:first-child { text-align: left; min-width: 20em; overflow-wrap: anywhere; }
+th:last-child { text-align: left; }
 td:last-child { padding: 2px; }
 tr.bad td:first-child { border-left: 6px solid #c62828; background: #fdecea; }
 tr.doubtful td:first-child { border-left: 6px solid #f0a500; background: #fff7e0; }

@@ -6,6 +6,7 @@ Keys are the long options of `perfanim track`, `solve` and `retarget`, with _ fo
 
 import glob
 import os
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
@@ -14,7 +15,7 @@ from typing import Any
 
 from ..errors import SettingsError
 from ..files import read_toml
-from ..formats.takes import READABLE
+from ..formats.takes import READABLE, is_recorded
 
 Value = str | float | bool | list[str]
 
@@ -95,7 +96,7 @@ class TakePlan:
         for key, value in self.options.items():
             commands = KEYS[key].commands
             if key == "cameras" and not self.is_tracked:
-                commands = ("solve",)
+                commands = ("solve",) if is_recorded(self.take) else ()
             if command not in commands or value is False:
                 continue
             flag = f"--{key.replace('_', '-')}"
@@ -237,9 +238,9 @@ def _named(found: Sequence[tuple[str, TakePlan]]) -> tuple[TakePlan, ...]:
     """
     chosen = [name or _stem(take.source) for name, take in found]
     for wider in (_with_folders, _whole):
-        twice = {name for name in map(str.casefold, chosen) if [n.casefold() for n in chosen].count(name) > 1}
+        counts = Counter(map(str.casefold, chosen))
         chosen = [
-            wider(take.source) if not name and own.casefold() in twice else own
+            wider(take.source) if not name and counts[own.casefold()] > 1 else own
             for own, (name, take) in zip(chosen, found, strict=True)
         ]
     taken: dict[str, str] = {}

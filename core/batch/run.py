@@ -117,7 +117,7 @@ def _workplace(out: Path) -> Iterator[Path]:
     """Yield a new folder below `out` for what is not finished; nobody else writes there, and it goes in the end."""
     try:
         (out / REPORT).mkdir(parents=True, exist_ok=True)
-        handle = os.open(out / REPORT / ".lock", os.O_RDWR | os.O_CREAT)
+        handle = os.open(out / REPORT / ".lock", os.O_RDWR | os.O_CREAT, 0o666)
     except OSError as error:
         raise FormatError(
             f"cannot be written ({error.strerror})", where=str(out), advice="choose a folder you may write to"

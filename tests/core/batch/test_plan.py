@@ -78,8 +78,13 @@ def test_videos_are_tracked(plan, tmp_path):
         *("--no-time-offset", "--background", str(tmp_path / "empty-left.mp4"), str(tmp_path / "empty-right.mp4")),
     ]
     assert "--cameras" not in take.options_of("solve")
-    recorded = plan('cameras = "rig.toml"\n[[take]]\ntake = "night.perftake"').takes[0]
+
+
+def test_a_shared_calibration_is_for_what_cameras_saw(plan, tmp_path):
+    text = 'cameras = "rig.toml"\n[[take]]\ntake = "night.perftake"\n[[take]]\ntake = "walk.c3d"'
+    recorded, markers = plan(text).takes
     assert recorded.options_of("solve") == ["--cameras", str(tmp_path / "rig.toml")]
+    assert markers.options_of("solve") == []
 
 
 def test_names_depend_on_no_order(plan, tmp_path):
