@@ -321,6 +321,21 @@ def order_remove_armature(order):
     return {}
 
 
+def order_step(order):
+    """Do something that undo takes back: add an object."""
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new(order["name"], None))
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
+        bpy.ops.ed.undo_push(message=order["name"])
+    return {}
+
+
+def order_undo(order):
+    """Undo or redo, and tell which objects there are."""
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
+        getattr(bpy.ops.ed, order["operator"])()
+    return {"objects": [obj.name for obj in bpy.data.objects]}
+
+
 def order_new_file(order):
     window = bpy.context.window_manager.windows[0]
     with bpy.context.temp_override(window=window):
@@ -346,6 +361,8 @@ ORDERS = {
     "addon": order_addon,
     "workspace": order_workspace,
     "remove_armature": order_remove_armature,
+    "step": order_step,
+    "undo": order_undo,
     "new_file": order_new_file,
     "quit": order_quit,
 }

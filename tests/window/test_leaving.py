@@ -52,7 +52,11 @@ def test_whatever_ends_a_capture_leaves_nothing(desktop: Desktop, window: Blende
     time.sleep(2.0)  # until it is drawn
     desktop.screenshot("leaving-2-armature-deleted")
 
+    window.order("step", name="Before")
     start(window)
+    for operator, there in (("undo", False), ("redo", True)):
+        assert ("Before" in window.order("undo", operator=operator)["objects"]) == there
+        wait_for_more(window)
     window.order("new_file")
     state = ended(window, "end by another file")
     assert not state["actions"]
