@@ -25,13 +25,13 @@ from ..camera import CameraRig, load_rig
 from ..errors import CaptureError
 from ..files import atomic_path
 from ..sources.spec import ImageSetLike, ImageSource, open_source
-from ..sources.videos import is_stream
 from ..vision.background import Background
 from ..vision.blob_preview import draw_blobs
 from ..vision.live import live_frames, live_settings
 from ..vision.pipeline import MarkerPipeline
 from .channel import Channel
 from .preview import PreviewSender
+from .source_kind import is_live, is_repeatable, is_simulated
 
 Image = NDArray[np.uint8]
 
@@ -86,23 +86,6 @@ class _Images:
                 return
             self.newest = moment.images
             yield moment
-
-
-def is_live(request: Mapping[str, Any]) -> bool:
-    """Return whether the images come from cameras, which do not wait."""
-    return str(request["source"].get("kind", "")) == "cameras"
-
-
-def is_repeatable(request: Mapping[str, Any]) -> bool:
-    """Return whether the images can be read again, so that a process that takes another's place loses none."""
-    source = request["source"]
-    streams = any(is_stream(str(path)) for path in source.get("paths", ()))
-    return not (is_live(request) or streams or source.get("live"))
-
-
-def is_simulated(request: Mapping[str, Any]) -> bool:
-    """Return whether the images are the simulated performer's, whose time stamps are exact."""
-    return str(request["source"].get("kind", "")) == "simulated"
 
 
 @contextmanager

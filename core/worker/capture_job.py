@@ -36,11 +36,11 @@ from ..simulate.studio.rig import default_rig
 from ..solver.settings import SolveSettings
 from ..take_file.setup import TakeNotes, TakeSetup
 from ..take_file.writer import TakeWriter
-from .camera_job import is_live, is_repeatable, is_simulated
 from .channel import Channel
 from .client import WorkerClient
 from .protocol import Message, MessageKind
 from .seam import Seam, Shift, missing_text
+from .source_kind import is_live, is_repeatable, is_simulated
 
 STOP_LIMIT_S = 5.0
 GONE_LIMIT_S = 1.0  # the same when Blender is gone: the process has three seconds then, see `channel`

@@ -28,9 +28,10 @@ from ..tracking import track_markers
 from ..tracking_names import named_take
 from ..tracking_single import single_views
 from ..vision.floor import rig_on_floor
-from .camera_job import Stopped, is_live, is_simulated, opened
+from .camera_job import Stopped, opened
 from .channel import Channel
 from .countdown import Line, counted_down
+from .source_kind import is_live, is_simulated
 
 _LONGEST_S = 60.0  # of a recording in which poses are looked for
 

@@ -74,3 +74,9 @@ def test_parts_depend_downwards(part: str, never: set[str]) -> None:
     assert files
     for path in files:
         assert not tops_of(path) & never, path
+
+
+def test_the_solver_s_process_loads_no_images_libraries() -> None:
+    code = "import sys, perfanim.core.worker.capture_job; print('cv2' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd="/", check=True)
+    assert done.stdout == "False\n"
