@@ -34,7 +34,7 @@ class MessageKind(IntEnum):
     TAKEN = 3  # JSON: frames that the receiver is done with, so that a source that can wait does not run ahead
     TUNE = 4  # JSON: how poses are to be shown from now on, see `pose_shaping.Shape`
     HELLO = 10  # JSON: token, process id
-    STATUS = 11  # JSON: activity, fraction, frames, queued
+    STATUS = 11  # JSON: activity, fraction, frames, queued; stalled_s, skew_s, blind where they are known
     FRAME = 12  # stamp and marker frame
     RESULT = 13  # JSON: summary of the finished job
     ERROR = 14  # JSON: what, where, advice
