@@ -137,7 +137,7 @@ def write_posing(
         advice = "select bones of the map in Pose Mode, or write all"
         raise CharacterError("none of the bones that would move is selected", where=armature_object.name, advice=advice)
     pose = posing.pose(rotations, root_positions_m)
-    _keep_in_quaternions(armature_object, list(turned))
+    keep_in_quaternions(armature_object, turned)
     for bone_name in turned:
         armature_object.pose.bones[bone_name].rotation_mode = "QUATERNION"
     if placement.onto is not Onto.ACTION:
@@ -316,9 +316,11 @@ def _channels_of(action: bpy.types.Action, slot: Any) -> Iterator[Any]:
                 yield bag
 
 
-def _keep_in_quaternions(armature_object: bpy.types.Object, bones: list[str]) -> None:
+def keep_in_quaternions(armature_object: bpy.types.Object, bones: Collection[str]) -> None:
     """Give what is played quaternion curves beside others, for bones that are about to be turned by quaternions."""
     animation = armature_object.animation_data
+    if animation is None:
+        return
     tracks = animation.nla_tracks if animation.use_nla else ()
     strips = [strip for track in tracks for strip in track.strips if strip.type == "CLIP"]
     played = {(used.action, _slot_of(used)) for used in (animation, *strips) if used.action is not None}

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.skeleton import Skeleton
+from .actions import keep_in_quaternions
 from .body_parts import PARTS, bones_of_parts
 from .character import find_armature
 from .posing import posing_of
@@ -47,6 +48,7 @@ class ArmatureDriver:
         self._turned = np.flatnonzero([name in only for name in self._posing.bones])
         self._located = [(name, place) for place, name in enumerate(self._posing.located) if name in only]
         self._names = [self._posing.bones[place] for place in self._turned]
+        keep_in_quaternions(armature_object, self._names)  # an animation of theirs in other angles would stop
         self._order: NDArray[np.int64] = np.array([places[name] for name in self._names], dtype=np.int64)
         self._quaternions = np.zeros((len(bones), 4), dtype=np.float32)
         self._modes = np.zeros(len(bones), dtype=np.int32)

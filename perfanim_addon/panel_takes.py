@@ -101,9 +101,9 @@ class PERFANIM_PT_takes(bpy.types.Panel):
             layout.label(text="Takes are listed after the capture")
             return
         shown = _list(context)
-        if not shown.entries:
+        if not takes.listed():
             layout.label(text="Every capture is kept here")
-        else:
+        elif shown.entries:
             layout.template_list("PERFANIM_UL_takes", "", shown, "entries", shown, "active", rows=ROWS)
         if 0 <= shown.active < len(shown.entries):
             _draw_take(context, layout, shown.entries[shown.active])
