@@ -54,6 +54,7 @@ KEYS = {
     "database": Key(Kind.FILE, ("solve",)),
     "subject": Key(Kind.FILE, ("solve",)),
     "skeleton": Key(Kind.FILE, ("solve",)),
+    "up": Key(Kind.WORD, ("solve",)),
     "method": Key(Kind.WORD, ("solve",)),
     "smooth": Key(Kind.NUMBER, ("solve",)),
     "feet": Key(Kind.WORD, ("solve",)),
@@ -97,6 +98,8 @@ class TakePlan:
             commands = KEYS[key].commands
             if key == "cameras" and not self.is_tracked:
                 commands = ("solve",) if is_recorded(self.take) else ()
+            if key == "up" and (self.is_tracked or is_recorded(self.take)):
+                commands = ()  # what cameras saw has y up
             if command not in commands or value is False:
                 continue
             flag = f"--{key.replace('_', '-')}"

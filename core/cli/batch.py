@@ -23,11 +23,12 @@ from ..marker_set import load_marker_set, load_subject
 from ..motion_files import read_skeleton
 from ..retarget.transfer import RootMotion
 from ..solver.settings import METHODS
+from ..take_import import UPS
 from . import batch_worker
 from .outcome import Outcome
 
 _GIVEN = (
-    "database", "subject", "skeleton", "marker_set", "method", "smooth", "feet", "units", "cameras", "to", "map",
+    "database", "subject", "skeleton", "marker_set", "up", "method", "smooth", "feet", "units", "cameras", "to", "map",
     "root_motion",
 )  # fmt: skip
 _CHECKS: dict[str, Callable[[str], object]] = {
@@ -59,6 +60,7 @@ def add_parser(subparsers: Any) -> None:
     shared.add_argument("--subject", metavar="FILE", help="calibrated subject")
     shared.add_argument("--skeleton", metavar="FILE", help=".asf or .bvh whose bones are used; needs --marker-set")
     shared.add_argument("--marker-set", metavar="NAME", help="shipped marker set or TOML file")
+    shared.add_argument("--up", choices=UPS, help="axis of marker files that points up (default: y)")
     shared.add_argument("--method", choices=METHODS, help="how poses are found (default best)")
     shared.add_argument("--smooth", type=float, metavar="HZ", help="low-pass markers before and motion after")
     shared.add_argument("--feet", choices=FEET, help="hold feet in place (default off)")

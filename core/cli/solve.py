@@ -22,6 +22,7 @@ from ..solver.settings import METHODS, SolveSettings
 from ..solver_store import SolverStore
 from ..sources.take import is_unnamed
 from ..take_file.reading import ENDING, read_take_file
+from ..take_import import UPS, brought_in
 
 
 def add_parser(subparsers: Any) -> None:
@@ -43,6 +44,13 @@ def add_parser(subparsers: Any) -> None:
         help="of a .perftake: another calibration, by which its 2D detections are located anew (default: as live)",
     )
     parser.add_argument("--method", choices=METHODS, help="how poses are found (default best; of a .perftake, as live)")
+    parser.add_argument(
+        "--up",
+        choices=UPS,
+        help="axis of a marker file that points up: auto for that which the performer stands along, feet for the floor "
+        "on which the feet stand, which becomes y = 0; its markers' names may then differ from the set's in case and "
+        "prefix, too (default: the file is taken as it is, y up)",
+    )
     parser.add_argument(
         "--smooth",
         type=float,
@@ -83,6 +91,8 @@ def check(args: argparse.Namespace) -> None:
         args.wrong_usage("one of the arguments --subject --skeleton is required")
     if not recorded and args.cameras is not None:
         args.wrong_usage("argument --cameras: only a .perftake holds what cameras saw")
+    if recorded and args.up is not None:
+        args.wrong_usage("argument --up: a .perftake has y up")
     if is_recorded(args.out) and not recorded:
         args.wrong_usage("argument --out: perfanim take import makes a .perftake of other takes")
     if is_recorded(args.out) and args.smooth is not None:
@@ -123,10 +133,11 @@ def _solve_markers(
     args: argparse.Namespace, progress: Callable[[float, str], None], store: SolverStore
 ) -> tuple[SolvedTake, dict[str, Any]]:
     """Solve labelled markers."""
-    take = read_take(args.take)
+    take, subject = read_take(args.take), _subject(args)
+    if args.up is not None:
+        take = brought_in(take, subject.marker_set, args.up)
     if args.smooth is not None:
         take = smoothed(take, args.smooth)
-    subject = _subject(args)
     settings = SolveSettings(method=args.method or "best")
     solved = solve_take(take, subject, store.database(args.database), settings, progress, store.session)
     return solved, {"method": settings.method, "warnings": _differences(take, subject)}

@@ -1,9 +1,14 @@
 """What a take's outputs depend on, and what they do not."""
 
+import shutil
 from dataclasses import replace
 
 from perfanim.core.batch.digest import ContentDigests, take_digest
 from perfanim.core.batch.plan import TakePlan
+from perfanim.core.database.store import open_database
+from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.solved_take_file import keep_markers
+from perfanim.core.solver.settings import SolveSettings
 
 
 def digest(take):
@@ -43,8 +48,18 @@ def test_content_and_settings_count_but_not_places(tmp_path):
     assert len({here, *different}) == len(different) + 1
 
 
-def test_the_database_of_a_recorded_take_counts(tmp_path):
-    """It is not in the plan: the take tells it. A damaged take tells none and has a digest all the same."""
+def test_the_database_of_a_recorded_take_counts(truth, subject, database, tmp_path):
+    """It is not in the plan: the take tells it. A damaged take tells none, and has a digest all the same."""
+    markers = simulate_markers(truth, subject)[0]
+    other = tmp_path / "other.pfdb"
+    shutil.copyfile(database.path, other)
     take = tmp_path / "walk.perftake"
+    settings = SolveSettings(method="nearest")
+    keep_markers(take, markers, subject, open_database(other), settings, {}, lambda fraction, text: None)
+    plan = TakePlan("walk", "walk.perftake", str(take))
+    before = digest(plan)
+    with other.open("ab") as stream:
+        stream.write(b"more")
+    assert digest(plan) != before
     take.write_bytes(b"no take")
-    assert digest(TakePlan("walk", "walk.perftake", str(take))) == digest(TakePlan("walk", "x", str(take)))
+    assert digest(plan) not in (before, "")

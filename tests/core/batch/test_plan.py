@@ -80,11 +80,11 @@ def test_videos_are_tracked(plan, tmp_path):
     assert "--cameras" not in take.options_of("solve")
 
 
-def test_a_shared_calibration_is_for_what_cameras_saw(plan, tmp_path):
-    text = 'cameras = "rig.toml"\n[[take]]\ntake = "night.perftake"\n[[take]]\ntake = "walk.c3d"'
+def test_what_is_shared_is_asked_of_none_that_has_no_use_for_it(plan, tmp_path):
+    text = 'cameras = "rig.toml"\nup = "z"\n[[take]]\ntake = "night.perftake"\n[[take]]\ntake = "walk.c3d"'
     recorded, markers = plan(text).takes
     assert recorded.options_of("solve") == ["--cameras", str(tmp_path / "rig.toml")]
-    assert markers.options_of("solve") == []
+    assert markers.options_of("solve") == ["--up", "z"]
 
 
 def test_names_depend_on_no_order(plan, tmp_path):

@@ -9,10 +9,14 @@ import sys
 from dataclasses import replace
 
 import pytest
+from perfanim.core.batch.plan import plan_of
 from perfanim.core.batch.run import run_batch
 from perfanim.core.batch.take import BAD, DOUBTFUL, GOOD
 from perfanim.core.errors import FormatError, SettingsError
+from perfanim.core.formats.takes import read_take
 from perfanim.core.motion_files import read_motion
+from perfanim.core.solved_take_file import keep_markers
+from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.take_file.lock import lock
 
 from .conftest import FRAMES, do_here, files, in_others, run
@@ -97,6 +101,7 @@ import os, signal
 from pathlib import Path
 from perfanim.core.batch.plan import plan_of
 from perfanim.core.batch.processes import in_processes
+from perfanim.core.batch.plan import plan_of
 from perfanim.core.batch.run import run_batch
 from perfanim.core.cli import batch_worker
 
@@ -173,3 +178,17 @@ def test_progress_tells_how_long_it_takes(inputs, tmp_path):
     fractions = [fraction for fraction, text in told if "takes" in text]
     assert fractions == sorted(fractions)
     assert told[-2][1] == "2 of 2 takes, 1 bad, 0 s left"
+
+
+def test_a_recorded_take_needs_nothing_else(inputs, subject, database, tmp_path):
+    """It holds its subject and tells its database and method."""
+    markers = read_take(inputs.takes / "a.c3d")
+    settings = SolveSettings(method="nearest")
+    keep_markers(tmp_path / "a.perftake", markers, subject, database, settings, {}, lambda fraction, text: None)
+    recorded = plan_of([str(tmp_path / "a.perftake")], {}).takes
+    record = run(recorded, tmp_path / "out").records[0]
+    assert record.status in (GOOD, DOUBTFUL)
+    alone = read_motion(tmp_path / "out" / "a.bvh")
+    again = run(inputs.plan("a.c3d", method="nearest"), tmp_path / "again").records[0]
+    assert record.figures == again.figures
+    assert alone.frames == FRAMES

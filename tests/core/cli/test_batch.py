@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from perfanim.core.cli.main import main
-from perfanim.core.formats.takes import write_take
+from perfanim.core.formats.takes import read_take, write_take
 from perfanim.core.marker_set import save_subject
 from perfanim.core.marker_take import MarkerTake
 from perfanim.core.motion_files import read_motion
@@ -65,6 +65,22 @@ def test_good_takes_alone_exit_with_0(folder, tmp_path, capsys):
     assert main(["batch", str(folder / "walk.trc"), *given, "--out", str(tmp_path / "out"), "--json"]) == 0
     printed = capsys.readouterr()
     assert (json.loads(printed.out)["finished_before"], printed.err) == (1, "")
+
+
+def test_takes_with_z_up_stand(folder, tmp_path, capsys):
+    """As `perfanim solve --up` brings them in; Motive's prefix of the performer's name does not matter either."""
+    walk = read_take(folder / "walk.trc")
+    turned = walk.positions_m @ np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]).T
+    names = tuple(f"Anna:{name}" for name in walk.names)
+    write_take(MarkerTake("walk", walk.fps, names, turned), tmp_path / "walk.c3d")
+    given = ["--database", str(folder / "all.pfdb"), "--subject", str(folder / "walker.toml"), "--method", "nearest"]
+    heights = []
+    for take, up in ((folder / "walk.trc", []), (tmp_path / "walk.c3d", ["--up", "auto"])):
+        out = tmp_path / take.suffix
+        assert main(["batch", str(take), *given, *up, "--out", str(out), "--json"]) == 0
+        capsys.readouterr()
+        heights.append(read_motion(out / "walk.bvh").root_positions_m[:, 1])
+    np.testing.assert_allclose(heights[1], heights[0], atol=1e-4)  # the files keep a hundredth of that
 
 
 BAD = [
