@@ -40,4 +40,5 @@ def on_cluster(address: str, serve: Callable[[str], str], tasks: Sequence[Task])
             if future.status == "finished":
                 yield Record.of_text(future.result())
             else:
-                yield failed(futures[future].take, "the machine that did it was lost, or another version is on it")
+                why = repr(future.exception()) if future.status == "error" else future.status
+                yield failed(futures[future].take, f"the cluster did not do it: {why}")

@@ -134,7 +134,7 @@ def run_task(task: Task, commands: Commands) -> Record:
         if record.is_kept:
             _hand_over(record, work, out)
     except OSError as error:
-        return failed(take, f"cannot be written ({error.strerror})")
+        return failed(take, f"cannot be written ({error.strerror or error})")
     except Exception as error:  # the last resort: the other takes go on
         return failed(take, f"failed unexpectedly: {type(error).__name__}: {error}")
     finally:

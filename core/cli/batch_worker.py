@@ -12,8 +12,8 @@ import queue
 import signal
 import sys
 import threading
-from collections.abc import Sequence
-from contextlib import redirect_stderr
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, redirect_stderr
 from io import StringIO
 from typing import TYPE_CHECKING, Any
 
@@ -50,37 +50,53 @@ class CommandLine:
 
     def track(self, options: Sequence[str]) -> dict[str, Any]:
         """Run `perfanim track`."""
-        args = parsed("track", options)
-        summary: dict[str, Any] = args.run(args, _quiet)
-        return summary
+        return _run("track", options)
 
     def solve(self, options: Sequence[str]) -> "tuple[SolvedTake, dict[str, Any]]":
         """Run `perfanim solve`; return poses and motion, and facts."""
         from .solve import solve
 
-        return solve(parsed("solve", options), _quiet, self._store)
+        args = parsed("solve", options)
+        with _usage_told():
+            return solve(args, _quiet, self._store)
 
     def retarget(self, options: Sequence[str]) -> dict[str, Any]:
         """Run `perfanim retarget`."""
-        args = parsed("retarget", options)
+        return _run("retarget", options)
+
+
+def _run(command: str, options: Sequence[str]) -> dict[str, Any]:
+    """Run a command and return its summary."""
+    args = parsed(command, options)
+    with _usage_told():
         summary: dict[str, Any] = args.run(args, _quiet)
-        return summary
+    return summary
 
 
 def parsed(command: str, options: Sequence[str]) -> "argparse.Namespace":
     """Return the options of a command; SettingsError where the command line would end with wrong usage."""
-    from ..errors import SettingsError
     from . import solve
     from .main import build_parser
+
+    with _usage_told():
+        args = build_parser([command]).parse_args([command, *options])
+        if command == "solve":
+            solve.check(args)
+    return args
+
+
+@contextmanager
+def _usage_told() -> Iterator[None]:
+    """Raise SettingsError where the command line would end with wrong usage."""
+    from ..errors import SettingsError
 
     said = StringIO()
     try:
         with redirect_stderr(said):
-            args = build_parser([command]).parse_args([command, *options])
-            if command == "solve":
-                solve.check(args)
-            return args
-    except SystemExit:
+            yield
+    except SystemExit as error:
+        if error.code != 2:  # another end than for wrong usage
+            raise
         line = said.getvalue().strip().splitlines()[-1]
         raise SettingsError(line.rpartition("error: ")[2]) from None
 
