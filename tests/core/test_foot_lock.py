@@ -54,6 +54,18 @@ def test_standing_feet_stay_and_the_body_hardly_changes(walk: Motion, swaying: M
         assert np.degrees(rot.angle_between(*turned)).max() < 1e-3
 
 
+def test_without_a_floor_the_lowest_foot_tells_it(walk: Motion, swaying: Motion) -> None:
+    high = replace(swaying, root_positions_m=swaying.root_positions_m + np.array([0.0, 0.7, 0.0]))  # a camera's world
+    known, guessed = (FootLock(walk.skeleton, "auto", floor_m) for floor_m in (0.7, None))
+    planted = np.zeros((2, walk.frames, 2), dtype=bool)
+    for frame, (rotations, root) in enumerate(zip(high.rotations, high.root_positions_m, strict=True)):
+        for row, lock in enumerate((known, guessed)):
+            lock.step(frame / walk.fps, rotations, root)
+            planted[row, frame] = [foot.anchor_m is not None for foot in lock._feet]
+    assert planted[0].mean() > 0.3
+    assert np.mean(planted[0] == planted[1]) > 0.9
+
+
 def test_nothing_jumps_when_a_foot_is_held_or_let_go(walk: Motion, swaying: Motion) -> None:
     held = with_feet_held(swaying, "auto", 0.0)
     # what is added to the ball of the foot changes by what the ball moves while held, at most 0.4 m/s, and when it is
