@@ -143,15 +143,17 @@ def write_posing(
     if placement.onto is not Onto.ACTION:
         _push_down(animation)
     quaternions = rot.continuous(pose.rotations)
-    if placement.onto is Onto.LAYER:
-        below = _quaternions_at(armature_object, list(turned), float(frames[0]))
-        same = np.sum(below * quaternions[0, list(turned.values())], axis=-1) >= 0.0
-        quaternions[:, list(turned.values())] *= np.where(same, 1.0, -1.0)[:, None]  # or blending would go round
+    signs = np.ones((2, len(turned)))  # at the beginning and the end
+    if placement.onto is Onto.LAYER:  # q and -q are the same, but a blend between one and the other goes round
+        for row, end in enumerate((0, -1)):
+            below = _quaternions_at(armature_object, list(turned), float(frames[end]))
+            facing = np.sum(below * quaternions[end, list(turned.values())], axis=-1)
+            signs[row] = np.where(facing < 0.0, -1.0, 1.0)
     action = bpy.data.actions.new(name)
     action.use_fake_user = True
     writer = _Writer(armature_object, action, frames, placement.bounds)
-    for bone_name, place in turned.items():
-        writer.rotate(_bone_path(bone_name, "rotation_quaternion"), bone_name, quaternions[:, place])
+    for (bone_name, place), ends in zip(turned.items(), signs.T, strict=True):
+        writer.rotate(_bone_path(bone_name, "rotation_quaternion"), bone_name, quaternions[:, place], ends)
     for bone_name, place in moved.items():
         writer.move(_bone_path(bone_name, "location"), bone_name, pose.locations[:, place])
     if pose.object_rotation is not None and pose.object_location is not None and placement.only is None:
@@ -189,26 +191,42 @@ class _Writer:
         scale = float(np.mean(np.abs(armature_object.matrix_world.to_scale())))
         self._unit_mm = 1000.0 * bpy.context.scene.unit_settings.scale_length * max(scale, 1e-9)
 
-    def rotate(self, path: str, group: str, quaternions: Array) -> None:
-        """Add the four curves of a rotation (F, 4)."""
-        bounds = self._bounds
-        keys = rotation_keys(self._frames, quaternions, np.radians(bounds.rotation_deg)) if bounds else None
-        self._add(path, group, quaternions, keys)
+    def rotate(self, path: str, group: str, quaternions: Array, signs: ArrayLike = (1.0, 1.0)) -> None:
+        """Add the four curves of a rotation (F, 4), with these signs at its beginning and its end.
+
+        Where they differ, the sign changes half way, between two keys that nothing is drawn between.
+        """
+        first, last = np.asarray(signs, dtype=np.float64)
+        bounds, half = self._bounds, len(quaternions) // 2 if first != last else 0
+        pieces = [slice(0, half), slice(half, None)] if half else [slice(None)]
+        signed = np.concatenate((first * quaternions[:half], last * quaternions[half:]))
+        steep = np.concatenate([slopes(self._frames[piece], signed[piece]) for piece in pieces])
+        keys = None
+        if bounds:
+            bound = np.radians(bounds.rotation_deg)
+            found = [rotation_keys(self._frames[piece], signed[piece], bound) for piece in pieces]
+            keys = np.concatenate((found[0], *(half + more for more in found[1:])))
+        for curve in self._add(path, group, signed, steep, keys):
+            if half:
+                held = half if keys is None else int(np.searchsorted(keys, half))
+                curve.keyframe_points[held - 1].interpolation = "CONSTANT"
 
     def move(self, path: str, group: str, locations: Array) -> None:
         """Add the three curves of a location (F, 3) in the armature's unit."""
         bounds = self._bounds
         keys = location_keys(self._frames, locations, bounds.location_mm / self._unit_mm) if bounds else None
-        self._add(path, group, locations, keys)
+        self._add(path, group, locations, slopes(self._frames, locations), keys)
 
-    def _add(self, path: str, group: str, values: Array, keys: NDArray[np.int64] | None) -> None:
-        steep = slopes(self._frames, values) if keys is not None else values
-        for component in range(values.shape[1]):
-            curve = _new_curve(self._channels, path, component, group)
+    def _add(
+        self, path: str, group: str, values: Array, steep: Array, keys: NDArray[np.int64] | None
+    ) -> list[bpy.types.FCurve]:
+        curves = [_new_curve(self._channels, path, component, group) for component in range(values.shape[1])]
+        for component, curve in enumerate(curves):
             if keys is None:
                 _fill(curve, self._frames, values[:, component], self._straight)
             else:
                 _fill_eased(curve, self._frames[keys], values[keys, component], steep[keys, component])
+        return curves
 
 
 def _check(frames: Array, rotations: Array, positions: Array, skeleton: Skeleton) -> None:

@@ -100,6 +100,23 @@ def test_a_layer_blends_in_and_out_over_what_was_played(performer):
         assert np.all(rot.angle_between(found[0], end) <= 0.6 * apart + 0.01)
 
 
+@pytest.mark.parametrize("bounds", [None, KeyBounds(0.2, 1.0)])
+def test_a_layer_that_turns_once_around_blends_back_the_short_way(performer, bounds):
+    frames = np.arange(11, 71)
+    still = rot.identity((29,))
+    around = np.tile(still, (60, 1, 1))
+    around[:, 0] = rot.from_rotation_vector(np.linspace(0.0, 2.0 * np.pi, 60)[:, None] * [0.0, 1.0, 0.0])
+    write(performer, [1, 90], (np.tile(still, (2, 1, 1)), np.zeros((2, 3))), Placement(), "stand")
+    write(performer, frames, (around, np.zeros((60, 3))), Placement(Onto.LAYER, bounds=bounds), "turn")
+    found, _ = played_poses(performer, np.arange(1, 90), SKELETON)
+    wanted = np.tile(still, (89, 1, 1))
+    wanted[10:70] = around
+    blend = int(actions.BLEND_S * 24)
+    assert np.degrees(rot.angle_between(found, wanted))[10 + blend : 70 - blend].max() < 0.2 + FLOAT32_DEG
+    # in the blends the body stands between the turn, which is 37 degrees from its end there, and standing still
+    assert np.degrees(rot.angle_between(found, wanted)).max() < 37.0
+
+
 def test_only_some_bones_are_moved(performer):
     first, second = swinging(40, 1), swinging(40, 2)
     arm = ["lhumerus", "lradius"]
