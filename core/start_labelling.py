@@ -26,6 +26,9 @@ _REFINED = 32  # pairs of the two that are labelled
 _FARTHEST_M = 0.20  # RMS over the markers beyond which nothing is labelled
 _FEWEST_FOUND = 0.6  # share of the markers that must be found
 _MISSED_TORSO_M = 0.1  # what a torso marker costs that is taken for hidden
+_TORSO_WEIGHT = (
+    2.0  # of its own error: a limb may be a hand's breadth off every example, a torso is much the same in all
+)
 _WAYS = 4000  # to choose the torso, at most
 
 
@@ -80,11 +83,12 @@ class StartLabeller:
             for cost, example in self._closest_examples(points_m, turns[row], shifts[row], torsos[row])
         ]
         rough.sort()
-        best: Start | None = None
+        best, least = None, np.inf
         for _, example, row in rough[:_REFINED]:
             found = self._labelled(points_m, torsos[row], example)
-            if best is None or found.distance_m < best.distance_m:
-                best = found
+            cost = found.distance_m**2 + _TORSO_WEIGHT * self._torso_error_m2(points_m, torsos[row], example)
+            if cost < least:
+                best, least = found, cost
         if best is None or best.distance_m > _FARTHEST_M:
             return None
         enough = np.sum(best.labels >= 0) >= _FEWEST_FOUND * self._examples.shape[1]
@@ -190,6 +194,11 @@ class StartLabeller:
         squares[labels[found]] = np.minimum(off, MISSED_M**2)
         tilt = _UP_M**2 * np.sum((self._ups[example] - turn[1]) ** 2)
         return float(np.sqrt((squares.sum() + tilt + _turned_away(turn)) / len(placed)))
+
+    def _torso_error_m2(self, points_m: Array, torso: IntArray, example: int) -> float:
+        """Return the mean squared distance of an example's torso to the points it is laid on."""
+        _, _, errors = _placed(self._examples[example, self._torso].astype(np.float64), points_m, torso[None])
+        return float(errors[0]) / int(np.sum(torso >= 0))
 
     def _laid(self, points_m: Array, torso: IntArray, example: int) -> tuple[Array, Array]:
         """Return the markers (M, 3) of an example laid with its torso on the chosen points, and its turn."""
