@@ -33,7 +33,7 @@ def moved_bvh(text: str, matrices: ArrayLike) -> str:
     space = np.asarray(matrices, dtype=np.float64)
     turns = rot.from_matrix(space[:, :3, :3] / np.cbrt(np.linalg.det(space[0, :3, :3])))
     linear = space[0, :3, :3]  # of the rest pose
-    hierarchy, _, motion = text.partition("MOTION")
+    hierarchy, _, motion = text.partition("\nMOTION\n")
     lines, joints = _hierarchy(hierarchy, linear)
     head, rate, *rows = motion.strip("\n").splitlines()
     values = np.array([row.split() for row in rows], dtype=np.float64).reshape(len(rows), -1)
@@ -55,9 +55,8 @@ def _steady(angles: Array) -> Array:
     """Return angles (F, 3) in whichever of their two forms, and turns, is nearest to the frame before."""
     other = np.stack((angles[:, 0] + np.pi, np.pi - angles[:, 1], angles[:, 2] + np.pi), axis=1)
     stay, change = (_distance(form[1:], angles[:-1]) for form in (angles, other))
-    changed = np.concatenate(
-        ([False], np.cumsum(change < stay) % 2 == 1)
-    )  # both forms differ alike from frame to frame
+    changed = np.cumsum(change < stay) % 2 == 1  # from frame to frame both forms change alike
+    changed = np.concatenate(([False], changed))
     return np.unwrap(np.where(changed[:, None], other, angles), axis=0)
 
 
