@@ -72,15 +72,22 @@ def test_takes_with_z_up_stand(folder, tmp_path, capsys):
     walk = read_take(folder / "walk.trc")
     turned = walk.positions_m @ np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]).T
     names = tuple(f"Anna:{name}" for name in walk.names)
-    write_take(MarkerTake("walk", walk.fps, names, turned), tmp_path / "walk.c3d")
-    given = ["--database", str(folder / "all.pfdb"), "--subject", str(folder / "walker.toml"), "--method", "nearest"]
-    heights = []
-    for take, up in ((folder / "walk.trc", []), (tmp_path / "walk.c3d", ["--up", "auto"])):
-        out = tmp_path / take.suffix
-        assert main(["batch", str(take), *given, *up, "--out", str(out), "--json"]) == 0
-        capsys.readouterr()
-        heights.append(read_motion(out / "walk.bvh").root_positions_m[:, 1])
-    np.testing.assert_allclose(heights[1], heights[0], atol=1e-4)  # the files keep a hundredth of that
+    write_take(MarkerTake("walk", walk.fps, names, turned), tmp_path / "turned.c3d")
+    (tmp_path / "plan.toml").write_text(f"""
+        database = '{folder / "all.pfdb"}'
+        subject = '{folder / "walker.toml"}'
+        method = "nearest"
+        [[take]]
+        take = '{folder / "walk.trc"}'
+        [[take]]
+        take = "turned.c3d"
+        up = "auto"
+        """)
+    assert main(["batch", str(tmp_path / "plan.toml"), "--out", str(tmp_path / "out"), "--jobs", "1"]) == 0
+    capsys.readouterr()
+    walked, turned_back = (read_motion(tmp_path / "out" / f"{name}.bvh") for name in ("walk", "turned"))
+    heights = [motion.root_positions_m[:, 1] for motion in (turned_back, walked)]
+    np.testing.assert_allclose(*heights, atol=1e-4)  # the files keep a hundredth of that
 
 
 BAD = [
