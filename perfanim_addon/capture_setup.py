@@ -109,7 +109,7 @@ def source(settings: Any) -> dict[str, Any]:
     """Return the description of the image source, as `core.sources` takes it.
 
     Raises:
-        CaptureError: a file or folder is not there.
+        CaptureError: a file or folder is not there, or device numbers are none.
     """
     if settings.source == "SIMULATED":
         return {
@@ -122,7 +122,7 @@ def source(settings: Any) -> dict[str, Any]:
     if settings.source == "CAMERAS":
         return {
             "kind": "cameras",
-            "devices": [settings.left_device, settings.right_device][: 1 if states.is_one_camera(settings) else 2],
+            "devices": list(states.devices(settings))[: 1 if states.is_one_camera(settings) else None],
             "size": [settings.width, settings.height],
             "fps": settings.camera_fps,
             "controls": preferences.camera_controls(bpy.context),

@@ -74,7 +74,10 @@ class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
             if states.is_known(chosen):
                 return
         elif chosen.source == "CAMERAS":
-            _props(layout, chosen, "left_device", "right_device", "width", "height", "camera_fps")
+            _props(layout, chosen, "left_device", "right_device")
+            if chosen.right_device >= 0:
+                layout.prop(chosen, "further_devices")
+            _props(layout, chosen, "width", "height", "camera_fps")
         elif chosen.source == "VIDEOS":
             _props(layout, chosen, "left_video", "right_video")
         else:

@@ -100,6 +100,10 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         default=1,
         min=-1,
     )
+    further_devices: bpy.props.StringProperty(
+        name="Further",
+        description="Device numbers of more cameras, e.g. 2, 3; each must see the board together with another",
+    )
     width: bpy.props.IntProperty(
         name="Width", description="Image width", default=640, min=160, max=4096, subtype="PIXEL"
     )

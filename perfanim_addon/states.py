@@ -7,7 +7,7 @@ from typing import Any
 
 from ..core.camera import CameraRig, load_rig
 from ..core.database.store import open_database
-from ..core.errors import PerfanimError, SubjectError
+from ..core.errors import CaptureError, PerfanimError, SubjectError
 from ..core.marker_set import MarkerSet, Subject, load_marker_set, load_subject
 from .place import absolute, user_folder
 from .posing import map_problem
@@ -127,7 +127,34 @@ def cameras(settings: Any) -> State:
     found = rig(absolute(settings.calibration))
     if isinstance(found, PerfanimError):
         return _problem(found, "bad calibration")
+    if settings.source == "CAMERAS" and not is_one_camera(settings):
+        try:
+            count = len(devices(settings))
+        except CaptureError as error:
+            return _problem(error, "bad device numbers")
+        if count != len(found):
+            text = f"calibrated for {len(found)} cameras, {count} are chosen"
+            return State(False, text, f"{text}: calibrate these under Cameras, or open their calibration")
     return State(True, _rig_text(found, is_one_camera(settings)))
+
+
+def devices(settings: Any) -> tuple[int, ...]:
+    """Return the numbers of the connected cameras that are chosen.
+
+    Raises:
+        CaptureError: the further ones are no numbers, or one is chosen twice.
+    """
+    if settings.right_device < 0:
+        return (settings.left_device,)
+    texts = settings.further_devices.replace(",", " ").split()
+    if not all(text.isdigit() for text in texts):
+        raise CaptureError(
+            f"{settings.further_devices!r} are no device numbers", where="further cameras", advice="give e.g. 2, 3"
+        )
+    chosen = (settings.left_device, settings.right_device, *map(int, texts))
+    if len(set(chosen)) < len(chosen):
+        raise CaptureError("one camera is chosen twice", where="cameras", advice="give each its own device number")
+    return chosen
 
 
 def is_one_camera(settings: Any) -> bool:

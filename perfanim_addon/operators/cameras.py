@@ -95,8 +95,7 @@ class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
         chosen = settings(context)
         watched = _watched(chosen)
         if chosen.source == "CAMERAS":  # all that are chosen, though the present calibration may be of one alone
-            devices = (chosen.left_device, chosen.right_device)
-            watched["source"]["devices"] = [device for device in devices if device >= 0]
+            watched["source"]["devices"] = list(states.devices(chosen))
         return {
             **watched,
             "job": "record board",

@@ -111,13 +111,20 @@ def test_cameras_are_calibrated_from_board_pictures(part: Any, extension: str, t
     text = run_job(part, operator, SimpleNamespace())
     assert "px" in text
     state = part("states").cameras(
-        SimpleNamespace(source="CAMERAS", right_device=1, practise=False, calibration=chosen.calibration)
+        SimpleNamespace(
+            source="CAMERAS",
+            left_device=0,
+            right_device=1,
+            further_devices="",
+            practise=False,
+            calibration=chosen.calibration,
+        )
     )
     assert state.ready
     assert "1.80 m" in state.text
 
 
-def test_the_board_is_watched_with_all_chosen_cameras(part: Any) -> None:
+def test_the_board_is_watched_with_all_chosen_cameras(part: Any, extension: str) -> None:
     operator = part("operators.cameras").PERFANIM_OT_calibrate_board
     chosen = bpy.context.scene.perfanim
     chosen.source = "VIDEOS"
@@ -128,6 +135,12 @@ def test_the_board_is_watched_with_all_chosen_cameras(part: Any) -> None:
     assert asked["source"]["devices"] == [0, 1]
     assert asked["board"] == "chessboard:9x6:31.5mm"
     assert asked["every_s"] is None
+    chosen.further_devices = "4, 2"
+    assert operator.request(SimpleNamespace(), bpy.context)["source"]["devices"] == [0, 1, 4, 2]
+    errors = sys.modules[f"{extension}.core.errors"]
+    for chosen.further_devices, problem in (("two", "no device numbers"), ("2 1", "chosen twice")):
+        with pytest.raises(errors.CaptureError, match=problem):
+            operator.request(SimpleNamespace(), bpy.context)
     chosen.right_device, chosen.board_timed, chosen.board_every_s = -1, True, 4.0
     asked = operator.request(SimpleNamespace(), bpy.context)
     assert asked["source"]["devices"] == [0]

@@ -154,6 +154,11 @@ def test_the_left_camera_alone_captures_where_no_right_one_is_chosen(states: Any
     chosen.right_device = 1
     assert setup.cameras(chosen)["source"]["devices"] == [3, 1]
     assert setup.cameras(chosen)["rig"] == chosen.calibration
+    assert states.cameras(chosen).ready
+    chosen.further_devices = "0 2"
+    assert "calibrated for 2 cameras, 4 are chosen" in states.cameras(chosen).problem
+    chosen.further_devices = "-1"
+    assert "no device numbers" in states.cameras(chosen).problem
 
 
 def test_an_average_body_of_the_right_height_is_a_profile(states: Any, chosen: Any) -> None:
