@@ -23,7 +23,8 @@ class _Known:
     stamp: int = -1
     takes: list[TakeSummary] = field(default_factory=list)
     bytes: int = 0
-    deleted: int = 0
+    gone: list[Path] = field(default_factory=list)
+    gone_bytes: int = 0
 
 
 _known = _Known()
@@ -54,14 +55,21 @@ def listed() -> list[TakeSummary]:
         return []
     if stamp != _known.stamp:
         _known.stamp, _known.takes = stamp, _found()
-        _known.bytes, _known.deleted = size(take.path for take in _known.takes), size(gone())
+        _known.bytes, _known.gone = size(take.path for take in _known.takes), gone()
+        _known.gone_bytes = size(_known.gone)
     return _known.takes
 
 
 def room() -> tuple[int, int]:
     """Return how many bytes the takes hold that `listed` shows, and how many what can be removed for good."""
     listed()
-    return _known.bytes, _known.deleted
+    return _known.bytes, _known.gone_bytes
+
+
+def are_deleted() -> bool:
+    """Return whether there are takes that can be had back."""
+    listed()
+    return any(path.suffix == ENDING for path in _known.gone)
 
 
 def forget() -> None:

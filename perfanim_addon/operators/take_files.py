@@ -51,12 +51,22 @@ def _deleted_items(_self: object, _context: object) -> list[tuple[str, str, str]
     return _deleted
 
 
-class PERFANIM_OT_restore_take(_Idle, bpy.types.Operator):
+class PERFANIM_OT_restore_take(bpy.types.Operator):
     """Bring a deleted take back into the list"""
 
     bl_idname = "perfanim.restore_take"
     bl_label = "Restore"
     take: bpy.props.EnumProperty(name="Take", description="Which one", items=_deleted_items)
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Needs one."""
+        if not common.idle(cls):
+            return False
+        if not takes.are_deleted():
+            cls.poll_message_set("No take is deleted")
+            return False
+        return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Move the file back."""

@@ -220,6 +220,7 @@ def test_a_deleted_take_can_be_had_back(part: Any, walk: SimpleNamespace) -> Non
     recorded(part, walk, "walk")  # another of that name
     assert bpy.ops.perfanim.restore_take(take=str(gone.path)) == {"FINISHED"}
     assert sorted(item.title for item in shown(part)) == ["run", "walk", "walk"]
+    assert not bpy.ops.perfanim.restore_take.poll()
     assert (first.parent / "walk (2).perftake").read_bytes() == content
     with pytest.raises(RuntimeError, match="cannot be read"):
         bpy.ops.perfanim.delete_take(path=str(first) + "x")
