@@ -79,7 +79,7 @@ window-bench: $(STAMP)
 take-fuzz: $(STAMP)
 	$(BIN)/python tools/take_fuzz.py
 
-# 200 takes with faults through perfanim batch in all ways; takes ten minutes. DATA holds cmu/ (ASF/AMC).
+# 200 takes with faults through perfanim batch in all ways; takes a quarter of an hour. DATA holds cmu/ (ASF/AMC).
 batch-bench: $(STAMP)
 	$(BIN)/python tools/batch_bench.py --data $(DATA) --out out/batch-bench
 

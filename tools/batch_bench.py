@@ -34,7 +34,7 @@ from perfanim.core.motion import resampled, sliced
 from perfanim.core.motion_files import read_motion
 from perfanim.core.simulate.markers import simulate_markers
 
-FPS = 30.0
+FPS = 60.0
 MARKER_SET = "boxing"
 ENDINGS = ("c3d", "trc", "csv", "take.npz")
 BROKEN, EMPTY, WRONG = 10, 5, 5
