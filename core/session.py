@@ -53,6 +53,7 @@ class Session:
     ) -> None:
         self.subject = subject
         self.settings = settings or SolveSettings()
+        self.rig = rig
         self._cameras = rig.cameras if rig else ()
         self._model = SubjectModel(subject, database.mean_rotations)
         self._solver = PoseSolver(self._model, database, self.settings)

@@ -1,4 +1,4 @@
-"""What the cameras see of the markers, to be shown during a capture."""
+"""What the cameras see of the markers, and what these are taken for, to be shown during a capture."""
 
 from collections.abc import Sequence
 
@@ -6,31 +6,80 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..camera import CameraRig
 from ..marker_frame import MarkerFrame
 
+Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 Colour = tuple[int, int, int]
 
-_POINT: Colour = (80, 255, 80)  # BGR, as all here
+_POINT: Colour = (80, 255, 80)  # BGR, as all in `draw_blobs`
 _SINGLE: Colour = (60, 170, 255)
 _OTHER: Colour = (80, 80, 255)
+_LINE: Colour = (40, 110, 165)
 _TEXT: Colour = (255, 255, 255)
+_HIDDEN: Colour = (150, 150, 150)
 _MARGIN_PX = 3.0
+_LINE_M = np.geomspace(0.5, 12.0, 24)  # distances from the other camera that a line is drawn through: lenses bend it
 
 
-def draw_blobs(frame: MarkerFrame, thresholds: Sequence[float], camera: int, picture: Image, image_width: int) -> None:
+def draw_blobs(
+    frame: MarkerFrame, thresholds: Sequence[float], rig: CameraRig, camera: int, picture: Image, image_width: int
+) -> None:
     """Ring what was detected in a camera's image in the reduced picture of it (BGR), in place; tell its threshold.
 
-    Green: seen by another camera as well; orange: by this one alone; red: taken for no marker.
+    Green: seen by another camera as well; orange: by this one alone; red: taken for no marker. Where a marker must be
+    that another camera sees alone, a line is drawn (its epipolar line).
     """
     place = (6, picture.shape[0] - 8)
     cv2.putText(
         picture, f"threshold {thresholds[camera]:.0f}", place, cv2.FONT_HERSHEY_PLAIN, 0.9, _TEXT, 1, cv2.LINE_AA
     )
     scale = picture.shape[1] / image_width
+    for other, seen in zip(frame.single_cameras.tolist(), frame.single_points, strict=True):
+        if other != camera:
+            source = rig.cameras[other]
+            along = source.centre_m + _LINE_M[:, None] * source.rays(seen)
+            line = _in_picture(rig.cameras[camera].project(along), scale, picture)
+            cv2.polylines(picture, [line], False, _LINE, 1, cv2.LINE_AA)
     in_space = set(frame.point_blobs[:, camera].tolist())
     alone = set(frame.single_blobs[frame.single_cameras == camera].tolist())
     for index, (x, y, radius) in enumerate(frame.detected[camera][:, :3].tolist()):
         colour = _POINT if index in in_space else _SINGLE if index in alone else _OTHER
         centre = (round((x + 0.5) * scale - 0.5), round((y + 0.5) * scale - 0.5))
         cv2.circle(picture, centre, round(radius * scale + _MARGIN_PX), colour, 1, cv2.LINE_AA)
+
+
+def draw_labels(
+    names: Sequence[str], markers_m: Array, seen: NDArray[np.bool_], rig: CameraRig, pictures: Image
+) -> Image:
+    """Return the cameras' reduced pictures, side by side and equally wide, with the markers' names where they are.
+
+    Args:
+        names: (M) of the markers.
+        markers_m: (M, 3) of the body that is followed.
+        seen: (M,) which were labelled; the names of the others are grey.
+        rig: the cameras.
+        pictures: (height, width, 3), not changed.
+    """
+    result = pictures.copy()
+    width = result.shape[1] // len(rig)
+    for number, camera in enumerate(rig.cameras):
+        picture = result[:, number * width : (number + 1) * width]
+        own = np.ascontiguousarray(picture)
+        scale = width / camera.image_size[0]
+        for name, pixel, is_seen in zip(names, camera.project(markers_m), seen.tolist(), strict=True):
+            if np.all(np.isfinite(pixel)) and np.all((pixel >= 0.0) & (pixel < camera.image_size)):
+                place = (round(pixel[0] * scale) + 5, round(pixel[1] * scale) - 4)
+                colour = _TEXT if is_seen else _HIDDEN
+                cv2.putText(own, name, place, cv2.FONT_HERSHEY_PLAIN, 0.6, colour, 1, cv2.LINE_AA)
+        picture[:] = own
+    return result
+
+
+def _in_picture(pixels: Array, scale: float, picture: Image) -> NDArray[np.int32]:
+    """Return points of a line (N, 2) for drawing, without those behind the camera or far off."""
+    reach = 4.0 * max(picture.shape)
+    points = (pixels + 0.5) * scale - 0.5
+    near = np.all(np.isfinite(points), axis=1) & np.all(np.abs(points) < reach, axis=1)
+    return np.rint(points[near]).astype(np.int32).reshape(-1, 1, 2)

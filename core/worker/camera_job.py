@@ -65,7 +65,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
             thresholds = [detector.threshold for detector in pipeline.detectors]
             for stamp_s, frame in live_frames(images, pipeline, channel.send_warning, exact=is_simulated(request)):
                 channel.send_frame(stamp_s, frame)
-                preview.send(images.newest, partial(draw_blobs, frame, thresholds))
+                preview.send(images.newest, partial(draw_blobs, frame, thresholds, pipeline.rig))
                 if in_flight is not None:
                     channel.wait_taken(int(in_flight))
     except Stopped:

@@ -23,6 +23,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..camera import CameraRig, load_rig
 from ..database.store import Database, identity, open_database
 from ..errors import CaptureError, PerfanimError, SettingsError
@@ -30,6 +33,7 @@ from ..foot_lock import floor_of
 from ..marker_frame import MarkerFrame, pack_stamped, unpack_stamped
 from ..marker_set import load_subject
 from ..pose_bytes import SolvedPose, pack_solved
+from ..pose_frame import PoseFrame
 from ..pose_shaping import PoseShaper, Shape
 from ..session import Session
 from ..simulate.studio.rig import default_rig
@@ -181,6 +185,7 @@ class _Relay:
         self._cause = ""
         self._shift = Shift()
         self._solved: bytes | None = None  # ahead of time: Blender has it as soon as it has taken the last
+        self._pose: PoseFrame | None = None  # the last
         self._blind = 0  # images of single cameras that were of no use
         self._told_s = 0.0
         self._stop_asked_s = 0.0
@@ -263,11 +268,21 @@ class _Relay:
             if self._kept is not None:
                 self._kept.add_event(text)
         elif message.kind is MessageKind.PREVIEW:
-            self._channel.send_preview(message.preview())
+            self._channel.send_preview(self._labelled(message.preview()))
         elif message.kind is MessageKind.END:
             self._channel.final["handed_over"] = self._client.earlier_frames + int(message.json().get("frames", -1))
         elif message.kind is MessageKind.ERROR:
             raise message.error()
+
+    def _labelled(self, pictures: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return what the cameras see with the names of the markers as they were solved last."""
+        from ..vision.blob_preview import draw_labels  # this process needs no OpenCV otherwise
+
+        rig, pose = self._session.rig, self._pose
+        if rig is None or pose is None or pose.confidence == 0.0:
+            return pictures
+        seen = np.isfinite(pose.observed_m[:, 0]) | (pose.single_cameras >= 0)
+        return draw_labels(self._session.subject.marker_set.names, pose.markers_m, seen, rig, pictures)
 
     def _take_frame(self, record: bytes) -> None:
         if self._seam is not None:
@@ -294,7 +309,7 @@ class _Relay:
     def _solve(self, record: bytes) -> bytes:
         stamp_s, frame = unpack_stamped(record)
         started_s = time.perf_counter()
-        pose = self._session.step(frame)
+        pose = self._pose = self._session.step(frame)
         solved = SolvedPose(pose, stamp_s, time.perf_counter() - started_s, len(self._pending))
         record = pack_solved(solved)
         if self._kept is not None:

@@ -1,6 +1,7 @@
 import numpy as np
 from perfanim.core.marker_frame import MarkerFrame
-from perfanim.core.vision.blob_preview import draw_blobs
+from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.vision.blob_preview import draw_blobs, draw_labels
 from perfanim.core.vision.board import BoardView
 from perfanim.core.vision.board_preview import draw_corners, draw_coverage, draw_taken, draw_wanted
 
@@ -32,10 +33,34 @@ def test_blobs_are_ringed_by_what_they_are_taken_for():
         single_points=np.zeros((1, 2)),
     )
     left, right = np.zeros(PICTURE, np.uint8), np.zeros(PICTURE, np.uint8)
-    draw_blobs(frame, (38.4, 52.0), 0, left, 640)
-    draw_blobs(frame, (38.4, 52.0), 1, right, 640)
-    assert [dominant(left, x / 2, y / 2) for x, y in places] == ["green", "nothing", "nothing"]
+    rig = default_rig()
+    draw_blobs(frame, (38.4, 52.0), rig, 0, left, 640)
+    draw_blobs(frame, (38.4, 52.0), rig, 1, right, 640)
     assert [dominant(right, x / 2, y / 2) for x, y in places] == ["green", "orange", "red"]
+    assert dominant(left, 50.25, 40.25) == "green"
+    # what the second camera sees alone, in the middle of its image, is somewhere along a line in the first's
+    for distance_m in (1.5, 3.0, 6.0):
+        camera = rig.cameras[1]
+        x, y = rig.cameras[0].project(camera.centre_m + distance_m * camera.rays(np.zeros(2)))
+        if 0.0 < x < 640.0 and 0.0 < y < 480.0:
+            assert dominant(left, x / 2, y / 2, reach=2) != "nothing"
+            assert dominant(left, x / 2, y / 2 + 12.0, reach=4) == "nothing"
+
+
+def test_markers_are_named_where_they_are():
+    rig = default_rig()
+    markers = np.array([[0.3, 1.2, 0.0], [-0.3, 0.6, 0.2], [0.0, 1.0, 50.0]])  # the last is behind the cameras
+    pictures = np.zeros((240, 640, 3), np.uint8)
+    named = draw_labels(("LSHO", "RHAN", "HEAD"), markers, np.array([True, False, True]), rig, pictures)
+    assert not pictures.any()
+    for number, camera in enumerate(rig.cameras):
+        picture = named[:, number * 320 : (number + 1) * 320]
+        for marker, (least, most) in ((0, (180, 255)), (1, (60, 150))):
+            x, y = camera.project(markers[marker]) / 2.0
+            around = picture[round(y) - 14 : round(y) + 2, round(x) : round(x) + 40]
+            assert least < around.max() <= most
+            picture[round(y) - 16 : round(y) + 4, round(x) : round(x) + 50] = 0
+        assert not picture.any()
 
 
 def test_the_board_is_shown_with_what_is_covered_and_wanted():
