@@ -20,7 +20,7 @@ from .capture_state import CaptureRun, Phase
 from .character import create_character
 from .job import Job, command
 from .properties import settings
-from .recording import Recording
+from .recording import Cue, Recording
 from .result import placement, start_frame
 from .stage import free_place, look_at
 
@@ -103,12 +103,12 @@ class Capture:
     def __init__(self, python: str | None, prepare: list[str]) -> None:
         self.job = Job("Making the starter database", "capture", command(prepare), python) if prepare else None
         self.run: CaptureRun | None = None
-        self.recording = Recording()
+        self.recordings: list[Recording] = []
+        self.by_button = False
         self._sounds = False
         self._python = python
         self._driver: ArmatureDriver | None = None
         self._skeleton: Skeleton | None = None
-        self._start_frame = 1.0
         self._held_action = ""
         self._take_path = ""
         self._stop_asked = False
@@ -119,9 +119,27 @@ class Capture:
         """What is being done, in a few words."""
         if self.run is None:
             return f"{self.job.title}: {self.job.fraction:.0%}" if self.job else "starting"
-        if self.recording.seconds_left:
-            return f"recording in {self.recording.seconds_left} s"
+        recording = self.recording
+        if recording is not None and recording.seconds_left:
+            return f"recording in {recording.seconds_left} s"
+        if recording is None and self.by_button and self.run.poses:
+            return "rehearsing, nothing is recorded"
         return self.run.activity
+
+    @property
+    def recording(self) -> Recording | None:
+        """The recording that goes on, or its countdown."""
+        return self.recordings[-1] if self.recordings and not self.recordings[-1].over else None
+
+    def record(self, chosen: Any) -> None:
+        """Begin a recording as the settings have it, or end the one that goes on."""
+        going = self.recording
+        if going is None:
+            later = bool(self.recordings) or self.by_button
+            self.recordings.append(Recording(chosen.record_countdown_s, chosen.record_length_s, later))
+        elif self.run is not None:
+            going.end(self.run.poses)
+            self._tell(Cue.END)
 
     @property
     def done(self) -> bool:
@@ -150,18 +168,22 @@ class Capture:
 
     def _record(self, context: bpy.types.Context, run: CaptureRun) -> None:
         """Begin and end the recording when it is time."""
-        if self.recording.over:
+        recording = self.recording
+        if recording is None:
             return
-        had_begun = self.recording.begun
-        cue = self.recording.advance(run.poses)
-        if self.recording.begun and not had_begun:
-            self._start_frame = start_frame(context)
+        had_begun = recording.begun
+        cue = recording.advance(run.poses)
+        if recording.begun and not had_begun:
+            recording.start_frame = start_frame(context)
         if cue is not None:
-            running.redraw_sidebars()  # they tell the seconds
-        if cue is not None and self._sounds:
-            sound.beep(cue.value)
-        if self.recording.over:
+            self._tell(cue)
+        if recording.over and not self.by_button:
             self.stop()
+
+    def _tell(self, cue: Cue) -> None:
+        running.redraw_sidebars()  # they tell the seconds
+        if self._sounds:
+            sound.beep(cue.value)
 
     def _prepare(self, context: bpy.types.Context) -> None:
         if self.job is not None:
@@ -176,7 +198,9 @@ class Capture:
         chosen = settings(context)
         setup = capture_setup.make(chosen)
         self._skeleton = setup.skeleton
-        self.recording = Recording(chosen.record_countdown_s, chosen.record_length_s)
+        self.by_button = chosen.record_by_button
+        if not self.by_button:
+            self.record(chosen)
         self._sounds = chosen.record_sound
         if chosen.armature is not None:
             self._bind(context)
@@ -229,7 +253,7 @@ class Capture:
             takes.forget()  # this one is there now
 
     def keep(self, context: bpy.types.Context) -> str:
-        """Write all recorded poses as one Action, once; return the line that says so, "" when there is nothing to keep.
+        """Write each recording as one Action, once; return the line that says so, "" when there is nothing to keep.
 
         A frame captured t seconds after the first stands at the start frame + t * the scene's frames per second, so a
         60 Hz capture in a 24 fps scene has keys between the scene's frames and plays at its true speed.
@@ -240,28 +264,30 @@ class Capture:
         return self._kept
 
     def _write(self, context: bpy.types.Context) -> str:
-        poses = self.recording.recorded(self.run.poses) if self.run else []
-        if not poses or self._skeleton is None or self._driver is None:
-            self._restore_action()
-            return ""
-        times_s, rotations, positions = pose_arrays(poses)
+        all_poses = self.run.poses if self.run else []
+        parts = [(recording, recording.recorded(all_poses)) for recording in self.recordings]
+        parts = [(recording, poses) for recording, poses in parts if poses]
         self._restore_action()  # a strip goes above it
-        action = write_poses(
-            context,
-            self._driver.object_name,
-            times_s,
-            rotations,
-            positions,
-            self._skeleton,
-            self._start_frame,
-            "Capture",
-            self._driver.only,
-        )
+        if not parts or self._skeleton is None or self._driver is None:
+            return ""
+        actions = [
+            write_poses(
+                context,
+                self._driver.object_name,
+                *pose_arrays(poses),
+                self._skeleton,
+                recording.start_frame,
+                "Capture",
+                self._driver.only,
+            )
+            for recording, poses in parts
+        ]
+        first, last = parts[0][1][0], parts[-1][1][-1]
         with contextlib.suppress(PerfanimError):  # there may be no take: its disk is full, its worker was killed
             takes.mark_played(self._take_path)
-            if self.run is not None and len(poses) < len(self.run.poses):
-                takes.mark_recorded(self._take_path, poses[0].number, poses[-1].number)
-        text = f"{len(poses)} frames recorded in {action}"
+            if (first, last) != (all_poses[0], all_poses[-1]):
+                takes.mark_recorded(self._take_path, first.number, last.number)
+        text = f"{sum(len(poses) for _, poses in parts)} frames recorded in {', '.join(actions)}"
         return f"{text}; {self.run.standing}" if self.run and self.run.standing else text
 
     def _restore_action(self) -> None:

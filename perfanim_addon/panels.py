@@ -210,6 +210,9 @@ class PERFANIM_PT_capture(bpy.types.Panel):
         row.scale_y = 1.8
         if isinstance(activity, Capture):
             row.operator("perfanim.stop_capture", icon="SNAP_FACE")
+            if activity.by_button:
+                text = "Record" if activity.recording is None else "Stop Recording"
+                row.operator("perfanim.record", text=text, icon="REC", depress=activity.recording is not None)
             self._draw_figures(context, layout, activity)
         else:
             row.operator("perfanim.start_capture", icon="REC")
@@ -226,6 +229,7 @@ class PERFANIM_PT_capture(bpy.types.Panel):
         _props(column, chosen, "smoothing_ms", "feet")
         column = column.column()
         column.enabled = not is_live
+        column.prop(chosen, "record_by_button")
         row = column.row(align=True)
         row.prop(chosen, "record_countdown_s")
         row.prop(chosen, "record_sound", text="", icon="OUTLINER_OB_SPEAKER")

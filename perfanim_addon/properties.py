@@ -256,6 +256,11 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         "green by both cameras, orange by one alone, red by none",
         default=False,
     )
+    record_by_button: bpy.props.BoolProperty(
+        name="Record by Button",
+        description="A capture is a rehearsal until Record is clicked; each recording becomes an Action of its own",
+        default=False,
+    )
     record_countdown_s: bpy.props.IntProperty(
         name="Countdown",
         description="Seconds from the first pose to the recording; the character moves along meanwhile. 0: at once",

@@ -17,24 +17,32 @@ class Cue(Enum):
 
 
 class Recording:
-    """The recorded part of one capture.
+    """One recorded part of a capture.
 
     Args:
-        countdown_s: from the first pose to the first recorded one.
-        length_s: of the recording by the poses' times; 0 for as long as the capture goes on.
+        countdown_s: from the first pose, or the moment it is asked for, to the first recorded pose.
+        length_s: of the recording by the poses' times; 0 until it is ended.
+        later: it is asked for in the course of the capture: what came before is left out.
         clock: seconds.
     """
 
     def __init__(
-        self, countdown_s: float = 0.0, length_s: float = 0.0, clock: Callable[[], float] = time.perf_counter
+        self,
+        countdown_s: float = 0.0,
+        length_s: float = 0.0,
+        later: bool = False,
+        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.begun = self.over = False
         self.seconds_left = 0  # of the countdown
+        self.start_frame = 1.0  # where on the timeline it begins
         self._countdown_s = countdown_s
         self._length_s = length_s
+        self._from_now = later or countdown_s > 0.0
         self._clock = clock
         self._due_s: float | None = None
         self._first = 0
+        self._stop: int | None = None
 
     def advance(self, poses: Sequence[PoseFrame]) -> Cue | None:
         """Go by the clock and by all poses of the capture so far; return what is to be heard."""
@@ -54,17 +62,21 @@ class Recording:
         if now >= self._due_s:
             self.begun, self.seconds_left = True, 0
             # poses that came before the end of the countdown are of before it
-            self._first = len(poses) if self._countdown_s else 0
-            return Cue.BEGIN if self._countdown_s else None
+            self._first = len(poses) if self._from_now else 0
+            return Cue.BEGIN if self._from_now else None
         left = math.ceil(self._due_s - now)
         if left == self.seconds_left:
             return None
         self.seconds_left = left
         return Cue.COUNT
 
+    def end(self, poses: Sequence[PoseFrame]) -> None:
+        """End it with the last of all poses so far; in the countdown, without any."""
+        self.over, self.seconds_left, self._stop = True, 0, len(poses)
+
     def recorded(self, poses: Sequence[PoseFrame]) -> list[PoseFrame]:
         """Return those of all poses of the capture that are recorded."""
-        kept = list(poses[self._first :]) if self.begun else []
+        kept = list(poses[self._first : self._stop]) if self.begun else []
         if kept and self._length_s:
             end_s = kept[0].time_s + self._length_s
             return [pose for pose in kept if pose.time_s <= end_s]

@@ -18,7 +18,7 @@ SIDEBAR_S = 1.0  # the figures are redrawn this often, the viewport only when bo
 
 
 class PERFANIM_OT_start_capture(bpy.types.Operator):
-    """Let the character follow the performer until Stop Capture or Esc; the recording becomes one Action"""
+    """Let the character follow the performer until Stop Capture or Esc; what is recorded becomes an Action"""
 
     bl_idname = "perfanim.start_capture"
     bl_label = "Start Capture"
@@ -102,6 +102,8 @@ class PERFANIM_OT_start_capture(bpy.types.Operator):
             error = error or second
         if text or error is None:
             is_counting = capture.run is not None and bool(capture.run.poses)
+            if not text and capture.by_button and is_counting:
+                text = "nothing was recorded"
             text = text or ("stopped in the countdown" if is_counting else "stopped before the first frame")
             running.set_message(PANEL, text)
             self.report({"INFO"}, text)
@@ -125,7 +127,7 @@ class PERFANIM_OT_start_capture(bpy.types.Operator):
 
 
 class PERFANIM_OT_stop_capture(bpy.types.Operator):
-    """End the capture; every captured frame is kept in one Action"""
+    """End the capture; every recorded frame is kept in an Action"""
 
     bl_idname = "perfanim.stop_capture"
     bl_label = "Stop Capture"
@@ -146,6 +148,33 @@ class PERFANIM_OT_stop_capture(bpy.types.Operator):
         return {"FINISHED"}
 
 
-_CLASSES = (PERFANIM_OT_start_capture, PERFANIM_OT_stop_capture)
+class PERFANIM_OT_record(bpy.types.Operator):
+    """Begin a recording, after its countdown, or end the one that goes on; the capture goes on"""
+
+    bl_idname = "perfanim.record"
+    bl_label = "Record"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only while capturing by button."""
+        capture = running.current()
+        if not isinstance(capture, Capture) or capture.run is None:
+            cls.poll_message_set("Start the capture first")
+            return False
+        if not capture.by_button:
+            cls.poll_message_set("The recording began with the capture; switch Record by Button on before")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Begin or end."""
+        capture = running.current()
+        if isinstance(capture, Capture):
+            capture.record(settings(context))
+        running.redraw_sidebars()
+        return {"FINISHED"}
+
+
+_CLASSES = (PERFANIM_OT_start_capture, PERFANIM_OT_stop_capture, PERFANIM_OT_record)
 
 register, unregister = bpy.utils.register_classes_factory(_CLASSES)

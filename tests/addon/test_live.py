@@ -141,12 +141,59 @@ def test_a_recording_of_a_length_says_which_part_of_the_take_it_is(part: Any, mo
     capture = part("live").Capture(None, [])
     for _ in range(45):
         capture.tick(bpy.context)
-    assert capture.recording.over
+    assert capture.recording is None
     assert capture.keep(bpy.context).startswith("31 frames recorded")
     assert len(run.poses) == 44
     assert noted == [("a.perftake", 5, 35)]
     times = key_times(part("actions").curves_of(bpy.context.scene.perfanim.armature))
     np.testing.assert_allclose(times, np.arange(7.0, 38.0), atol=1e-3)
+
+
+def test_a_rehearsal_records_what_the_button_says(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    chosen, running = bpy.context.scene.perfanim, part("running")
+    skeleton = part("operators.character").performer_skeleton(chosen)
+    bpy.context.scene.render.fps = 60
+    run = play_worker(part, monkeypatch, skeleton, swing(skeleton, ("head",), 60))
+    noted: list[Any] = []
+    monkeypatch.setattr(part("takes"), "mark_played", lambda *_: None)
+    monkeypatch.setattr(part("takes"), "mark_recorded", lambda *what: noted.append(what))
+    chosen.record_by_button = True
+    capture = part("live").Capture(None, [])
+    monkeypatch.setattr(running, "current", lambda: capture)
+    assert not bpy.ops.perfanim.record.poll()  # nothing is captured yet
+
+    def go_on(ticks: int) -> None:
+        for _ in range(ticks):
+            capture.tick(bpy.context)
+
+    go_on(11)
+    assert capture.line == "rehearsing, nothing is recorded"
+    bpy.context.scene.frame_set(20)
+    for ticks in (8, 5, 4, 3):  # recorded, not, recorded, not
+        assert bpy.ops.perfanim.record() == {"FINISHED"}
+        go_on(ticks)
+        bpy.context.scene.frame_set(50)
+    text = capture.keep(bpy.context)
+    poses = run.poses
+    assert text.startswith("10 frames recorded in Capture, Capture.001")
+    first, second = (bpy.data.actions[name] for name in ("Capture", "Capture.001"))
+    spans = [tuple(np.round(action.frame_range, 2)) for action in (first, second)]
+    assert spans == [(20.0, 26.0), (50.0, 52.0)]
+    assert first.use_fake_user or first.users  # the second does not push it out of the file
+    # poses that came with the tick of the click are of before it
+    assert noted == [("a.perftake", poses[11].number, poses[26].number)]
+
+
+def test_a_rehearsal_without_a_recording_keeps_the_scene_as_it_was(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    chosen = bpy.context.scene.perfanim
+    skeleton = part("operators.character").performer_skeleton(chosen)
+    play_worker(part, monkeypatch, skeleton, swing(skeleton, ("head",), 60))
+    chosen.record_by_button = True
+    capture = part("live").Capture(None, [])
+    for _ in range(9):
+        capture.tick(bpy.context)
+    assert capture.keep(bpy.context) == ""
+    assert len(bpy.data.actions) == 0
 
 
 def test_one_arm_is_captured_while_the_rest_plays_its_own_animation(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -62,3 +62,22 @@ def test_a_capture_that_is_stopped_in_the_countdown_records_nothing() -> None:
     recording = Recording(countdown_s=5.0, clock=Clock())
     assert recording.advance(poses(10)) is Cue.COUNT
     assert recording.recorded(poses(10)) == []
+
+
+def test_what_is_asked_for_later_begins_then_and_ends_when_told() -> None:
+    all_poses = poses(60)
+    recording = Recording(later=True, clock=Clock())
+    assert recording.advance(all_poses[:20]) is Cue.BEGIN
+    assert recording.advance(all_poses[:40]) is None
+    recording.end(all_poses[:40])
+    assert recording.over
+    assert recording.advance(all_poses) is None
+    assert recording.recorded(all_poses) == all_poses[20:40]
+
+
+def test_what_is_ended_in_its_countdown_records_nothing() -> None:
+    recording = Recording(countdown_s=3.0, later=True, clock=Clock())
+    assert recording.advance(poses(10)) is Cue.COUNT
+    recording.end(poses(12))
+    assert recording.seconds_left == 0
+    assert recording.recorded(poses(60)) == []
