@@ -20,7 +20,7 @@ TUNED = SolveSettings(
     neighbours=(400,),
     dimensions=(50,),
     marker_sigma_m=0.003,
-    pose_sigma_rad=10.0,
+    pose_sigma_rad=1.0,
     query_pose_m_per_rad=1.0,
     search="exhaustive",
 )
