@@ -70,6 +70,7 @@ def draw_bones(layout: bpy.types.UILayout, armature_object: bpy.types.Object | N
         row.operator("perfanim.find_bones", icon="VIEWZOOM")
         row.menu(PERFANIM_MT_bone_maps.bl_idname, text="", icon="PRESET")
         row.operator("perfanim.save_bone_map", text="", icon="ADD")
+    layout.operator("perfanim.show_t_pose", icon="ARMATURE_DATA")
     layout.prop(kept, "root_motion")
 
 

@@ -3,13 +3,16 @@
 from collections.abc import Callable
 
 import bpy
+import numpy as np
 
+from ...core.calibration_pose import t_pose
 from ...core.errors import CharacterError, PerfanimError
 from ...core.product_skeleton import default_skeleton
 from ...core.retarget.bone_map import BoneMap, checked_map
 from ...core.retarget.presets import preset_paths, read_bone_map, write_bone_map
-from ...core.skeleton import Skeleton
+from ...core.skeleton import Skeleton, forward_kinematics
 from .. import running, states
+from ..armature_driver import ArmatureDriver
 from ..bone_list import store_map
 from ..character import check_armature
 from ..live import add_character
@@ -116,6 +119,27 @@ class PERFANIM_OT_find_bones(_OnArmature, bpy.types.Operator):
         return self.use_map(context, lambda armature: find_map(armature, user_folder(PRESETS_FOLDER)))
 
 
+class PERFANIM_OT_show_t_pose(_OnArmature, bpy.types.Operator):
+    """Put the character into the performer's T pose: a limb that does not point sideways, or straight down, is mapped
+    to the wrong bone. Undo brings the pose back"""
+
+    bl_idname = "perfanim.show_t_pose"
+    bl_label = "Show T Pose"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Pose it."""
+        chosen = settings(context)
+        skeleton = performer_skeleton(chosen)
+        rotations = t_pose(skeleton)
+        lowest_m = float(forward_kinematics(skeleton, rotations, np.zeros(3))[0][:, 1].min())
+        try:
+            ArmatureDriver(chosen.armature.name, skeleton).apply(rotations, np.array([0.0, -lowest_m, 0.0]))
+        except PerfanimError as error:
+            return common.failed(self, PANEL, error)
+        running.set_message(PANEL, "")
+        return {"FINISHED"}
+
+
 class PERFANIM_OT_pick_bone(_OnArmature, bpy.types.Operator):
     """Use the bone that is active in the viewport for the joint chosen in the list"""
 
@@ -195,6 +219,7 @@ _CLASSES = (
     PERFANIM_OT_use_active_armature,
     PERFANIM_OT_find_bones,
     PERFANIM_OT_pick_bone,
+    PERFANIM_OT_show_t_pose,
     PERFANIM_OT_load_bone_map,
     PERFANIM_OT_save_bone_map,
 )

@@ -306,6 +306,30 @@ def test_the_active_bone_is_picked(mixamo_blend: Path, addon: ModuleType) -> Non
     assert kept.joints["head"].bone == "mixamorig:Neck"
 
 
+def test_the_t_pose_shows_whether_limbs_are_mapped_right(mixamo_blend: Path, addon: ModuleType) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
+    armature_object = bpy.data.objects["Hero"]
+    bpy.context.scene.perfanim.armature = armature_object
+    bones = {entry.name: entry.bone for entry in armature_object.perfanim_character.joints}
+
+    def way(start: str, end: str) -> np.ndarray:
+        posed = armature_object.evaluated_get(bpy.context.evaluated_depsgraph_get()).pose.bones
+        heads = [np.array(armature_object.matrix_world @ posed[bones[joint]].head) for joint in (start, end)]
+        return (heads[1] - heads[0]) / np.linalg.norm(heads[1] - heads[0])
+
+    for bone in armature_object.pose.bones:  # somehow
+        bone.rotation_mode = "QUATERNION"
+        bone.rotation_quaternion = (0.9, 0.3, -0.2, 0.2)
+    assert bpy.ops.perfanim.show_t_pose() == {"FINISHED"}
+    for start, end, wanted in (
+        ("lhumerus", "lradius", (1.0, 0.0, 0.0)),
+        ("rradius", "rhand", (-1.0, 0.0, 0.0)),
+        ("lfemur", "ltibia", (0.0, 0.0, -1.0)),
+        ("rtibia", "rfoot", (0.0, 0.0, -1.0)),
+    ):
+        assert np.degrees(np.arccos(way(start, end) @ wanted)) < 12.0, start  # thighs stand apart a little
+
+
 def test_a_character_with_the_products_names_and_other_legs_stands_where_the_performer_does() -> None:
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     motion = clip("walking-01-neutral", 40)
