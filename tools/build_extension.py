@@ -118,6 +118,8 @@ def build(python: str, platform: str, wheels: list[Path], out: Path, system_pyth
 def fits(wheel: str, python: str, platform: str) -> bool:
     """Return whether a wheel of this file name can be used by a Python on a platform."""
     _, pythons, abi, platforms = wheel.removesuffix(".whl").rsplit("-", 3)
+    if abi == "none" and platforms == "any":
+        return "py3" in pythons.split(".")
     minor = int(python.partition(".")[2])
     right = int(pythons.removeprefix("cp3")) <= minor if abi == "abi3" else pythons == abi == f"cp3{minor}"
     return right and not set(platforms.split(".")).isdisjoint(PLATFORMS[platform])

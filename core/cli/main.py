@@ -27,6 +27,7 @@ COMMANDS = (
     "solve",
     "evaluate",
     "retarget",
+    "vmc",
     "batch",
     "simulate",
     "bench",

@@ -1,0 +1,135 @@
+"""`perfanim vmc`: a motion sent live to other programs by the VMC protocol, and what they send recorded."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import FormatError
+from ..formats.bvh import write_bvh
+from ..formats.takes import WRITABLE, is_recorded, write_take
+from ..motion import Motion, resampled
+from ..motion_files import read_motion
+from ..solve_take import steady_motion
+from ..take_file.reading import ENDING, read_take_file
+from ..vmc.humanoid import BONES
+from ..vmc.link import Receiver, play, record
+from ..vmc.packets import MARIONETTE_PORT, PERFORMER_PORT
+
+Progress = Callable[[float, str], None]
+
+_MOST_HZ = 1000.0
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the `vmc` command group."""
+    parser = subparsers.add_parser(
+        "vmc", help="motion live to and from other programs (Virtual Motion Capture protocol)"
+    )
+    group = parser.add_subparsers(metavar="WHAT", required=True)
+    send = group.add_parser("send", help="play a motion to another program in real time")
+    send.add_argument("motion", metavar="MOTION", help=f"motion (.bvh, .amc) or recorded take ({ENDING})")
+    send.add_argument(
+        "--to",
+        type=_address,
+        default=("127.0.0.1", MARIONETTE_PORT),
+        metavar="HOST:PORT",
+        help=f"the other program (default 127.0.0.1:{MARIONETTE_PORT})",
+    )
+    send.add_argument("--rate", type=_rate, metavar="HZ", help="frames per second (default the motion's own)")
+    send.set_defaults(run=run_send)
+    receive = group.add_parser("receive", help="record bones or trackers that another program sends")
+    receive.add_argument(
+        "--port", type=_port, default=PERFORMER_PORT, help=f"UDP port; 0 for a free one (default {PERFORMER_PORT})"
+    )
+    receive.add_argument(
+        "--out",
+        required=True,
+        metavar="FILE",
+        help=f"bones become a motion (.bvh), head set, controllers and trackers a marker take ({', '.join(WRITABLE)})",
+    )
+    receive.add_argument("--seconds", type=_seconds, required=True, metavar="S", help="how long")
+    receive.set_defaults(run=run_receive)
+
+
+def _address(text: str) -> tuple[str, int]:
+    host, colon, port = text.rpartition(":")
+    if not (host and colon):
+        raise argparse.ArgumentTypeError(f"{text!r} is not HOST:PORT")
+    number = _port(port)
+    if number == 0:
+        raise argparse.ArgumentTypeError("nothing can be sent to port 0")
+    return host.strip("[]"), number
+
+
+def _port(text: str) -> int:
+    if not (text.isdecimal() and int(text) < 65536):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a port, 0 to 65535")
+    return int(text)
+
+
+def _rate(text: str) -> float:
+    return _positive(text, _MOST_HZ, "frames per second")
+
+
+def _seconds(text: str) -> float:
+    return _positive(text, 3600.0, "seconds")
+
+
+def _positive(text: str, most: float, unit: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = 0.0
+    if not 0.0 < number <= most:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of {unit} above 0, up to {most:g}")
+    return number
+
+
+def run_send(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Play a motion."""
+    progress(0.0, "reading")
+    motion = _motion(args.motion)
+    if args.rate:
+        motion = resampled(motion, args.rate)
+    host, port = args.to
+    sent = play(motion, host, port, progress)
+    return {
+        "frames": motion.frames,
+        "fps": motion.fps,
+        "duration_s": motion.duration_s,
+        "bones": len(BONES),
+        "bytes": sent,
+        "to": f"{host}:{port}",
+    }
+
+
+def _motion(path: str) -> Motion:
+    if not is_recorded(path):
+        return read_motion(path)
+    take = read_take_file(path)
+    poses = [solved.pose for solved in take.recorded_poses]
+    return steady_motion(poses, take.setup.worn_subject(), take.notes.name, path)
+
+
+def run_receive(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Record for some seconds, then write what came."""
+    out = Path(args.out)
+    endings = (".bvh", *WRITABLE)
+    if not out.name.lower().endswith(endings):
+        raise FormatError("has an ending that cannot be written", where=str(out), advice=f"use {', '.join(endings)}")
+    with Receiver(args.port) as receiver:
+        recording = record(receiver, args.seconds, progress)
+    facts: dict[str, Any]
+    if out.suffix.lower() == ".bvh":
+        motion, received = recording.motion(out.stem)
+        write_bvh(motion, out)
+        facts = {"frames": received, "lost_frames": max(motion.frames - received, 0), "fps": motion.fps}
+    else:
+        markers = recording.markers(out.name.split(".")[0])
+        write_take(markers, out)
+        lost = int(np.ptp(markers.frame_numbers)) + 1 - markers.frames
+        facts = {"frames": markers.frames, "lost_frames": lost, "fps": markers.fps, "names": list(markers.names)}
+    return facts | {"packets": recording.packets, "malformed": recording.malformed, "out": str(out)}

@@ -1,0 +1,101 @@
+"""VMC over UDP: a motion played live to another program, and what another program sends recorded."""
+
+import socket
+import time
+from collections.abc import Callable
+
+from ..errors import CaptureError
+from ..motion import Motion
+from .humanoid import bone_poses
+from .packets import frame_packet
+from .recording import Recording
+
+Progress = Callable[[float, str], None]
+
+_LARGEST_PACKET = 65535
+_BUFFER_BYTES = 1 << 22  # what the system may keep while this process is busy
+_MOST_WAITING = 1000  # packets that are still read at the end
+_LONGEST_WAIT_S = 0.5  # between two looks at how far it is
+
+
+def play(motion: Motion, host: str, port: int, progress: Progress) -> int:
+    """Send a motion in real time, one bundle a frame; returns the bytes sent.
+
+    Raises:
+        CaptureError: the host is not known, or the network takes no packets.
+        SkeletonError: it has not the product's joints.
+    """
+    where = f"{host}:{port}"
+    poses = bone_poses(motion)
+    sent = 0
+    try:
+        family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+        with socket.socket(family, socket.SOCK_DGRAM) as link:
+            begun_s = time.perf_counter()
+            for frame in range(motion.frames):
+                time_s = frame / motion.fps
+                packet = frame_packet(time_s, poses.names, poses.positions_m[frame], poses.rotations[frame])
+                early_s = begun_s + time_s - time.perf_counter()
+                if early_s > 0.0:
+                    time.sleep(early_s)
+                sent += link.sendto(packet, address)
+                progress((frame + 1) / motion.frames, f"sending to {where}")
+    except (OSError, UnicodeError) as error:
+        raise CaptureError(f"cannot be sent to ({error})", where=where, advice="check host and port") from error
+    return sent
+
+
+class Receiver:
+    """A UDP port of this computer, on all its networks.
+
+    Args:
+        port: 0 for any that is free.
+
+    Raises:
+        CaptureError: the port is taken.
+    """
+
+    def __init__(self, port: int) -> None:
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
+            self._socket.bind(("", port))
+        except OSError as error:
+            self._socket.close()
+            raise CaptureError(
+                f"cannot be listened to ({error.strerror or error})",
+                where=f"port {port}",
+                advice="end the program that uses it, or give another --port",
+            ) from error
+        self.port: int = self._socket.getsockname()[1]
+
+    def __enter__(self) -> "Receiver":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._socket.close()
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        """Return the next packet, None if none comes in time."""
+        self._socket.settimeout(timeout_s)
+        try:
+            return self._socket.recv(_LARGEST_PACKET)
+        except (TimeoutError, BlockingIOError):
+            return None
+
+
+def record(receiver: Receiver, seconds: float, progress: Progress) -> Recording:
+    """Return what comes within `seconds`."""
+    recording = Recording()
+    progress(0.0, f"listening on port {receiver.port}")
+    begun_s = time.perf_counter()
+    waiting = _MOST_WAITING
+    while waiting:
+        left_s = begun_s + seconds - time.perf_counter()
+        packet = receiver.receive(min(max(left_s, 0.0), _LONGEST_WAIT_S))
+        if left_s <= 0.0:
+            waiting = waiting - 1 if packet is not None else 0
+        if packet is not None:
+            recording.add(packet, time.perf_counter() - begun_s)
+        progress(min(1.0 - left_s / seconds, 1.0), f"listening on port {receiver.port}: {recording.packets} packets")
+    return recording

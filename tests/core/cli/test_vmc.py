@@ -1,0 +1,79 @@
+"""`perfanim vmc`: sent by one command, recorded by the other."""
+
+import json
+import socket
+
+import numpy as np
+import pytest
+from perfanim.core.cli.main import build_parser, main
+from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.marker_take import load_take
+from perfanim.core.motion import sliced
+from perfanim.core.motion_files import read_motion
+from perfanim.core.vmc.link import Receiver
+from pythonosc.osc_message_builder import OscMessageBuilder
+
+
+def run(line, once_listening):
+    """Run a receiving command; when it listens, `once_listening(port)` is called."""
+    args = build_parser(["vmc"]).parse_args(["vmc", "receive", "--port", "0", *map(str, line)])
+    called = []
+
+    def progress(fraction, text):
+        if not called:
+            called.append(text)
+            once_listening(int(text.rpartition(" ")[2]))
+
+    return args.run(args, progress)
+
+
+def test_send_and_receive(tmp_path, truth, capsys):
+    write_bvh(sliced(truth, 0, 10), tmp_path / "walk.bvh")
+
+    def send(port):
+        assert main(["vmc", "send", str(tmp_path / "walk.bvh"), "--to", f"127.0.0.1:{port}", "--json"]) == 0
+
+    facts = run(["--out", tmp_path / "again.bvh", "--seconds", "0.01"], send)
+    sent = json.loads(capsys.readouterr().out)
+    assert (sent["frames"], sent["fps"], sent["bones"]) == (10, 30.0, 22)
+    assert {key: facts[key] for key in ("frames", "lost_frames", "fps", "packets", "malformed")} == {
+        "frames": 10, "lost_frames": 0, "fps": 30.0, "packets": 10, "malformed": 0,
+    }  # fmt: skip
+    again = read_motion(tmp_path / "again.bvh")
+    assert again.root_positions_m == pytest.approx(truth.root_positions_m[:10], abs=1e-5)
+
+
+def test_rate(tmp_path, truth, capsys):
+    write_bvh(sliced(truth, 0, 10), tmp_path / "walk.bvh")
+    with Receiver(0) as receiver:
+        line = ["vmc", "send", str(tmp_path / "walk.bvh"), "--to", f"127.0.0.1:{receiver.port}", "--rate", "60"]
+        assert main([*line, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["frames"] == 19
+
+
+def test_trackers_to_a_marker_take(tmp_path):
+    def send(port):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
+            for _ in range(3):
+                builder = OscMessageBuilder("/VMC/Ext/Tra/Pos")
+                for value in ("waist", 0.5, 1.0, 2.0, 0.0, 0.0, 0.0, 1.0):
+                    builder.add_arg(value)
+                link.sendto(builder.build().dgram, ("127.0.0.1", port))
+            link.sendto(b"noise", ("127.0.0.1", port))
+
+    facts = run(["--out", tmp_path / "waist.take.npz", "--seconds", "0.01"], send)
+    assert (facts["frames"], facts["names"], facts["malformed"]) == (3, ["waist"], 1)
+    assert load_take(tmp_path / "waist.take.npz").positions_m == pytest.approx(np.tile([-0.5, 1.0, 2.0], (3, 1, 1)))
+
+
+def test_bad_input_is_told(tmp_path, capsys):
+    line = ["vmc", "receive", "--port", "0", "--seconds", "0.01", "--out"]
+    assert main([*line, str(tmp_path / "nothing.bvh")]) == 1
+    assert "0 frames with bones came" in capsys.readouterr().err
+    assert main([*line, str(tmp_path / "nothing.fbx")]) == 1
+    assert "cannot be written" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+    for words in (["--to", "nowhere"], ["--to", "host:0"], ["--to", "host:70000"], ["--rate", "-1"], ["--rate", "x"]):
+        with pytest.raises(SystemExit) as wrong:
+            main(["vmc", "send", "a.bvh", *words])
+        assert wrong.value.code == 2
