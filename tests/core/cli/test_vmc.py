@@ -6,11 +6,17 @@ import socket
 import numpy as np
 import pytest
 from perfanim.core.cli.main import build_parser, main
+from perfanim.core.database.store import identity
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.marker_take import load_take
 from perfanim.core.motion import sliced
 from perfanim.core.motion_files import read_motion
+from perfanim.core.pose_bytes import SolvedPose
+from perfanim.core.pose_frame import PoseFrame
+from perfanim.core.take_file.setup import TakeNotes, TakeSetup
+from perfanim.core.take_file.whole import write_whole_take
 from perfanim.core.vmc.link import Receiver
+from perfanim.core.vmc.packets import read_packet
 from pythonosc.osc_message_builder import OscMessageBuilder
 
 
@@ -41,6 +47,22 @@ def test_send_and_receive(tmp_path, truth, capsys):
     }  # fmt: skip
     again = read_motion(tmp_path / "again.bvh")
     assert again.root_positions_m == pytest.approx(truth.root_positions_m[:10], abs=1e-5)
+
+
+def test_a_recorded_take_is_sent_as_it_was_solved_live(tmp_path, truth, subject, database, stage_rig, capsys):
+    setup = TakeSetup.of(stage_rig, subject, {}, identity(database), {})
+    nowhere, alone = np.full((len(subject.marker_set), 3), np.nan), np.full(len(subject.marker_set), -1)
+    poses = [
+        PoseFrame(n, n / 30, truth.rotations[n], truth.root_positions_m[n], 1.0, nowhere, nowhere, alone, np.nan)
+        for n in range(8)
+    ]
+    path = tmp_path / "walk.perftake"
+    write_whole_take(path, setup, TakeNotes("Walk"), [], [SolvedPose(pose, pose.time_s) for pose in poses])
+    with Receiver(0) as receiver:
+        assert main(["vmc", "send", str(path), "--to", f"127.0.0.1:{receiver.port}", "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["frames"] == 8
+        hips = next(m for m in read_packet(receiver.receive(0.0)) if getattr(m, "name", "") == "Hips")
+    assert hips.position_m == pytest.approx(truth.root_positions_m[0], abs=1e-6)
 
 
 def test_rate(tmp_path, truth, capsys):
