@@ -1,0 +1,50 @@
+"""The examples of docs/scripting.md, as they stand there."""
+
+import re
+from pathlib import Path
+
+import pytest
+from perfanim.core.evaluate import evaluate
+from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.formats.takes import write_take
+from perfanim.core.marker_set import save_subject
+from perfanim.core.motion import sliced
+from perfanim.core.motion_files import read_motion
+from perfanim.core.simulate.markers import simulate_markers
+
+GUIDE = Path(__file__).resolve().parents[2] / "docs" / "scripting.md"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch, embedded_motion, truth, subject):
+    """What the examples read, and nothing else: a little motion, a walker's take without gaps and its truth."""
+    (tmp_path / "motion").mkdir()
+    walks = [motion for name, motion in embedded_motion.items() if name.startswith("walking") and name != truth.name]
+    for motion in walks[:4]:
+        write_bvh(sliced(motion, 0, 120), tmp_path / "motion" / f"{motion.name}.bvh")
+    (tmp_path / "motion" / "broken.bvh").write_text("HIERARCHY")
+    (tmp_path / "motion" / "golf-01.bvh").write_text("left out")
+    walk = sliced(truth, 0, 30)
+    write_take(simulate_markers(walk, subject, noise_mm=1.0, seed=3)[0], tmp_path / "walk.c3d")
+    write_bvh(walk, tmp_path / "truth.bvh")
+    save_subject(subject, tmp_path / "walker.toml")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_examples_run_one_after_another(folder, capsys):
+    examples = re.findall(r"```python\n(.*?)```", GUIDE.read_text(encoding="utf-8"), re.DOTALL)
+    assert len(examples) == 3
+    told = []
+    for example in examples:
+        exec(compile(example, str(GUIDE), "exec"), {"__name__": "__main__"})  # noqa: S102
+        told.append(capsys.readouterr().out.splitlines())
+    build, solve, compare = told
+    assert len(build) == 2
+    assert build[0].startswith("motion/broken.bvh was left out: ")
+    assert re.fullmatch(r"960 frames, 8 clips, [2-8] bodies", build[1])  # four clips and their mirror images
+    assert solve[0].startswith("30 frames, 100% of the markers seen, ")
+    measures = evaluate(read_motion(folder / "walk.bvh"), read_motion(folder / "truth.bvh"))
+    assert measures["frames"] == 30
+    assert compare[0] == f"{measures['deg_per_joint']:.2f} degrees a joint, {measures['mpjpe_mm']:.1f} mm"
+    assert re.fullmatch(r"the left hand rises to \d\.\d\d m", compare[1])
