@@ -9,7 +9,7 @@ from perfanim.core import rotations as rot
 from perfanim.core.camera import CameraRig
 from perfanim.core.cli.main import main
 from perfanim.core.formats.takes import read_take, write_take
-from perfanim.core.marker_set import save_subject
+from perfanim.core.marker_set import load_marker_set, save_subject
 from perfanim.core.marker_take import MarkerTake, SingleViews
 from perfanim.core.solve_take import solve_take
 from perfanim.core.solver.settings import SolveSettings
@@ -172,3 +172,28 @@ def test_rays_of_single_cameras_turn_with_the_world(walk, subject, stage_rig):
     found = brought_in(replace(elsewhere, single=single), subject.marker_set, "feet")
     for before, after in zip(stage_rig.cameras, found.single.rig.cameras, strict=True):
         np.testing.assert_allclose(after.project(found.positions_m), before.project(walk.positions_m), atol=1e-6)
+
+
+def test_a_full_suit_of_another_system_is_solved_to_a_body(shared_dir, tmp_path, database_file, capsys):
+    """Plug-in Gait by Vicon, z up, somebody who stands; the average body is of another size."""
+    source = shared_dir / "c3d" / "BTKData" / "PiG" / "PiG_Calibration-FlatFoot-Full.c3d"
+    line = ["take", "import", source, "--out", tmp_path, "--database", database_file, "--marker-set", "plug-in-gait"]
+    assert main([*map(str, line), "--json"]) == 0
+    (row,) = json.loads(capsys.readouterr().out)["takes"]
+    assert row["warnings"] == [f"not in {source.name}: LUPA, RUPA, LFRM, RFRM, SACR"]
+    pose = read_take_file(row["out"]).poses[-1].pose
+    names = load_marker_set("plug-in-gait").names
+    solved = dict(zip(names, pose.markers_m, strict=True))
+    seen = {n: p for n, p in zip(names, pose.observed_m, strict=True) if np.isfinite(p[0])}
+    heights = [solved[name][1] for name in ("LTOE", "LKNE", "LASI", "CLAV", "LFHD")]
+    assert heights == sorted(heights)
+    for left in ("LSHO", "LELB", "LFIN", "LASI", "LKNE", "LANK", "LTOE"):
+        for name, other in ((left, "R" + left[1:]), ("R" + left[1:], left)):
+            own, mirrored = (np.linalg.norm(solved[name] - seen[key]) for key in (name, other))
+            assert own < 0.5 * mirrored, name
+    knees = 0.5 * (solved["LKNE"] + solved["RKNE"])
+    toes, heels = (0.5 * (solved["L" + n] + solved["R" + n]) for n in ("TOE", "HEE"))
+    forward = (toes - heels) / np.linalg.norm(toes - heels)
+    hips = 0.25 * (solved["LASI"] + solved["RASI"] + solved["LPSI"] + solved["RPSI"])
+    ankles = 0.5 * (solved["LANK"] + solved["RANK"])
+    assert (knees - 0.5 * (hips + ankles)) @ forward > -0.02  # knees do not bend backwards
