@@ -17,10 +17,13 @@ from ..formats.source_motion import SourceMotion
 from ..joint_names import match_joints
 from ..mapping import map_motion
 from ..motion import Motion
+from ..product_skeleton import JOINT_NAMES, default_skeleton
 from ..rest_alignment import align_rest
 from ..skeleton import Skeleton, forward_kinematics
 
 Array = NDArray[np.float64]
+
+_NO_LENGTH_M = 1e-6
 
 # bone: (our joint, the bone above), parents first
 _TRUNK = {
@@ -93,6 +96,8 @@ def bone_poses(motion: Motion) -> BonePoses:
 def motion_of_bones(poses: BonePoses, name: str, fps: float) -> Motion:
     """Return poses of a humanoid as a motion of the product's joints, with the humanoid's bone lengths.
 
+    Programs that send rotations alone put all bones at zero; then the body is the average one.
+
     Raises:
         TakeError: the hips are missing.
         SkeletonError: a thigh, shank, upper arm or forearm is missing, or they make no upright body.
@@ -101,6 +106,9 @@ def motion_of_bones(poses: BonePoses, name: str, fps: float) -> Motion:
         raise TakeError("has no bone Hips", where=name, advice="let the other program send all bones")
     offsets = np.median(poses.positions_m, axis=0)
     offsets[0] = 0.0
+    if np.max(np.abs(offsets)) < _NO_LENGTH_M:
+        joints = [JOINT_NAMES.index(BONES[bone][0]) for bone in poses.names]
+        offsets = _t_pose_offsets(default_skeleton(), joints, _parents(poses.names))
     return map_motion(_source(name, fps, poses.names, offsets, poses.rotations, poses.positions_m[:, 0]))
 
 

@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _ON_A_FRAME = 0.01  # of a frame: nearer than this to a frame is that frame; stamps are 32-bit numbers
+_MOST_LOST = 100  # frames for each that came; more are no loss but a clock that jumped, or a pause
 _Key = tuple[str, str]  # address and name
 
 
@@ -129,12 +130,17 @@ class Recording:
                 where=name,
                 advice="let the other program send them to this computer and port",
             )
-        clocks_s = [frame.clock_s for frame in frames if frame.clock_s is not None]
-        times_s = np.array(clocks_s)
-        if len(clocks_s) < len(frames) or np.any(np.diff(times_s) <= 0.0):  # no clock, or it was started again
-            times_s = np.array([frame.arrival_s for frame in frames])
-        times_s = times_s - times_s[0]
-        return frames, times_s, rate(times_s, np.arange(len(frames)))
+        arrivals_s = np.array([frame.arrival_s for frame in frames])
+        clocks_s = np.array([frame.clock_s for frame in frames if frame.clock_s is not None])
+        is_steady = len(clocks_s) == len(frames) and bool(np.all(np.diff(clocks_s) > 0.0))
+        for times_s in (clocks_s, arrivals_s) if is_steady else (arrivals_s,):
+            from_first_s = times_s - times_s[0]
+            fps = rate(from_first_s, np.arange(len(frames)))
+            if from_first_s[-1] * fps < _MOST_LOST * len(frames):
+                return frames, from_first_s, fps
+        raise TakeError(
+            "frames came too unevenly to make anything of them", where=name, advice="record without a pause"
+        )
 
 
 def _marker_names(keys: Sequence[_Key]) -> tuple[str, ...]:

@@ -72,6 +72,16 @@ def test_humanoids_may_lack_bones(truth):
     assert np.all(np.isfinite(again.rotations))
 
 
+def test_bones_that_come_without_positions_have_the_average_bodys_lengths(truth):
+    poses = bone_poses(truth)
+    only_hips = poses.positions_m.copy()
+    only_hips[:, 1:] = 0.0
+    again = motion_of_bones(BonePoses(poses.names, only_hips, poses.rotations), "turns", truth.fps)
+    assert again.skeleton.offsets_m == pytest.approx(default_skeleton().offsets_m, abs=1e-3)
+    assert again.root_positions_m == pytest.approx(truth.root_positions_m)
+    assert rot.angle_between(bone_poses(again).rotations[:, 7], poses.rotations[:, 7]).max() < 1e-3
+
+
 def test_what_makes_no_body_is_refused(truth):
     poses = bone_poses(truth)
     with pytest.raises(TakeError, match="no bone Hips"):

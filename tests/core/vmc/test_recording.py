@@ -110,6 +110,26 @@ def test_a_frame_may_come_in_single_messages_without_a_clock_and_leave_bones_out
     assert rot.angle_between(turns, expected).max() < 1e-5
 
 
+@pytest.mark.parametrize("jump_s", [-3.0, 1e6, 3e38])
+def test_a_clock_that_jumps_is_not_believed(truth, jump_s):
+    poses = bone_poses(sliced(truth, 0, 8))
+    recording = Recording()
+    for at in range(8):
+        time_s = at / 30 + (jump_s if at > 4 else 0.0)
+        packet = frame_packet(time_s, poses.names, poses.positions_m[at], poses.rotations[at])
+        recording.add(packet, at / 60)
+    motion, received = recording.motion("jumped")
+    assert (motion.frames, received, motion.fps) == (8, 8, 60.0)
+
+
+def test_frames_a_year_apart_are_refused():
+    recording = Recording()
+    for arrival_s in (0.0, 1.0, 2.0, 3e7):
+        recording.add(message("/VMC/Ext/Tra/Pos", "waist", 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0), arrival_s)
+    with pytest.raises(TakeError, match="too unevenly"):
+        recording.markers("waist")
+
+
 def test_trackers_become_markers():
     recording = Recording()
     for frame in range(8):
