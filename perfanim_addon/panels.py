@@ -220,28 +220,6 @@ class PERFANIM_PT_capture(bpy.types.Panel):
             draw_text(context, layout, problem, "ERROR")
             if not problem:
                 draw_text(context, layout, *running.message("capture"))
-        self._draw_settings(layout, settings(context), isinstance(activity, Capture))
-
-    def _draw_settings(self, layout: bpy.types.UILayout, chosen: Any, is_live: bool) -> None:
-        column = layout.column()
-        column.use_property_split = True
-        column.use_property_decorate = False
-        _props(column, chosen, "smoothing_ms", "feet")
-        column = column.column()
-        column.enabled = not is_live
-        column.prop(chosen, "record_by_button")
-        row = column.row(align=True)
-        row.prop(chosen, "record_countdown_s")
-        row.prop(chosen, "record_sound", text="", icon="OUTLINER_OB_SPEAKER")
-        _props(column, chosen, "record_length_s")
-        column.prop(chosen.id_data.perfanim_result, "start")
-        row = column.row(align=True)
-        row.use_property_split = False
-        row.label(text="Only")
-        parts = row.grid_flow(columns=2, align=True, row_major=True)
-        for part in PARTS:
-            parts.prop_enum(chosen, "body_parts", part)
-        _props(column, chosen, "capture_preview", "extend_scene")
 
     def _draw_figures(self, context: bpy.types.Context, layout: bpy.types.UILayout, capture: Capture) -> None:
         run = capture.run
@@ -265,6 +243,39 @@ class PERFANIM_PT_capture(bpy.types.Panel):
         if figures.waiting > 1:
             layout.label(text=f"Solver {figures.waiting} frames behind", icon="SORTTIME")
         draw_text(context, layout, run.notice, "ERROR")
+
+
+class PERFANIM_PT_capture_settings(bpy.types.Panel):
+    """How it is recorded, and what is done to the motion."""
+
+    bl_label = "Recording"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = preferences.DEFAULT_TAB
+    bl_parent_id = "PERFANIM_PT_capture"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw."""
+        chosen, is_live = settings(context), isinstance(running.current(), Capture)
+        column = self.layout.column()
+        column.use_property_split = True
+        column.use_property_decorate = False
+        _props(column, chosen, "smoothing_ms", "feet")
+        column = column.column()
+        column.enabled = not is_live
+        column.prop(chosen, "record_by_button")
+        row = column.row(align=True)
+        row.prop(chosen, "record_countdown_s")
+        row.prop(chosen, "record_sound", text="", icon="OUTLINER_OB_SPEAKER")
+        _props(column, chosen, "record_length_s")
+        column.prop(chosen.id_data.perfanim_result, "start")
+        row = column.row(align=True)
+        row.use_property_split = False
+        row.label(text="Only")
+        parts = row.grid_flow(columns=2, align=True, row_major=True)
+        for part in PARTS:
+            parts.prop_enum(chosen, "body_parts", part)
+        _props(column, chosen, "capture_preview", "extend_scene")
 
 
 def _props(layout: bpy.types.UILayout, chosen: Any, *names: str) -> None:
@@ -318,6 +329,7 @@ _CLASSES = (
     PERFANIM_PT_database,
     PERFANIM_PT_character,
     PERFANIM_PT_capture,
+    PERFANIM_PT_capture_settings,
 )
 
 
