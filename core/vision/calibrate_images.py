@@ -131,6 +131,7 @@ def _check_board(board: Board, files: Mapping[str, Mapping[str, Path]], cameras:
 def _most_seen_grid(files: Mapping[str, Mapping[str, Path]], board: Board) -> tuple[int, int] | None:
     paths = [path for rows in files.values() for path in rows.values()]
     chosen = [paths[i] for i in np.unique(np.linspace(0, len(paths) - 1, _PROBES).astype(int))]
+    needed = min(3, len(chosen))
     shown: dict[tuple[int, int], set[Path]] = defaultdict(set)
     for attempt in range(_ATTEMPTS):
         # the sector-based finder starts at random: in a hard picture it sees the whole board now and a part then
@@ -139,9 +140,8 @@ def _most_seen_grid(files: Mapping[str, Mapping[str, Path]], board: Board) -> tu
             grid = _seen_in(path, board)
             if grid is not None:
                 shown[grid].add(path)
-        grid, where = max(shown.items(), key=lambda item: len(item[1]), default=(None, set()))
-        if len(where) >= min(3, len(chosen)):
-            return grid
+                if len(shown[grid]) >= needed:
+                    return grid
     return None
 
 
