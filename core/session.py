@@ -35,6 +35,8 @@ _FIRST_CHECK_S = 0.1  # after a start its labels are compared with a new start's
 _RARE_CHECK_S = 1.0  # from here on only while the markers are badly explained
 _DOUBTFUL = 0.5  # confidence
 _BETTER = 0.7  # of the labels' distance to the examples: a new start that is closer shows that they are wrong
+_SURE_M = 0.04  # labels this near to an example are right: two limbs exchanged across a hand's breadth are further off
+_ELSEWHERE_M = 0.03  # by this much a marker must be another point under a new start's labels
 _NEARER = 0.5  # of the markers' distance to the closest example: a pose without a past that is nearer is the right one
 
 
@@ -288,9 +290,14 @@ class Session:
         if self._check_after_s >= _RARE_CHECK_S and result.confidence > _DOUBTFUL:
             return False
         self._checked_s, self._check_after_s = now, min(2.0 * self._check_after_s, _RARE_CHECK_S)
-        start = self._start.label(frame.points_m)
         as_they_are_m = self._start.distance_m(result.observed_m, result.markers_m)
-        return start is not None and start.distance_m < _BETTER * as_they_are_m
+        if as_they_are_m < _SURE_M:
+            return False
+        start = self._start.label(frame.points_m)
+        if start is None or not start.distance_m < _BETTER * as_they_are_m:
+            return False
+        named_m = _by_marker(frame.points_m, start.labels, len(self.subject.marker_set))
+        return bool(np.any(np.linalg.norm(named_m - result.observed_m, axis=1) > _ELSEWHERE_M))
 
 
 def _is_labelled(frame: MarkerFrame) -> bool:

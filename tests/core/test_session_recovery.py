@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from perfanim.core import rotations as rot
 from perfanim.core.assets import MOTION
+from perfanim.core.labelling import Labeller
 from perfanim.core.marker_frame import MarkerFrame
 from perfanim.core.motion import resampled
 from perfanim.core.motion_files import read_motion
@@ -71,6 +72,22 @@ def test_a_wrong_start_is_noticed(subject, database, record, true_markers):
         right.append(labelled_right(pose, true_markers[number]))
     assert not right[0]
     assert all(right[15:])  # half a second
+
+
+def test_a_right_start_is_not_begun_again(subject, database_of, record, monkeypatch, tmp_path):
+    """In a database that is dense in such poses a new start is always nearer to some of them, with the same labels."""
+    begun = []
+    begin = Labeller.begin
+    monkeypatch.setattr(Labeller, "begin", lambda self, *rest: (begun.append(self), begin(self, *rest)))
+    plan = [("rest", 3.0)]
+    others = [performance(plan, FPS, subject.skeleton, seed=seed, name=f"rest-{seed}") for seed in range(1, 9)]
+    dense = database_of(tmp_path / "rest.pfdb", others)
+    rows = markers_of(subject, performance(plan, FPS, subject.skeleton, seed=100))
+    for seed in range(3):
+        session, generator = Session(subject, dense), np.random.default_rng(seed)
+        poses = [session.step(points(record, row, i, generator)) for i, row in enumerate(rows)]
+        assert all(labelled_right(pose, row) for pose, row in zip(poses, rows, strict=True))
+    assert len(begun) == 3
 
 
 def test_a_change_of_behaviour_leaves_nothing_behind(subject, database, record):
