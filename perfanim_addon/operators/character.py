@@ -54,16 +54,24 @@ class PERFANIM_OT_add_character(bpy.types.Operator):
 
 
 def _meant(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """Return the active armature, that of the active mesh, or those below the active object, as importers leave it."""
+    """Return the active armature, or that which the active object belongs to, or those below it.
+
+    Importers leave a mesh or an empty of the character active.
+    """
     active = context.object
-    if active is None or active.type == "ARMATURE":
-        return [] if active is None else [active]
-    worn = active.find_armature()
-    return [worn] if worn is not None else [obj for obj in active.children_recursive if obj.type == "ARMATURE"]
+    if active is None:
+        return []
+    above = active
+    while above is not None:
+        found = above if above.type == "ARMATURE" else above.find_armature()
+        if found is not None:
+            return [found]
+        above = above.parent
+    return [obj for obj in active.children_recursive if obj.type == "ARMATURE"]
 
 
 class PERFANIM_OT_use_active_armature(bpy.types.Operator):
-    """Let the active armature, or that of the active mesh, move along; which bone is which joint is found by itself"""
+    """Let the active armature, or that of the active object, move along; which bone is which joint is found by itself"""
 
     bl_idname = "perfanim.use_active_armature"
     bl_label = "Use Active Armature"

@@ -280,10 +280,11 @@ def test_the_map_is_found_when_an_armature_is_chosen_and_can_be_edited(mixamo_bl
 def test_use_active_finds_the_armature_of_what_an_importer_leaves_active(mixamo_blend: Path, addon: ModuleType) -> None:
     bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
     hero, chosen, layer = bpy.data.objects["Hero"], bpy.context.scene.perfanim, bpy.context.view_layer
-    group = bpy.data.objects.new("Group", None)
-    bpy.context.scene.collection.objects.link(group)
-    hero.parent = group
-    for active in (bpy.data.objects["Hero body"], group):
+    group, part = (bpy.data.objects.new(name, None) for name in ("Group", "Part"))
+    for empty in (group, part):
+        bpy.context.scene.collection.objects.link(empty)
+    hero.parent, part.parent = group, hero
+    for active in (bpy.data.objects["Hero body"], group, part):
         layer.objects.active, chosen.armature = active, None
         assert bpy.ops.perfanim.use_active_armature() == {"FINISHED"}
         assert chosen.armature == hero
