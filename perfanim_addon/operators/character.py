@@ -71,7 +71,7 @@ def _meant(context: bpy.types.Context) -> list[bpy.types.Object]:
 
 
 class PERFANIM_OT_use_active_armature(bpy.types.Operator):
-    """Let the active armature, or that of the active object, move along; which bone is which joint is found by itself"""
+    """Let the armature of the active object move along; which bone is which joint is found by itself"""
 
     bl_idname = "perfanim.use_active_armature"
     bl_label = "Use Active Armature"

@@ -290,7 +290,7 @@ def test_use_active_finds_the_armature_of_what_an_importer_leaves_active(mixamo_
         assert chosen.armature == hero
     second = bpy.data.objects.new("Second", hero.data)
     bpy.context.scene.collection.objects.link(second)
-    second.parent = group
+    second.parent, layer.objects.active = group, group
     with pytest.raises(RuntimeError, match="2 armatures hang on Group"):
         bpy.ops.perfanim.use_active_armature()
 
