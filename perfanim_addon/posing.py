@@ -1,6 +1,6 @@
 """How poses of the performer become those of an armature: straight for the product's own, retargeted for any other."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -17,7 +17,7 @@ from .axes import PoseMap
 from .bone_list import clear_map, store_map, store_problem, stored_map, stored_root_motion
 from .character import check_armature, read_rest
 from .place import user_folder
-from .retarget_rig import followed_bones, is_constrained, read_armature_rest, switch_to_fk
+from .retarget_rig import check_scale, followed_bones, is_constrained, read_armature_rest, switch_to_fk
 
 _SAME_SHARE = 0.003  # of the length of both legs, up to which a bone is as long as the performer's
 _LINKED = "make a library override of it (Object > Library Override > Make)"
@@ -76,7 +76,7 @@ def fill_map(armature_object: bpy.types.Object) -> None:
     """
     if armature_object.library is not None:
         return
-    if armature_object.perfanim_character.joints and not map_problem(armature_object):
+    if armature_object.perfanim_character.joints and not _problem(armature_object, stored_map):
         return
     if not check_armature(armature_object):
         clear_map(armature_object)
@@ -91,8 +91,12 @@ def map_problem(armature_object: bpy.types.Object) -> str:
     """Return why an armature cannot be driven by what is kept with it, "" when it can; quick enough for drawing."""
     if armature_object.library is not None:
         return f"it is linked from another file; {_LINKED}"
+    return _problem(armature_object, stored_map) or _problem(armature_object, check_scale)
+
+
+def _problem(armature_object: bpy.types.Object, check: Callable[[bpy.types.Object], object]) -> str:
     try:
-        stored_map(armature_object)
+        check(armature_object)
     except CharacterError as error:
         return f"{error.what}; {error.advice}"
     return ""
@@ -123,6 +127,7 @@ def posing_of(armature_object: bpy.types.Object, skeleton: Skeleton) -> Posing:
     kept = stored_map(armature_object)
     root_motion = stored_root_motion(armature_object)
     if kept is None and root_motion is RootMotion.HIPS and _has_proportions(armature_object, skeleton):
+        check_scale(armature_object)
         return ProductPosing(armature_object, skeleton)
     bone_map = kept or find_map(armature_object, user_folder(PRESETS_FOLDER))
     return retarget_posing(armature_object, skeleton, bone_map, root_motion)
@@ -134,8 +139,10 @@ def retarget_posing(
     """Return the retargeting onto an armature by a map; inverse kinematics is switched off.
 
     Raises:
-        CharacterError: constraints hold one of the bones, or the rest pose cannot be read.
+        CharacterError: the armature is stretched or mirrored, constraints hold one of the bones, or the rest pose
+            cannot be read.
     """
+    check_scale(armature_object)
     armature_object.data.pose_position = "POSE"  # shown in its rest position it would not move
     rest = read_armature_rest(armature_object)
     made = Retargeter(skeleton, rest, bone_map, root_motion)

@@ -72,6 +72,7 @@ def retarget_file(
         scene.render.fps_base = scene.render.fps / motion.fps
     armature_object, bone_map = _humanoid(character, preset)
     release_pose(armature_object)
+    bpy.context.view_layer.update()  # the place in the scene of what an importer has parented
     posing = retarget_posing(armature_object, motion.skeleton, bone_map, root_motion)
     frames = scene_frames(np.arange(motion.frames) / motion.fps, scene)
     write_posing(armature_object, frames, motion.rotations, motion.root_positions_m, posing, name=motion.name)

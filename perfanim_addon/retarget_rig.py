@@ -23,6 +23,8 @@ _FK_SWITCH = "IK_FK"  # Rigify's property of a limb: 0 inverse, 1 forward kinema
 _FOLLOW_SWITCHES = ("neck_follow", "head_follow")  # 1: the neck goes along with the chest, the head with the neck
 _TRIED = Quaternion((0.3, 0.8, -0.5), 0.7)
 _SAME_RADIANS = 0.02
+_SAME_SCALE = 0.01  # up to which a limb may change its length in the scene while it turns
+_APPLY = "apply its scale (Object > Apply > Scale), and that of what it is parented to"
 
 
 def read_armature_rest(armature_object: bpy.types.Object) -> ArmatureRest:
@@ -44,6 +46,27 @@ def read_armature_rest(armature_object: bpy.types.Object) -> ArmatureRest:
         inherits_rotation=np.array([bone.use_inherit_rotation for bone in bones], dtype=bool),
         local_location=np.array([bone.use_local_location for bone in bones], dtype=bool),
     )
+
+
+def check_scale(armature_object: bpy.types.Object) -> None:
+    """Refuse an armature that stands in the scene so that motion would look wrong on it.
+
+    Bones turn in the armature's own space. Where the scene shows that stretched along one axis more than along another,
+    by its own scale or a parent's, limbs would change their lengths as they turn; where it shows it mirrored, the
+    character would go left when the performer goes right.
+
+    Raises:
+        CharacterError: the scene shows it stretched or mirrored.
+    """
+    axes = np.array(armature_object.matrix_world.to_3x3(), dtype=np.float64)
+    lengths = np.linalg.svd(axes, compute_uv=False)
+    name = armature_object.name
+    if lengths[0] > (1.0 + _SAME_SCALE) * lengths[-1]:
+        how = f"{lengths[0] / lengths[-1]:.3g} times longer" if lengths[-1] > 0.0 else "flat"
+        raise CharacterError(f"the scene shows it stretched, {how} in one direction", where=name, advice=_APPLY)
+    if np.linalg.det(axes) < 0.0:
+        advice = f"make the scale positive, or {_APPLY}"
+        raise CharacterError("the scene shows it mirrored by a negative scale", where=name, advice=advice)
 
 
 def switch_to_fk(armature_object: bpy.types.Object, bones: Sequence[str]) -> None:
@@ -142,5 +165,7 @@ def delta_transforms(
     """
     armature_object.rotation_mode = "QUATERNION"
     own = np.array(armature_object.rotation_quaternion, dtype=np.float64)
-    scaled = np.asarray(locations, dtype=np.float64) * np.array(armature_object.scale)
-    return rot.multiply(rot.multiply(own, rotations), rot.conjugate(own)), rot.rotate(own, scaled)
+    scale = np.array(armature_object.scale, dtype=np.float64)
+    scaled = np.asarray(locations, dtype=np.float64) * scale
+    turned = np.asarray(rotations, dtype=np.float64) * np.append(1.0, np.sign(scale))  # two negative ones: half a turn
+    return rot.multiply(rot.multiply(own, turned), rot.conjugate(own)), rot.rotate(own, scaled)

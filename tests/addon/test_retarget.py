@@ -12,6 +12,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from mathutils import Matrix
 from perfanim.core import rotations as rot
 from perfanim.core.assets import MOTION
 from perfanim.core.errors import CharacterError
@@ -250,6 +251,69 @@ def test_live_poses_are_the_recorded_ones(mixamo_blend: Path, addon: ModuleType,
         for bone in hero.pose.bones:
             live = np.array(hero.matrix_world @ bone.matrix)
             assert np.allclose(live, recorded[bone.name][frame], atol=1e-4), bone.name
+
+
+def stood(hero: bpy.types.Object, own: tuple, above: tuple) -> None:
+    """Give a character a scale and a turned parent with a scale of its own."""
+    parent = bpy.data.objects.new("Group", None)
+    bpy.context.scene.collection.objects.link(parent)
+    hero.parent = parent
+    parent.location, parent.rotation_euler, parent.scale = (0.3, -1.0, 0.0), (0.4, -0.3, 0.7), above
+    hero.location, hero.rotation_euler, hero.scale = (1.0, 2.0, 0.5), (0.2, 0.5, -0.4), own
+    bpy.context.view_layer.update()
+
+
+@pytest.mark.parametrize(
+    ("own", "above", "said"),
+    [
+        ((1.0, 1.0, 2.0), (1.0, 1.0, 1.0), "stretched, 2 times longer"),
+        ((1.0, 1.0, 1.0), (3.0, 1.0, 1.0), "stretched, 3 times longer"),
+        ((-1.0, 1.0, 1.0), (1.0, 1.0, 1.0), "mirrored"),
+        ((2.0, 2.0, 2.0), (-1.0, -1.0, -1.0), "mirrored"),
+    ],
+)
+def test_a_character_that_the_scene_shows_distorted_is_refused_with_what_to_do(
+    mixamo_blend: Path, addon: ModuleType, own: tuple, above: tuple, said: str
+) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
+    hero, chosen = bpy.data.objects["Hero"], bpy.context.scene.perfanim
+    states = sys.modules[f"{addon.__name__}.perfanim_addon.states"]
+    chosen.armature = hero
+    hero.perfanim_character.joints["head"].bone = "mixamorig:Neck1"  # by hand
+    stood(hero, own, above)
+    assert said in states.character(chosen).problem
+    chosen.armature = hero
+    assert hero.perfanim_character.joints["head"].bone == "mixamorig:Neck1"
+    for name in ("Hero", character.create_character(bpy.context, default_skeleton())):
+        obj = bpy.data.objects[name]
+        obj.parent, obj.matrix_basis = hero.parent, hero.matrix_basis
+        bpy.context.view_layer.update()
+        with pytest.raises(CharacterError, match=rf"{name}: .*{said}.*Object > Apply > Scale"):
+            ArmatureDriver(name, default_skeleton())
+
+
+@pytest.mark.parametrize("root_motion", list(RootMotion))
+@pytest.mark.parametrize("own", [(1.5, 1.5, 1.5), (-1.5, 1.5, -1.5)])
+def test_joints_are_where_the_scene_s_scale_puts_them(
+    mixamo_blend: Path, addon: ModuleType, own: tuple, root_motion: RootMotion
+) -> None:
+    """As on the character without scale and place, brought into the scene as a whole; two negative scales turn it."""
+    bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
+    hero, motion = bpy.data.objects["Hero"], clip("boxing-01-neutral", 8)
+    hero.perfanim_character.root_motion = root_motion.name
+    drivers = sys.modules[f"{addon.__name__}.perfanim_addon.armature_driver"]
+
+    def joints() -> np.ndarray:
+        drivers.ArmatureDriver("Hero", motion.skeleton).apply(motion.rotations[7], motion.root_positions_m[7])
+        bpy.context.view_layer.update()
+        return np.array([hero.matrix_world @ bone.head for bone in hero.pose.bones])
+
+    hero.data.transform(Matrix.Rotation(0.5, 4, "X"))  # its own up is not the scene's
+    alone = joints()
+    hero.delta_location, hero.delta_rotation_quaternion = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+    stood(hero, own, (0.2, 0.2, 0.2))
+    place = np.array(hero.matrix_world)
+    assert np.allclose(joints(), alone @ place[:3, :3].T + place[:3, 3], atol=1e-4)
 
 
 def test_the_map_is_found_when_an_armature_is_chosen_and_can_be_edited(mixamo_blend: Path, addon: ModuleType) -> None:
