@@ -75,13 +75,14 @@ class PERFANIM_UL_takes(bpy.types.UIList):
         active_property: str,
     ) -> None:
         """Draw name, stars and length; a double click on the name changes it."""
-        split = layout.split(factor=0.6)
+        row = layout.row()
         if item.complete:
-            split.prop(item, "title", text="", emboss=False, icon="REC")
-            split.label(text=f"{'★' * item.rating}  {item.length}")
+            row.prop(item, "title", text="", emboss=False, icon="REC")
         else:
-            split.label(text=item.title, icon="ERROR")
-            split.label(text="cut off")
+            row.label(text=item.title, icon="ERROR")
+        facts = row.row()
+        facts.alignment = "RIGHT"  # as wide as its text: the rest is for names, which begin alike
+        facts.label(text=f"{'★' * item.rating}  {item.length}" if item.complete else "cut off")
 
 
 class PERFANIM_PT_takes(bpy.types.Panel):

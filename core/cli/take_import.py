@@ -15,7 +15,7 @@ from ..solved_take_file import keep_markers
 from ..solver.settings import METHODS, SolveSettings
 from ..sources.take import is_unnamed
 from ..take_file.edit import recover
-from ..take_file.reading import ENDING, read_take_file, unused_path
+from ..take_file.reading import ENDING, read_take_file, take_name, unused_path
 from ..take_import import UPS, brought_in
 
 Progress = Callable[[float, str], None]
@@ -111,6 +111,7 @@ def _imported(
     lacking = [] if is_unnamed(take) else [name for name in subject.marker_set.names if name not in take.names]
     warnings += [f"not in {path.name}: {', '.join(lacking)}"] * bool(lacking)
     out = unused_path(Path(args.out), take.name)
+    take = replace(take, name=take_name(out))  # two of one name are told apart in a list, too
     capture = {"imported": str(path), "up": args.up}
     solved = keep_markers(out, take, subject, database, SolveSettings(method=args.method), capture, progress)
     figures = solved.summary()

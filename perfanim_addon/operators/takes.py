@@ -207,6 +207,17 @@ class PERFANIM_OT_import_takes(_TakeJob, bpy.types.Operator, ImportHelper):
     )
     method: bpy.props.EnumProperty(name="Method", description="How poses are found", items=_METHODS, default="best")
 
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw what can be chosen, and by whom and which markers the takes will be solved."""
+        layout, chosen = self.layout, settings(context)
+        layout.use_property_split = True
+        layout.prop(self, "up")
+        layout.prop(self, "method")
+        who = states.performer_text(absolute(chosen.subject)) if chosen.subject else "average body"
+        height = "" if chosen.subject else f", {chosen.subject_height:.2f} m"
+        layout.label(text=f"Performer: {who}{height}", icon="USER")
+        layout.label(text=f"Markers: {Path(states.marker_set_source(chosen)).stem}", icon="DOT")
+
     def arguments(self, context: bpy.types.Context) -> list[str]:
         """Return the command."""
         chosen = settings(context)
@@ -248,9 +259,7 @@ class PERFANIM_OT_export_take(_OfTake, bpy.types.Operator, ExportHelper):
         ),
         options={"SKIP_SAVE"},
     )
-    meshes: bpy.props.BoolProperty(
-        name="Meshes", description="FBX and glTF: also the meshes that the armature deforms", default=True
-    )
+    meshes: bpy.props.BoolProperty(name="Meshes", description="Also the meshes that the armature deforms", default=True)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -265,6 +274,13 @@ class PERFANIM_OT_export_take(_OfTake, bpy.types.Operator, ExportHelper):
             return common.failed(self, PANEL, error)
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw what can be chosen; BVH has no meshes."""
+        self.layout.use_property_split = True
+        self.layout.prop(self, "kind")
+        if self.kind != "BVH":
+            self.layout.prop(self, "meshes")
 
     def check(self, context: bpy.types.Context) -> bool:
         """Let the name end as the format does."""

@@ -66,6 +66,8 @@ def test_takes_of_all_formats_are_solved_and_kept(bring, tmp_path, walk, subject
     solved = solve_take(read, subject, database, SolveSettings(), lambda *_: None)
     for kept, pose in zip(take.poses, solved.poses, strict=True):
         np.testing.assert_array_equal(kept.pose.rotations, pose.rotations)
+    (again,) = bring(files[-1])["takes"]
+    assert read_take_file(again["out"]).notes.name == "Walk 3 (2)"
 
 
 def test_a_bad_file_does_not_keep_the_others_out(bring, tmp_path, walk):
