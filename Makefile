@@ -35,7 +35,7 @@ demo: $(STAMP)
 	$(BIN)/perfanim demo --out out/demo
 
 test: $(STAMP)
-	$(BIN)/python -m pytest tests --ignore tests/window --ignore tests/gplvm -n auto --dist loadfile
+	$(BIN)/python -m pytest tests --ignore tests/window --ignore tests/gplvm -n auto --dist loadfile --no-loadscope-reorder
 
 # The add-on's tests on each supported Blender as a module, with the wheels of the extension, one environment each. The
 # project itself is there without its requirements: its numpy would be newer than that of Blender 4.2.

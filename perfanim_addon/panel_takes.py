@@ -141,7 +141,8 @@ def _draw_room(layout: bpy.types.UILayout, count: int) -> None:
     """Draw how much room the takes need, and what can be done about it."""
     listed, gone = takes.room()
     if count or gone:
-        text = f"{count} takes, {takes.size_text(listed)}" + (f"; deleted {takes.size_text(gone)}" if gone else "")
+        text = f"{count} take{'s' * (count != 1)}, {takes.size_text(listed)}"
+        text += f"; deleted {takes.size_text(gone)}" if gone else ""
         layout.label(text=text, icon="DISK_DRIVE")
         row = layout.row(align=True)
         row.operator("perfanim.clean_up_takes", text="Clean Up")

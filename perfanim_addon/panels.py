@@ -97,6 +97,9 @@ class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
         if chosen.source in ("CAMERAS", "SIMULATED"):
             box.operator("perfanim.calibrate_board", icon="CAMERA_STEREO")
             box.operator("perfanim.set_floor", icon="AXIS_TOP")
+            box = layout.box().column()
+            _props(box, chosen, "floor_height_mm", "floor_longest_mm")
+            box.operator("perfanim.set_floor_markers", icon="AXIS_TOP")
         if chosen.source != "SIMULATED":
             box = layout.box().column()
             _props(box, chosen, "board_left", "board_right")

@@ -184,6 +184,21 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         max=60,
         subtype="TIME_ABSOLUTE",
     )
+    floor_height_mm: bpy.props.FloatProperty(
+        name="Marker Height",
+        description="Millimetres from the floor to the middle of a marker lying on it: the radius of a ball",
+        default=12.5,
+        min=0,
+        max=200,
+    )
+    floor_longest_mm: bpy.props.FloatProperty(
+        name="Farthest Apart",
+        description="Millimetres between the two markers that lie farthest apart, from middle to middle; the "
+        "calibration is scaled to it. 0: the calibration's scale is kept",
+        default=0,
+        min=0,
+        max=20000,
+    )
     board_left: _folder("Left", "Folder with the left camera's images of the board")
     board_right: _folder("Right", "Folder with the right camera's images of the board")
 

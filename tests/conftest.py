@@ -11,6 +11,9 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 SHARED = ROOT.parent / "shared"
+# The longest files, which begin first: one that began last would leave the other processes with nothing to do.
+LONGEST = ("test_demo.py", "test_cmu.py", "test_capture_chain.py", "test_recorded_boards.py", "test_jobs.py",
+           "test_single_view_start.py", "test_bad_input.py", "test_two_webcams_chain.py", "test_live.py")  # fmt: skip
 
 
 @pytest.fixture(scope="session")
@@ -44,6 +47,17 @@ def cmu_dir(mocap_dir: Path) -> Path:
 def bandai_dir(mocap_dir: Path) -> Path:
     """Unpacked BVH clips."""
     return mocap_dir / "bandai"
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """One process more than there are cores: many tests wait for others that they have started."""
+    return (os.cpu_count() or 1) + 1
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the longest files first; `--no-loadscope-reorder` keeps this order."""
+    items.sort(key=lambda item: LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST))
 
 
 @pytest.hookimpl(hookwrapper=True)

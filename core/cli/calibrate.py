@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import SettingsError
-from . import calibrate_prop, calibrate_refine, calibrate_subject
+from . import calibrate_floor, calibrate_prop, calibrate_refine, calibrate_subject
 
 if TYPE_CHECKING:
     from ..vision.calibrate import CalibrationResult
@@ -22,6 +22,7 @@ def add_parser(subparsers: Any) -> None:
     _add_board(group)
     calibrate_subject.add_parser(group)
     calibrate_prop.add_parser(group)
+    calibrate_floor.add_parser(group)
     calibrate_refine.add_parser(group)
 
 

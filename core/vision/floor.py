@@ -1,4 +1,4 @@
-"""The world's floor, origin and axes from the board lying on the floor."""
+"""The world's floor, origin and axes from what lies on the floor, and the board that lies there."""
 
 from collections.abc import Sequence
 from itertools import product
@@ -19,7 +19,7 @@ _LARGEST_ERROR = 3.0 / 640.0  # of the image width: a camera was moved since
 _FLATNESS_M = 0.01  # corners further off their plane than this are no corners of a flat board
 
 
-def rig_on_floor(rig: CameraRig, floor_points_m: ArrayLike, behind_m: float = 0.0) -> CameraRig:
+def rig_on_floor(rig: CameraRig, floor_points_m: ArrayLike, behind_m: float = 0.0, above_m: float = 0.0) -> CameraRig:
     """Return the rig in a world whose floor is y = 0.
 
     z points from the middle of the floor points to between the cameras, x to the performer's left as they face the
@@ -29,6 +29,7 @@ def rig_on_floor(rig: CameraRig, floor_points_m: ArrayLike, behind_m: float = 0.
         rig: cameras in any world.
         floor_points_m: (N, 3) points of the floor in that world, N >= 3, not on a line.
         behind_m: from the middle of the points to the origin, away from the cameras.
+        above_m: height of the points above the floor, as of the middles of balls that lie on it.
 
     Raises:
         CalibrationError: the points are no plane, or the cameras look at it from straight above.
@@ -39,15 +40,17 @@ def rig_on_floor(rig: CameraRig, floor_points_m: ArrayLike, behind_m: float = 0.
     middle = points.mean(axis=0)
     _, sizes, axes = np.linalg.svd(points - middle)
     if sizes[2] / np.sqrt(len(points)) > _FLATNESS_M or sizes[1] < 1e-3 * sizes[0]:
-        raise CalibrationError("the points of the floor do not lie in one plane", advice="lay the board flat again")
+        raise CalibrationError(
+            "the points of the floor do not lie in one plane", advice="lay flat, on level ground, what marks the floor"
+        )
     centre = np.mean([camera.centre_m for camera in rig.cameras], axis=0)
     up = axes[2] if axes[2] @ (centre - middle) > 0 else -axes[2]  # the cameras are above the floor
     forward = (centre - middle) - up * (up @ (centre - middle))
     if np.linalg.norm(forward) < 0.05:
-        raise CalibrationError("the cameras look straight down on the board", advice="lay the board where you stand")
+        raise CalibrationError("the cameras look straight down on the floor's middle", advice="mark where you stand")
     forward /= np.linalg.norm(forward)
     new_from_old = np.stack((np.cross(up, forward), up, forward))
-    origin = middle - behind_m * forward
+    origin = middle - behind_m * forward - above_m * up
     cameras = tuple(_moved(camera, new_from_old, origin) for camera in rig.cameras)
     return CameraRig(cameras, dict(rig.metadata) | {"floor": "y = 0"})
 

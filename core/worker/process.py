@@ -5,6 +5,7 @@ Requests (JSON):
     {"job": "cameras", ...}: images to marker frames.
     {"job": "record board", ...}: the cameras calibrated from a board held before them.
     {"job": "record floor", ...}: the floor found from the board lying on it.
+    {"job": "record floor markers", ...}: the floor found from markers lying on it.
     {"job": "record pose", ...}: what the performer's calibration needs.
     {"job": "calibrate performer", ...}: the poses recorded and the performer measured from them.
     {"job": "command", "arguments": [...]}: a command of the command line, with its progress as STATUS messages and
@@ -27,6 +28,7 @@ _JOBS = {
     "command": ".command_job",
     "record board": ".record_board",
     "record floor": ".record_floor",
+    "record floor markers": ".record_floor_markers",
     "record pose": ".record_pose",
     "calibrate performer": ".calibrate_performer",
 }

@@ -122,12 +122,9 @@ class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
         return f"{_told(summary)}; {summary['used']} views, covered {covered}"
 
 
-class PERFANIM_OT_set_floor(_Watching, bpy.types.Operator):
-    """Lay the chessboard on the floor where you will stand, whole before both cameras: the floor is found, and the
-    middle of the board becomes the scene's origin"""
+class _FloorFinding(_Watching):
+    """Base of what finds the floor with calibrated cameras."""
 
-    bl_idname = "perfanim.set_floor"
-    bl_label = "Set Floor from Board"
     title = "Finding the floor"
 
     @classmethod
@@ -139,6 +136,14 @@ class PERFANIM_OT_set_floor(_Watching, bpy.types.Operator):
         if not state.ready:
             cls.poll_message_set(state.problem)
         return state.ready
+
+
+class PERFANIM_OT_set_floor(_FloorFinding, bpy.types.Operator):
+    """Lay the chessboard on the floor where you will stand, whole before both cameras: the floor is found, and the
+    middle of the board becomes the scene's origin"""
+
+    bl_idname = "perfanim.set_floor"
+    bl_label = "Set Floor from Board"
 
     def request(self, context: bpy.types.Context) -> dict[str, Any]:
         """Return what the worker is asked for."""
@@ -154,6 +159,47 @@ class PERFANIM_OT_set_floor(_Watching, bpy.types.Operator):
             text += f"; the board looks {100.0 * abs(off):.0f} % too {'large' if off > 0 else 'small'}: "
             text += "check the side of its squares, or calibrate again"
         return text
+
+
+class PERFANIM_OT_set_floor_markers(_FloorFinding, bpy.types.Operator):
+    """Leave the floor empty until you are asked, then lay three or more markers on it about where you will stand and
+    step aside: the floor is found, and their middle becomes the scene's origin"""
+
+    bl_idname = "perfanim.set_floor_markers"
+    bl_label = "Set Floor from Markers"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Needs two cameras."""
+        if not super().poll(context):
+            return False
+        if states.is_one_camera(settings(context)):
+            cls.poll_message_set("One camera alone finds the floor from the board")
+            return False
+        return True
+
+    def request(self, context: bpy.types.Context) -> dict[str, Any]:
+        """Return what the worker is asked for."""
+        chosen = settings(context)
+        return {
+            **capture_setup.cameras(chosen),
+            "job": "record floor markers",
+            "rig": absolute(chosen.calibration),
+            "preview": True,
+            "height_m": chosen.floor_height_mm / 1000.0,
+            "longest_m": chosen.floor_longest_mm / 1000.0 or None,
+        }
+
+    def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+        """Use the cameras in the new world."""
+        _use_rig(settings(context), summary, "cameras-on-floor.toml")
+        text = f"the floor is where the {summary['markers']} markers lie, the origin in their middle"
+        off = float(summary["scale"]) - 1.0
+        return (
+            f"{text}; the calibration was {100.0 * abs(off):.1f} % too {'small' if off > 0 else 'large'}"
+            if off
+            else text
+        )
 
 
 def _watched(chosen: PERFANIM_PG_settings) -> dict[str, Any]:
@@ -195,6 +241,12 @@ class PERFANIM_OT_save_board(JobOperator, bpy.types.Operator, ExportHelper):
         return f"print {Path(summary['out']).name} on {summary['paper']} at 100 %, then measure a square"
 
 
-_CLASSES = (PERFANIM_OT_save_board, PERFANIM_OT_calibrate_board, PERFANIM_OT_set_floor, PERFANIM_OT_calibrate_cameras)
+_CLASSES = (
+    PERFANIM_OT_save_board,
+    PERFANIM_OT_calibrate_board,
+    PERFANIM_OT_set_floor,
+    PERFANIM_OT_set_floor_markers,
+    PERFANIM_OT_calibrate_cameras,
+)
 
 register, unregister = bpy.utils.register_classes_factory(_CLASSES)

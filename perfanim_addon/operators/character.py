@@ -53,8 +53,25 @@ class PERFANIM_OT_add_character(bpy.types.Operator):
         return {"FINISHED"}
 
 
+def _meant(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """Return the active armature, or that which the active object belongs to, or those below it.
+
+    Importers leave a mesh or an empty of the character active.
+    """
+    active = context.object
+    if active is None:
+        return []
+    above = active
+    while above is not None:
+        found = above if above.type == "ARMATURE" else above.find_armature()
+        if found is not None:
+            return [found]
+        above = above.parent
+    return [obj for obj in active.children_recursive if obj.type == "ARMATURE"]
+
+
 class PERFANIM_OT_use_active_armature(bpy.types.Operator):
-    """Let the active armature move along; which bone is which joint is found by itself"""
+    """Let the armature of the active object move along; which bone is which joint is found by itself"""
 
     bl_idname = "perfanim.use_active_armature"
     bl_label = "Use Active Armature"
@@ -62,22 +79,25 @@ class PERFANIM_OT_use_active_armature(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Needs an active armature."""
+        """Needs an active armature, or something of its character that is active."""
         if not (common.in_scene(cls, context) and common.idle(cls)):
             return False
-        if context.object is None or context.object.type != "ARMATURE":
+        count = len(_meant(context))
+        if count == 0:
             cls.poll_message_set("Select an armature first")
-            return False
-        return True
+        elif count > 1:
+            cls.poll_message_set(f"{count} armatures hang on {context.object.name}: select one of them")
+        return count == 1
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Choose it if it is a humanoid."""
+        (armature_object,) = _meant(context)
         try:
-            if check_armature(context.object):
-                find_map(context.object, user_folder(PRESETS_FOLDER))
+            if check_armature(armature_object):
+                find_map(armature_object, user_folder(PRESETS_FOLDER))
         except CharacterError as error:
             return common.failed(self, PANEL, error)
-        settings(context).armature = context.object
+        settings(context).armature = armature_object
         running.set_message(PANEL, "")
         return {"FINISHED"}
 

@@ -277,6 +277,24 @@ def test_the_map_is_found_when_an_armature_is_chosen_and_can_be_edited(mixamo_bl
     assert hero.perfanim_character.joints["lhand"].state == "mapped"
 
 
+def test_use_active_finds_the_armature_of_what_an_importer_leaves_active(mixamo_blend: Path, addon: ModuleType) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
+    hero, chosen, layer = bpy.data.objects["Hero"], bpy.context.scene.perfanim, bpy.context.view_layer
+    group, part = (bpy.data.objects.new(name, None) for name in ("Group", "Part"))
+    for empty in (group, part):
+        bpy.context.scene.collection.objects.link(empty)
+    hero.parent, part.parent = group, hero
+    for active in (bpy.data.objects["Hero body"], group, part):
+        layer.objects.active, chosen.armature = active, None
+        assert bpy.ops.perfanim.use_active_armature() == {"FINISHED"}
+        assert chosen.armature == hero
+    second = bpy.data.objects.new("Second", hero.data)
+    bpy.context.scene.collection.objects.link(second)
+    second.parent, layer.objects.active = group, group
+    with pytest.raises(RuntimeError, match="2 armatures hang on Group"):
+        bpy.ops.perfanim.use_active_armature()
+
+
 def test_bone_maps_are_kept_and_loaded(mixamo_blend: Path, addon: ModuleType) -> None:
     bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
     hero, chosen = bpy.data.objects["Hero"], bpy.context.scene.perfanim

@@ -1,0 +1,58 @@
+"""Markers that lie on the floor before the simulated cameras, as a source of images."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...camera import CameraRig
+from ...motion import Motion
+from ...product_skeleton import default_skeleton
+from .performance import make_performance
+from .render import Renderer, StudioFrame
+from .rig import FPS
+from .settings import StudioSettings
+
+Image = NDArray[np.uint8]
+
+SETTINGS = StudioSettings(draw_body=False, occlusion=False)
+PLACES_M = np.array([[-0.5, 0.85], [0.45, 0.9], [0.5, 0.35], [-0.45, 0.3]])  # x and z
+MIDDLE_M = np.array([*PLACES_M.mean(axis=0)])
+
+_SECONDS = 3.0
+
+
+class FloorMarkers:
+    """Four markers on the floor before where the performer stands, seen by all cameras; nobody is there.
+
+    Args:
+        rig: the true cameras.
+    """
+
+    def __init__(self, rig: CameraRig) -> None:
+        self.fps = FPS
+        self._renderer = Renderer(rig, SETTINGS)
+        self._closed = False
+        skeleton = default_skeleton()
+        nobody = Motion("nobody", FPS, skeleton, np.tile([1.0, 0.0, 0.0, 0.0], (2, len(skeleton), 1)), np.zeros((2, 3)))
+        places = np.insert(PLACES_M, 1, SETTINGS.marker_radius_m, axis=1)
+        names = tuple(f"M{number:02d}" for number in range(1, len(places) + 1))
+        self._performance = make_performance(nobody, names, np.zeros(len(places), dtype=np.int64), places)
+
+    def background_frames(self, count: int) -> Iterator[tuple[Image, ...]]:
+        """Yield images of the empty room, one per camera each time."""
+        for number in range(count):
+            yield self._renderer.background(number)
+
+    def __iter__(self) -> Iterator[StudioFrame]:
+        """Yield image sets for some seconds, or until `close`."""
+        for number in range(round(_SECONDS * self.fps)):
+            if self._closed:
+                return
+            yield self._renderer.render(self._performance, number / self.fps, number)
+
+    def close(self) -> None:
+        """Let the iteration end."""
+        self._closed = True

@@ -1,0 +1,85 @@
+"""The floor, and if wanted the scale, found from markers lying on it.
+
+Request: what `camera_job` takes, and "height_m" (of the markers' middles above the floor) and "longest_m" (between the
+two that lie farthest apart, as measured; null: the calibration's scale is kept).
+The RESULT has "rig", the calibration as tables in a world whose floor is y = 0 and whose origin is the markers' middle,
+"markers", how many they were, and "scale", the factor that the calibration was scaled by. There is none when a stop was
+asked for.
+"""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+from ..camera import CameraRig, load_rig, rig_tables
+from ..errors import CalibrationError
+from ..simulate.studio.floor_markers import FloorMarkers
+from ..simulate.studio.rig import default_rig
+from ..sources.image_set import moment_of
+from ..sources.spec import ImageSource
+from ..vision.blob_preview import draw_blobs
+from ..vision.floor import rig_on_floor
+from ..vision.floor_markers import FloorWatch, scaled_to
+from ..vision.live import live_settings
+from ..vision.pipeline import MarkerPipeline
+from .camera_job import Stopped, opened
+from .channel import Channel
+from .preview import PreviewSender
+from .source_kind import is_simulated
+
+_EMPTY_FRAMES = 30  # of the simulated room
+
+
+def run(request: Mapping[str, Any], channel: Channel) -> None:
+    """Find the floor.
+
+    Raises:
+        PerfanimError: the source cannot be opened or used, or does not show markers that lie still.
+    """
+    try:
+        with _opened(request, channel) as (source, pipeline):
+            watch = _watched(source, pipeline, PreviewSender(request, channel), channel)
+    except Stopped:
+        return
+    if watch.points_m is None:
+        raise CalibrationError("no markers were seen lying still on the floor", advice=watch.advice)
+    rig, points_m, scale = pipeline.rig, watch.points_m, 1.0
+    if request.get("longest_m"):
+        rig, points_m, scale = scaled_to(rig, points_m, float(request["longest_m"]))
+    level = rig_on_floor(rig, points_m, above_m=float(request.get("height_m", 0.0)))
+    channel.send_result({"rig": rig_tables(level), "markers": len(points_m), "scale": scale})
+
+
+@contextmanager
+def _opened(request: Mapping[str, Any], channel: Channel) -> Iterator[tuple[ImageSource, MarkerPipeline]]:
+    if not is_simulated(request):
+        with opened(request, channel) as pair:
+            yield pair
+        return
+    source = FloorMarkers(default_rig(int(request["source"].get("cameras", 2))))
+    rig: CameraRig = load_rig(str(request["rig"]))
+    pipeline = MarkerPipeline(rig, live_settings(request.get("threshold")))
+    pipeline.learn_empty(source.background_frames(_EMPTY_FRAMES))
+    yield source, pipeline
+
+
+def _watched(source: ImageSource, pipeline: MarkerPipeline, preview: PreviewSender, channel: Channel) -> FloorWatch:
+    """Return what has watched the markers until they lay still, or until the source's end."""
+    watch, said = FloorWatch(), ""
+    thresholds = [detector.threshold for detector in pipeline.detectors]
+    for images in source:
+        if channel.stop_requested.is_set():
+            raise Stopped
+        time_s = moment_of(images)
+        if time_s is not None:  # some camera gives images
+            frame = pipeline.process(images)
+            watch.see(time_s, frame.points_m)
+            preview.send(images.images, partial(draw_blobs, frame, thresholds, pipeline.rig))
+        if watch.points_m is not None:
+            break
+        advice = "; ".join(getattr(images, "notes", ())) or watch.advice
+        if advice != said:
+            said = advice
+            channel.send_status(advice)
+    return watch
