@@ -103,7 +103,7 @@ class PropImages:
             errors = np.where(seen, np.linalg.norm(residual, axis=-1), np.inf)
             slope = self._rotations[None, :, :2] - projected[..., None] * self._rotations[None, :, 2:3]
             by_point = slope / depth[..., None] * self._focal_px[:, None, None]
-            by_turn = np.cross(arms[:, None, None], by_point)
+            by_turn = rot.cross(arms[:, None, None], by_point)
             jacobian = np.concatenate((by_turn, by_point), axis=-1)[seen].reshape(-1, 6)
             weights = np.repeat(1.0 / (1.0 + (errors[seen] / _CENTRE_PX) ** 2), 2)
             normal = jacobian.T @ (weights[:, None] * jacobian)

@@ -157,13 +157,13 @@ class PropTracker:
 
     def _fitted(self, images: PropImages, start: Placed, limit_px: float) -> _Fit | None:
         """Return the prop as the images show it near to where it may be; None when they do not."""
-        placed, blobs, errors_px = start, images.nearest(start, limit_px), np.empty(0)
-        for _ in range(2):
+        placed, errors_px = start, np.empty(0)
+        for limit in (limit_px, _NEAR_PX):
+            blobs = images.nearest(placed, limit)
             if not self._is_placed_by(blobs):
                 return None
             placed, errors_px = images.fitted(placed, blobs)
-            used, blobs = blobs, images.nearest(placed, _NEAR_PX)
-        blobs = np.where(errors_px < _FIT_PX, used, -1)
+        blobs = np.where(errors_px < _FIT_PX, blobs, -1)
         score = float(np.sum(1.0 - (errors_px[blobs >= 0] / _FIT_PX) ** 2))
         return _Fit(placed, blobs, score) if score >= _LEAST_SCORE and self._is_placed_by(blobs) else None
 
