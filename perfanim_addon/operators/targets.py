@@ -64,7 +64,7 @@ class PERFANIM_OT_measure_target(JobOperator, bpy.types.Operator):
     bl_label = "Measure from Take"
     title = "Measuring the prop"
     panel = PANEL
-    name: bpy.props.StringProperty(name="Name", description="What the prop is called", default="Prop")
+    called: bpy.props.StringProperty(name="Name", description="What the prop is called", default="Prop")
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -86,11 +86,11 @@ class PERFANIM_OT_measure_target(JobOperator, bpy.types.Operator):
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         """Return the command."""
-        name = bpy.path.clean_name(self.name) or "Prop"
+        name = bpy.path.clean_name(self.called) or "Prop"
         self._target = str(user_folder("props") / f"{name}.toml")
         self._index = context.scene.perfanim_targets.active
         take = panel_takes.active_path(context)
-        return ["calibrate", "prop", take, "--name", self.name or name, "--out", self._target]
+        return ["calibrate", "prop", take, "--name", self.called or name, "--out", self._target]
 
     def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         """Use the definition."""

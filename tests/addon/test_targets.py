@@ -3,7 +3,7 @@
 import sys
 import time
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import bpy
@@ -12,6 +12,7 @@ import pytest
 from mathutils import Matrix, Quaternion, Vector
 from perfanim.core.assets import MOTION
 from perfanim.core.database.build import build_database
+from perfanim.core.marker_take import MarkerTake, save_take
 from perfanim.core.prop import load_prop, save_prop
 from perfanim.core.simulate.studio.carried import in_hand
 from perfanim.core.simulate.studio.source import open_simulated
@@ -81,6 +82,34 @@ def test_buttons_add_and_remove(part: Any, shown: Any) -> None:
     assert (len(shown.entries), shown.active) == (2, 1)
     bpy.ops.perfanim.remove_target()
     assert (len(shown.entries), shown.active) == (1, 0)
+
+
+def test_a_prop_is_measured_from_the_chosen_take(part: Any, shown: Any, tmp_path: Path) -> None:
+    """Lying still before the cameras: what another system's take, or a capture, shows of it."""
+    sword, generator = load_prop("sword"), np.random.default_rng(0)
+    still = sword.positions_m + np.array([0.0, 1.0, 0.0]) + generator.normal(scale=0.001, size=(30, 5, 3))
+    save_take(MarkerTake("still", 60.0, sword.names, still), tmp_path / "still.take.npz")
+    bpy.ops.perfanim.add_target()
+    listed = bpy.context.window_manager.perfanim_takes
+    listed.entries.add().path = str(tmp_path / "still.take.npz")
+    operator = part("operators.targets").PERFANIM_OT_measure_target
+    assert bpy.ops.perfanim.measure_target.poll() == (bpy.context.window is not None)
+    played = SimpleNamespace(called="My Sword")
+    job = part("job").Job(
+        operator.title, operator.panel, part("job").command(operator.arguments(played, bpy.context)), None
+    )
+    limit = time.monotonic() + PATIENCE_S
+    try:
+        while not job.ended:
+            job.tick()
+            assert time.monotonic() < limit, job.text
+            time.sleep(0.02)
+    finally:
+        job.close()
+        listed.entries.clear()
+    assert operator.done(played, bpy.context, job.summary).startswith("My Sword: 5 markers, rigid to ")
+    assert part("targets").title(shown.entries[0]) == "My Sword"
+    assert part("targets").problem(bpy.context.scene) == ""
 
 
 def expected_matrix(part: Any, armature: Any, turn: np.ndarray, place: np.ndarray) -> Matrix:
