@@ -43,6 +43,10 @@ class SubjectError(PerfanimError):
     """A subject calibration failed or does not fit."""
 
 
+class PropError(PerfanimError):
+    """A prop cannot be told from itself in another position, or its definition is damaged."""
+
+
 class DatabaseError(PerfanimError):
     """A motion database is missing, empty, damaged or of another version."""
 

@@ -1,17 +1,21 @@
 """A pose frame as bytes, on its way from the solver to Blender and in takes; versioned and checked, never pickle."""
 
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from .errors import CaptureError
 from .pose_frame import PoseFrame
+from .prop import PropPose
 
 _MAGIC = b"PFPF"
-_VERSION = 1
+_VERSION, _WITH_PROPS = 1, 2  # a pose without props is of version 1, as ever
 # magic, version, joints, markers, note bytes, number, time, confidence, RMS, neighbours, dimensions
 _HEADER = struct.Struct("<4sHHHHqdddii")
+_PROPS = struct.Struct("<H")  # how many
+_PROP = struct.Struct("<7ddi")  # rotation, position, RMS, markers seen
 _SOLVED_HEAD = struct.Struct("<ddI")  # stamp, seconds in the solver, frames waiting
 
 
@@ -46,11 +50,11 @@ def unpack_solved(data: bytes) -> SolvedPose:
 
 
 def pack_pose(pose: PoseFrame) -> bytes:
-    """Return the pose as bytes: little-endian header, arrays, notes."""
+    """Return the pose as bytes: little-endian header, arrays, notes, and props where the capture has any."""
     notes = "\n".join(pose.notes).encode("utf-8")
     header = _HEADER.pack(
         _MAGIC,
-        _VERSION,
+        _WITH_PROPS if pose.props else _VERSION,
         len(pose.rotations),
         len(pose.markers_m),
         len(notes),
@@ -63,7 +67,22 @@ def pack_pose(pose: PoseFrame) -> bytes:
     )
     arrays = (pose.rotations, pose.root_position_m, pose.markers_m, pose.observed_m)
     floats = np.concatenate([np.ravel(array) for array in arrays])
-    return header + floats.astype("<f8").tobytes() + pose.single_cameras.astype("<i8").tobytes() + notes
+    packed = header + floats.astype("<f8").tobytes() + pose.single_cameras.astype("<i8").tobytes() + notes
+    return packed + _pack_props(pose.props) if pose.props else packed
+
+
+def _pack_props(props: Sequence[PropPose]) -> bytes:
+    rows = [_PROP.pack(*prop.rotation, *prop.position_m, prop.rms_m, prop.seen) for prop in props]
+    return _PROPS.pack(len(props)) + b"".join(rows)
+
+
+def _unpack_props(data: bytes) -> tuple[PropPose, ...]:
+    """Return the props of `_pack_props`; struct.error when the bytes are not they."""
+    (count,) = _PROPS.unpack_from(data)
+    if len(data) != _PROPS.size + count * _PROP.size:
+        raise struct.error("another length")
+    rows = (np.array(row) for row in _PROP.iter_unpack(data[_PROPS.size :]))
+    return tuple(PropPose(row[:4], row[4:7], float(row[7]), int(row[8])) for row in rows)
 
 
 def unpack_pose(data: bytes) -> PoseFrame:
@@ -73,16 +92,21 @@ def unpack_pose(data: bytes) -> PoseFrame:
     magic, version, joints, markers, note_bytes, number, time_s, confidence, rms, neighbours, dimensions = (
         _HEADER.unpack_from(data)
     )
-    if magic != _MAGIC or version != _VERSION:
+    if magic != _MAGIC or version not in (_VERSION, _WITH_PROPS):
         raise CaptureError("the solver's process speaks another version", advice="restart Blender")
     floats = 4 * joints + 3 + 6 * markers
     notes_at = _HEADER.size + 8 * (floats + markers)
-    if len(data) != notes_at + note_bytes:
+    props_at = notes_at + note_bytes
+    try:
+        props = _unpack_props(data[props_at:]) if version == _WITH_PROPS else ()
+    except struct.error as error:
+        raise CaptureError("a pose was cut off", where=f"frame {number}") from error
+    if len(data) < props_at or (version == _VERSION and len(data) != props_at):
         raise CaptureError("a pose was cut off", where=f"frame {number}")
     values = np.frombuffer(data, dtype="<f8", count=floats, offset=_HEADER.size)
     single_cameras = np.frombuffer(data, dtype="<i8", count=markers, offset=_HEADER.size + 8 * floats)
     rotations, root, markers_m, observed_m = np.split(values, np.cumsum((4 * joints, 3, 3 * markers)))
-    notes = data[notes_at:].decode("utf-8")
+    notes = data[notes_at:props_at].decode("utf-8")
     return PoseFrame(
         number=number,
         time_s=time_s,
@@ -96,4 +120,5 @@ def unpack_pose(data: bytes) -> PoseFrame:
         neighbours=neighbours,
         dimensions=dimensions,
         notes=tuple(notes.split("\n")) if notes else (),
+        props=props,
     )

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .prop import PropPose
+
 Array = NDArray[np.float64]
 
 
@@ -24,6 +26,7 @@ class PoseFrame:
         neighbours: K of the local model.
         dimensions: B of the local model.
         notes: in plain words what is wrong ("left hand hidden", ...).
+        props: where the capture's props are, in their order; empty when it has none.
     """
 
     number: int
@@ -38,3 +41,4 @@ class PoseFrame:
     neighbours: int = 0
     dimensions: int = 0
     notes: tuple[str, ...] = ()
+    props: tuple[PropPose, ...] = ()

@@ -7,6 +7,7 @@ from typing import Any
 from .foot_lock import FootLock
 from .pose_frame import PoseFrame
 from .pose_smoothing import PoseSmoother
+from .prop import PropPose
 from .skeleton import Skeleton
 
 
@@ -46,6 +47,7 @@ class PoseShaper:
         self._shape = shape
         self._smoother = PoseSmoother(shape.smoothing_s)
         self._feet = FootLock(skeleton, shape.feet, floor_m)
+        self._props: list[PoseSmoother] = []
 
     def tune(self, shape: Shape) -> None:
         """Go on with another shape; errors as at construction."""
@@ -59,7 +61,21 @@ class PoseShaper:
         if self._shape == Shape():
             return pose
         rotations, root = self._smoother.step(pose.time_s, pose.rotations, pose.root_position_m)
-        return replace(pose, rotations=self._feet.step(pose.time_s, rotations, root), root_position_m=root)
+        held = self._feet.step(pose.time_s, rotations, root)
+        return replace(pose, rotations=held, root_position_m=root, props=self._shaped_props(pose))
+
+    def _shaped_props(self, pose: PoseFrame) -> tuple[PropPose, ...]:
+        """Return the props as calm as the body, and as late: what is held stays in the hand."""
+        if len(self._props) != len(pose.props):
+            self._props = [PoseSmoother(self._shape.smoothing_s) for _ in pose.props]
+        shaped = []
+        for smoother, prop in zip(self._props, pose.props, strict=True):
+            smoother.delay_s = self._shape.smoothing_s
+            if prop.found:
+                turns, place = smoother.step(pose.time_s, prop.rotation[None], prop.position_m)
+                prop = replace(prop, rotation=turns[0], position_m=place)
+            shaped.append(prop)
+        return tuple(shaped)
 
 
 def shaped(poses: Sequence[PoseFrame], skeleton: Skeleton, floor_m: float | None, shape: Shape) -> list[PoseFrame]:

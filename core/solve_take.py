@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 from . import rotations as rot
 from .camera import CameraRig
 from .database.store import Database
+from .ensemble import Stepper, with_props
 from .errors import TakeError
 from .marker_frame import MarkerFrame
 from .marker_set import Subject
 from .marker_take import MarkerTake
 from .motion import Motion
 from .pose_frame import PoseFrame
+from .prop import Prop
 from .session import Session
 from .solver.settings import SolveSettings
 from .sources.take import take_frames
@@ -79,6 +81,7 @@ def solve_recorded(
     settings: SolveSettings,
     progress: Callable[[float, str], None],
     sessions: SessionMaker = Session,
+    props: Sequence[Prop] = (),
 ) -> SolvedTake:
     """Solve a recorded take as it was solved live; the motion is the recorded part, without a countdown.
 
@@ -87,11 +90,12 @@ def solve_recorded(
         frames: its marker frames, or others made of its 2D detections.
         rig: the cameras that see them, None for imported markers without any.
         sessions: as of `solve_take`.
+        props: that are followed as well.
 
     Raises:
         TakeError: there are not two frames.
     """
-    session = sessions(subject, database, rig, settings)
+    session = with_props(sessions(subject, database, rig, settings), props)
     name = take.notes.name
     poses, seconds = _solved(frames, session, f"solving {name}", progress)
     recorded = [pose for pose in poses if take.is_recorded(pose.number)]
@@ -99,7 +103,7 @@ def solve_recorded(
 
 
 def _solved(
-    frames: Sequence[MarkerFrame], session: Session, activity: str, progress: Callable[[float, str], None]
+    frames: Sequence[MarkerFrame], session: Stepper, activity: str, progress: Callable[[float, str], None]
 ) -> tuple[list[PoseFrame], NDArray[np.float64]]:
     """Return the poses of frames in order, and the time (F,) that each took."""
     poses, seconds = [], []

@@ -11,6 +11,7 @@ from .marker_frame import MarkerFrame
 from .marker_set import Subject, subject_tables
 from .marker_take import MarkerTake
 from .pose_bytes import SolvedPose
+from .prop import Prop, prop_tables
 from .solve_take import SolvedTake, solve_take
 from .solver.settings import SolveSettings
 from .sources.take import take_frames
@@ -60,6 +61,7 @@ def keep_solved_anew(
     database: Database,
     settings: SolveSettings,
     solved: SolvedTake,
+    props: Sequence[Prop],
 ) -> None:
     """Write a recorded take with the poses of another solve; rating and notes go along, the name tells the method.
 
@@ -67,7 +69,7 @@ def keep_solved_anew(
         path: the recorded take to write, another than `take`'s.
         take: what was recorded.
         frames: its marker frames, as they were solved.
-        rig, subject, database, settings: by which they were solved.
+        rig, subject, database, settings, props: by which they were solved.
         solved: their poses.
 
     Raises:
@@ -79,6 +81,7 @@ def keep_solved_anew(
         subject=subject_tables(subject),
         settings=_differing(settings),
         database=identity(database),
+        props=tuple(prop_tables(prop) for prop in props),
     )
     name = take.notes.name.removesuffix(f" ({_method(take.setup.settings)})")
     rated = TakeNotes(f"{name} ({settings.method})", take.notes.notes, take.notes.rating)

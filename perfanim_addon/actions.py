@@ -168,6 +168,34 @@ def write_posing(
     return str(action.name)
 
 
+def write_object_action(
+    target: bpy.types.Object, frames: Array, rotations: Array, locations: Array, *, name: str, placement: Placement
+) -> str:
+    """Write how an object moves as a new action of it; return the action's name.
+
+    Args:
+        target: is switched to quaternions.
+        frames: (F,) scene frames, strictly increasing.
+        rotations, locations: (F, 4), (F, 3) in its parent's space.
+        name: wished name of the action.
+        placement: where it goes and how many keys it has; a strip of an object does not blend.
+    """
+    animation = target.animation_data or target.animation_data_create()
+    target.rotation_mode = "QUATERNION"
+    if placement.onto is not Onto.ACTION:
+        _push_down(animation)
+    action = bpy.data.actions.new(name)
+    action.use_fake_user = True
+    writer = _Writer(target, action, frames, placement.bounds)
+    writer.rotate("rotation_quaternion", _OBJECT_GROUP, rot.continuous(rotations))
+    writer.move("location", _OBJECT_GROUP, locations)
+    if placement.onto is Onto.ACTION:
+        _assign(animation, action)
+    else:
+        _add_strip(animation, action, (float(frames[0]), float(frames[-1])), 0.0)
+    return str(action.name)
+
+
 def _moved(bones: tuple[str, ...], only: Collection[str] | None) -> dict[str, int]:
     """Return the bones to be written, each with its place among all."""
     return {name: place for place, name in enumerate(bones) if only is None or name in only}

@@ -9,7 +9,7 @@ from ..core.skeleton import Skeleton
 from .actions import keep_in_quaternions
 from .body_parts import PARTS, bones_of_parts
 from .character import find_armature
-from .posing import posing_of
+from .posing import Posing, posing_of
 from .retarget_rig import delta_transforms
 
 _QUATERNION_MODE = 0  # PoseBone.rotation_mode "QUATERNION" as foreach_get returns it
@@ -52,6 +52,11 @@ class ArmatureDriver:
         self._order: NDArray[np.int64] = np.array([places[name] for name in self._names], dtype=np.int64)
         self._quaternions = np.zeros((len(bones), 4), dtype=np.float32)
         self._modes = np.zeros(len(bones), dtype=np.int32)
+
+    @property
+    def posing(self) -> Posing:
+        """How the armature is posed."""
+        return self._posing
 
     def apply(self, rotations: ArrayLike, root_position_m: ArrayLike) -> None:
         """Pose the armature at once.

@@ -12,9 +12,10 @@ from ..core.camera import CameraRig, save_rig
 from ..core.errors import CaptureError, PerfanimError
 from ..core.marker_set import Subject, save_subject
 from ..core.product_skeleton import default_skeleton
+from ..core.prop import Prop, check_together
 from ..core.skeleton import Skeleton
 from ..core.worker.client import WorkerClient
-from . import preferences, states, takes
+from . import preferences, states, takes, targets
 from .capture_state import CaptureRun
 from .place import absolute, user_folder
 
@@ -28,10 +29,12 @@ class Setup:
     Args:
         request: what the worker is asked for.
         skeleton: the performer's, to which the poses are relative.
+        props: that are followed besides, in the order of the poses' props.
     """
 
     request: dict[str, Any]
     skeleton: Skeleton
+    props: tuple[Prop, ...] = ()
 
     def start(self, python: str | None) -> CaptureRun:
         """Start the worker; `python` is its interpreter, None for Blender's own."""
@@ -67,7 +70,22 @@ def make(settings: Any) -> Setup:
         "take": str(takes.new_path()),
         "character": settings.armature.name if settings.armature else "",
     }
-    return Setup(request, subject.skeleton)
+    return _with_props(Setup(request, subject.skeleton), settings)
+
+
+def _with_props(setup: Setup, settings: Any) -> Setup:
+    """Return the set-up with the scene's further targets; the simulated performer carries the first."""
+    scene = settings.id_data
+    props = targets.props(scene)
+    if not props:
+        return setup
+    check_together(props)
+    paths = [targets.path_of(entry) for entry in scene.perfanim_targets.entries]
+    request = {**setup.request, "props": paths}
+    if settings.source == "SIMULATED":
+        cameras = request["cameras"]
+        request["cameras"] = {**cameras, "source": {**cameras["source"], "prop": paths[0]}}
+    return Setup(request, setup.skeleton, tuple(props))
 
 
 def shape(settings: Any) -> dict[str, Any]:

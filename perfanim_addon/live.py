@@ -12,17 +12,20 @@ from numpy.typing import NDArray
 from ..core.errors import PerfanimError
 from ..core.pose_frame import PoseFrame
 from ..core.product_skeleton import default_skeleton
+from ..core.prop import Prop
 from ..core.skeleton import Skeleton
 from . import capture_setup, preview, running, sound, takes
 from .actions import Onto, Placement, scene_frames, write_action
 from .armature_driver import ArmatureDriver
 from .capture_state import CaptureRun, Phase
-from .character import create_character
+from .character import create_character, find_armature
 from .job import Job, command
+from .posing import posing_of
 from .properties import settings
 from .recording import Cue, Recording
 from .result import placement, start_frame
 from .stage import free_place, look_at
+from .target_driver import Room, TargetDriver, write_prop_actions
 
 Array = NDArray[np.float64]
 
@@ -82,6 +85,34 @@ def write_poses(
     return action
 
 
+def write_props(
+    context: bpy.types.Context,
+    object_name: str,
+    skeleton: Skeleton,
+    props: Sequence[Prop],
+    poses: Sequence[PoseFrame],
+    start_frame: float,
+    name: str,
+) -> list[str]:
+    """Write where props were as actions of the objects that follow them, as is chosen; return the actions' names.
+
+    Args:
+        object_name: the character's armature, in whose room they are.
+        skeleton: the performer's.
+        props: in the order of the poses' props.
+        poses, start_frame, name: as of the character's action.
+
+    Raises:
+        CharacterError: an object cannot be animated.
+    """
+    if not props:
+        return []
+    armature = find_armature(object_name)
+    frames = scene_frames(increasing(np.array([pose.time_s for pose in poses])), context.scene, start_frame)
+    room = Room(armature, posing_of(armature, skeleton))
+    return write_prop_actions(context, props, poses, frames, room, name, placement(context, None))
+
+
 def _partial(chosen: Placement, only: frozenset[str], armature: bpy.types.Object) -> Placement:
     """Return a placement of some bones; a strip where a new action would take the others' animation away."""
     animation = armature.animation_data
@@ -110,6 +141,8 @@ class Capture:
         self._driver: ArmatureDriver | None = None
         self._skeleton: Skeleton | None = None
         self._held_action = ""
+        self._props: tuple[Prop, ...] = ()
+        self._targets: TargetDriver | None = None
         self._take_path = ""
         self._stop_asked = False
         self._kept: str | None = None
@@ -163,6 +196,8 @@ class Capture:
         if pose is None:
             return False
         self._bind(context).apply(pose.rotations, pose.root_position_m)
+        if self._targets is not None:
+            self._targets.apply(context, pose.props)
         self.run.shown()
         return True
 
@@ -197,7 +232,7 @@ class Capture:
         """Check the files and the armature, if one is chosen, and start the worker."""
         chosen = settings(context)
         setup = capture_setup.make(chosen)
-        self._skeleton = setup.skeleton
+        self._skeleton, self._props = setup.skeleton, setup.props
         self.by_button = chosen.record_by_button
         if not self.by_button:
             self.record(chosen)
@@ -221,6 +256,8 @@ class Capture:
             self._driver = ArmatureDriver(chosen.armature.name, skeleton, chosen.body_parts)
             if self._driver.only is None:
                 self._held_action = _release_action(chosen.armature)
+            if self._props:
+                self._targets = TargetDriver(context, self._props, Room(chosen.armature, self._driver.posing))
             if _plays(chosen.armature):
                 bpy.app.handlers.frame_change_post.append(_after_frame_change)
         return self._driver
@@ -268,6 +305,8 @@ class Capture:
         parts = [(recording, recording.recorded(all_poses)) for recording in self.recordings]
         parts = [(recording, poses) for recording, poses in parts if poses]
         self._restore_action()  # a strip goes above it
+        if self._targets is not None:
+            self._targets.restore()
         if not parts or self._skeleton is None or self._driver is None:
             return ""
         actions = [
@@ -282,6 +321,10 @@ class Capture:
             )
             for recording, poses in parts
         ]
+        for recording, poses in parts:
+            actions += write_props(
+                context, self._driver.object_name, self._skeleton, self._props, poses, recording.start_frame, "Capture"
+            )
         first, last = parts[0][1][0], parts[-1][1][-1]
         with contextlib.suppress(PerfanimError):  # there may be no take: its disk is full, its worker was killed
             takes.mark_played(self._take_path)

@@ -213,6 +213,12 @@ def _set(item: PERFANIM_PG_take, take: TakeSummary) -> None:
     )
 
 
+def active_path(context: bpy.types.Context) -> str:
+    """Return the file of the take that is chosen in the list, "" when there is none."""
+    shown = context.window_manager.perfanim_takes
+    return str(shown.entries[shown.active].path) if 0 <= shown.active < len(shown.entries) else ""
+
+
 def choose(path: Path) -> None:
     """Make a new take the active one of the list."""
     _wanted[0] = str(path)

@@ -15,6 +15,7 @@ _FIRST = ("translations", "preferences", "diagnostics_ui")
 _REST = (
     "bone_list",
     "properties",
+    "targets",
     "result",
     "operators.jobs",
     "operators.cameras",
@@ -24,10 +25,12 @@ _REST = (
     "operators.capture",
     "operators.takes",
     "operators.take_files",
+    "operators.targets",
     "operators.self_test",
     "defaults",
     "panel_character",
     "panels",
+    "panel_targets",
     "panel_takes",
     "running",  # last, so that it ends what runs while all that this needs is still there
 )

@@ -9,6 +9,7 @@ from ..core.camera import CameraRig, load_rig
 from ..core.database.store import open_database
 from ..core.errors import CaptureError, PerfanimError, SubjectError
 from ..core.marker_set import MarkerSet, Subject, load_marker_set, load_subject
+from ..core.prop import Prop, load_prop
 from .place import absolute, user_folder
 from .posing import map_problem
 
@@ -56,6 +57,11 @@ def rig(path: str) -> CameraRig | PerfanimError:
 def subject(path: str) -> Subject | PerfanimError:
     """Return the subject of a file, or what is wrong with it."""
     return _loaded("subject", path, load_subject)
+
+
+def prop(path: str) -> Prop | PerfanimError:
+    """Return the prop that a file defines, or what is wrong with it."""
+    return _loaded("prop", path, load_prop)
 
 
 def database_frames(path: str) -> int | PerfanimError:

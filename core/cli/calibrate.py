@@ -1,4 +1,4 @@
-"""`perfanim calibrate`: cameras, the board to print, the subject, cameras anew from a take."""
+"""`perfanim calibrate`: cameras, the board to print, the subject, a prop, cameras anew from a take."""
 
 import argparse
 from collections.abc import Callable, Mapping
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import SettingsError
-from . import calibrate_floor, calibrate_refine, calibrate_subject
+from . import calibrate_floor, calibrate_prop, calibrate_refine, calibrate_subject
 
 if TYPE_CHECKING:
     from ..vision.calibrate import CalibrationResult
@@ -16,11 +16,12 @@ Progress = Callable[[float, str], None]
 
 def add_parser(subparsers: Any) -> None:
     """Add the `calibrate` command group."""
-    parser = subparsers.add_parser("calibrate", help="calibrate cameras or a subject, print a board")
+    parser = subparsers.add_parser("calibrate", help="calibrate cameras, a subject or a prop, print a board")
     group = parser.add_subparsers(metavar="WHAT", required=True)
     _add_cameras(group)
     _add_board(group)
     calibrate_subject.add_parser(group)
+    calibrate_prop.add_parser(group)
     calibrate_floor.add_parser(group)
     calibrate_refine.add_parser(group)
 

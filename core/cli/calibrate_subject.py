@@ -73,7 +73,7 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
     if not 0.0 < args.seconds <= 60.0:
         raise SettingsError(f"--seconds {args.seconds:g} is out of range", advice="give more than 0, up to 60")
     progress(0.0, "reading")
-    take = _part(read_take(args.take), args.frames)
+    take = part(read_take(args.take), args.frames)
     marker_set = load_marker_set(args.marker_set)
     if args.refine and (not args.database or args.height is not None):
         raise SettingsError("--refine needs --database and no --height", advice="the subject has its height")
@@ -153,8 +153,8 @@ def _from_motion(
     return subject_from_motion(take, start, open_database(args.database), progress).subject
 
 
-def _part(take: MarkerTake, text: str | None) -> MarkerTake:
-    """Return the frames "A:B" of a take."""
+def part(take: MarkerTake, text: str | None) -> MarkerTake:
+    """Return the frames "A:B" of a take, all of it for None; SettingsError when they are none."""
     if text is None:
         return take
     start, colon, stop = text.partition(":")

@@ -1,7 +1,7 @@
 """`perfanim solve`: a marker take to full-body motion."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,12 +16,14 @@ from ..marker_filter import smoothed, smoothed_motion
 from ..marker_set import Subject, load_marker_set, load_subject
 from ..marker_take import MarkerTake
 from ..motion_files import read_skeleton
+from ..prop import Prop, load_prop
+from ..prop_csv import write_prop_csv
 from ..solve_take import SolvedTake, solve_recorded, solve_take
 from ..solved_take_file import keep_solved_anew
 from ..solver.settings import METHODS, SolveSettings
 from ..solver_store import SolverStore
 from ..sources.take import is_unnamed
-from ..take_file.reading import ENDING, read_take_file
+from ..take_file.reading import ENDING, TakeFile, read_take_file
 from ..take_import import UPS, brought_in
 
 
@@ -42,6 +44,13 @@ def add_parser(subparsers: Any) -> None:
         "--cameras",
         metavar="cameras.toml",
         help="of a .perftake: another calibration, by which its 2D detections are located anew (default: as live)",
+    )
+    parser.add_argument(
+        "--prop",
+        action="append",
+        metavar="prop.toml",
+        help="of a .perftake: a prop that is followed beside the performer (repeatable; default: those that were "
+        "recorded); leaves MOTION.PROP.csv beside the motion",
     )
     parser.add_argument("--method", choices=METHODS, help="how poses are found (default best; of a .perftake, as live)")
     parser.add_argument(
@@ -91,6 +100,8 @@ def check(args: argparse.Namespace) -> None:
         args.wrong_usage("one of the arguments --subject --skeleton is required")
     if not recorded and args.cameras is not None:
         args.wrong_usage("argument --cameras: only a .perftake holds what cameras saw")
+    if not recorded and args.prop:
+        args.wrong_usage("argument --prop: only a .perftake holds points that are nobody's yet")
     if recorded and args.up is not None:
         args.wrong_usage("argument --up: a .perftake has y up")
     if is_recorded(args.out) and not recorded:
@@ -167,13 +178,29 @@ def _solve_recorded(
     database = store.database(path)
     if is_recorded(args.out) and Path(args.out).exists() and Path(args.out).samefile(args.take):
         raise TakeError("would be overwritten", where=str(args.out), advice="give another name")
-    solved = solve_recorded(take, frames, rig, subject, database, settings, progress, store.session)
+    props = [load_prop(path) for path in args.prop] if args.prop else setup.carried_props()
+    solved = solve_recorded(take, frames, rig, subject, database, settings, progress, store.session, props)
     if is_recorded(args.out):
-        keep_solved_anew(args.out, take, frames, rig, subject, database, settings, solved)
+        keep_solved_anew(args.out, take, frames, rig, subject, database, settings, solved, props)
     warnings = list(take.problems)
     if args.database is None and identity(database)["sha256"] != setup.database.get("sha256"):
         warnings.append(f"{path} has changed since the take was recorded")
-    return solved, {"method": settings.method, "warnings": warnings, "complete": take.complete}
+    facts = {"method": settings.method, "warnings": warnings, "complete": take.complete}
+    if props:
+        facts["props"] = _props_found(args, take, solved, props)
+    return solved, facts
+
+
+def _props_found(
+    args: argparse.Namespace, take: TakeFile, solved: SolvedTake, props: Sequence[Prop]
+) -> dict[str, float]:
+    """Return in which share of the frames each prop was found; beside a motion, write where they were."""
+    poses = [pose for pose in solved.poses if take.is_recorded(pose.number)]
+    if not is_recorded(args.out):
+        for index, prop in enumerate(props):
+            out, name = Path(args.out), "".join(c if c.isalnum() or c in "-_" else "-" for c in prop.name)
+            write_prop_csv(poses, index, prop.name, solved.motion.fps, out.with_name(f"{out.stem}.{name}.csv"))
+    return {prop.name: sum(pose.props[index].found for pose in poses) / len(poses) for index, prop in enumerate(props)}
 
 
 def _differences(take: MarkerTake, subject: Subject) -> list[str]:

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import FormatError, SettingsError
+from ..errors import FormatError, SettingsError, TakeError
 from ..formats.bvh import write_bvh
 from ..formats.own_take import marker_take
 from ..formats.takes import WRITABLE, declared_frames, is_recorded, read_take, write_take
+from ..prop_csv import write_prop_csv
 from ..solve_take import steady_motion
 from ..take_file.edit import recover
 from ..take_file.lock import is_locked
@@ -40,6 +41,9 @@ def add_parser(subparsers: Any) -> None:
         "--out", required=True, metavar="FILE", help=f"motion (.bvh) or markers ({', '.join(WRITABLE)})"
     )
     export.add_argument("--units", choices=("m", "cm"), default="m", help="unit of a BVH file (default m)")
+    export.add_argument(
+        "--prop", metavar="NAME", help="instead: where this prop was, as a table (.csv: metres, quaternion w first)"
+    )
     export.set_defaults(run=run_export)
 
 
@@ -75,6 +79,7 @@ def _recorded_info(take: TakeFile) -> dict[str, Any]:
         "subject": subject.name,
         "marker_set": subject.marker_set.name,
         "database": setup.database.get("path", ""),
+        "props": _props_found(take),
         "created": setup.created,
         "software": setup.software,
         "notes": take.notes.notes,
@@ -85,6 +90,13 @@ def _recorded_info(take: TakeFile) -> dict[str, Any]:
         "bytes": take.path.stat().st_size,
         "problems": ["it is being recorded"] if is_locked(take.path) else take.problems,
     }
+
+
+def _props_found(take: TakeFile) -> dict[str, float | None]:
+    """Return in which share of the poses each prop was found."""
+    found = [[prop.found for prop in solved.pose.props] for solved in take.poses]
+    names = [prop.name for prop in take.setup.carried_props()]
+    return {name: float(np.mean([row[i] for row in found])) if found else None for i, name in enumerate(names)}
 
 
 def _marker_info(path: str) -> dict[str, Any]:
@@ -140,8 +152,12 @@ def run_export(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     endings = (".bvh", *WRITABLE)
     if not out.name.lower().endswith(endings):
         raise FormatError("has an ending that cannot be written", where=str(out), advice=f"use {', '.join(endings)}")
+    if args.prop is not None and out.suffix.lower() != ".csv":
+        raise SettingsError(f"{out} does not end in .csv", advice="a prop's place is written as a table")
     progress(0.0, "reading")
     if not is_recorded(args.take):
+        if args.prop is not None:
+            raise FormatError("holds markers and no props", where=str(args.take), advice="only a .perftake has any")
         markers = read_take(args.take)
         if out.suffix.lower() == ".bvh":
             raise FormatError(
@@ -154,6 +170,8 @@ def run_export(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     unsolved = take.frame_count - len(take.poses)
     if unsolved > 0:
         warnings.append(f"{unsolved} frames were not solved live and are left out: perfanim solve takes all of them")
+    if args.prop is not None:
+        return _export_prop(take, args.prop, out, warnings)
     if out.suffix.lower() == ".bvh":
         poses = [solved.pose for solved in take.recorded_poses]
         motion = steady_motion(poses, take.setup.worn_subject(), take.notes.name, str(args.take))
@@ -162,3 +180,19 @@ def run_export(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     markers = marker_take(take)
     write_take(markers, out)
     return {"frames": markers.frames, "fps": markers.fps, "warnings": warnings, "out": str(out)}
+
+
+def _export_prop(take: TakeFile, name: str, out: Path, warnings: list[str]) -> dict[str, Any]:
+    """Write where a prop was."""
+    names = [prop.name for prop in take.setup.carried_props()]
+    if name not in names:
+        told = f"its props: {', '.join(names)}" if names else "it was recorded without any; solve it with --prop"
+        raise TakeError(f"has no prop {name!r}", where=str(take.path), advice=told)
+    poses = [solved.pose for solved in take.recorded_poses]
+    if len(poses) < 2:
+        raise TakeError(f"has {len(poses)} solved frames", where=str(take.path), advice="solve it again")
+    fps = rate(np.array([pose.time_s for pose in poses]), np.array([pose.number for pose in poses]))
+    index = names.index(name)
+    write_prop_csv(poses, index, name, fps, out)
+    found = sum(pose.props[index].found for pose in poses) / len(poses)
+    return {"frames": len(poses), "fps": fps, "found_fraction": found, "warnings": warnings, "out": str(out)}

@@ -1,7 +1,7 @@
 """What is known when a take begins, and what its user says about it later."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from typing import Any
@@ -10,6 +10,7 @@ from .. import __version__
 from ..camera import CameraRig, rig_from, rig_tables
 from ..errors import PerfanimError, TakeError
 from ..marker_set import Subject, subject_from, subject_tables
+from ..prop import Prop, prop_from, prop_tables
 
 MOST_STARS = 5
 
@@ -24,6 +25,7 @@ class TakeSetup:
         settings: of the solver, those that differ from its defaults.
         database: "path", "frames", "fps" and "sha256" (of its header) of the motion database.
         capture: how the images came and became marker frames, as the capture was asked for.
+        props: tables of the props that are followed as well, as in their files.
         created: when the take began, ISO 8601 with the time zone.
         software: program and version that recorded it.
     """
@@ -33,6 +35,7 @@ class TakeSetup:
     settings: Mapping[str, Any] = field(default_factory=dict)
     database: Mapping[str, Any] = field(default_factory=dict)
     capture: Mapping[str, Any] = field(default_factory=dict)
+    props: Sequence[Mapping[str, Any]] = ()
     created: str = ""
     software: str = ""
 
@@ -43,12 +46,14 @@ class TakeSetup:
         settings: Mapping[str, Any],
         database: Mapping[str, Any],
         capture: Mapping[str, Any],
+        props: Sequence[Prop] = (),
     ) -> "TakeSetup":
         """Return the set-up of a take that begins now."""
         created = datetime.now(UTC).astimezone().isoformat(timespec="seconds")
         cameras = rig_tables(rig) if rig is not None else {}
+        things = [prop_tables(prop) for prop in props]
         made = TakeSetup(
-            cameras, subject_tables(subject), settings, database, capture, created, f"perfanim {__version__}"
+            cameras, subject_tables(subject), settings, database, capture, things, created, f"perfanim {__version__}"
         )
         return TakeSetup.from_json(made.to_json(), "")  # what a reader will see, to the last digit
 
@@ -62,9 +67,11 @@ class TakeSetup:
         facts = json_object(data, where)
         try:
             parts = {name: dict(facts[name]) for name in ("rig", "subject", "settings", "database", "capture")}
+            props = tuple(dict(table) for table in facts.get("props", ()))
         except (KeyError, TypeError, ValueError) as error:
             raise TakeError(f"has an incomplete set-up ({error})", where=where) from error
-        return TakeSetup(**parts, created=str(facts.get("created", "")), software=str(facts.get("software", "")))
+        created, software = str(facts.get("created", "")), str(facts.get("software", ""))
+        return TakeSetup(**parts, props=props, created=created, software=software)
 
     def camera_rig(self) -> CameraRig | None:
         """Return the cameras, None for imported markers without any; TakeError when the tables are damaged."""
@@ -75,6 +82,10 @@ class TakeSetup:
     def worn_subject(self) -> Subject:
         """Return the performer with the markers; TakeError when the tables are damaged."""
         return _made("subject", lambda: subject_from(self.subject, "subject of the take"))
+
+    def carried_props(self) -> tuple[Prop, ...]:
+        """Return the props that are followed as well; TakeError or PropError when the tables are damaged."""
+        return _made("prop", lambda: tuple(prop_from(table, "prop of the take") for table in self.props))
 
 
 @dataclass(frozen=True)

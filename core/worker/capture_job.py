@@ -9,7 +9,8 @@ on in the same take, which has a record of what is missing.
 
 Request: "cameras" (request of `camera_job`), "subject" (file), "database" (file), "settings" (of `SolveSettings`),
 "take" (file that keeps the capture as it comes, see `take_file`; without it none does), "character" (who is driven),
-"shape" (of the poses as they are handed over, see `pose_shaping`; the take keeps them as they are solved).
+"shape" (of the poses as they are handed over, see `pose_shaping`; the take keeps them as they are solved), "props"
+(files of the props that are followed besides the performer, if any).
 Of a process that takes another's place also "after" (`seam.Seam` as a table: the last frame whose pose was taken) and
 "cause" (what happened to the other, in plain words).
 """
@@ -28,6 +29,7 @@ from numpy.typing import NDArray
 
 from ..camera import CameraRig, load_rig
 from ..database.store import Database, identity, open_database
+from ..ensemble import Stepper, with_props
 from ..errors import CaptureError, PerfanimError, SettingsError
 from ..foot_lock import floor_of
 from ..marker_frame import MarkerFrame, pack_stamped, unpack_stamped
@@ -35,6 +37,7 @@ from ..marker_set import load_subject
 from ..pose_bytes import SolvedPose, pack_solved
 from ..pose_frame import PoseFrame
 from ..pose_shaping import PoseShaper, Shape
+from ..prop import load_prop
 from ..session import Session
 from ..simulate.studio.rig import default_rig
 from ..solver.settings import SolveSettings
@@ -83,7 +86,9 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
             seam = seam.moved_to(*take.last_frame)
         after = seam.number if seam is not None else None
         client = WorkerClient({**cameras, "job": "cameras", "after": after})
-        session = Session(setup.worn_subject(), database, setup.camera_rig(), settings)
+        session = with_props(
+            Session(setup.worn_subject(), database, setup.camera_rig(), settings), setup.carried_props()
+        )
         shaper = _shaper(request, setup, cameras)
         relay = _Relay(client, session, shaper, channel, take, cameras)
         if seam is not None:
@@ -119,8 +124,8 @@ def _setup(
         settings = SolveSettings(**given)
     except TypeError as error:
         raise SettingsError(str(error), where="solver") from error
-    subject = load_subject(request["subject"])
-    return TakeSetup.of(_rig(cameras), subject, given, identity(database), cameras), settings
+    subject, props = load_subject(request["subject"]), [load_prop(str(path)) for path in request.get("props", ())]
+    return TakeSetup.of(_rig(cameras), subject, given, identity(database), cameras, props), settings
 
 
 def _shaper(request: Mapping[str, Any], setup: TakeSetup, cameras: Mapping[str, Any]) -> PoseShaper:
@@ -165,7 +170,7 @@ class _Relay:
     def __init__(
         self,
         client: WorkerClient,
-        session: Session,
+        session: Stepper,
         shaper: PoseShaper,
         channel: Channel,
         take: TakeWriter | None,

@@ -17,7 +17,7 @@ from ...core.take_import import UPS
 from .. import capture_setup, panel_takes, running, states, takes
 from ..export_animation import ENDINGS, export_poses
 from ..job import Job, command
-from ..live import add_character, increasing, pose_arrays, write_poses
+from ..live import add_character, increasing, pose_arrays, write_poses, write_props
 from ..place import absolute
 from ..properties import settings
 from ..result import start_frame
@@ -73,18 +73,20 @@ def _play(context: bpy.types.Context, path: Path) -> str:
     """Put a take as it was solved onto the chosen armature, or a new character; return the line that says so."""
     take = read_take_file(path)
     poses = _poses_of(context, take)
-    armature = settings(context).armature
+    armature, first_frame = settings(context).armature, start_frame(context)
     action = write_poses(
         context,
         armature.name if armature else "",
         *pose_arrays(poses),
         take.setup.worn_subject().skeleton,
-        start_frame(context),
+        first_frame,
         take.notes.name,
     )
     name = settings(context).armature.name
+    skeleton, props = take.setup.worn_subject().skeleton, take.setup.carried_props()
+    actions = [action, *write_props(context, name, skeleton, props, poses, first_frame, take.notes.name)]
     takes.mark_played(path, name)
-    text, unsolved = f"{len(poses)} frames in {action} on {name}", take.frame_count - len(take.poses)
+    text, unsolved = f"{len(poses)} frames in {', '.join(actions)} on {name}", take.frame_count - len(take.poses)
     return f"{text}; {unsolved} more were not solved live: solve it again for them" if unsolved > 0 else text
 
 

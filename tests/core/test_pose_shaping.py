@@ -1,5 +1,7 @@
 """Smoothing of poses as they come, and what is shown in place of solved poses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from perfanim.core import rotations as rot
@@ -8,6 +10,7 @@ from perfanim.core.pose_frame import PoseFrame
 from perfanim.core.pose_shaping import PoseShaper, Shape, shaped
 from perfanim.core.pose_smoothing import PoseSmoother
 from perfanim.core.product_skeleton import default_skeleton
+from perfanim.core.prop import PropPose
 
 FPS = 60
 JOINTS = 29
@@ -85,3 +88,22 @@ def test_nothing_is_touched_until_something_is_asked_for() -> None:
         np.testing.assert_array_equal(mine.rotations, other.rotations)
     with pytest.raises(SettingsError, match="no mode"):
         shaper.tune(Shape(feet="sometimes"))
+
+
+def test_what_is_held_is_as_late_as_the_hand() -> None:
+    """A prop that moves as the root does is smoothed as the root is; while it is hidden it stays as it is."""
+    shaper = PoseShaper(default_skeleton(), None, Shape(smoothing_s=0.1))
+    for number in range(40):
+        way = np.array([0.2 * number / FPS, 0.0, 0.0])
+        turn = rot.from_rotation_vector([0.5 * number / FPS, 0.0, 0.0])
+        prop = PropPose(turn, way, 0.001, 0 if number in (20, 21) else 4)
+        moved = replace(a_pose(0), number=number, time_s=number / FPS, root_position_m=way, props=(prop,),
+                        rotations=np.tile(turn, (JOINTS, 1)))  # fmt: skip
+        shown = shaper.step(moved)
+        (held,) = shown.props
+        if number < 20:
+            np.testing.assert_allclose(held.position_m, shown.root_position_m, atol=1e-12)
+            np.testing.assert_allclose(held.rotation, shown.rotations[0], atol=1e-12)
+            assert number == 0 or held.position_m[0] < way[0]
+        elif number < 22:
+            assert held is prop

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...motion import Motion
 from ...skeleton import marker_positions
 from .body import Body, make_body, with_sticks
+from .carried import HAND, Carried, with_prop
 from .cones import RoundCones
 
 Array = NDArray[np.float64]
@@ -57,7 +58,11 @@ class Performance:
 
 
 def make_performance(
-    motion: Motion, marker_names: tuple[str, ...], joints: ArrayLike, offsets_m: ArrayLike
+    motion: Motion,
+    marker_names: tuple[str, ...],
+    joints: ArrayLike,
+    offsets_m: ArrayLike,
+    carried: Carried | None = None,
 ) -> Performance:
     """Put markers on a performer.
 
@@ -65,9 +70,15 @@ def make_performance(
         motion: the motion to perform.
         marker_names: (M) names.
         joints: (M,) joint index that carries each marker; offsets_m: (M, 3) in the joint's axes, metres.
+        carried: a prop in the hand; its markers follow the performer's.
     """
     carriers, places = np.asarray(joints, dtype=np.int64), np.asarray(offsets_m, dtype=np.float64)
     body = with_sticks(make_body(motion.skeleton), carriers, places)
+    if carried is not None:
+        body = with_prop(body, motion.skeleton, carried)
+        marker_names = (*marker_names, *carried.prop.names)
+        carriers = np.concatenate((carriers, np.full(len(carried.prop.names), motion.skeleton.index(HAND))))
+        places = np.concatenate((places, carried.offsets_m))
     starts, ends = body.posed(motion.rotations, motion.root_positions_m)
     markers = marker_positions(motion.skeleton, carriers, places, motion.rotations, motion.root_positions_m)
     return Performance(motion, body, tuple(marker_names), starts, ends, markers)

@@ -16,7 +16,9 @@ from ...errors import SettingsError
 from ...marker_set import Subject, load_marker_set
 from ...motion import Motion
 from ...product_skeleton import default_skeleton
+from ...prop import load_prop
 from ..performer import BEHAVIOURS, STYLES, demo_performance, performance
+from .carried import Carried, in_hand
 from .performance import Performance, make_performance
 from .render import FrameTruth, Renderer, StudioFrame
 from .rig import FPS, default_rig
@@ -125,14 +127,15 @@ def open_simulated(spec: Mapping[str, Any]) -> SimulatedSource:
 
     Keys: behaviour ("demo": the demo's performance, or one of the performer's), seconds (60), style ("neutral"),
     seed (0), height_m (1.75), marker_set ("boxing"), cameras (2), fps (60), live (False), loop (as live), poses
-    (calibration poses held before it, none) and held_s (each of them, 2), and studio: a table of `StudioSettings`.
+    (calibration poses held before it, none) and held_s (each of them, 2), prop (name or file of what the right hand
+    holds, nothing), and studio: a table of `StudioSettings`.
 
     Raises:
         SettingsError: an unknown key, behaviour, style or setting.
-        MarkerSetError: the marker set is unknown or has no offsets.
+        MarkerSetError: the marker set is unknown or has no offsets. PropError: the prop is unknown or unusable.
     """
     known = {"kind", "behaviour", "seconds", "style", "seed", "height_m", "marker_set", "cameras", "fps", "live"}
-    unknown = sorted(set(spec) - known - {"loop", "studio", "poses", "held_s"})
+    unknown = sorted(set(spec) - known - {"loop", "studio", "poses", "held_s", "prop"})
     if unknown:
         raise SettingsError("unknown setting " + ", ".join(unknown), where="simulated performer")
     live = bool(spec.get("live", False))
@@ -140,7 +143,9 @@ def open_simulated(spec: Mapping[str, Any]) -> SimulatedSource:
     fps = float(spec.get("fps") or FPS)
     motion = with_poses(_motion(spec, fps), spec.get("poses", ()), float(spec.get("held_s", 2.0)))
     renderer = Renderer(default_rig(int(spec.get("cameras", 2))), studio_settings(spec.get("studio", {})))
-    return simulated_source(motion, str(spec.get("marker_set", "boxing")), renderer, fps=fps, live=live, loop=loop)
+    carried = in_hand(load_prop(str(spec["prop"]))) if spec.get("prop") else None
+    marker_set = str(spec.get("marker_set", "boxing"))
+    return simulated_source(motion, marker_set, renderer, fps=fps, live=live, loop=loop, carried=carried)
 
 
 def simulated_source(
@@ -151,12 +156,14 @@ def simulated_source(
     fps: float = FPS,
     live: bool = False,
     loop: bool = False,
+    carried: Carried | None = None,
 ) -> SimulatedSource:
-    """Return a source of images of a motion performed with a marker set (name or file; with offsets)."""
+    """Return a source of images of a motion performed with a marker set (name or file; with offsets), and a prop."""
     markers = load_marker_set(marker_set)
     subject = Subject("simulated performer", motion.skeleton, markers)
     shown = with_return(motion) if loop else motion
-    performance = make_performance(shown, markers.names, markers.joint_indices(motion.skeleton), markers.offsets_m)
+    joints = markers.joint_indices(motion.skeleton)
+    performance = make_performance(shown, markers.names, joints, markers.offsets_m, carried)
     return SimulatedSource(performance, subject, renderer, fps=fps, live=live, loop=loop)
 
 

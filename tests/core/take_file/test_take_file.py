@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from perfanim.core.errors import PerfanimError, TakeError
+from perfanim.core.errors import PerfanimError, PropError, TakeError
 from perfanim.core.marker_frame import pack_stamped
 from perfanim.core.pose_bytes import pack_solved
+from perfanim.core.prop import load_prop, prop_tables
 from perfanim.core.take_file import writer as writer_module
 from perfanim.core.take_file.chunks import HEADER_BYTES, PREAMBLE_BYTES, ChunkKind, encode_chunk, preamble, scan
 from perfanim.core.take_file.edit import append_notes, recover
@@ -57,6 +58,7 @@ def test_takes_of_the_first_version_stay_readable() -> None:
     assert (take.notes.name, take.notes.rating, take.events) == ("Walk 1", 3, ("left camera frozen",))
     assert take.setup.settings == {"method": "lwr"}
     assert take.setup.worn_subject().marker_set.names[0] == "HEAD"
+    assert take.setup.carried_props() == ()
     assert len(take.setup.camera_rig()) == 2
     assert [frame.number for frame in take.frames] == [solved.pose.number for solved in take.poses] == [0, 1]
     first = take.frames[0]
@@ -367,3 +369,15 @@ def test_a_setup_without_a_part_is_refused(setup: TakeSetup) -> None:
         replace(setup, rig={"cam_0": {"size": 3}}).camera_rig()
     with pytest.raises(PerfanimError):
         replace(setup, subject=facts["subject"] | {"joint": [1]}).worn_subject()
+
+
+def test_props_are_part_of_the_setup(setup: TakeSetup) -> None:
+    sword = load_prop("sword")
+    facts = json.loads(replace(setup, props=(prop_tables(sword),)).to_json())
+    (known,) = TakeSetup.from_json(json.dumps(facts).encode(), "").carried_props()
+    assert (known.name, known.names) == (sword.name, sword.names)
+    np.testing.assert_array_equal(known.positions_m, sword.positions_m)
+    with pytest.raises(PropError, match="damaged"):
+        replace(setup, props=(facts["props"][0] | {"marker": [1]},)).carried_props()
+    with pytest.raises(TakeError, match="incomplete"):
+        TakeSetup.from_json(json.dumps(facts | {"props": 5}).encode(), "")

@@ -18,7 +18,10 @@ from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.marker_set import Subject, load_marker_set, save_subject
 from perfanim.core.pose_bytes import pack_solved
 from perfanim.core.product_skeleton import default_skeleton
+from perfanim.core.prop import load_prop
 from perfanim.core.simulate.performer import perform
+from perfanim.core.simulate.studio.carried import in_hand
+from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.take_file.reading import read_take_file, summarise
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import Message, MessageKind
@@ -86,7 +89,8 @@ def test_every_frame_of_a_source_that_ends_is_solved_and_kept(request_files: dic
 
 def test_stop_ends_the_chain_and_loses_nothing(request_files: dict[str, str], tmp_path: Path) -> None:
     path = tmp_path / "walk.perftake"
-    asked = {**request(request_files, loop=True), "take": str(path), "shape": {"smoothing_s": 0.1, "feet": "auto"}}
+    asked = {**request(request_files, loop=True, prop="sword"), "take": str(path), "props": ["sword"]}
+    asked["shape"] = {"smoothing_s": 0.1, "feet": "auto"}
     asked["cameras"]["preview"] = True
     client = WorkerClient(asked)
     try:
@@ -102,10 +106,16 @@ def test_stop_ends_the_chain_and_loses_nothing(request_files: dict[str, str], tm
     told = [m.json() for m in of(MessageKind.STATUS, messages) if "blind" in m.json()]
     assert told[0]["blind"] == 0
     assert abs(told[0]["skew_s"]) < 1 / 60
-    kept = [pack_solved(solved) for solved in read_take_file(path).poses]  # always as they were solved
+    take = read_take_file(path)
+    kept = [pack_solved(solved) for solved in take.poses]  # always as they were solved
     changed = np.array([mine != m.payload for mine, m in zip(kept, of(MessageKind.POSE, messages), strict=True)])
     assert changed[1:tuned_at].all()
     assert not changed[tuned_at + 5 :].any()  # some were on their way
+    assert [prop.name for prop in take.setup.carried_props()] == ["sword"]
+    _, places_m = in_hand(load_prop("sword")).true_poses(open_simulated(asked["cameras"]["source"]).motion)
+    for solved in take.poses[10:]:  # it is known at once, or after a tenth of a second
+        (sword,) = solved.pose.props
+        assert np.linalg.norm(sword.position_m - places_m[solved.pose.number]) < 0.01
     picture = of(MessageKind.PREVIEW, messages)[0].preview().astype(int)
     assert picture.shape == (240, 640, 3)
     ringed = (picture[..., 1] - picture[..., [0, 2]].max(axis=2) > 80).sum(axis=0)  # green: in both cameras' images

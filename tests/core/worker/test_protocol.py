@@ -6,6 +6,7 @@ from perfanim.core.errors import CaptureError
 from perfanim.core.marker_frame import MarkerFrame
 from perfanim.core.pose_bytes import SolvedPose, pack_pose, pack_solved, unpack_pose
 from perfanim.core.pose_frame import PoseFrame
+from perfanim.core.prop import PropPose
 from perfanim.core.worker.protocol import (
     Decoder,
     Message,
@@ -45,7 +46,8 @@ def test_messages_survive_any_cutting(piece: int) -> None:
         np.testing.assert_array_equal(frame.points_m, a_frame(i).points_m)
 
 
-def test_poses_travel_whole() -> None:
+@pytest.mark.parametrize("props", [0, 2])
+def test_poses_travel_whole(props: int) -> None:
     rng = np.random.default_rng(1)
     pose = PoseFrame(
         number=7,
@@ -60,13 +62,19 @@ def test_poses_travel_whole() -> None:
         neighbours=64,
         dimensions=7,
         notes=("LHND hidden", "slow"),
+        props=tuple(PropPose(rng.normal(size=4), rng.normal(size=3), 0.001 * n, 3 * n) for n in range(props)),
     )
     (message,) = Decoder().feed(encode(MessageKind.POSE, pack_solved(SolvedPose(pose, 12.5, 0.004, 3))))
     solved = message.pose()
     assert (solved.stamp_s, solved.solve_s, solved.waiting) == (12.5, 0.004, 3)
-    for field in fields(PoseFrame):
+    assert len(solved.pose.props) == props
+    for mine, other in zip(solved.pose.props, pose.props, strict=True):
+        for field in fields(PropPose):
+            np.testing.assert_array_equal(getattr(mine, field.name), getattr(other, field.name), field.name)
+    for field in fields(PoseFrame)[:-1]:
         np.testing.assert_array_equal(getattr(solved.pose, field.name), getattr(pose, field.name), field.name)
     data = pack_pose(pose)
+    assert data[4] == (2 if props else 1)  # what knows no props can read a pose without any
     for broken in (data[:-1], data[:20], b"XXXX" + data[4:], data + b"x"):
         with pytest.raises(CaptureError):
             unpack_pose(broken)

@@ -1,0 +1,61 @@
+"""Parts of a marker frame: what is left of it when some of what the cameras saw is known to be something else."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .marker_frame import MarkerFrame
+
+IntArray = NDArray[np.int64]
+
+
+def without_points(frame: MarkerFrame, taken: NDArray[np.bool_]) -> MarkerFrame:
+    """Return the frame without the points (N,) that are taken; their blobs stay."""
+    kept = ~taken
+    return replace(
+        frame,
+        points_m=frame.points_m[kept],
+        covariances_m2=frame.covariances_m2[kept],
+        labels=frame.labels[kept],
+        point_blobs=frame.point_blobs[kept],
+    )
+
+
+def without_blobs(frame: MarkerFrame, taken: Sequence[IntArray]) -> MarkerFrame:
+    """Return the frame without some blobs, and without the points and rays that were made with them.
+
+    Args:
+        frame: with blobs of C cameras.
+        taken: for each camera the indices of its blobs that are taken.
+    """
+    if not any(len(rows) for rows in taken):
+        return frame
+    kept = [np.ones(len(blobs), dtype=bool) for blobs in frame.blobs]
+    for rows, left in zip(taken, kept, strict=True):
+        left[rows] = False
+    # each blob's new place, -1 for one that is taken; one more at the end, for the -1 of no blob
+    places = [np.append(np.where(left, np.cumsum(left) - 1, -1), -1) for left in kept]
+    point_blobs = np.stack([place[column] for place, column in zip(places, frame.point_blobs.T, strict=True)], axis=1)
+    lost = np.any((frame.point_blobs >= 0) & (point_blobs < 0), axis=1)
+    rays = np.arange(len(frame.single_cameras))
+    single_blobs = np.array(
+        [places[camera][blob] for camera, blob in zip(frame.single_cameras, frame.single_blobs, strict=True)],
+        dtype=np.int64,
+    )
+    alone = rays[(single_blobs >= 0) | (frame.single_blobs < 0)]
+    blobs = tuple(rows[left] for rows, left in zip(frame.blobs, kept, strict=True))
+    return replace(
+        frame,
+        points_m=frame.points_m[~lost],
+        covariances_m2=frame.covariances_m2[~lost],
+        labels=frame.labels[~lost],
+        blobs=blobs,
+        detected=blobs,
+        point_blobs=point_blobs[~lost],
+        single_cameras=frame.single_cameras[alone],
+        single_blobs=single_blobs[alone],
+        single_points=frame.single_points[alone],
+        single_labels=frame.single_labels[alone],
+    )

@@ -1,0 +1,191 @@
+"""Props: rigid things that carry markers of their own (a sword, a stick, a camera), and where they are.
+
+A definition is the places of the markers in the prop's own frame. Only their distances are known to the cameras, so a
+prop must be told from itself in every other position: no two ways of laying it on its own markers may fit.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .assets import PROPS
+from .errors import PropError
+from .files import read_toml, write_toml
+from .rigid_matching import laid_on, rigid_ways, thickness_m
+
+Array = NDArray[np.float64]
+
+FEWEST_MARKERS = 3
+MOST_MARKERS = 12
+LEAST_THICKNESS_M = 0.01  # RMS distance from the line nearest to the markers, below which nothing tells the roll
+_LEAST_APART_M = 0.02  # markers that are closer become one blob
+_ALIKE_M = 0.008  # RMS: two positions in which the markers are nearer to each other are taken for one another
+_ALIKE_SPAN_M = 0.02  # by which distances may differ in the search for such positions
+_KIND = "perfanim prop"
+
+
+@dataclass(frozen=True)
+class Prop:
+    """A rigid thing with markers.
+
+    Args:
+        name: what it is called.
+        names: (M) marker names, unique.
+        positions_m: (M, 3) the markers in the prop's own frame, in which it stands upright: y along it.
+        residual_m: RMS distance between seen and rigid markers when it was measured (0 when it was not).
+
+    Raises:
+        PropError: too few or too many markers, on a line, too close to each other, or in a pattern that fits itself
+            in another position; the message says which.
+    """
+
+    name: str
+    names: tuple[str, ...]
+    positions_m: Array
+    residual_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        places = np.asarray(self.positions_m, dtype=np.float64)
+        object.__setattr__(self, "positions_m", places)
+        object.__setattr__(self, "names", tuple(self.names))
+        if places.shape != (len(self.names), 3) or not np.all(np.isfinite(places)):
+            raise PropError("every marker needs three finite numbers as its position_m", where=self._where)
+        if not FEWEST_MARKERS <= len(places) <= MOST_MARKERS:
+            raise PropError(
+                f"has {len(places)} markers", where=self._where, advice=f"use {FEWEST_MARKERS} to {MOST_MARKERS}"
+            )
+        if not self.name or len(set(self.names)) != len(self.names):
+            raise PropError("needs a name, and markers with unique names", where=self._where)
+        self._check_apart()
+        if thickness_m(places) < LEAST_THICKNESS_M:
+            raise PropError(
+                "its markers lie on a line, so that nothing tells how it is turned about it",
+                where=self._where,
+                advice="put one of them at least 3 cm aside",
+            )
+        self._check_unlike()
+
+    @property
+    def _where(self) -> str:
+        return f"prop {self.name}"
+
+    @property
+    def spans_m(self) -> Array:
+        """(M, M) distances between the markers."""
+        return np.linalg.norm(self.positions_m[:, None] - self.positions_m[None], axis=-1)
+
+    def _check_apart(self) -> None:
+        spans = self.spans_m + np.diag(np.full(len(self.names), np.inf))
+        first, second = np.unravel_index(int(np.argmin(spans)), spans.shape)
+        if spans[first, second] < _LEAST_APART_M:
+            raise PropError(
+                f"{self.names[first]} and {self.names[second]} are {1e3 * spans[first, second]:.0f} mm apart: "
+                "the cameras see one blob",
+                where=self._where,
+                advice=f"put them {1e3 * _LEAST_APART_M:.0f} mm apart at least",
+            )
+
+    def _check_unlike(self) -> None:
+        """Refuse markers that can be laid on each other by a turn of the whole, so that nobody could tell which is."""
+        count = len(self.names)
+        for way in rigid_ways(self.positions_m, self.spans_m, np.full((count, count), _ALIKE_SPAN_M), count):
+            exchanged = np.flatnonzero(way != np.arange(count))
+            if len(exchanged) and laid_on(self.positions_m, self.positions_m[way])[2] < _ALIKE_M:
+                told = ", ".join(self.names[marker] for marker in exchanged)
+                raise PropError(
+                    f"looks the same in another position, with {told} exchanged",
+                    where=self._where,
+                    advice="move one of them by 3 cm or more, so that no distance between two markers occurs twice",
+                )
+
+
+@dataclass(frozen=True)
+class PropPose:
+    """Where a prop is.
+
+    Args:
+        rotation: (4,) world-from-prop quaternion.
+        position_m: (3,) the prop's origin in the world.
+        rms_m: RMS distance between its markers as they were located and as the rigid prop has them; NaN when unseen.
+        seen: how many of its markers one camera or more showed; 0 when it was not found, and then it stands where it
+            was last, at the origin before it was ever found.
+    """
+
+    rotation: Array
+    position_m: Array
+    rms_m: float = float("nan")
+    seen: int = 0
+
+    @property
+    def found(self) -> bool:
+        """Whether the cameras showed where it is."""
+        return self.seen > 0
+
+
+def prop_names() -> tuple[str, ...]:
+    """Names of the shipped props."""
+    return tuple(sorted(path.stem for path in PROPS.glob("*.toml")))
+
+
+def load_prop(name_or_path: str | Path) -> Prop:
+    """Return a shipped prop by its name, or one from a TOML file.
+
+    Raises:
+        PropError: there is none, or it cannot be told from itself in another position.
+        FormatError: the file cannot be read, or is no TOML.
+    """
+    path = PROPS / f"{name_or_path}.toml"
+    if not path.is_file():
+        path = Path(name_or_path)
+    if not path.is_file():
+        advice = f"calibrate it; shipped props: {', '.join(prop_names())}"
+        raise PropError(f"there is no prop or file {str(name_or_path)!r}", advice=advice)
+    return prop_from(read_toml(path), str(path))
+
+
+def prop_from(table: Mapping[str, Any], where: str) -> Prop:
+    """Return the prop of a definition's tables; PropError when they are none of this version."""
+    if table.get("kind") != _KIND or table.get("version") != 1:
+        raise PropError("is no prop definition of this version", where=where, advice="calibrate the prop again")
+    try:
+        rows = table["marker"]
+        names = tuple(str(row["name"]) for row in rows)
+        places = np.array([[float(value) for value in row["position_m"]] for row in rows]).reshape(len(rows), 3)
+        name, residual_m = str(table["name"]), float(table.get("residual_m", 0.0))
+    except (KeyError, TypeError, ValueError) as error:
+        raise PropError(f"is damaged ({error})", where=where, advice="calibrate the prop again") from error
+    return Prop(name, names, places, residual_m)
+
+
+def prop_tables(prop: Prop) -> dict[str, Any]:
+    """Return the tables of a definition, `prop_from`'s inverse."""
+    rows = [
+        {"name": name, "position_m": place} for name, place in zip(prop.names, prop.positions_m.tolist(), strict=True)
+    ]
+    return {"kind": _KIND, "version": 1, "name": prop.name, "residual_m": float(prop.residual_m), "marker": rows}
+
+
+def save_prop(prop: Prop, path: str | Path) -> None:
+    """Write a prop's definition as TOML; FormatError when it cannot be written."""
+    write_toml(path, prop_tables(prop))
+
+
+def check_together(props: Sequence[Prop]) -> None:
+    """Raise PropError for props that have one name, or that cannot be told from each other by their distances."""
+    if len({prop.name for prop in props}) < len(props):
+        raise PropError("two props have the same name", advice="give each a name of its own in its file")
+    for first in props:
+        for second in props:
+            if first is second or len(first.names) > len(second.names):
+                continue
+            tolerances = np.full((len(second.names), len(second.names)), _ALIKE_SPAN_M)
+            for way in rigid_ways(second.positions_m, first.spans_m, tolerances, len(first.names)):
+                if laid_on(first.positions_m, second.positions_m[way])[2] < _ALIKE_M:
+                    raise PropError(
+                        f"{first.name} and {second.name} carry the same pattern of markers",
+                        advice="move a marker of one of them by 3 cm or more",
+                    )

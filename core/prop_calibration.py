@@ -1,0 +1,155 @@
+"""A prop measured from a take in which it is moved about, or lies still: its markers are those that stay together."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import PropError
+from .marker_take import MarkerTake
+from .prop import FEWEST_MARKERS, MOST_MARKERS, Prop
+from .rigid import kabsch, transform
+from .rigid_matching import thickness_m
+
+Array = NDArray[np.float64]
+
+_RIGID_M = 0.003  # by which the distance between two of a prop's markers may vary: median deviation
+_FEWEST_FRAMES = 10  # that show two markers together, before their distance is believed
+_ROUNDS = 5
+_POOR_M = 0.002  # residual from which a prop is told to bend, or to be seen badly
+
+
+@dataclass(frozen=True)
+class PropCalibration:
+    """A measured prop.
+
+    Args:
+        prop: with its markers in a frame of its own: the origin in their middle, y along their greatest extent, towards
+            the end where they are sparser, x along the next greatest.
+        frames: that showed enough of it.
+        left_out: names of the take's markers that do not belong to it.
+        advice: what would make it better.
+    """
+
+    prop: Prop
+    frames: int
+    left_out: tuple[str, ...]
+    advice: tuple[str, ...]
+
+
+def calibrate_prop(take: MarkerTake, name: str, markers: Sequence[str] = ()) -> PropCalibration:
+    """Return the prop whose markers keep their distances from each other all through a take.
+
+    Args:
+        take: a prop alone before the cameras, lying or moved; what moves beside it is left out, but what is held with
+            it is not.
+        name: of the prop.
+        markers: names of its markers in the take; empty: the largest group that stays together.
+
+    Raises:
+        PropError: there are no three such markers, or they cannot be told from each other (see `Prop`).
+    """
+    unknown = [marker for marker in markers if marker not in take.names]
+    if unknown:
+        known = "the take's markers are " + ", ".join(take.names)
+        raise PropError("there is no marker " + ", ".join(unknown), where=take.name, advice=known)
+    chosen = [take.names.index(marker) for marker in markers] or _largest_group(take)
+    if len(chosen) < FEWEST_MARKERS:
+        raise PropError(
+            f"{len(chosen)} markers place nothing", where=take.name, advice=f"name {FEWEST_MARKERS} or more"
+        )
+    if len(chosen) > MOST_MARKERS:
+        raise PropError(
+            f"{len(chosen)} markers stay together: more than the prop is in the take",
+            where=take.name,
+            advice="give a part in which it is moved (--frames), or name its markers (--markers)",
+        )
+    shape, residual_m, frames = _mean_shape(take.positions_m[:, chosen], take.name)
+    names = tuple(take.names[index] for index in chosen)
+    prop = Prop(name, names, _upright(shape), residual_m)
+    left_out = tuple(other for other in take.names if other not in names)
+    advice = []
+    if len(chosen) == FEWEST_MARKERS:
+        advice.append("a fourth marker would let it be known at once, and with one of them hidden")
+    if residual_m > _POOR_M:
+        advice.append(f"its markers move against each other by {1e3 * residual_m:.1f} mm: fasten them, move it slowly")
+    return PropCalibration(prop, frames, left_out, tuple(advice))
+
+
+def _largest_group(take: MarkerTake) -> list[int]:
+    """Return the markers of the largest group in which each keeps its distance from every other."""
+    count = len(take.names)
+    rigid = np.zeros((count, count), dtype=bool)
+    for first, second in combinations(range(count), 2):
+        spans = np.linalg.norm(take.positions_m[:, first] - take.positions_m[:, second], axis=1)
+        spans = spans[np.isfinite(spans)]
+        if len(spans) >= min(_FEWEST_FRAMES, take.frames):
+            deviation = float(np.median(np.abs(spans - np.median(spans))))
+            rigid[first, second] = rigid[second, first] = deviation < _RIGID_M
+    groups = sorted(_groups(rigid), key=len)
+    if not groups or len(groups[-1]) < FEWEST_MARKERS:
+        raise PropError(
+            f"no {FEWEST_MARKERS} of its {count} markers keep their distances",
+            where=take.name,
+            advice="record the prop alone, lying before the cameras or moved slowly",
+        )
+    if len(groups) > 1 and len(groups[-2]) == len(groups[-1]):
+        told = " or ".join(", ".join(take.names[index] for index in sorted(group)) for group in groups[-2:])
+        raise PropError(f"may be {told}", where=take.name, advice="name its markers with --markers")
+    return sorted(groups[-1])
+
+
+def _groups(joined: NDArray[np.bool_]) -> list[set[int]]:
+    """Return all largest groups (cliques) in which every two are joined (N, N), by Bron and Kerbosch's search."""
+    found: list[set[int]] = []
+
+    def grow(group: set[int], candidates: set[int], excluded: set[int]) -> None:
+        if not candidates and not excluded:
+            found.append(group)
+            return
+        pivot = max(candidates | excluded, key=lambda node: int(joined[node, list(candidates)].sum()))
+        for node in [node for node in candidates if not joined[pivot, node]]:
+            near = set(np.flatnonzero(joined[node]).tolist())
+            grow(group | {node}, candidates & near, excluded & near)
+            candidates = candidates - {node}
+            excluded = excluded | {node}
+
+    grow(set(), set(range(len(joined))), set())
+    return found
+
+
+def _mean_shape(positions_m: Array, where: str) -> tuple[Array, float, int]:
+    """Return the shape (M, 3) that fits all frames (F, M, 3) best, the RMS distance left, and how many frames count.
+
+    The shape is laid on each frame and drawn to the mean of what the frames show, in turn; frames that it fits badly,
+    where a marker was taken for another, are left out.
+    """
+    seen = np.all(np.isfinite(positions_m), axis=2)
+    usable = [f for f in np.flatnonzero(seen.sum(axis=1) >= FEWEST_MARKERS) if thickness_m(positions_m[f][seen[f]]) > 0]
+    whole = [f for f in usable if seen[f].all()]
+    if not whole:
+        raise PropError(
+            f"its {positions_m.shape[1]} markers are never seen at once", where=where, advice="turn it more slowly"
+        )
+    shape = positions_m[whole[len(whole) // 2]]
+    residual_m = 0.0
+    for _ in range(_ROUNDS):
+        brought = np.full((len(usable), *shape.shape), np.nan)
+        for row, f in enumerate(usable):
+            turn, shift = kabsch(shape[seen[f]], positions_m[f][seen[f]])
+            brought[row] = transform(turn.T, -turn.T @ shift, positions_m[f])
+        off = np.sqrt(np.nanmean(np.sum((brought - shape) ** 2, axis=2), axis=1))
+        good = off <= max(3.0 * float(np.median(off)), 1e-6)
+        shape = np.nanmean(brought[good], axis=0)
+        residual_m = float(np.sqrt(np.nanmean(np.sum((brought[good] - shape) ** 2, axis=2))))
+    return shape, residual_m, int(good.sum())
+
+
+def _upright(shape_m: Array) -> Array:
+    """Return the markers (M, 3) in the prop's own frame (see `PropCalibration`)."""
+    centred = shape_m - shape_m.mean(axis=0)
+    _, _, axes = np.linalg.svd(centred)
+    along, across = (axis * (1.0 if np.sum((centred @ axis) ** 3) >= 0.0 else -1.0) for axis in axes[:2])
+    return np.asarray(centred @ np.stack((across, along, np.cross(across, along)), axis=1))

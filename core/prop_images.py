@@ -1,0 +1,127 @@
+"""A prop against what the cameras show of it: which blobs its markers are, and where it is by all of them.
+
+The place is that of the least distances in the images, of markers that one camera sees alone as well as of the others.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import rotations as rot
+from .camera import Camera, undistort_all
+from .marker_frame import MarkerFrame
+from .prop import Prop
+from .rigid import transform
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_STEPS = 6
+_SMALL_STEP = 1e-5
+_LEAST_DEPTH_M = 0.1
+_CENTRE_PX = 0.3  # errors up to this are those of centres and calibration
+_DAMPING = 1e-6  # far below what one marker in one image tells; keeps what nothing shows where it is
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A prop in the world: x_world = turn x_prop + shift, seen at a time."""
+
+    turn: Array
+    shift: Array
+    time_s: float
+
+    def markers(self, prop: Prop) -> Array:
+        """Return where the prop's markers (M, 3) are."""
+        return transform(self.turn, self.shift, prop.positions_m)
+
+
+class PropImages:
+    """What the cameras show, against where a prop puts its markers in their images.
+
+    Args:
+        cameras: C of them.
+        frame: with their blobs.
+        prop: with M markers.
+    """
+
+    def __init__(self, cameras: Sequence[Camera], frame: MarkerFrame, prop: Prop) -> None:
+        self._cameras = cameras
+        self._markers = prop.positions_m
+        self._pixels = [blobs[:, :2].astype(np.float64) for blobs in frame.blobs]
+        self._normalised = undistort_all(cameras, self._pixels)
+        self._rotations = np.stack([camera.rotation for camera in cameras])
+        self._shifts = np.stack([camera.translation_m for camera in cameras])
+        self._focal_px = np.array([camera.focal_px for camera in cameras])
+
+    def nearest(self, placed: Placed, limits_px: float | Array) -> IntArray:
+        """Return the blob (M, C) nearest to each marker, if no other marker is nearer to it; -1 for none.
+
+        Args:
+            placed: where the prop is.
+            limits_px: beyond which a blob is none of its; one for all, or (C, 1).
+        """
+        world = transform(placed.turn, placed.shift, self._markers)
+        result = np.full((len(world), len(self._cameras)), -1, dtype=np.int64)
+        limits = np.broadcast_to(np.asarray(limits_px, dtype=np.float64), result.T.shape)
+        for index, camera in enumerate(self._cameras):
+            if len(self._pixels[index]) == 0:
+                continue
+            away = np.linalg.norm(camera.project(world)[:, None] - self._pixels[index][None], axis=-1)
+            away = np.where(np.isnan(away), np.inf, away)
+            blob = np.argmin(away, axis=1)
+            own = np.argmin(away, axis=0)[blob] == np.arange(len(world))
+            result[:, index] = np.where(own & (away.min(axis=1) < limits[index]), blob, -1)
+        return result
+
+    def pixels_of(self, placed: Placed, metres: float) -> Array:
+        """Return how many pixels (C, 1) a distance is in each image at the prop's place."""
+        middle = placed.turn @ self._markers.mean(axis=0) + placed.shift
+        depth = np.maximum((self._rotations @ middle + self._shifts)[:, 2], _LEAST_DEPTH_M)
+        return np.asarray(metres * self._focal_px / depth)[:, None]
+
+    def fitted(self, placed: Placed, blobs: IntArray) -> tuple[Placed, Array]:
+        """Return the place that explains the blobs (M, C) best in the images, and how far each is off (M, C), pixels.
+
+        Blobs that are far off count little (Cauchy's weights), so that a few wrong ones do not move the prop.
+        """
+        seen = blobs >= 0
+        observed = np.zeros((*blobs.shape, 2))
+        for index, coordinates in enumerate(self._normalised):
+            shown = seen[:, index]
+            observed[shown, index] = coordinates[blobs[shown, index]]
+        turn, shift = placed.turn, placed.shift
+        errors = np.full(blobs.shape, np.inf)
+        for _ in range(_STEPS):
+            arms = self._markers @ turn.T
+            local = np.einsum("cij,mj->mci", self._rotations, arms + shift) + self._shifts
+            depth = np.maximum(local[..., 2], _LEAST_DEPTH_M)[..., None]
+            projected = local[..., :2] / depth
+            residual = (projected - observed) * self._focal_px[:, None]
+            errors = np.where(seen, np.linalg.norm(residual, axis=-1), np.inf)
+            slope = self._rotations[None, :, :2] - projected[..., None] * self._rotations[None, :, 2:3]
+            by_point = slope / depth[..., None] * self._focal_px[:, None, None]
+            by_turn = rot.cross(arms[:, None, None], by_point)
+            jacobian = np.concatenate((by_turn, by_point), axis=-1)[seen].reshape(-1, 6)
+            weights = np.repeat(1.0 / (1.0 + (errors[seen] / _CENTRE_PX) ** 2), 2)
+            normal = jacobian.T @ (weights[:, None] * jacobian)
+            step = np.linalg.solve(normal + _DAMPING * np.eye(6), jacobian.T @ (weights * residual[seen].ravel()))
+            turn = rot.to_matrix(rot.from_rotation_vector(-step[:3])) @ turn
+            shift = shift - step[3:]
+            if np.max(np.abs(step)) < _SMALL_STEP:
+                break
+        return Placed(turn, shift, placed.time_s), errors
+
+    def off_m(self, placed: Placed, blobs: IntArray) -> float:
+        """Return the RMS distance of the markers from the rays of the blobs (M, C) that show them, metres."""
+        world = transform(placed.turn, placed.shift, self._markers)
+        squares = []
+        for index, camera in enumerate(self._cameras):
+            shown = np.flatnonzero(blobs[:, index] >= 0)
+            rays = camera.rays(self._normalised[index][blobs[shown, index]])
+            arms = world[shown] - camera.centre_m
+            off = arms - np.sum(arms * rays, axis=1, keepdims=True) * rays
+            squares += np.sum(off * off, axis=1).tolist()
+        return float(np.sqrt(np.mean(squares)))

@@ -1,0 +1,270 @@
+"""A prop followed from marker frame to marker frame, found when nothing is known of it, lost and found again.
+
+Its distances are exact to millimetres, so points that may be its markers are few; laid on them, it must explain what
+each camera shows, markers that one camera sees alone too. A prop that is followed begins where it is expected instead.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import rotations as rot
+from .camera import Camera
+from .frame_parts import without_blobs, without_points
+from .marker_frame import MarkerFrame
+from .prop import LEAST_THICKNESS_M, Prop, PropPose
+from .prop_images import Placed, PropImages
+from .rigid import transform
+from .rigid_matching import laid_on, rigid_ways, thickness_m
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_FEWEST = 3  # markers that place a prop
+_SPAN_M = 0.006  # distances between located markers may be off by this,
+_SPAN_SIGMAS = 0.5  # and by this share of what the cameras' geometry says (it is said for poor centres)
+_LAID_M = 0.010  # RMS distance beyond which points are not the prop
+_MISSED_M = 0.03  # what it counts that a marker has no point
+_TRIED = 6  # ways to lay it on points that are looked at
+_ELSEWHERE_M = 0.03  # two places that put a marker further apart than this are different
+_CLEARLY_M2 = 0.005**2  # of mean square: where no images tell, the best place must be better by this than another
+_GATE_M = 0.10  # where a followed prop's markers are looked for: so far from the prediction,
+_GATE_SPEED_SHARE = 0.5  # and this share of the predicted movement,
+_GATE_LOST_M_S = 2.0  # and more the longer nothing was seen
+_HELD_S = 0.25  # after which a prop that is not seen is lost, and found by its distances alone
+_CLAIM_S = 0.10  # in which a prop that too little shows still claims what lies where its markers should be
+_CLAIM_M = 0.03
+_CONFIRMED_S = 0.10  # in which a find must last that chance may have made: by three markers, or
+_SURE_SIGHTS = 7  # by fewer blobs than this
+_NEAR_PX = 4.0  # a blob this near to where a prop puts a marker may be the marker
+_SIGHTS_PX = 20.0  # likewise where the prop is expected
+_FIT_PX = 1.5  # a blob further off than this from the prop in its best place is another's
+_FEWEST_SIGHTS = 5  # blobs that place it: a pose has six numbers, so these have four to spare
+_LEAST_SCORE = 4.75  # so few must be within a third of a pixel
+_WELL = 0.85  # of its blobs: a place that explains so much of enough of them is right
+_CLEARLY = 0.7  # of a blob: by this much a place must explain more than any other
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """What a frame tells of a prop.
+
+    Args:
+        pose: where it is.
+        rest: the frame without what belongs to the prop.
+    """
+
+    pose: PropPose
+    rest: MarkerFrame
+
+
+@dataclass(frozen=True)
+class _Laid:
+    """A prop laid on points: which point (M,) each marker is, -1 for none, and how well that fits."""
+
+    placed: Placed
+    way: IntArray
+    rms_m: float
+    cost_m2: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A prop as the images show it: which blobs (M, C) its markers are, and how many these are less their errors."""
+
+    placed: Placed
+    blobs: IntArray
+    score: float
+
+    @property
+    def seen(self) -> int:
+        """How many markers some camera shows."""
+        return int(np.sum(np.any(self.blobs >= 0, axis=1)))
+
+    @property
+    def sights(self) -> int:
+        """How many blobs are the prop's."""
+        return int(np.sum(self.blobs >= 0))
+
+
+class PropTracker:
+    """Follows one prop through the frames of one capture.
+
+    Args:
+        prop: what is looked for.
+        cameras: that the frames' blobs refer to, if they have any.
+    """
+
+    def __init__(self, prop: Prop, cameras: Sequence[Camera] = ()) -> None:
+        self.prop = prop
+        self._cameras = tuple(cameras)
+        self._last: Placed | None = None
+        self._before: Placed | None = None
+        self._pose = PropPose(rot.identity(), np.zeros(3))
+        self._doubted_since_s: float | None = None  # since when it has been where it may be by chance
+
+    def step(self, frame: MarkerFrame) -> Sighting:
+        """Return where the prop is at the time of the next frame, and what of the frame is not the prop's."""
+        if self._last is not None and frame.time_s - self._last.time_s > _HELD_S:
+            self._forget()
+        expected = self._predicted(frame.time_s)
+        if self._cameras and len(frame.blobs) == len(self._cameras):
+            return self._by_images(frame, expected)
+        return self._by_points(frame, expected)
+
+    def _by_points(self, frame: MarkerFrame, expected: Placed | None) -> Sighting:
+        """Return what a frame without images tells."""
+        laid = self._laid(frame, expected)
+        if not laid or any(
+            other.cost_m2 - laid[0].cost_m2 < _CLEARLY_M2 and self._is_elsewhere(other.placed, laid[0].placed)
+            for other in laid[1:]
+        ):
+            return self._unseen(frame)
+        taken = np.zeros(len(frame.points_m), dtype=bool)
+        own = laid[0].way[laid[0].way >= 0]
+        taken[own] = True
+        return self._seen(laid[0].placed, laid[0].rms_m, len(own), len(own) > _FEWEST, without_points(frame, taken))
+
+    def _by_images(self, frame: MarkerFrame, expected: Placed | None) -> Sighting:
+        """Return what the blobs of a frame tell."""
+        images = PropImages(self._cameras, frame, self.prop)
+        found = self._places(frame, images, expected)
+        if not found or any(found[0].score - other.score < _CLEARLY for other in found[1:]):
+            return self._claimed(frame, images, expected)
+        best = found[0]
+        sure = best.seen > _FEWEST and best.sights >= _SURE_SIGHTS
+        return self._seen(best.placed, images.off_m(best.placed, best.blobs), best.seen, sure, _rest(frame, best.blobs))
+
+    def _places(self, frame: MarkerFrame, images: PropImages, expected: Placed | None) -> list[_Fit]:
+        """Return the different places that the images show the prop in, the best first."""
+        found: list[_Fit] = []
+        if expected is not None:
+            fit = self._fitted(images, expected, _SIGHTS_PX)
+            if fit is not None and fit.sights >= _SURE_SIGHTS and fit.score > _WELL * fit.sights:
+                return [fit]
+            found = [fit] if fit is not None else []
+        for laid in self._laid(frame, expected):
+            if any(not self._is_elsewhere(laid.placed, known.placed) for known in found):
+                continue
+            fit = self._fitted(images, laid.placed, _NEAR_PX)
+            if fit is not None:
+                same = [known for known in found if not self._is_elsewhere(fit.placed, known.placed)]
+                if all(known.score < fit.score for known in same):
+                    found = [fit, *(known for known in found if known not in same)]
+        return sorted(found, key=lambda fit: -fit.score)
+
+    def _fitted(self, images: PropImages, start: Placed, limit_px: float) -> _Fit | None:
+        """Return the prop as the images show it near to where it may be; None when they do not."""
+        placed, errors_px = start, np.empty(0)
+        for limit in (limit_px, _NEAR_PX):
+            blobs = images.nearest(placed, limit)
+            if not self._is_placed_by(blobs):
+                return None
+            placed, errors_px = images.fitted(placed, blobs)
+        blobs = np.where(errors_px < _FIT_PX, blobs, -1)
+        score = float(np.sum(1.0 - (errors_px[blobs >= 0] / _FIT_PX) ** 2))
+        return _Fit(placed, blobs, score) if score >= _LEAST_SCORE and self._is_placed_by(blobs) else None
+
+    def _is_placed_by(self, blobs: IntArray) -> bool:
+        """Whether blobs (M, C) are enough of the prop to place it."""
+        return bool(np.sum(blobs >= 0) >= _FEWEST_SIGHTS) and self._is_spread(np.any(blobs >= 0, axis=1))
+
+    def _is_spread(self, seen: NDArray[np.bool_]) -> bool:
+        """Whether these markers (M,) place the prop: three at least, and not on a line."""
+        return int(seen.sum()) >= _FEWEST and thickness_m(self.prop.positions_m[seen]) >= LEAST_THICKNESS_M
+
+    def _is_elsewhere(self, one: Placed, other: Placed) -> bool:
+        return bool(np.max(np.linalg.norm(one.markers(self.prop) - other.markers(self.prop), axis=1)) > _ELSEWHERE_M)
+
+    def _laid(self, frame: MarkerFrame, expected: Placed | None) -> list[_Laid]:
+        """Return the best few ways to lay the prop on points, the best first; those near to where it is expected."""
+        points = frame.points_m
+        if len(points) < _FEWEST:
+            return []
+        sigmas = np.sqrt(np.trace(frame.covariances_m2, axis1=1, axis2=2) / 3.0)
+        tolerances = _SPAN_M + _SPAN_SIGMAS * (sigmas[:, None] + sigmas[None])
+        if expected is not None and self._last is not None:
+            markers = expected.markers(self.prop)
+            moved = np.linalg.norm(markers - self._last.markers(self.prop), axis=1)
+            gates = _GATE_M + _GATE_SPEED_SHARE * moved + _GATE_LOST_M_S * (expected.time_s - self._last.time_s)
+            allowed = np.linalg.norm(points[:, None] - markers[None], axis=-1) < gates
+            near = self._fitting(points, rigid_ways(points, self.prop.spans_m, tolerances, _FEWEST, allowed), frame)
+            if near:
+                return near
+        found = self._fitting(points, rigid_ways(points, self.prop.spans_m, tolerances, _FEWEST), frame)
+        # three points elsewhere may be so by chance, while the prop is only hidden
+        return [laid for laid in found if expected is None or np.sum(laid.way >= 0) > _FEWEST]
+
+    def _fitting(self, points_m: Array, ways: IntArray, frame: MarkerFrame) -> list[_Laid]:
+        """Return the best few of the ways (H, M), the best first."""
+        found: list[_Laid] = []
+        for way in ways:
+            known = way >= 0
+            missed = float((~known).sum()) * _MISSED_M**2 / len(way)
+            if len(found) >= _TRIED and missed > found[_TRIED - 1].cost_m2:
+                break  # ways with fewer points follow
+            if not self._is_spread(known):
+                continue
+            turn, shift, rms_m = laid_on(self.prop.positions_m[known], points_m[way[known]])
+            if rms_m < _LAID_M:
+                cost_m2 = float(known.mean()) * rms_m**2 + missed
+                found.append(_Laid(Placed(turn, shift, frame.time_s), way, rms_m, cost_m2))
+                found.sort(key=lambda laid: laid.cost_m2)
+        return found[:_TRIED]
+
+    def _predicted(self, time_s: float) -> Placed | None:
+        """Return where the prop is expected: it goes on as it went between the last two frames."""
+        if self._last is None:
+            return None
+        last, before = self._last, self._before
+        if before is None or last.time_s <= before.time_s:
+            return Placed(last.turn, last.shift, time_s)
+        share = (time_s - last.time_s) / (last.time_s - before.time_s)
+        step = rot.to_rotation_vector(rot.from_matrix(last.turn @ before.turn.T))
+        turn = rot.to_matrix(rot.from_rotation_vector(share * step)) @ last.turn
+        # the middle of the markers moves steadily, the origin of a swung prop need not
+        middle = self.prop.positions_m.mean(axis=0)
+        now = transform(last.turn, last.shift, middle)
+        then = transform(before.turn, before.shift, middle)
+        return Placed(turn, now + share * (now - then) - turn @ middle, time_s)
+
+    def _seen(self, placed: Placed, rms_m: float, seen: int, sure: bool, rest: MarkerFrame) -> Sighting:
+        if self._last is None:
+            self._doubted_since_s = placed.time_s
+        if self._doubted_since_s is not None and (sure or placed.time_s - self._doubted_since_s >= _CONFIRMED_S):
+            self._doubted_since_s = None
+        self._before, self._last = self._last, placed
+        if self._doubted_since_s is not None:
+            return Sighting(self._stood(), rest)
+        quaternion = rot.from_matrix(placed.turn)
+        sign = 1.0 if np.dot(quaternion, self._pose.rotation) >= 0.0 else -1.0
+        self._pose = PropPose(sign * quaternion, placed.shift, rms_m, seen)
+        return Sighting(self._pose, rest)
+
+    def _claimed(self, frame: MarkerFrame, images: PropImages, expected: Placed | None) -> Sighting:
+        """Return that too little shows the prop; for a moment, what lies where its markers should be is still its own.
+
+        Else a performer whose hand is hidden would be given the sword's hilt.
+        """
+        rest = frame
+        if expected is not None and self._last is not None and frame.time_s - self._last.time_s <= _CLAIM_S:
+            rest = _rest(frame, images.nearest(expected, images.pixels_of(expected, _CLAIM_M)))
+        return self._unseen(rest)
+
+    def _unseen(self, rest: MarkerFrame) -> Sighting:
+        if self._doubted_since_s is not None:  # it was chance
+            self._forget()
+        return Sighting(self._stood(), rest)
+
+    def _stood(self) -> PropPose:
+        return PropPose(self._pose.rotation, self._pose.position_m)
+
+    def _forget(self) -> None:
+        self._last = self._before = self._doubted_since_s = None
+
+
+def _rest(frame: MarkerFrame, blobs: IntArray) -> MarkerFrame:
+    """Return the frame without the blobs (M, C), -1 for none."""
+    return without_blobs(frame, [column[column >= 0] for column in blobs.T])

@@ -1,0 +1,86 @@
+"""A prop in the simulated performer's right hand: its markers, what it looks like, and where it truly is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import rotations as rot
+from ...motion import Motion
+from ...prop import Prop
+from ...skeleton import Skeleton, forward_kinematics
+from .body import WOOD, Body
+
+Array = NDArray[np.float64]
+
+HAND = "rhand"
+_SHAFT_RADIUS_M, _ARM_RADIUS_M = 0.012, 0.006
+_ON_SHAFT_M = 0.03  # markers nearer to the shaft than this need no arm
+# In the hand's axes: from the thumb's side towards the fingers, as a grip lies aslant in the palm.
+_ASLANT_RAD = np.deg2rad(50.0)
+_FIST_M = np.array([-0.045, -0.02, 0.0])
+_FIST_ALONG_M = 0.09  # from the prop's origin, which lies between the hands
+
+
+@dataclass(frozen=True)
+class Carried:
+    """A prop that is fixed to a joint.
+
+    Args:
+        prop: what is carried.
+        rotation: (4,) joint-from-prop quaternion.
+        position_m: (3,) the prop's origin in the joint's axes.
+    """
+
+    prop: Prop
+    rotation: Array
+    position_m: Array
+
+    @property
+    def offsets_m(self) -> Array:
+        """(M, 3) the prop's markers in the joint's axes."""
+        return self.position_m + rot.rotate(self.rotation, self.prop.positions_m)
+
+    def true_poses(self, motion: Motion) -> tuple[Array, Array]:
+        """Return world-from-prop quaternions (F, 4) and origins (F, 3) of the prop along a motion."""
+        joint = motion.skeleton.index(HAND)
+        places, turns = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
+        hand = turns[:, joint]
+        return rot.multiply(hand, self.rotation), places[:, joint] + rot.rotate(hand, self.position_m)
+
+
+def in_hand(prop: Prop) -> Carried:
+    """Return the prop gripped by the right fist, y along its shaft."""
+    along = np.array([-np.sin(_ASLANT_RAD), 0.0, np.cos(_ASLANT_RAD)])
+    edge = np.array([-np.cos(_ASLANT_RAD), 0.0, -np.sin(_ASLANT_RAD)])
+    turn = np.stack((np.cross(along, edge), along, edge), axis=1)
+    return Carried(prop, rot.from_matrix(turn), _FIST_M - _FIST_ALONG_M * along)
+
+
+def with_prop(body: Body, skeleton: Skeleton, carried: Carried) -> Body:
+    """Return the body holding the prop: a shaft along its y axis, with an arm to each marker beside it."""
+    places = carried.prop.positions_m
+    low, high = float(places[:, 1].min()), float(places[:, 1].max())
+    starts, ends = [np.array([0.0, low, 0.0])], [np.array([0.0, high, 0.0])]
+    for place in places:
+        foot = np.array([0.0, place[1], 0.0])
+        if np.linalg.norm(place - foot) > _ON_SHAFT_M:
+            starts.append(foot)
+            ends.append(place)
+    count = len(starts)
+    radii = np.array([_SHAFT_RADIUS_M] + [_ARM_RADIUS_M] * (count - 1))
+
+    def held(points: list[Array]) -> Array:
+        return np.asarray(carried.position_m + rot.rotate(carried.rotation, np.array(points)))
+
+    return replace(
+        body,
+        joints=np.concatenate((body.joints, np.full(count, skeleton.index(HAND)))),
+        starts_m=np.concatenate((body.starts_m, held(starts))),
+        ends_m=np.concatenate((body.ends_m, held(ends))),
+        start_radii_m=np.concatenate((body.start_radii_m, radii)),
+        end_radii_m=np.concatenate((body.end_radii_m, radii)),
+        materials=(*body.materials, *([WOOD] * count)),
+    )

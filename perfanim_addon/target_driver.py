@@ -1,0 +1,145 @@
+"""Moves objects with props, in the space of the character that the capture drives, and makes actions of it."""
+
+from collections.abc import Sequence
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Quaternion, Vector
+from numpy.typing import NDArray
+
+from ..core import rotations as rot
+from ..core.pose_frame import PoseFrame
+from ..core.prop import Prop, PropPose
+from . import targets
+from .actions import Onto, Placement, write_object_action
+from .axes import BLENDER_FROM_PRODUCT
+from .posing import Posing, ProductPosing
+
+Array = NDArray[np.float64]
+
+
+class Room:
+    """From the performer's room to the scene, as the character stands in it: its step is the performer's.
+
+    Args:
+        armature_object: the character.
+        posing: how it is posed.
+    """
+
+    def __init__(self, armature_object: bpy.types.Object, posing: Posing) -> None:
+        fit = posing.pose_map if isinstance(posing, ProductPosing) else posing.alignment
+        placed = _still_matrix(armature_object)
+        self._turn = rot.from_matrix(np.array(placed.to_3x3().normalized()) @ fit.armature_from_product)
+        self._linear = fit.units_per_metre * np.array(placed.to_3x3()) @ fit.armature_from_product
+        self._origin = np.array(placed.translation)
+        self._own = rot.conjugate(rot.from_matrix(BLENDER_FROM_PRODUCT))
+
+    def brought(self, turns: Array, places_m: Array) -> tuple[Array, Array]:
+        """Return quaternions (..., 4) and locations (..., 3) in the scene of props' turns and places in the world."""
+        return rot.multiply(rot.multiply(self._turn, turns), self._own), places_m @ self._linear.T + self._origin
+
+
+def _still_matrix(armature_object: bpy.types.Object) -> Matrix:
+    """Return where an armature stands without its delta transform, which may carry it through the room."""
+    mode = armature_object.rotation_mode
+    if mode == "QUATERNION":
+        turn = armature_object.rotation_quaternion
+    elif mode == "AXIS_ANGLE":
+        angle, *axis = armature_object.rotation_axis_angle
+        turn = Quaternion(axis, angle)
+    else:
+        turn = armature_object.rotation_euler.to_quaternion()
+    own = Matrix.LocRotScale(armature_object.location, turn, armature_object.scale)
+    parent = armature_object.parent
+    return own if parent is None else parent.matrix_world @ armature_object.matrix_parent_inverse @ own
+
+
+class TargetDriver:
+    """Lets objects follow the props of a capture. Only names are held, nothing of Blender's data.
+
+    Args:
+        props: of the capture, in the order of its poses' props.
+        room: of the character that it drives.
+
+    Raises:
+        CharacterError: a chosen object cannot follow.
+    """
+
+    def __init__(self, context: bpy.types.Context, props: Sequence[Prop], room: Room) -> None:
+        for entry in context.scene.perfanim_targets.entries:
+            targets.check_object(entry.object)
+        self._props = list(props)
+        self._room = room
+        self._names: list[str | None] = [None] * len(props)  # an object is made when its prop is first seen
+        self._held: dict[str, str] = {}  # object -> action that is taken off meanwhile
+
+    def apply(self, context: bpy.types.Context, poses: Sequence[PropPose]) -> None:
+        """Move the objects of the props that are found; one that was deleted meanwhile is left out."""
+        for index, pose in enumerate(poses):
+            if not pose.found:
+                continue
+            name = self._names[index] or self._begin(context, index)
+            target = bpy.data.objects.get(name)
+            if target is not None:
+                turn, place = self._room.brought(pose.rotation, pose.position_m)
+                target.rotation_quaternion, target.location = Quaternion(turn), Vector(place)
+
+    def _begin(self, context: bpy.types.Context, index: int) -> str:
+        name = targets.object_of(context, self._props[index])
+        target = bpy.data.objects[name]
+        target.rotation_mode = "QUATERNION"
+        animation = target.animation_data
+        if animation is not None and animation.action is not None:
+            self._held[name] = animation.action.name
+            animation.action.use_fake_user = True
+            animation.action = None
+        self._names[index] = name
+        return name
+
+    def restore(self) -> None:
+        """Give the objects the actions back that were taken off."""
+        for name, action_name in self._held.items():
+            target, action = bpy.data.objects.get(name), bpy.data.actions.get(action_name)
+            if target is not None and target.animation_data is not None and action is not None:
+                target.animation_data.action = action
+
+
+def write_prop_actions(
+    context: bpy.types.Context,
+    props: Sequence[Prop],
+    poses: Sequence[PoseFrame],
+    frames: Array,
+    room: Room,
+    name: str,
+    placement: Placement,
+) -> list[str]:
+    """Write where props were as actions of the objects that follow them; return the actions' names.
+
+    Keys stand where a prop was found; between them it goes straight.
+
+    Args:
+        props: in the order of the poses' props; one that was never found leaves nothing.
+        poses, frames: (F,) poses and the scene frame of each.
+        room: of the character.
+        name: wished name of the actions, before the prop's.
+        placement: of the character's action, of which `onto` and the bounds count here.
+
+    Raises:
+        CharacterError: an object cannot be animated.
+    """
+    written = []
+    for index, prop in enumerate(props):
+        rows = [row for row, pose in enumerate(poses) if len(pose.props) > index and pose.props[index].found]
+        if not rows:
+            continue
+        found = [poses[row].props[index] for row in rows]
+        turns, places = room.brought(
+            np.array([pose.rotation for pose in found]), np.array([pose.position_m for pose in found])
+        )
+        target = bpy.data.objects[targets.object_of(context, prop)]
+        targets.check_object(target)
+        how = Placement(Onto.STRIP if placement.onto is Onto.LAYER else placement.onto, None, placement.bounds)
+        written.append(
+            write_object_action(target, frames[rows], turns, places, name=f"{name} {prop.name}", placement=how)
+        )
+    return written

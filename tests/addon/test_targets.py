@@ -1,0 +1,197 @@
+"""Further targets: objects that follow props, live and from takes, in the hand of the character."""
+
+import sys
+import time
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix, Quaternion, Vector
+from perfanim.core.assets import MOTION
+from perfanim.core.database.build import build_database
+from perfanim.core.marker_take import MarkerTake, save_take
+from perfanim.core.prop import load_prop, save_prop
+from perfanim.core.simulate.studio.carried import in_hand
+from perfanim.core.simulate.studio.source import open_simulated
+from perfanim.core.take_file.reading import read_take_file
+from played import key_times
+
+PATIENCE_S = 600.0
+POSES = 30
+# what test_prop_tracking allows, seen from farther off: 0.1 pixel is less than the simulated cameras' noise makes
+PLACE_M, TURN_DEG = 0.01, 3.0
+
+
+@pytest.fixture
+def part(addon: ModuleType, extension: str) -> Any:
+    """Return a module of the add-on by its name."""
+
+    def find(name: str) -> Any:
+        return sys.modules[f"{extension}.perfanim_addon.{name}"]
+
+    return find
+
+
+@pytest.fixture
+def shown(addon: ModuleType) -> Any:
+    return bpy.context.scene.perfanim_targets
+
+
+def tick_until(capture: Any, condition: Any) -> None:
+    limit = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert not capture.done, capture.run.error
+        assert time.monotonic() < limit, capture.line
+        capture.tick(bpy.context)
+        time.sleep(1 / 60)
+
+
+def test_the_list_says_what_is_wrong(part: Any, shown: Any, tmp_path: Path) -> None:
+    targets, scene = part("targets"), bpy.context.scene
+    assert targets.problem(scene) == ""
+    first = shown.entries.add()
+    assert targets.title(first) == "sword"
+    assert targets.problem(scene) == ""
+    second = shown.entries.add()
+    assert "two props have the same name" in targets.problem(scene)
+    second.definition = str(tmp_path / "gone.toml")
+    assert "gone.toml" in targets.problem(scene)
+    second.definition = str(tmp_path / "line.toml")
+    (tmp_path / "line.toml").write_text(
+        'kind = "perfanim prop"\nversion = 1\nname = "stick"\n'
+        + "".join(f'[[marker]]\nname = "{i}"\nposition_m = [0, {0.1 * i**2}, 0]\n' for i in range(3))
+    )
+    assert "on a line" in targets.problem(scene)
+    shown.entries.remove(1)
+    parent, child = (bpy.data.objects.new(name, None) for name in ("Parent", "Child"))
+    child.parent = parent
+    first.object = child
+    assert "Child: is moved by its parent" in targets.problem(scene)
+
+
+def test_buttons_add_and_remove(part: Any, shown: Any) -> None:
+    running = part("running")
+    assert not bpy.ops.perfanim.remove_target.poll()
+    assert not bpy.ops.perfanim.measure_target.poll()
+    assert running.current() is None
+    for _ in range(2):
+        bpy.ops.perfanim.add_target()
+    assert (len(shown.entries), shown.active) == (2, 1)
+    bpy.ops.perfanim.remove_target()
+    assert (len(shown.entries), shown.active) == (1, 0)
+
+
+def test_a_prop_is_measured_from_the_chosen_take(part: Any, shown: Any, tmp_path: Path) -> None:
+    """Lying still before the cameras: what another system's take, or a capture, shows of it."""
+    sword, generator = load_prop("sword"), np.random.default_rng(0)
+    still = sword.positions_m + np.array([0.0, 1.0, 0.0]) + generator.normal(scale=0.001, size=(30, 5, 3))
+    save_take(MarkerTake("still", 60.0, sword.names, still), tmp_path / "still.take.npz")
+    bpy.ops.perfanim.add_target()
+    listed = bpy.context.window_manager.perfanim_takes
+    listed.entries.add().path = str(tmp_path / "still.take.npz")
+    operator = part("operators.targets").PERFANIM_OT_measure_target
+    assert bpy.ops.perfanim.measure_target.poll() == (bpy.context.window is not None)
+    played = SimpleNamespace(called="My Sword")
+    job = part("job").Job(
+        operator.title, operator.panel, part("job").command(operator.arguments(played, bpy.context)), None
+    )
+    limit = time.monotonic() + PATIENCE_S
+    try:
+        while not job.ended:
+            job.tick()
+            assert time.monotonic() < limit, job.text
+            time.sleep(0.02)
+    finally:
+        job.close()
+        listed.entries.clear()
+    assert operator.done(played, bpy.context, job.summary).startswith("My Sword: 5 markers, rigid to ")
+    assert part("targets").title(shown.entries[0]) == "My Sword"
+    assert part("targets").problem(bpy.context.scene) == ""
+
+
+def expected_matrix(part: Any, armature: Any, turn: np.ndarray, place: np.ndarray) -> Matrix:
+    """Where a prop of the performer's room stands beside a character of the performer's own size."""
+    axes = Matrix(part("axes").BLENDER_FROM_PRODUCT)
+    turned = axes @ Quaternion(turn).to_matrix() @ axes.inverted()
+    return armature.matrix_world @ Matrix.Translation(axes @ Vector(place)) @ turned.to_4x4()
+
+
+def check_placed(target: Any, wanted: Matrix) -> None:
+    bpy.context.view_layer.update()
+    assert (target.matrix_world.translation - wanted.translation).length < PLACE_M
+    turned = target.matrix_world.to_quaternion().rotation_difference(wanted.to_quaternion()).angle
+    assert np.degrees(min(turned, 2 * np.pi - turned)) < TURN_DEG
+
+
+def test_a_sword_is_in_the_characters_hand_live_and_in_the_action(part: Any, shown: Any, tmp_path: Path) -> None:
+    live, scene = part("live"), bpy.context.scene
+    build_database([str(MOTION / "kendo-01-proud.bvh")], tmp_path / "kendo.perfdb", 30.0)
+    scene.perfanim.database = str(tmp_path / "kendo.perfdb")
+    scene.render.fps, scene.frame_current = 60, 5
+    scene.perfanim.behaviour = "kendo"
+    shown.entries.add()
+    source = open_simulated({"behaviour": "kendo", "height_m": 1.75, "seconds": 60.0, "prop": "sword"})
+    turns, places = in_hand(load_prop("sword")).true_poses(source.motion)
+    capture = live.Capture(None, [])
+    try:
+        tick_until(capture, lambda: capture.run is not None and len(capture.run.poses) >= POSES)
+        character, sword = scene.perfanim.armature, shown.entries[0].object
+        assert sword.name == "sword"
+        newest = capture.run.poses[-1]
+        check_placed(sword, expected_matrix(part, character, turns[newest.number], places[newest.number]))
+        capture.stop()
+        tick_until(capture, lambda: capture.done)
+        text = capture.keep(bpy.context)
+    finally:
+        capture.close()
+    poses = capture.run.poses
+    found = [pose for pose in poses if pose.props[0].found]
+    assert len(found) >= POSES - 10  # a few frames until it is sure
+    assert "Capture sword" in text
+    action = sword.animation_data.action
+    assert action.name == "Capture sword"
+    times = key_times(part("actions").curves_of(sword))
+    np.testing.assert_allclose(times, [5 + 60 * (pose.time_s - poses[0].time_s) for pose in found], atol=1e-3)
+    chosen = found[len(found) // 2]
+    scene.frame_set(round(5 + 60 * (chosen.time_s - poses[0].time_s)))
+    check_placed(sword, expected_matrix(part, character, turns[chosen.number], places[chosen.number]))
+    # the take has it too, and is put on another object, of a character that stands elsewhere and is twice as large
+    take = read_take_file(part("takes").listed()[0].path)
+    assert [solved.pose.props[0].seen for solved in take.poses] == [pose.props[0].seen for pose in poses]
+    character.location, character.scale = (3.0, 1.0, 0.0), (2.0, 2.0, 2.0)
+    cube = bpy.data.objects.new("Cube", None)
+    scene.collection.objects.link(cube)
+    save_prop(load_prop("sword"), tmp_path / "same.toml")
+    shown.entries[0].definition, shown.entries[0].object = str(tmp_path / "same.toml"), cube
+    scene.frame_set(5)
+    bpy.ops.perfanim.play_take(path=str(take.path))
+    scene.frame_set(round(5 + 60 * (chosen.time_s - poses[0].time_s)))
+    bpy.context.view_layer.update()
+    wanted = expected_matrix(part, character, turns[chosen.number], places[chosen.number])
+    assert (cube.matrix_world.translation - wanted.translation).length < 2 * PLACE_M
+    assert tuple(cube.scale) == (1.0, 1.0, 1.0)
+
+
+def test_an_objects_own_action_is_given_back_when_nothing_is_kept(part: Any, shown: Any) -> None:
+    driver, prop = part("target_driver"), load_prop("sword")
+    live, character = part("live"), part("operators.character")
+    skeleton = character.performer_skeleton(bpy.context.scene.perfanim)
+    armature = bpy.data.objects[live.add_character(bpy.context, skeleton)]
+    entry = shown.entries.add()
+    entry.object = cube = bpy.data.objects.new("Cube", None)
+    cube.animation_data_create().action = old = bpy.data.actions.new("Old")
+    room = driver.Room(armature, part("posing").posing_of(armature, skeleton))
+    following = driver.TargetDriver(bpy.context, [prop], room)
+    pose = sys.modules[f"{driver.__package__.rpartition('.')[0]}.core.prop"].PropPose
+    following.apply(bpy.context, [pose(np.array([1.0, 0, 0, 0]), np.zeros(3))])
+    assert cube.animation_data.action is old  # not seen yet: it is left alone
+    following.apply(bpy.context, [pose(np.array([1.0, 0, 0, 0]), np.array([0.0, 1.0, 0.5]), 0.001, 5)])
+    assert cube.animation_data.action is None
+    assert (cube.location - armature.location - Vector((0.0, -0.5, 1.0))).length < 1e-5
+    following.restore()
+    assert cube.animation_data.action is old
+    bpy.data.objects.remove(cube)
+    following.apply(bpy.context, [pose(np.array([1.0, 0, 0, 0]), np.zeros(3), 0.001, 5)])  # deleted meanwhile: no error

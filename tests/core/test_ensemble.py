@@ -1,0 +1,55 @@
+"""A performer with a prop in the hand: each keeps what is its own."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from perfanim.core import rotations as rot
+from perfanim.core.ensemble import Ensemble, with_props
+from perfanim.core.errors import PropError
+from perfanim.core.prop import load_prop
+from perfanim.core.session import Session
+from perfanim.core.simulate.studio.carried import in_hand
+
+sys.path.insert(0, str(Path(__file__).parent))  # tests share props.py
+
+from props import Film, markers_of
+
+MARKER_M = 0.02  # labels that are right are nearer than this: five times what the blobs' noise makes of a point
+
+
+@pytest.mark.parametrize("images", [True, False])
+def test_neither_takes_what_is_the_others(subject, database, record, truth, true_markers, images):
+    """The hand that holds the sword is hidden half of the time: its marker must not become the sword's hilt."""
+    sword = load_prop("sword")
+    turns, places = in_hand(sword).true_poses(truth)
+    points = np.concatenate((true_markers, markers_of(sword, turns, places)), axis=1)
+    film, hand = Film(record), subject.marker_set.names.index("RHAN")
+    ensemble = Ensemble(Session(subject, database, film.rig if images else None), [sword])
+    for number, row in enumerate(points[:45]):
+        is_hidden = number > 15 and number // 10 % 2 == 1
+        pose = ensemble.step(film(row, number, ((hand, -1),) if is_hidden else (), images=images))
+        (carried,) = pose.props
+        assert carried.seen == 5
+        assert np.linalg.norm(carried.position_m - places[number]) < MARKER_M
+        assert np.degrees(rot.angle_between(carried.rotation, turns[number])) < 5.0
+        seen = np.isfinite(pose.observed_m[:, 0])
+        assert np.linalg.norm(pose.observed_m - true_markers[number], axis=1)[seen].max() < MARKER_M
+        assert number < 15 or seen.sum() == 8 - is_hidden
+    assert "sword hidden" not in pose.notes
+
+
+def test_a_prop_that_is_not_seen_is_told(subject, database, record, true_markers):
+    ensemble = Ensemble(Session(subject, database), [load_prop("sword")])
+    pose = ensemble.step(record(true_markers[0]))
+    assert pose.notes == ("sword hidden",)
+    assert not pose.props[0].found
+    assert ensemble.subject is subject
+
+
+def test_without_props_the_session_is_as_it_was(subject, database):
+    session = Session(subject, database)
+    assert with_props(session, ()) is session
+    with pytest.raises(PropError, match="same name"):
+        with_props(session, [load_prop("sword")] * 2)

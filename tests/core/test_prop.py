@@ -1,0 +1,100 @@
+"""Props' definitions: kept in files, and refused where nobody could tell the prop from itself."""
+
+import numpy as np
+import pytest
+from perfanim.core import rotations as rot
+from perfanim.core.errors import PropError
+from perfanim.core.prop import Prop, check_together, load_prop, prop_from, prop_names, prop_tables, save_prop
+from perfanim.core.rigid import transform
+from perfanim.core.rigid_matching import rigid_ways
+
+TRIANGLE = np.array([[0.0, 0.0, 0.0], [0.30, 0.0, 0.0], [0.05, 0.20, 0.0]])
+
+
+def named(points):
+    return Prop("stick", tuple("ABCDEFGHIJKLMN"[: len(points)]), np.asarray(points, dtype=np.float64))
+
+
+def test_a_definition_comes_back_from_its_file(tmp_path):
+    save_prop(Prop("stick", ("A", "B", "C"), TRIANGLE, 0.0004), tmp_path / "stick.toml")
+    prop = load_prop(tmp_path / "stick.toml")
+    assert (prop.name, prop.names, prop.residual_m) == ("stick", ("A", "B", "C"), 0.0004)
+    np.testing.assert_array_equal(prop.positions_m, TRIANGLE)
+
+
+def test_shipped_props_are_usable():
+    assert prop_names()
+    for name in prop_names():
+        assert load_prop(name).name == name
+
+
+@pytest.mark.parametrize(
+    ("points", "reason"),
+    [
+        (TRIANGLE[:2], "2 markers"),
+        (np.outer([0.0, 0.1, 0.3, 0.7], [1.0, 2.0, 0.5]), "on a line"),
+        ([[0, 0, 0], [0.1, 0.004, 0], [0.3, 0, 0]], "on a line"),
+        ([[0, 0, 0], [0.2, 0, 0], [0.1, 0.3, 0]], "A, B exchanged"),  # isosceles: turned over
+        ([[0, 0, 0], [0.2, 0, 0], [0.2, 0.1, 0], [0, 0.1, 0]], "exchanged"),  # rectangle: turned half round
+        ([[0, 0, 0], [0.203, 0, 0], [0.1, 0.3, 0]], "A, B exchanged"),  # hardly different
+        ([*TRIANGLE, [0.01, 0.005, 0.0]], "A and D are 11 mm apart"),
+        ([[0, 0, 0], [0.3, 0, 0], [0.05, np.nan, 0]], "finite"),
+        (np.random.default_rng(0).normal(size=(13, 3)), "13 markers"),
+    ],
+)
+def test_patterns_that_tell_nothing_are_refused_with_the_reason(points, reason):
+    with pytest.raises(PropError, match=reason):
+        named(points)
+
+
+def test_a_mirror_image_is_no_other_position():
+    """A prop that is its own mirror image cannot be mirrored by a turn: it is usable."""
+    assert named([[-0.1, 0, 0], [0.1, 0, 0], [0, 0.3, 0], [0, 0.1, 0.2]]).names == ("A", "B", "C", "D")
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        {},
+        {"kind": "perfanim prop", "version": 2},
+        {"kind": "perfanim prop", "version": 1, "name": "x"},
+        {"kind": "perfanim prop", "version": 1, "name": "x", "marker": [{"name": "A", "position_m": [1, 2]}] * 3},
+    ],
+)
+def test_files_that_are_none_are_refused(table):
+    with pytest.raises(PropError, match=r"x\.toml|needs"):
+        prop_from(table, "x.toml")
+
+
+def test_what_is_not_there_is_told_with_what_is():
+    with pytest.raises(PropError, match=r"shipped props: .*sword"):
+        load_prop("no-such-thing")
+
+
+def test_props_must_be_told_from_each_other():
+    sword = load_prop("sword")
+    check_together([sword, named(TRIANGLE)])
+    with pytest.raises(PropError, match="same name"):
+        check_together([sword, sword])
+    part = Prop("knife", sword.names[:4], sword.positions_m[:4])
+    for pair in ((sword, part), (part, sword)):
+        with pytest.raises(PropError, match="knife and sword carry the same pattern"):
+            check_together(pair)
+    assert prop_tables(part)["name"] == "knife"
+
+
+def test_ways_are_all_that_distances_allow():
+    prop, generator = load_prop("sword"), np.random.default_rng(1)
+    turn = rot.to_matrix(rot.from_rotation_vector(generator.normal(size=3)))
+    own = transform(turn, generator.normal(size=3), prop.positions_m)
+    others = generator.uniform(-1.0, 1.0, (8, 3))
+    points = np.concatenate((others[:4], own[[3, 1, 4, 0]], others[4:]))  # one of its five is hidden
+    tolerances = np.full((len(points), len(points)), 0.002)
+    ways = rigid_ways(points, prop.spans_m, tolerances, 3)
+    np.testing.assert_array_equal(ways[0], [7, 5, -1, 4, 6])
+    kept = [{4, 5, 6, 7} >= set(way[way >= 0]) for way in ways]
+    assert all(kept)
+    assert len(ways) == 1 + 4  # all four, and each three of them
+    allowed = np.ones((len(points), len(prop.names)), dtype=bool)
+    allowed[6] = False
+    np.testing.assert_array_equal(rigid_ways(points, prop.spans_m, tolerances, 3, allowed), [[7, 5, -1, 4, -1]])
