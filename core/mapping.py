@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from . import rotations as rot
 from .angle_frames import with_angle_frames
+from .formats.naming import NAMINGS
 from .formats.source_motion import SourceMotion, source_kinematics
 from .joint_names import match_joints
 from .motion import Motion
@@ -48,13 +49,14 @@ def _with_offsets(offsets_m: Array, tips_m: Array) -> Skeleton:
 def map_motion(source: SourceMotion) -> Motion:
     """Return the motion on the product's 29 joints with the bone lengths of the file.
 
-    Files with the product's joint names and hierarchy are taken as they are.
+    Files with the product's joints and hierarchy, under any names that it writes, are taken as they are.
 
     Raises:
         SkeletonError: joints that are needed cannot be told, or the rest pose cannot.
     """
-    if set(source.names) == set(JOINT_NAMES) and _has_product_parents(source):
-        return _renamed(source)
+    written = _with_own_names(source)
+    if written is not None and _has_product_parents(written):
+        return _renamed(written)
     found = match_joints(source)
     alignment = align_rest(source, found).source_from_product
     found = {name: joint for name, joint in found.items() if name in alignment}
@@ -66,6 +68,15 @@ def map_motion(source: SourceMotion) -> Motion:
         if side + "wrist" not in found and side + "hand" in found:
             _move_twist_to_wrist(rotations, skeleton, side)
     return Motion(source.name, source.fps, skeleton, rot.continuous(rotations), positions[:, found["root"]])
+
+
+def _with_own_names(source: SourceMotion) -> SourceMotion | None:
+    """Return a file with the product's joints under the product's names, None for one with other joints."""
+    for naming in NAMINGS.values():
+        if set(source.names) == set(naming.values()):
+            own = {theirs: ours for ours, theirs in naming.items()}
+            return replace(source, names=tuple(own[name] for name in source.names))
+    return None
 
 
 def _has_product_parents(source: SourceMotion) -> bool:
@@ -170,13 +181,15 @@ def _skeleton(
     lengths = {name: float(np.linalg.norm(link)) for name, (_, link) in links.items()}
     scale = sum(lengths[name] for name in _SIZED) / _default_size()
     offsets = scale * default.offsets_m
+    placed: set[int] = set()  # thumb and hand both hang on a wrist that files lack: the hand, which comes first, tells
     for name, (between, link) in links.items():
         path = [default.index(joint) for joint in (*between, name)]
         usual = np.linalg.norm(np.sum(default.offsets_m[path], axis=0))
-        for joint in path[:-1]:
+        for joint in set(path[:-1]) - placed:
             offsets[joint] = default.offsets_m[joint] * (lengths[name] / usual if usual > 0.0 else 0.0)
             if name.endswith("hand"):  # forearm and wrist are one straight bone
                 offsets[joint] = link * (np.linalg.norm(default.offsets_m[joint]) / usual)
+        placed |= set(path[:-1])
         offsets[path[-1]] = link - np.sum(offsets[path[:-1]], axis=0)
     tips = _tips(offsets, _known_tips(source, found, alignment, scale), default)
     return _with_offsets(offsets, tips)
