@@ -16,6 +16,7 @@ from typing import Any
 from ..errors import SettingsError
 from ..files import read_toml
 from ..formats.takes import READABLE, is_recorded
+from ..motion_export import ANGLES, BVH, MOTION_ENDINGS
 
 Value = str | float | bool | list[str]
 
@@ -30,6 +31,8 @@ class Kind(Enum):
     CAMERAS = "a list of NAME=SOURCE"
     WORD = "a word"
     NUMBER = "a number"
+    MOTIONS = "a list of angles.csv, vrma"
+    CHARACTER = "one of blend, fbx, glb"
     SWITCH = "true or false"
 
 
@@ -59,10 +62,16 @@ KEYS = {
     "smooth": Key(Kind.NUMBER, ("solve",)),
     "feet": Key(Kind.WORD, ("solve",)),
     "units": Key(Kind.WORD, ("solve",)),
+    "naming": Key(Kind.WORD, ("solve",)),
+    "rate": Key(Kind.NUMBER, ("solve",)),
+    "also": Key(Kind.MOTIONS, ()),
     "to": Key(Kind.FILE, ("retarget",)),
     "map": Key(Kind.NAME_OR_FILE, ("retarget",)),
     "root_motion": Key(Kind.WORD, ("retarget",)),
+    "save_as": Key(Kind.CHARACTER, ()),
 }
+ALSO = tuple(ending.removeprefix(".") for ending in MOTION_ENDINGS if ending != BVH)
+SAVED_AS = ("blend", "fbx", "glb")
 _BODIES = ("subject", "skeleton")  # a take's own of either takes the place of both that all takes share
 _PATTERN = "*?["
 _FORBIDDEN = '<>:"/\\|?*'  # in file names, on some system
@@ -197,6 +206,10 @@ def _value(kind: Kind, value: Any, folder: Path, where: str) -> Value:
         return value
     if kind is Kind.NUMBER and isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
+    if kind is Kind.MOTIONS and isinstance(value, list) and set(value) <= set(ALSO):
+        return sorted(value)
+    if kind is Kind.CHARACTER and value in SAVED_AS:
+        return value
     if kind in (Kind.SOURCES, Kind.CAMERAS) and isinstance(value, list) and all(isinstance(v, str) for v in value):
         return [_source(text, folder, kind is Kind.CAMERAS) for text in value]
     if isinstance(value, str) and value:
@@ -220,7 +233,7 @@ def _takes(text: str, folder: Path, where: str) -> list[tuple[str, str]]:
     """Return what the plan calls each take of a file, folder or pattern, and its path."""
     path = Path(_absolute(text, folder))
     if path.is_dir():
-        found = [file for file in path.rglob("*") if file.is_file() and file.name.lower().endswith(READABLE)]
+        found = [file for file in path.rglob("*") if file.is_file() and _is_take(file.name.lower())]
     elif path.exists() or not set(text) & set(_PATTERN):
         found = [path]  # one that is not there is a bad take, and the others are done
     else:
@@ -228,6 +241,10 @@ def _takes(text: str, folder: Path, where: str) -> list[tuple[str, str]]:
     if not found:
         raise SettingsError("there are no takes", where=f"{where}: {text}", advice="check the path")
     return [(_label(file, folder), str(file)) for file in sorted(found)]
+
+
+def _is_take(name: str) -> bool:
+    return name.endswith(READABLE) and not name.endswith(ANGLES)
 
 
 def _label(path: Path, folder: Path) -> str:

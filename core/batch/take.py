@@ -10,11 +10,13 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ..errors import PerfanimError
+from ..formats.naming import OWN
 from ..formats.takes import declared_frames
+from ..motion_export import write_motion
 from ..solve_take import SolvedTake
 from .digest import file_digest
 from .figures import figures_of, why_bad, why_doubtful
-from .plan import TakePlan
+from .plan import ALSO, TakePlan
 from .strip import write_strip
 
 REPORT = "report"  # folder of records and pictures below that of the results
@@ -164,7 +166,7 @@ class _Chain:
         self._keep("picture", f"{self._take.name}.jpg", lambda path: write_strip(solved, path))
         wrong = why_bad(figures)
         if wrong:
-            self._outputs.pop("motion")
+            self._outputs = {kind: name for kind, name in self._outputs.items() if kind not in ("motion", *ALSO)}
             return self._record(BAD, [wrong], figures)
         try:
             self._retarget()
@@ -182,12 +184,24 @@ class _Chain:
         solved, facts = self._commands.solve([source, *self._take.options_of("solve"), "--out", str(motion)])
         self._warnings += [self._plain(text) for text in facts["warnings"]]
         self._outputs["motion"] = motion.name
+        self._write_also(solved)
         declared = 0 if self._take.is_tracked else declared_frames(source)
         if declared > len(solved.poses):
             self._doubts.append(f"the file was cut off: it holds {len(solved.poses)} of {declared} frames")
         if not facts.get("complete", True):
             self._doubts.append("the recording was cut off")
         return solved
+
+    def _write_also(self, solved: SolvedTake) -> None:
+        """Write the motion in the other forms that are wished."""
+        options = self._take.options
+        kinds, naming, rate = options.get("also"), str(options.get("naming", OWN)), options.get("rate")
+
+        def write(path: Path) -> None:
+            write_motion(solved.motion, path, naming=naming, rate=rate if isinstance(rate, float) else None)
+
+        for ending in kinds if isinstance(kinds, list) else ():
+            self._keep(ending, f"{self._take.name}.{ending}", write)
 
     def _track(self) -> None:
         def write(path: Path) -> None:
@@ -208,7 +222,8 @@ class _Chain:
                 joints = ", ".join(sorted({**facts["doubtful"], **facts["unmapped"]}))
                 self._warnings.append(f"doubtful or without a bone: {joints}")
 
-        self._keep("character", f"{self._take.name}.blend", write)
+        ending = self._take.options.get("save_as", "blend")
+        self._keep("character", f"{self._take.name}.{ending}", write)
 
     def _keep(self, kind: str, name: str, write: Callable[[Path], object]) -> None:
         write(self._work / name)

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..batch.plan import Plan, TakePlan, Value, plan_of, read_plan
+from ..batch.plan import ALSO, SAVED_AS, Plan, TakePlan, Value, plan_of, read_plan
 from ..batch.processes import in_processes
 from ..batch.run import BatchResult, DoTasks, run_batch
 from ..batch.summary import counts, facts, text_table
@@ -25,11 +25,12 @@ from ..retarget.transfer import RootMotion
 from ..solver.settings import METHODS
 from ..take_import import UPS
 from . import batch_worker
+from .options import add_motion_options
 from .outcome import Outcome
 
 _GIVEN = (
-    "database", "subject", "skeleton", "marker_set", "up", "method", "smooth", "feet", "units", "cameras", "to", "map",
-    "root_motion",
+    "database", "subject", "skeleton", "marker_set", "up", "method", "smooth", "feet", "units", "naming", "rate",
+    "also", "cameras", "to", "map", "root_motion", "save_as",
 )  # fmt: skip
 _CHECKS: dict[str, Callable[[str], object]] = {
     "database": open_database,
@@ -64,7 +65,10 @@ def add_parser(subparsers: Any) -> None:
     shared.add_argument("--method", choices=METHODS, help="how poses are found (default best)")
     shared.add_argument("--smooth", type=float, metavar="HZ", help="low-pass markers before and motion after")
     shared.add_argument("--feet", choices=FEET, help="hold feet in place (default off)")
-    shared.add_argument("--units", choices=("m", "cm"), help="unit of the BVH files (default m)")
+    add_motion_options(shared, defaults=False)
+    shared.add_argument(
+        "--also", action="append", choices=ALSO, help="another file of each motion, beside the BVH; any number of times"
+    )
     shared.add_argument("--cameras", metavar="cameras.toml", help="calibration of videos, another of .perftakes")
     shared.add_argument("--to", metavar="CHARACTER", help="also retarget: .blend, .glb, .gltf, .vrm or .fbx file")
     shared.add_argument("--map", metavar="PRESET_OR_FILE", help="bone map (default: found)")
@@ -73,6 +77,7 @@ def add_parser(subparsers: Any) -> None:
         choices=[kind.name.lower().replace("_", "-") for kind in RootMotion],
         help="what carries the character through the room (default hips)",
     )
+    shared.add_argument("--save-as", choices=SAVED_AS, help="kind of the characters' files (default blend)")
     parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: one a core)")
     parser.add_argument(
         "--scheduler", metavar="ADDRESS", help="have a Dask cluster do the takes (tcp://HOST:8786), see docs/batch.md"

@@ -1,6 +1,11 @@
-"""Kinds of option values that several commands share."""
+"""Options, and kinds of their values, that several commands share."""
 
 import argparse
+from typing import Any
+
+from ..formats.naming import NAMINGS, OWN
+
+_MOST_HZ = 1000.0
 
 
 def seed(text: str) -> int:
@@ -12,3 +17,39 @@ def seed(text: str) -> int:
     if number < 0:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0")
     return number
+
+
+def positive(text: str, most: float, unit: str) -> float:
+    """Return a number above 0, up to `most`; `unit` is told where it is none."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = 0.0
+    if not 0.0 < number <= most:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of {unit} above 0, up to {most:g}")
+    return number
+
+
+def rate_hz(text: str) -> float:
+    """Return a rate in frames per second."""
+    return positive(text, _MOST_HZ, "frames per second")
+
+
+def add_motion_options(parser: Any, *, defaults: bool = True) -> None:
+    """Add how a motion is written (see `motion_export.write_motion`).
+
+    Args:
+        parser: a parser or a group of options.
+        defaults: False where options that are not given must be told from those that are.
+    """
+    units, naming = ("m", OWN) if defaults else (None, None)
+    parser.add_argument("--units", choices=("m", "cm"), default=units, help="unit of a BVH file (default m)")
+    parser.add_argument(
+        "--naming",
+        choices=tuple(NAMINGS),
+        default=naming,
+        help=f"whose names the joints have in BVH and CSV files (default {OWN}: the product's own)",
+    )
+    parser.add_argument(
+        "--rate", type=rate_hz, metavar="HZ", help="frames per second of the motion (default: as it was recorded)"
+    )

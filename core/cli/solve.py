@@ -8,13 +8,13 @@ from typing import Any
 
 from ..camera import load_rig
 from ..database.store import identity
-from ..errors import SubjectError, TakeError
+from ..errors import FormatError, SubjectError, TakeError
 from ..foot_lock import FEET, floor_of, with_feet_held
-from ..formats.bvh import write_bvh
 from ..formats.takes import is_recorded, read_take
 from ..marker_filter import smoothed, smoothed_motion
 from ..marker_set import Subject, load_marker_set, load_subject
 from ..marker_take import MarkerTake
+from ..motion_export import MOTION_ENDINGS, is_motion, write_motion
 from ..motion_files import read_skeleton
 from ..prop import Prop, load_prop
 from ..prop_csv import write_prop_csv
@@ -25,6 +25,7 @@ from ..solver_store import SolverStore
 from ..sources.take import is_unnamed
 from ..take_file.reading import ENDING, TakeFile, read_take_file
 from ..take_import import UPS, brought_in
+from .options import add_motion_options
 
 
 def add_parser(subparsers: Any) -> None:
@@ -77,9 +78,10 @@ def add_parser(subparsers: Any) -> None:
         "--out",
         required=True,
         metavar="MOTION.bvh",
-        help=f"motion to write; of a {ENDING} also another {ENDING}: what was recorded, with the new poses",
+        help=f"motion to write ({', '.join(MOTION_ENDINGS)}); of a {ENDING} also another {ENDING}: what was recorded, "
+        "with the new poses",
     )
-    parser.add_argument("--units", choices=("m", "cm"), default="m", help="unit of the BVH file (default m)")
+    add_motion_options(parser)
     parser.set_defaults(run=run, wrong_usage=parser.error)
 
 
@@ -92,7 +94,7 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
 
 
 def check(args: argparse.Namespace) -> None:
-    """End with wrong usage for options that cannot be meant together."""
+    """End with wrong usage for options that cannot be meant together; FormatError for an ending nothing has."""
     recorded = is_recorded(args.take)
     if not recorded and args.database is None:
         args.wrong_usage("the following arguments are required: --database")
@@ -110,6 +112,9 @@ def check(args: argparse.Namespace) -> None:
         args.wrong_usage("argument --smooth: a .perftake holds poses as they are solved")
     if is_recorded(args.out) and args.feet != "off":
         args.wrong_usage("argument --feet: a .perftake holds poses as they are solved")
+    if not is_recorded(args.out) and not is_motion(args.out):
+        advice = f"use {', '.join((*MOTION_ENDINGS, ENDING))}"
+        raise FormatError("has an ending that cannot be written", where=str(args.out), advice=advice)
 
 
 def solve(
@@ -129,7 +134,7 @@ def solve(
     if args.feet != "off":
         solved = replace(solved, motion=with_feet_held(solved.motion, args.feet, _floor_m(args)))
     if not is_recorded(args.out):
-        write_bvh(solved.motion, args.out, args.units)
+        facts["fps"] = write_motion(solved.motion, args.out, args.units, args.naming, args.rate).fps
     return solved, facts
 
 

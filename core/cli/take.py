@@ -8,15 +8,16 @@ from typing import Any
 import numpy as np
 
 from ..errors import FormatError, SettingsError, TakeError
-from ..formats.bvh import write_bvh
 from ..formats.own_take import marker_take
 from ..formats.takes import WRITABLE, declared_frames, is_recorded, read_take, write_take
+from ..motion_export import MOTION_ENDINGS, is_motion, write_motion
 from ..prop_csv import write_prop_csv
 from ..solve_take import steady_motion
 from ..take_file.edit import recover
 from ..take_file.lock import is_locked
 from ..take_file.reading import ENDING, TakeFile, rate, read_take_file, take_name
 from . import take_import
+from .options import add_motion_options
 
 Progress = Callable[[float, str], None]
 
@@ -38,9 +39,12 @@ def add_parser(subparsers: Any) -> None:
         "take", metavar="TAKE", help=f"recorded take ({ENDING}); one that was cut off gives what it has"
     )
     export.add_argument(
-        "--out", required=True, metavar="FILE", help=f"motion (.bvh) or markers ({', '.join(WRITABLE)})"
+        "--out",
+        required=True,
+        metavar="FILE",
+        help=f"motion ({', '.join(MOTION_ENDINGS)}) or markers ({', '.join(WRITABLE)})",
     )
-    export.add_argument("--units", choices=("m", "cm"), default="m", help="unit of a BVH file (default m)")
+    add_motion_options(export)
     export.add_argument(
         "--prop", metavar="NAME", help="instead: where this prop was, as a table (.csv: metres, quaternion w first)"
     )
@@ -149,7 +153,7 @@ def run_recover(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 def run_export(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Write the motion or the markers."""
     out = Path(args.out)
-    endings = (".bvh", *WRITABLE)
+    endings = (*MOTION_ENDINGS, *WRITABLE)
     if not out.name.lower().endswith(endings):
         raise FormatError("has an ending that cannot be written", where=str(out), advice=f"use {', '.join(endings)}")
     if args.prop is not None and out.suffix.lower() != ".csv":
@@ -159,7 +163,7 @@ def run_export(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         if args.prop is not None:
             raise FormatError("holds markers and no props", where=str(args.take), advice="only a .perftake has any")
         markers = read_take(args.take)
-        if out.suffix.lower() == ".bvh":
+        if is_motion(out):
             raise FormatError(
                 "holds markers and no motion", where=str(args.take), advice="perfanim solve makes motion of markers"
             )
@@ -172,10 +176,10 @@ def run_export(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         warnings.append(f"{unsolved} frames were not solved live and are left out: perfanim solve takes all of them")
     if args.prop is not None:
         return _export_prop(take, args.prop, out, warnings)
-    if out.suffix.lower() == ".bvh":
+    if is_motion(out):
         poses = [solved.pose for solved in take.recorded_poses]
         motion = steady_motion(poses, take.setup.worn_subject(), take.notes.name, str(args.take))
-        write_bvh(motion, out, args.units)
+        motion = write_motion(motion, out, args.units, args.naming, args.rate)
         return {"frames": motion.frames, "fps": motion.fps, "warnings": warnings, "out": str(out)}
     markers = marker_take(take)
     write_take(markers, out)

@@ -8,19 +8,18 @@ from typing import Any
 import numpy as np
 
 from ..errors import FormatError
-from ..formats.bvh import write_bvh
 from ..formats.takes import WRITABLE, is_recorded, write_take
 from ..motion import Motion, resampled
+from ..motion_export import MOTION_ENDINGS, is_motion, write_motion
 from ..motion_files import read_motion
 from ..solve_take import steady_motion
 from ..take_file.reading import ENDING, read_take_file
 from ..vmc.humanoid import BONES
 from ..vmc.link import Receiver, play, record
 from ..vmc.packets import MARIONETTE_PORT, PERFORMER_PORT
+from .options import positive, rate_hz
 
 Progress = Callable[[float, str], None]
-
-_MOST_HZ = 1000.0
 
 
 def add_parser(subparsers: Any) -> None:
@@ -38,7 +37,7 @@ def add_parser(subparsers: Any) -> None:
         metavar="HOST:PORT",
         help=f"the other program (default 127.0.0.1:{MARIONETTE_PORT})",
     )
-    send.add_argument("--rate", type=_rate, metavar="HZ", help="frames per second (default the motion's own)")
+    send.add_argument("--rate", type=rate_hz, metavar="HZ", help="frames per second (default the motion's own)")
     send.set_defaults(run=run_send)
     receive = group.add_parser("receive", help="record bones or trackers that another program sends")
     receive.add_argument(
@@ -48,7 +47,8 @@ def add_parser(subparsers: Any) -> None:
         "--out",
         required=True,
         metavar="FILE",
-        help=f"bones become a motion (.bvh), head set, controllers and trackers a marker take ({', '.join(WRITABLE)})",
+        help=f"bones become a motion ({', '.join(MOTION_ENDINGS)}), head set, controllers and trackers a marker take "
+        f"({', '.join(WRITABLE)})",
     )
     receive.add_argument("--seconds", type=_seconds, required=True, metavar="S", help="how long")
     receive.set_defaults(run=run_receive)
@@ -70,22 +70,8 @@ def _port(text: str) -> int:
     return int(text)
 
 
-def _rate(text: str) -> float:
-    return _positive(text, _MOST_HZ, "frames per second")
-
-
 def _seconds(text: str) -> float:
-    return _positive(text, 3600.0, "seconds")
-
-
-def _positive(text: str, most: float, unit: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = 0.0
-    if not 0.0 < number <= most:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number of {unit} above 0, up to {most:g}")
-    return number
+    return positive(text, 3600.0, "seconds")
 
 
 def run_send(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
@@ -117,15 +103,15 @@ def _motion(path: str) -> Motion:
 def run_receive(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Record for some seconds, then write what came."""
     out = Path(args.out)
-    endings = (".bvh", *WRITABLE)
+    endings = (*MOTION_ENDINGS, *WRITABLE)
     if not out.name.lower().endswith(endings):
         raise FormatError("has an ending that cannot be written", where=str(out), advice=f"use {', '.join(endings)}")
     with Receiver(args.port) as receiver:
         recording = record(receiver, args.seconds, progress)
     facts: dict[str, Any]
-    if out.suffix.lower() == ".bvh":
-        motion, received = recording.motion(out.stem)
-        write_bvh(motion, out)
+    if is_motion(out):
+        motion, received = recording.motion(out.name.split(".")[0])
+        write_motion(motion, out)
         facts = {"frames": received, "lost_frames": max(motion.frames - received, 0), "fps": motion.fps}
     else:
         markers = recording.markers(out.name.split(".")[0])

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import rotations as rot
+from .euler_form import steady_angles
 
 Array = NDArray[np.float64]
 
@@ -46,22 +47,9 @@ def moved_bvh(text: str, matrices: ArrayLike) -> str:
             angles = np.radians(values[:, joint.angles])
             before, after = turns if joint.is_top else turns[:1], rot.conjugate(turns[:1])
             turned = rot.multiply(rot.multiply(before, rot.from_euler(angles, joint.order)), after)
-            values[:, joint.angles] = np.degrees(_steady(rot.to_euler(turned, joint.order)))
+            values[:, joint.angles] = np.degrees(steady_angles(rot.to_euler(turned, joint.order)))
     written = [" ".join(f"{value:.{_DECIMALS}f}" for value in row) for row in values]
     return "\n".join([*lines, "MOTION", head, rate, *written]) + "\n"
-
-
-def _steady(angles: Array) -> Array:
-    """Return angles (F, 3) in whichever of their two forms, and turns, is nearest to the frame before."""
-    other = np.stack((angles[:, 0] + np.pi, np.pi - angles[:, 1], angles[:, 2] + np.pi), axis=1)
-    stay, change = (_distance(form[1:], angles[:-1]) for form in (angles, other))
-    changed = np.cumsum(change < stay) % 2 == 1  # from frame to frame both forms change alike
-    changed = np.concatenate(([False], changed))
-    return np.unwrap(np.where(changed[:, None], other, angles), axis=0)
-
-
-def _distance(a: Array, b: Array) -> Array:
-    return np.sum(np.abs((a - b + np.pi) % (2.0 * np.pi) - np.pi), axis=1)
 
 
 def _hierarchy(text: str, linear: Array) -> tuple[list[str], list[_Joint]]:

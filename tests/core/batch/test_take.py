@@ -1,5 +1,6 @@
 """The steps of one take: which commands it goes through, with what, and what is left when one fails."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,7 @@ from perfanim.core.batch.plan import TakePlan
 from perfanim.core.batch.take import BAD, Record, Task, run_task
 from perfanim.core.errors import CharacterError, TakeError
 from perfanim.core.marker_set import Subject
+from perfanim.core.motion import resampled
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.solve_take import solve_take
 from perfanim.core.solver.settings import SolveSettings
@@ -75,6 +77,20 @@ def test_videos_become_a_character(task, solved, tmp_path):
     assert Record.of_text((out / "report" / "wave.json").read_text()) == record
     assert (out / "wave.blend").read_text() == "retarget"
     assert not work.exists()
+
+
+def test_motion_and_character_in_other_forms(task, solved, tmp_path):
+    options = {**task.take.options, "also": ["angles.csv", "vrma"], "rate": 15.0, "naming": "vrm", "save_as": "fbx"}
+    commands = Noted(solved)
+    record = run_task(replace(task, take=replace(task.take, options=options)), commands)
+    assert commands.lines[1][-6:-2] == ("--rate", "15.0", "--naming", "vrm")
+    assert commands.lines[2][-1].endswith("wave.fbx")
+    outputs = {key: record.outputs[key] for key in ("angles.csv", "vrma", "character")}
+    assert outputs == {"angles.csv": "wave.angles.csv", "vrma": "wave.vrma", "character": "wave.fbx"}
+    table = (tmp_path / "out" / "wave.angles.csv").read_text().splitlines()
+    assert table[3].endswith("rightThumbMetacarpal_y_deg")
+    assert len(table) - 4 == resampled(solved.motion, 15.0).frames
+    assert (tmp_path / "out" / "wave.vrma").read_bytes().startswith(b"glTF")
 
 
 @pytest.mark.parametrize(

@@ -29,6 +29,8 @@ def folder(truth, subject, database_file, tmp_path_factory):
         out = "results"
         database = "all.pfdb"
         subject = "walker.toml"
+        naming = "mixamo"
+        also = ["vrma", "angles.csv"]
         [[take]]
         take = "walk.trc"
         [[take]]
@@ -51,6 +53,8 @@ def test_a_plan_with_bad_takes(folder, capsys):
     assert "choose the marker set that was worn" in other["reasons"][0]
     assert walk["take"] == "walk.trc"
     assert walk["figures"]["frames"] == FRAMES
+    assert {"motion", "vrma", "angles.csv"} < set(walk["outputs"])
+    assert "ROOT mixamorig:Hips" in Path(walk["outputs"]["motion"]).read_text()
     assert read_motion(walk["outputs"]["motion"]).frames == FRAMES
     assert all(Path(place).is_file() for place in (told["page"], *walk["outputs"].values()))
     assert main(["batch", str(folder / "plan.toml")]) == 1
@@ -62,6 +66,7 @@ def test_a_plan_with_bad_takes(folder, capsys):
 def test_good_takes_alone_exit_with_0(folder, tmp_path, capsys):
     shutil.copytree(folder / "results", tmp_path / "out")  # done there already: content counts, not places
     given = ["--database", str(folder / "all.pfdb"), "--subject", str(folder / "walker.toml")]
+    given += ["--naming", "mixamo", "--also", "angles.csv", "--also", "vrma"]
     assert main(["batch", str(folder / "walk.trc"), *given, "--out", str(tmp_path / "out"), "--json"]) == 0
     printed = capsys.readouterr()
     assert (json.loads(printed.out)["finished_before"], printed.err) == (1, "")

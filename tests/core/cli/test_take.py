@@ -9,6 +9,7 @@ from perfanim.core import rotations as rot
 from perfanim.core.camera import save_rig
 from perfanim.core.cli.main import main
 from perfanim.core.database.store import identity
+from perfanim.core.formats.bvh import read_bvh
 from perfanim.core.formats.takes import read_take
 from perfanim.core.marker_frame import pack_stamped
 from perfanim.core.marker_take import MarkerTake, save_take
@@ -99,6 +100,28 @@ def test_exported_motion_keeps_its_time_where_frames_were_lost(tmp_path, recorde
         np.testing.assert_allclose(motion.root_positions_m[number], pose.root_position_m, atol=1e-5)
     before, after = poses[19].root_position_m, poses[23].root_position_m
     np.testing.assert_allclose(motion.root_positions_m[21], 0.5 * (before + after), atol=1e-5)
+
+
+def test_motion_is_exported_for_other_programs(tmp_path, recorded, capsys):
+    given = ("take", "export", recorded, "--rate", 15, "--naming", "unreal", "--units", "cm", "--out")
+    for name in ("a.bvh", "a.angles.csv", "a.vrma"):
+        facts = run(capsys, *given, tmp_path / name)
+        assert (facts["frames"], facts["fps"]) == (30, 15.0)
+    read = read_bvh(tmp_path / "a.bvh")
+    assert (read.frames, read.fps, read.names[0], read.metres_per_unit) == (30, 15.0, "pelvis", 0.01)
+    table = (tmp_path / "a.angles.csv").read_text()
+    assert ",hand_l_z_deg," in table
+    assert b"VRMC_vrm_animation" in (tmp_path / "a.vrma").read_bytes()
+    assert main(["take", "export", str(recorded), "--out", str(tmp_path / "a.obj")]) == 1
+    assert "use .bvh, .angles.csv, .vrma" in capsys.readouterr().err
+
+
+def test_solve_writes_any_kind_of_motion(tmp_path, recorded, capsys):
+    given = ("solve", recorded, "--method", "nearest", "--rate", "15", "--naming", "vrm", "--out")
+    assert run(capsys, *given, tmp_path / "a.angles.csv")["fps"] == 15.0
+    assert ",leftHand_z_deg," in (tmp_path / "a.angles.csv").read_text()
+    assert main([*map(str, given), str(tmp_path / "a.csv")]) == 1
+    assert "a.csv: has an ending that cannot be written" in capsys.readouterr().err
 
 
 def test_solving_again_gives_what_live_gave(tmp_path, recorded, capsys):

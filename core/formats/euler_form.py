@@ -1,0 +1,22 @@
+"""Euler angles over time, without the jumps between the two forms that every rotation has."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def steady_angles(angles: Array) -> Array:
+    """Return angles (F, 3), radians, in whichever of their two forms, and turns, is nearest to the frame before.
+
+    Three angles about three different axes turn as (a + pi, pi - b, c + pi) do.
+    """
+    other = np.stack((angles[:, 0] + np.pi, np.pi - angles[:, 1], angles[:, 2] + np.pi), axis=1)
+    stay, change = (_distance(form[1:], angles[:-1]) for form in (angles, other))
+    changed = np.cumsum(change < stay) % 2 == 1  # from frame to frame both forms change alike
+    changed = np.concatenate(([False], changed))
+    return np.unwrap(np.where(changed[:, None], other, angles), axis=0)
+
+
+def _distance(a: Array, b: Array) -> Array:
+    return np.sum(np.abs((a - b + np.pi) % (2.0 * np.pi) - np.pi), axis=1)
