@@ -1,7 +1,8 @@
 """A take on a character as a file for other programs, through Blender's own exporters."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +15,30 @@ from ..core.files import atomic_path
 from ..core.formats.bvh_axes import moved_bvh
 from ..core.skeleton import Skeleton
 from .actions import play, played, scene_frames, write_action
+from .bone_names import named_for
 from .character import find_armature
+from .posing import bones_of
 
 Array = NDArray[np.float64]
 
 ENDINGS = {"BVH": ".bvh", "FBX": ".fbx", "GLTF": ".glb"}
 
 _YUP_FROM_BLENDER = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+
+
+@dataclass(frozen=True)
+class Form:
+    """How a file is written.
+
+    Args:
+        meshes: whether FBX and glTF hold the meshes that the armature deforms.
+        naming: of `core.formats.naming.NAMINGS`, whose names the bones have that stand for joints; "" for their own.
+        scale: units of a BVH file in one of the scene's: 100 for centimetres.
+    """
+
+    meshes: bool = True
+    naming: str = ""
+    scale: float = 1.0
 
 
 def export_poses(
@@ -33,12 +51,11 @@ def export_poses(
     root_positions_m: Array,
     skeleton: Skeleton,
     fps: float,
-    meshes: bool,
+    form: Form,
 ) -> int:
     """Write poses on an armature to a file; scene and armature are afterwards as before. Return the frames written.
 
-    The file has a whole number of frames a second, the one nearest to the poses' rate. BVH has y up and the scene's
-    units and the armature where it stands in the scene; FBX and glTF are as Blender writes them by default.
+    The file has a whole number of frames a second, the one nearest to `fps`.
 
     Args:
         object_name: an armature, driven as `posing_of` tells.
@@ -46,8 +63,8 @@ def export_poses(
         kind: of `ENDINGS`.
         times_s: (F,) strictly increasing; the first becomes the file's beginning.
         rotations, root_positions_m, skeleton: as `write_action` takes them.
-        fps: rate of the poses.
-        meshes: whether FBX and glTF hold the meshes that the armature deforms.
+        fps: rate of the file; between poses Blender's curves tell.
+        form: how it is written.
 
     Raises:
         CharacterError: the armature cannot be driven, or is hidden.
@@ -61,13 +78,43 @@ def export_poses(
         _use_alone(armature_object)
         write_action(object_name, frames, rotations, root_positions_m, skeleton, name=target.stem)
         scene.frame_start, scene.frame_end = 1, max(1, int(np.floor(frames[-1] + 1e-3)))
-        _select(context, armature_object, meshes and kind != "BVH")
-        with atomic_path(target) as temporary:
-            _run(target, kind, temporary, (scene.frame_start, scene.frame_end))
-            if kind == "BVH":
-                spaces = _YUP_FROM_BLENDER @ _places(context, armature_object)
-                temporary.write_text(moved_bvh(temporary.read_text(encoding="utf-8"), spaces), encoding="utf-8")
+        bones = bones_of(armature_object) if form.naming else {}
+        write_played(context, armature_object, target, kind, bones, form)
         return int(scene.frame_end)
+
+
+def write_played(
+    context: bpy.types.Context,
+    armature_object: bpy.types.Object,
+    target: Path,
+    kind: str,
+    bones: Mapping[str, str],
+    form: Form,
+) -> None:
+    """Write what an armature plays from the scene's first frame to its last; what is selected is not kept.
+
+    BVH has y up and the scene's units and the armature where it stands in the scene; FBX and glTF are as Blender writes
+    them by default.
+
+    Args:
+        target: file to write.
+        kind: of `ENDINGS`.
+        bones: joint -> bone, for `form.naming`.
+        form: how it is written.
+
+    Raises:
+        CharacterError: the armature is hidden, or its bones cannot be renamed.
+        FormatError: the file cannot be written.
+    """
+    scene = context.scene
+    _select(context, armature_object, form.meshes and kind != "BVH")
+    names = named_for(armature_object, bones, form.naming) if form.naming else nullcontext()
+    with names, atomic_path(target) as temporary:
+        _run(target, kind, temporary, (scene.frame_start, scene.frame_end))
+        if kind == "BVH":
+            scale = np.diag([form.scale, form.scale, form.scale, 1.0])
+            spaces = scale @ _YUP_FROM_BLENDER @ _places(context, armature_object)
+            temporary.write_text(moved_bvh(temporary.read_text(encoding="utf-8"), spaces), encoding="utf-8")
 
 
 def _places(context: bpy.types.Context, armature_object: bpy.types.Object) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core.errors import CharacterError
+from ..core.product_skeleton import JOINT_NAMES
 from ..core.retarget.bone_map import BoneMap, find_bone_map
 from ..core.retarget.presets import read_presets
 from ..core.retarget.transfer import CharacterPose, Retargeter, RootMotion
@@ -131,6 +132,18 @@ def posing_of(armature_object: bpy.types.Object, skeleton: Skeleton) -> Posing:
         return ProductPosing(armature_object, skeleton)
     bone_map = kept or find_map(armature_object, user_folder(PRESETS_FOLDER))
     return retarget_posing(armature_object, skeleton, bone_map, root_motion)
+
+
+def bones_of(armature_object: bpy.types.Object) -> dict[str, str]:
+    """Return joint -> bone of an armature, as `posing_of` finds them.
+
+    Raises:
+        CharacterError: they cannot be told, with the reason.
+    """
+    kept = stored_map(armature_object)
+    if kept is None and not check_armature(armature_object):
+        return {joint: joint for joint in JOINT_NAMES}
+    return (kept or find_map(armature_object, user_folder(PRESETS_FOLDER))).bones
 
 
 def retarget_posing(

@@ -1,6 +1,6 @@
 """A motion onto the character of a file, run headless with the `bpy` wheel; `perfanim retarget` starts it.
 
-    python -m perfanim.perfanim_addon.retarget_file MOTION CHARACTER OUT.blend [--map NAME_OR_FILE] [...]
+    python -m perfanim.perfanim_addon.retarget_file MOTION CHARACTER OUT [--map NAME_OR_FILE] [...]
 
 Start it in a process of its own: it opens another scene. The last line on stdout is a JSON object.
 """
@@ -11,6 +11,7 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +26,14 @@ from ..core.retarget.bone_map import BoneMap, State, checked_map
 from ..core.retarget.presets import named_bone_map
 from ..core.retarget.transfer import RootMotion
 from .actions import scene_frames, write_posing
+from .export_animation import ENDINGS, Form, write_played
 from .export_blend import add_stage, render, set_up_rendering, write_scene
 from .posing import find_map, retarget_posing
 from .retarget_rig import read_armature_rest
 
 _SAMPLED_FRAMES = 24  # of the performance, to place floor and camera
 _GLTF = (".glb", ".gltf", ".vrm")
+_KINDS = {ending: kind for kind, ending in ENDINGS.items()}
 
 
 def retarget_file(
@@ -42,8 +45,9 @@ def retarget_file(
     root_motion: RootMotion = RootMotion.HIPS,
     still: Path | None = None,
     frame: int | None = None,
+    form: Form | None = None,
 ) -> dict[str, Any]:
-    """Open a character, give it a motion as a new action, save the scene; return what was done.
+    """Open a character, give it a motion as a new action, save scene or character; return what was done.
 
     A .blend keeps its scene and its rate, without what is added for the picture; another file's character gets a
     scene of its own with floor, light and camera, at the motion's rate.
@@ -51,11 +55,12 @@ def retarget_file(
     Args:
         motion: motion of the product's joints.
         character: .blend, .glb, .gltf, .vrm or .fbx file.
-        target: the .blend file to write.
+        target: the file to write: .blend, or for other programs .fbx, .glb or .bvh.
         preset: name of a shipped bone map, or a file; None to find it.
         root_motion: what carries the character through the room.
         still: picture (.png) of one frame.
         frame: the frame of the picture, counted from 1; the middle one if None.
+        form: how a file for other programs is written.
 
     Raises:
         CharacterError: there is no humanoid in the file, or it cannot be driven.
@@ -77,11 +82,15 @@ def retarget_file(
     frames = scene_frames(np.arange(motion.frames) / motion.fps, scene)
     write_posing(armature_object, frames, motion.rotations, motion.root_positions_m, posing, name=motion.name)
     scene.frame_start, scene.frame_end = 1, int(np.ceil(frames[-1]))
-    with atomic_path(target) as temporary:
+    kind = _KINDS.get(target.suffix.lower())
+    if kind is not None:
+        write_played(bpy.context, armature_object, target, kind, bone_map.bones, form or Form())
+    with atomic_path(target) if kind is None else nullcontext() as temporary:
         if not is_own_scene:
             _add_stage(scene, armature_object, bone_map)
         scene.frame_set(1)
-        write_scene(temporary)
+        if temporary is not None:
+            write_scene(temporary)
         if still is not None:
             if is_own_scene and scene.camera is None:
                 _add_stage(scene, armature_object, bone_map)
@@ -184,22 +193,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="retarget_file", description="Put a motion on a character.")
     parser.add_argument("motion", type=Path, help="motion file (.bvh, .amc)")
     parser.add_argument("character", type=Path, help="character (.blend, .glb, .gltf, .vrm, .fbx)")
-    parser.add_argument("blend", type=Path, help="Blender file to write")
+    parser.add_argument("out", type=Path, help="file to write (.blend, .fbx, .glb, .bvh)")
     parser.add_argument("--skeleton", type=Path, help="skeleton (.asf) of an .amc motion")
     parser.add_argument("--map", help="bone map: a shipped one's name or a file (default: found)")
     parser.add_argument("--root-motion", choices=[kind.name.lower() for kind in RootMotion], default="hips")
     parser.add_argument("--render", type=Path, metavar="OUT.png", help="also render one frame to this picture")
     parser.add_argument("--frame", type=int, help="frame of the picture, counted from 1 (default: the middle one)")
+    parser.add_argument("--naming", default="", help="whose names the bones get in a file for other programs")
     given = parser.parse_args(arguments)
     try:
         done = retarget_file(
             read_motion(given.motion, given.skeleton),
             given.character,
-            given.blend,
+            given.out,
             preset=given.map,
             root_motion=RootMotion[given.root_motion.upper()],
             still=given.render,
             frame=given.frame,
+            form=Form(naming=given.naming),
         )
     except PerfanimError as error:
         sys.stderr.write(f"retarget_file: {' '.join(str(error).split())}\n")

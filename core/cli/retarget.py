@@ -9,10 +9,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..errors import CharacterError
+from ..errors import CharacterError, FormatError
+from ..formats.naming import NAMINGS
 from ..retarget.transfer import RootMotion
 
 _PREFIX = "retarget_file: "
+_EXPORTED = (".fbx", ".glb", ".bvh")
 
 
 def add_parser(subparsers: Any) -> None:
@@ -36,17 +38,33 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument("--skeleton", metavar="FILE.asf", help="skeleton of an .amc motion")
     parser.add_argument("--render", metavar="FILE.png", help="also render a picture")
     parser.add_argument("--frame", type=int, metavar="N", help="frame of the picture, from 1 (default: the middle one)")
-    parser.add_argument("--out", required=True, metavar="FILE.blend", help="Blender file to write")
-    parser.set_defaults(run=run)
+    parser.add_argument(
+        "--naming",
+        choices=tuple(NAMINGS),
+        help="whose names the bones have in a file for other programs (default: the character's own)",
+    )
+    parser.add_argument(
+        "--out",
+        required=True,
+        metavar="FILE.blend",
+        help=f"file to write: a scene (.blend), or the character for other programs ({', '.join(_EXPORTED)})",
+    )
+    parser.set_defaults(run=run, wrong_usage=parser.error)
 
 
 def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
     """Retarget in a process of its own: bpy takes over the one it is loaded into."""
+    ending = Path(args.out).suffix.lower()
+    if ending not in (".blend", *_EXPORTED):
+        advice = f"use .blend, {', '.join(_EXPORTED)}"
+        raise FormatError("has an ending that cannot be written", where=args.out, advice=advice)
+    if args.naming is not None and ending not in _EXPORTED:
+        args.wrong_usage("argument --naming: a .blend keeps the character's own names")
     if importlib.util.find_spec("bpy") is None:
         raise CharacterError("Blender's Python module is not here", advice="pip install bpy, of the same Python")
     package = (__package__ or "").rpartition(".core.")[0]
     command = [sys.executable, "-m", f"{package}.perfanim_addon.retarget_file", args.motion, args.to, args.out]
-    for name in ("skeleton", "map", "render", "frame"):
+    for name in ("skeleton", "map", "render", "frame", "naming"):
         value = getattr(args, name)
         if value is not None:
             command += [f"--{name}", str(value)]

@@ -9,13 +9,16 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from ...core.errors import PerfanimError, SettingsError, TakeError
 from ...core.foot_lock import floor_of
+from ...core.formats.naming import OWN
 from ...core.formats.takes import READABLE
+from ...core.motion_export import ANGLES, VRMA, write_motion
 from ...core.pose_shaping import Shape, shaped
+from ...core.solve_take import steady_motion
 from ...core.solver.settings import METHODS
 from ...core.take_file.reading import TakeFile, rate, read_take_file, summarise, take_name, unused_path
 from ...core.take_import import UPS
 from .. import capture_setup, panel_takes, running, states, takes
-from ..export_animation import ENDINGS, export_poses
+from ..export_animation import ENDINGS, Form, export_poses
 from ..job import Job, command
 from ..live import add_character, increasing, pose_arrays, write_poses, write_props
 from ..place import absolute
@@ -26,6 +29,8 @@ from .database import starter_arguments
 from .jobs import JobOperator
 
 PANEL = panel_takes.KEY
+_MOTIONS = {"VRMA": VRMA, "ANGLES": ANGLES}  # written without Blender, and without a character
+_ENDINGS = {**ENDINGS, **_MOTIONS}
 
 _METHODS = [(name, name, f"The method {name!r}") for name in METHODS]
 _UP_TEXTS = {
@@ -258,8 +263,31 @@ class PERFANIM_OT_export_take(_OfTake, bpy.types.Operator, ExportHelper):
             ("BVH", "BVH", "Bones and motion, Y up"),
             ("FBX", "FBX", "Character and motion"),
             ("GLTF", "glTF", "Character and motion in one file (.glb)"),
+            ("VRMA", "VRM Animation", "Motion for any VRM avatar, of the performer's own body (.vrma)"),
+            ("ANGLES", "Joint Angles", "The performer's joint angles as a table (.angles.csv)"),
         ),
         options={"SKIP_SAVE"},
+    )
+    naming: bpy.props.EnumProperty(
+        name="Names",
+        description="Whose names the bones have that stand for joints",
+        items=(
+            ("OWN", "As They Are", "The character's own"),
+            ("unreal", "Unreal", "The mannequin of Unreal Engine 5"),
+            ("vrm", "VRM", "Humanoid bones of VRM 1.0"),
+            ("mixamo", "Mixamo", "Mixamo's"),
+            ("cmu", "CMU", "The CMU Motion Capture Database's, which a new character has"),
+        ),
+    )
+    rate: bpy.props.FloatProperty(
+        name="Rate (Hz)", description="Frames per second of the file; 0: as recorded", default=0, min=0, max=1000
+    )
+    scale: bpy.props.FloatProperty(
+        name="Scale",
+        description="BVH: its units in one of the scene's; 100 for centimetres where the scene has metres",
+        default=1,
+        min=0.001,
+        max=1000,
     )
     meshes: bpy.props.BoolProperty(name="Meshes", description="Also the meshes that the armature deforms", default=True)
 
@@ -271,18 +299,25 @@ class PERFANIM_OT_export_take(_OfTake, bpy.types.Operator, ExportHelper):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Ask for the file."""
         try:
-            self.filepath = bpy.path.clean_name(summarise(self.path).notes.name) + ENDINGS[self.kind]
+            self.filepath = bpy.path.clean_name(summarise(self.path).notes.name) + _ENDINGS[self.kind]
         except PerfanimError as error:
             return common.failed(self, PANEL, error)
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw what can be chosen; BVH has no meshes."""
-        self.layout.use_property_split = True
-        self.layout.prop(self, "kind")
-        if self.kind != "BVH":
-            self.layout.prop(self, "meshes")
+        """Draw what counts for this kind of file."""
+        column = self.layout.column()
+        column.use_property_split = True
+        column.use_property_decorate = False
+        column.prop(self, "kind")
+        column.prop(self, "rate")
+        if self.kind != "VRMA":
+            column.prop(self, "naming")
+        if self.kind == "BVH":
+            column.prop(self, "scale")
+        if self.kind in ("FBX", "GLTF"):
+            column.prop(self, "meshes")
 
     def check(self, context: bpy.types.Context) -> bool:
         """Let the name end as the format does."""
@@ -292,8 +327,8 @@ class PERFANIM_OT_export_take(_OfTake, bpy.types.Operator, ExportHelper):
 
     def _with_ending(self) -> str:
         path = self.filepath
-        known = next((ending for ending in ENDINGS.values() if path.lower().endswith(ending)), "")
-        return path[: len(path) - len(known)] + ENDINGS[self.kind]
+        known = next((ending for ending in _ENDINGS.values() if path.lower().endswith(ending)), "")
+        return path[: len(path) - len(known)] + _ENDINGS[self.kind]
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Write the file."""
@@ -310,12 +345,17 @@ class PERFANIM_OT_export_take(_OfTake, bpy.types.Operator, ExportHelper):
         found = _poses_of(context, take)
         times_s, rotations, positions = pose_arrays(found)
         numbers = np.array([pose.number for pose in found])
-        fps = rate(times_s, numbers) if len(times_s) > 1 else 1.0
+        fps = self.rate or (rate(times_s, numbers) if len(times_s) > 1 else 1.0)
         skeleton = take.setup.worn_subject().skeleton
+        naming = "" if self.naming == "OWN" else self.naming
+        if self.kind in _MOTIONS:
+            motion = steady_motion(found, take.setup.worn_subject(), take.notes.name, self.path)
+            written = write_motion(motion, target, naming=naming or OWN, rate=self.rate or None)
+            return f"{written.frames} frames of {take.notes.name} in {target}"
         chosen = settings(context).armature
         name = chosen.name if chosen else add_character(context, skeleton)
         poses = (increasing(times_s), rotations, positions, skeleton, fps)
-        count = export_poses(context, name, target, self.kind, *poses, self.meshes)
+        count = export_poses(context, name, target, self.kind, *poses, Form(self.meshes, naming, self.scale))
         return f"{count} frames of {take.notes.name} on {name} in {target}"
 
 

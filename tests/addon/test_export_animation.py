@@ -1,6 +1,7 @@
 """Takes on characters as BVH, FBX and glTF: read by Blender's importers, the joints are where they were."""
 
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -8,11 +9,12 @@ import pytest
 from perfanim.core.assets import MOTION
 from perfanim.core.errors import CharacterError, FormatError
 from perfanim.core.formats.bvh import read_bvh
+from perfanim.core.formats.naming import NAMINGS
 from perfanim.core.motion import Motion, sliced
 from perfanim.core.motion_files import read_motion
 from perfanim.core.product_skeleton import default_skeleton
 from perfanim.perfanim_addon import actions, character
-from perfanim.perfanim_addon.export_animation import ENDINGS, export_poses
+from perfanim.perfanim_addon.export_animation import ENDINGS, Form, export_poses
 
 SAME_M = 0.001
 
@@ -28,10 +30,10 @@ def performer(addon: object, motion: Motion) -> str:
     return character.create_character(bpy.context, default_skeleton(1.9))
 
 
-def export(performer: str, target: Path, kind: str, motion: Motion, meshes: bool = True) -> int:
+def export(performer: str, target: Path, kind: str, motion: Motion, **form: Any) -> int:
     times_s = np.arange(motion.frames) / motion.fps
     poses = (times_s, motion.rotations, motion.root_positions_m, motion.skeleton)
-    return export_poses(bpy.context, performer, target, kind, *poses, motion.fps, meshes)
+    return export_poses(bpy.context, performer, target, kind, *poses, motion.fps, Form(**form))
 
 
 def import_again(path: Path, kind: str) -> bpy.types.Object:
@@ -82,6 +84,38 @@ def test_joints_of_an_imported_file_are_where_they_were(performer, motion, tmp_p
         assert bool(meshes) == (kind != "BVH")
     read = read_bvh(files["BVH"])  # by the product, too
     assert (read.frames, read.fps) == (motion.frames, pytest.approx(motion.fps, abs=0.01))
+
+
+@pytest.mark.parametrize(("kind", "naming"), [("BVH", "unreal"), ("FBX", "mixamo"), ("GLTF", "vrm")])
+def test_joints_have_another_programs_names_and_are_where_they_were(performer, motion, tmp_path, kind, naming):
+    """At half the rate; one bone that stands for no joint has a name that is needed."""
+    obj, scene, names = bpy.data.objects[performer], bpy.context.scene, NAMINGS[naming]
+    bpy.context.view_layer.objects.active = obj
+    bpy.ops.object.mode_set(mode="EDIT")
+    spare = obj.data.edit_bones.new(names["lfemur"])
+    spare.parent, spare.head, spare.tail = obj.data.edit_bones["head"], (0, 0, 2), (0, 0, 2.1)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    before = [bone.name for bone in obj.data.bones]
+    mesh = next(other for other in bpy.data.objects if other.type == "MESH" and other.find_armature() == obj)
+    groups = [group.name for group in mesh.vertex_groups]
+    target = tmp_path / f"run{ENDINGS[kind]}"
+    times_s = np.arange(motion.frames) / motion.fps
+    poses = (times_s, motion.rotations, motion.root_positions_m, motion.skeleton)
+    form = Form(naming=naming, scale=100.0)
+    count = export_poses(bpy.context, performer, target, kind, *poses, motion.fps / 2, form)
+    assert count == motion.frames // 2
+    assert [bone.name for bone in obj.data.bones] == before
+    assert [group.name for group in mesh.vertex_groups] == groups
+    scene.render.fps, scene.render.fps_base = round(motion.fps / 2), 1.0
+    frames = actions.scene_frames(times_s, scene)
+    actions.write_action(performer, frames, motion.rotations, motion.root_positions_m, motion.skeleton)
+    joint_names = list(names)
+    wanted = joints(obj, 1, count, joint_names)
+    found = import_again(target, kind)
+    assert {bone.name for bone in found.data.bones} == {*names.values(), f"{names['lfemur']}_"}
+    there = joints(found, first_key(found), count, [names[joint] for joint in joint_names])
+    there *= 0.01 if kind == "BVH" else 1.0
+    assert np.linalg.norm(there - wanted, axis=2).max() < SAME_M
 
 
 def test_scene_and_armature_are_left_as_they_were(performer, motion, tmp_path):

@@ -17,6 +17,7 @@ from perfanim.core import rotations as rot
 from perfanim.core.assets import MOTION
 from perfanim.core.errors import CharacterError
 from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.formats.naming import NAMINGS
 from perfanim.core.motion import Motion, sliced
 from perfanim.core.motion_files import read_motion
 from perfanim.core.product_skeleton import default_skeleton, scaled
@@ -26,6 +27,7 @@ from perfanim.perfanim_addon import character
 from perfanim.perfanim_addon.actions import curves_of
 from perfanim.perfanim_addon.armature_driver import ArmatureDriver
 from perfanim.perfanim_addon.axes import BLENDER_FROM_PRODUCT
+from perfanim.perfanim_addon.export_animation import Form
 from perfanim.perfanim_addon.retarget_file import main as retarget_main
 from perfanim.perfanim_addon.retarget_file import retarget_file
 
@@ -207,6 +209,23 @@ def test_the_command_line_writes_a_file(mixamo_blend: Path, tmp_path: Path) -> N
     curves = curves_of(bpy.data.objects["Hero"])
     assert {curve.group.name for curve in curves} == {*summary["mapped"].values(), "Object Transforms"}
     assert "delta_location" in {curve.data_path for curve in curves}
+
+
+def test_the_character_comes_out_for_another_program_under_its_names(mixamo_blend: Path, tmp_path: Path) -> None:
+    motion = at_24_fps(clip("walking-01-neutral", 8))
+    done = retarget_file(motion, mixamo_blend, tmp_path / "walk.blend")
+    wanted = played(bpy.data.objects[done["armature"]], 8, done["mapped"].values())
+    done = retarget_file(motion, mixamo_blend, tmp_path / "walk.fbx", form=Form(naming="unreal"))
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.context.scene.render.fps = 24
+    bpy.ops.import_scene.fbx(filepath=str(tmp_path / "walk.fbx"), anim_offset=0.0)
+    hero = next(obj for obj in bpy.data.objects if obj.type == "ARMATURE")
+    assert {other.find_armature() for other in bpy.data.objects if other.type == "MESH"} == {hero}
+    names = {done["mapped"][joint]: name for joint, name in NAMINGS["unreal"].items() if joint in done["mapped"]}
+    found = played(hero, 8, names.values())
+    for bone, name in names.items():
+        apart = np.linalg.norm(found[name][:, :3, 3] - wanted[bone][:, :3, 3], axis=1)
+        assert apart.max() < 0.001, bone
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from perfanim.core.assets import MOTION
 from perfanim.core.cli.main import main
-from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.formats.bvh import read_bvh, write_bvh
 from perfanim.core.formats.takes import write_take
 from perfanim.core.marker_frame import MarkerFrame
 from perfanim.core.marker_set import Subject, load_marker_set, save_subject
@@ -208,6 +208,15 @@ def test_a_take_is_exported(part: Any, walk: SimpleNamespace, tmp_path: Path) ->
     assert [file.name for file in tmp_path.iterdir()] == ["a.fbx"]
     with pytest.raises(RuntimeError, match="cannot be written"):
         bpy.ops.perfanim.export_take(path=str(path), kind="FBX", filepath=str(tmp_path / "a.fbx" / "b.fbx"))
+    for kind, name in (("VRMA", "b.vrma"), ("ANGLES", "b.angles.csv")):
+        bpy.ops.perfanim.export_take(path=str(path), kind=kind, filepath=str(tmp_path / name), rate=15, naming="unreal")
+        assert part("running").message("takes")[0] == f"10 frames of walk in {tmp_path / name}"
+    assert "hand_l_z_deg" in (tmp_path / "b.angles.csv").read_text()
+    given = {"kind": "BVH", "naming": "unreal", "scale": 100.0, "rate": 15.0}
+    bpy.ops.perfanim.export_take(path=str(path), filepath=str(tmp_path / "c.bvh"), **given)
+    read = read_bvh(tmp_path / "c.bvh")
+    assert (read.frames, read.fps, read.metres_per_unit) == (10, 15.0, 0.01)
+    assert "pelvis" in read.names
 
 
 def test_a_deleted_take_can_be_had_back(part: Any, walk: SimpleNamespace) -> None:

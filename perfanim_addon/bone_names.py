@@ -1,0 +1,53 @@
+"""Bones under another program's names for as long as a file is written."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+import bpy
+
+from ..core.errors import CharacterError
+from ..core.formats.naming import naming_of
+
+_PASSING = "perfanim renaming {}"  # so that no bone meets another's name on the way
+
+
+@contextmanager
+def named_for(armature_object: bpy.types.Object, bones: Mapping[str, str], naming: str) -> Iterator[None]:
+    """Give bones the names that another program knows them by, and their own back afterwards.
+
+    Blender takes vertex groups, animation and constraints along. A bone that stands for no joint and has a name that
+    one of these needs gets "_" behind it meanwhile.
+
+    Args:
+        armature_object: whose bones they are.
+        bones: joint -> bone.
+        naming: of `core.formats.naming.NAMINGS`.
+
+    Raises:
+        CharacterError: the bones cannot be renamed, as they belong to another file.
+    """
+    data = armature_object.data
+    if data.library is not None or data.override_library is not None:
+        raise CharacterError(
+            "has bones of another file, which cannot be renamed",
+            where=armature_object.name,
+            advice="export them under their own names, or make the armature local",
+        )
+    names = naming_of(naming)
+    wanted = {bone: names[joint] for joint, bone in bones.items()}
+    taken = set(wanted.values())
+    wanted |= {name: f"{name}_" for name in taken if name in data.bones and name not in wanted}
+    _rename(data, wanted)
+    try:
+        yield
+    finally:
+        _rename(data, {name: bone for bone, name in wanted.items()})
+
+
+def _rename(data: bpy.types.Armature, names: Mapping[str, str]) -> None:
+    """Rename bones: old -> new name."""
+    passing = {old: _PASSING.format(number) for number, old in enumerate(names)}
+    for old, between in passing.items():
+        data.bones[old].name = between
+    for old, between in passing.items():
+        data.bones[between].name = names[old]
