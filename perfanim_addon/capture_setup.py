@@ -15,7 +15,7 @@ from ..core.product_skeleton import default_skeleton
 from ..core.prop import Prop, check_together
 from ..core.skeleton import Skeleton
 from ..core.worker.client import WorkerClient
-from . import preferences, states, takes, targets
+from . import preferences, sending, states, takes, targets
 from .capture_state import CaptureRun
 from .place import absolute, user_folder
 
@@ -67,6 +67,7 @@ def make(settings: Any) -> Setup:
         "database": database_path,
         "settings": {"method": preferences.method(bpy.context)},
         "shape": shape(settings),
+        "vmc": sending.target(settings.id_data),
         "take": str(takes.new_path()),
         "character": settings.armature.name if settings.armature else "",
     }

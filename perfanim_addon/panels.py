@@ -10,6 +10,7 @@ from .body_parts import PARTS
 from .job import Job
 from .live import Capture
 from .panel_camera_controls import PERFANIM_PT_camera_controls
+from .panel_sending import PERFANIM_PT_sending
 from .properties import settings
 
 # Width of a character, and of what a line has beside its text (icon, margins, tabs), in unscaled pixels.
@@ -333,6 +334,7 @@ _CLASSES = (
     PERFANIM_PT_character,
     PERFANIM_PT_capture,
     PERFANIM_PT_capture_settings,
+    PERFANIM_PT_sending,
 )
 
 

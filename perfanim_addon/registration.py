@@ -16,6 +16,7 @@ _REST = (
     "bone_list",
     "properties",
     "targets",
+    "sending",
     "result",
     "operators.jobs",
     "operators.cameras",

@@ -25,6 +25,8 @@ _GERMAN_WORDS = {
     "Calibration": "Kalibrierung",
     "Extend Scene": "Szene verlängern",
     "Preview": "Vorschau",
+    "Send by VMC": "Mit VMC senden",
+    "Host": "Rechner",
     "Smoothing (ms)": "Glättung (ms)",
     "Feet": "Füße",
     "Record by Button": "Auf Knopfdruck aufnehmen",

@@ -16,7 +16,7 @@ from ..solve_take import steady_motion
 from ..take_file.reading import ENDING, read_take_file
 from ..vmc.humanoid import BONES
 from ..vmc.link import Receiver, play, record
-from ..vmc.packets import MARIONETTE_PORT, PERFORMER_PORT
+from ..vmc.ports import MARIONETTE_PORT, PERFORMER_PORT
 from .options import positive, rate_hz
 
 Progress = Callable[[float, str], None]

@@ -69,28 +69,41 @@ class BonePoses:
     rotations: Array
 
 
-def bone_poses(motion: Motion) -> BonePoses:
-    """Return a motion of the product's joints as poses of a humanoid with the same bone lengths.
+class Humanoid:
+    """A body of the product's joints as a humanoid with the same bone lengths.
 
-    The hips carry the body through the room. Fingers and thumbs, which nothing measures, are left out.
+    The hips carry it through the room. Fingers and thumbs, which nothing measures, are left out.
 
     Raises:
         SkeletonError: it has not all of the product's joints.
     """
-    skeleton = motion.skeleton
-    joints = [skeleton.index(joint) for joint, _ in BONES.values()]
-    names, parents = tuple(BONES), _parents(tuple(BONES))
-    offsets = _t_pose_offsets(skeleton, joints, parents)
-    still = _source("T pose", 1.0, names, offsets, rot.identity((1, len(names))), np.zeros((1, 3)))
-    bone_from_joint = align_rest(still, match_joints(still)).source_from_product
-    turns = np.array([bone_from_joint[joint] for joint, _ in BONES.values()])
-    _, world = forward_kinematics(skeleton, motion.rotations, motion.root_positions_m)
-    bones = rot.multiply(world[:, joints], rot.conjugate(turns))
-    local = bones.copy()
-    local[:, 1:] = rot.multiply(rot.conjugate(bones[:, parents[1:]]), bones[:, 1:])
-    positions = np.tile(offsets, (motion.frames, 1, 1))
-    positions[:, 0] = motion.root_positions_m
-    return BonePoses(names, positions, local)
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        self._skeleton = skeleton
+        self._joints = [skeleton.index(joint) for joint, _ in BONES.values()]
+        names, self._parents = tuple(BONES), _parents(tuple(BONES))
+        self._offsets = _t_pose_offsets(skeleton, self._joints, self._parents)
+        still = _source("T pose", 1.0, names, self._offsets, rot.identity((1, len(names))), np.zeros((1, 3)))
+        bone_from_joint = align_rest(still, match_joints(still)).source_from_product
+        self._joint_from_bone = rot.conjugate([bone_from_joint[joint] for joint, _ in BONES.values()])
+
+    def poses(self, rotations: Array, root_positions_m: Array) -> BonePoses:
+        """Return poses (F, J, 4) and (F, 3), as of a `Motion`, as those of the humanoid."""
+        world = np.array(rotations, dtype=np.float64)
+        for level in self._skeleton.levels:  # where joints are does not count, and takes half the time
+            above = self._skeleton.parents[level]
+            world[:, level] = rot.multiply(world[:, above], world[:, level])
+        bones = rot.multiply(world[:, self._joints], self._joint_from_bone)
+        local = bones.copy()
+        local[:, 1:] = rot.multiply(rot.conjugate(bones[:, self._parents[1:]]), bones[:, 1:])
+        positions = np.tile(self._offsets, (len(rotations), 1, 1))
+        positions[:, 0] = root_positions_m
+        return BonePoses(tuple(BONES), positions, local)
+
+
+def bone_poses(motion: Motion) -> BonePoses:
+    """Return a motion of the product's joints as poses of a humanoid; SkeletonError as of `Humanoid`."""
+    return Humanoid(motion.skeleton).poses(motion.rotations, motion.root_positions_m)
 
 
 def motion_of_bones(poses: BonePoses, name: str, fps: float) -> Motion:

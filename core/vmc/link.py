@@ -3,13 +3,19 @@
 import socket
 import time
 from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import CaptureError
 from ..motion import Motion
-from .humanoid import bone_poses
-from .packets import frame_packet
+from ..skeleton import Skeleton
+from .humanoid import BONES, Humanoid
+from .packets import FramePackets
 from .recording import Recording
 
+Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
 _LARGEST_PACKET = 65535
@@ -25,24 +31,67 @@ def play(motion: Motion, host: str, port: int, progress: Progress) -> int:
         CaptureError: the host is not known, or the network takes no packets.
         SkeletonError: it has not the product's joints.
     """
-    where = f"{host}:{port}"
-    poses = bone_poses(motion)
     sent = 0
-    try:
-        family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-        with socket.socket(family, socket.SOCK_DGRAM) as link:
-            begun_s = time.perf_counter()
-            for frame in range(motion.frames):
-                time_s = frame / motion.fps
-                packet = frame_packet(time_s, poses.names, poses.positions_m[frame], poses.rotations[frame])
-                early_s = begun_s + time_s - time.perf_counter()
-                if early_s > 0.0:
-                    time.sleep(early_s)
-                sent += link.sendto(packet, address)
-                progress((frame + 1) / motion.frames, f"sending to {where}")
-    except (OSError, UnicodeError) as error:
-        raise CaptureError(f"cannot be sent to ({error})", where=where, advice="check host and port") from error
+    with Sender(motion.skeleton, host, port) as sender:
+        begun_s = time.perf_counter()
+        for frame in range(motion.frames):
+            time_s = frame / motion.fps
+            early_s = begun_s + time_s - time.perf_counter()
+            if early_s > 0.0:
+                time.sleep(early_s)
+            sent += sender.send(time_s, motion.rotations[frame], motion.root_positions_m[frame])
+            progress((frame + 1) / motion.frames, f"sending to {sender.where}")
     return sent
+
+
+class Sender:
+    """Sends poses of one body to another program.
+
+    Args:
+        skeleton: of the product's joints.
+        host, port: of the other program.
+
+    Raises:
+        CaptureError: the host is not known.
+        SkeletonError: it has not all of the product's joints.
+    """
+
+    def __init__(self, skeleton: Skeleton, host: str, port: int) -> None:
+        self.where = f"{host}:{port}"
+        self._humanoid = Humanoid(skeleton)
+        self._packets = FramePackets(tuple(BONES))
+        try:
+            family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+            self._address: tuple[Any, ...] = address
+            self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        except (OSError, UnicodeError) as error:
+            raise self._failure(error) from error
+
+    def __enter__(self) -> "Sender":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def send(self, time_s: float, rotations: Array, root_position_m: Array) -> int:
+        """Send a pose (J, 4) and (3,); return the bytes.
+
+        Raises:
+            CaptureError: the network takes no packets.
+        """
+        poses = self._humanoid.poses(rotations[None], root_position_m[None])
+        try:
+            packet = self._packets.packet(time_s, poses.positions_m[0], poses.rotations[0])
+            return self._socket.sendto(packet, self._address)
+        except OSError as error:
+            raise self._failure(error) from error
+
+    def close(self) -> None:
+        """Send nothing any more."""
+        self._socket.close()
+
+    def _failure(self, error: Exception) -> CaptureError:
+        return CaptureError(f"cannot be sent to ({error})", where=self.where, advice="check host and port")
 
 
 class Receiver:

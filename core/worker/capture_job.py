@@ -10,7 +10,8 @@ on in the same take, which has a record of what is missing.
 Request: "cameras" (request of `camera_job`), "subject" (file), "database" (file), "settings" (of `SolveSettings`),
 "take" (file that keeps the capture as it comes, see `take_file`; without it none does), "character" (who is driven),
 "shape" (of the poses as they are handed over, see `pose_shaping`; the take keeps them as they are solved), "props"
-(files of the props that are followed besides the performer, if any).
+(files of the props that are followed besides the performer, if any), "vmc" (host and port of a program that gets the
+poses, too; without it none does).
 Of a process that takes another's place also "after" (`seam.Seam` as a table: the last frame whose pose was taken) and
 "cause" (what happened to the other, in plain words).
 """
@@ -89,7 +90,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
         session = with_props(
             Session(setup.worn_subject(), database, setup.camera_rig(), settings), setup.carried_props()
         )
-        shaper = _shaper(request, setup, cameras)
+        shaper = _shaper(request, setup, cameras, channel)
         relay = _Relay(client, session, shaper, channel, take, cameras)
         if seam is not None:
             relay.expect(seam, str(request.get("cause", "")))
@@ -128,9 +129,15 @@ def _setup(
     return TakeSetup.of(_rig(cameras), subject, given, identity(database), cameras, props), settings
 
 
-def _shaper(request: Mapping[str, Any], setup: TakeSetup, cameras: Mapping[str, Any]) -> PoseShaper:
+def _shaper(request: Mapping[str, Any], setup: TakeSetup, cameras: Mapping[str, Any], channel: Channel) -> PoseShaper:
     floor_m = floor_of(setup.camera_rig()) if cameras.get("rig") else 0.0  # the simulated performer's is known
-    return PoseShaper(setup.worn_subject().skeleton, floor_m, Shape.of_table(request.get("shape", {})))
+    skeleton, shape = setup.worn_subject().skeleton, Shape.of_table(request.get("shape", {}))
+    if not request.get("vmc"):
+        return PoseShaper(skeleton, floor_m, shape)
+    from .broadcast import BroadcastShaper  # a capture that sends nothing does not load it
+
+    host, port = request["vmc"]
+    return BroadcastShaper(skeleton, floor_m, shape, str(host), int(port), channel.send_warning)
 
 
 def _take(request: Mapping[str, Any], setup: TakeSetup, channel: Channel) -> TakeWriter | None:

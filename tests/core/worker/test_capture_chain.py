@@ -23,6 +23,8 @@ from perfanim.core.simulate.performer import perform
 from perfanim.core.simulate.studio.carried import in_hand
 from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.take_file.reading import read_take_file, summarise
+from perfanim.core.vmc.link import Receiver
+from perfanim.core.vmc.packets import Clock, read_packet
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import Message, MessageKind
 from perfanim.core.worker.seam import Seam
@@ -64,12 +66,21 @@ def of(kind: MessageKind, messages: list[Message]) -> list[Message]:
 
 
 def test_every_frame_of_a_source_that_ends_is_solved_and_kept(request_files: dict[str, str], tmp_path: Path) -> None:
-    path = tmp_path / "walk.perftake"
-    client = WorkerClient({**request(request_files), "take": str(path), "character": "Xbot"})
-    try:
-        messages = collect(client, lambda _: client.ended)
-    finally:
-        client.close()
+    path, packets = tmp_path / "walk.perftake", []
+    with Receiver(0) as receiver:
+        asked = {"take": str(path), "character": "Xbot", "vmc": ["127.0.0.1", receiver.port]}
+        client = WorkerClient({**request(request_files), **asked})
+
+        def received(_: list[Message]) -> bool:
+            while packet := receiver.receive(0.0):
+                packets.append(packet)
+            return client.ended
+
+        try:
+            messages = collect(client, received)
+            received(messages)
+        finally:
+            client.close()
     assert not of(MessageKind.ERROR, messages)
     solved = [message.pose() for message in of(MessageKind.POSE, messages)]
     numbers = [each.pose.number for each in solved]
@@ -77,6 +88,9 @@ def test_every_frame_of_a_source_that_ends_is_solved_and_kept(request_files: dic
     assert messages[-1].json()["handed_over"] == len(numbers) > 300  # T pose, arms down, 4 s of walking, standing
     assert np.mean([each.pose.confidence for each in solved]) > 0.5
     assert not of(MessageKind.PREVIEW, messages)  # nobody asked for it
+    # another program has got each pose, at its time
+    clocks = [message.time_s for packet in packets for message in read_packet(packet) if isinstance(message, Clock)]
+    assert clocks == pytest.approx([each.pose.time_s for each in solved], abs=1e-5)
     stamps = [each.stamp_s for each in solved]
     assert stamps == sorted(stamps)
     take = read_take_file(path)

@@ -1,0 +1,48 @@
+"""Poses of a live capture sent to another program as they are shown, by the VMC protocol."""
+
+from collections.abc import Callable
+
+from ..errors import CaptureError
+from ..pose_frame import PoseFrame
+from ..pose_shaping import PoseShaper, Shape
+from ..skeleton import Skeleton
+from ..vmc.link import Sender
+
+
+class BroadcastShaper(PoseShaper):
+    """Shapes poses, and sends each to another program.
+
+    Here, in the solver's process, every pose passes at the pace of the cameras, however slowly Blender draws. What the
+    network does not take is told once, and then nothing is sent any more: a capture goes on without it.
+
+    Args:
+        skeleton, floor_m, shape: as of `PoseShaper`.
+        host, port: of the other program.
+        tell: told what is wrong, in plain words.
+    """
+
+    def __init__(
+        self, skeleton: Skeleton, floor_m: float | None, shape: Shape, host: str, port: int, tell: Callable[[str], None]
+    ) -> None:
+        super().__init__(skeleton, floor_m, shape)
+        self._tell = tell
+        self._sender: Sender | None = None
+        try:
+            self._sender = Sender(skeleton, host, port)
+        except CaptureError as error:
+            self._fail(error)
+
+    def step(self, pose: PoseFrame) -> PoseFrame:
+        """Return the next pose as it is shown, after it was sent."""
+        shown = super().step(pose)
+        if self._sender is not None:
+            try:
+                self._sender.send(shown.time_s, shown.rotations, shown.root_position_m)
+            except CaptureError as error:
+                self._sender.close()
+                self._sender = None
+                self._fail(error)
+        return shown
+
+    def _fail(self, error: CaptureError) -> None:
+        self._tell(f"nothing is sent by VMC: {error}")

@@ -1,0 +1,34 @@
+"""The sub-panel of the Capture panel that sends the live character to other programs."""
+
+import bpy
+
+from . import preferences, running, sending
+
+
+class PERFANIM_PT_sending(bpy.types.Panel):
+    """The live character in other programs."""
+
+    bl_label = "Send by VMC"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = preferences.DEFAULT_TAB
+    bl_parent_id = "PERFANIM_PT_capture"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        """Draw the switch."""
+        self.layout.enabled = running.current() is None
+        self.layout.prop(context.scene.perfanim_sending, "on", text="")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw where to."""
+        chosen = context.scene.perfanim_sending
+        column = self.layout.column()
+        column.use_property_split = True
+        column.use_property_decorate = False
+        column.enabled = chosen.on and running.current() is None
+        column.prop(chosen, "host")
+        column.prop(chosen, "port")
+        wrong = sending.problem(chosen) if chosen.on else ""
+        if wrong:
+            self.layout.label(text=wrong, icon="ERROR")

@@ -1,0 +1,52 @@
+"""Where a capture sends the character to: nowhere until somebody switches it on."""
+
+import sys
+from types import ModuleType
+from typing import Any
+
+import bpy
+import pytest
+
+
+@pytest.fixture
+def part(addon: ModuleType, extension: str) -> Any:
+    def find(name: str) -> Any:
+        return sys.modules[f"{extension}.perfanim_addon.{name}"]
+
+    return find
+
+
+@pytest.fixture
+def asked(part: Any, tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """What the worker is asked for, without the files that a capture checks first."""
+    setup = part("capture_setup")
+    monkeypatch.setattr(setup.states, "database_frames", lambda path: 1)
+    return lambda: setup.make(bpy.context.scene.perfanim).request["vmc"]
+
+
+def test_it_is_off_at_first(asked: Any) -> None:
+    assert not bpy.context.scene.perfanim_sending.on
+    assert asked() == []
+
+
+def test_switched_on_it_goes_to_host_and_port(asked: Any) -> None:
+    chosen = bpy.context.scene.perfanim_sending
+    chosen.on = True
+    assert asked() == ["127.0.0.1", 39539]
+    chosen.host, chosen.port = " localhost ", 39600
+    assert asked() == ["localhost", 39600]
+
+
+def test_without_online_access_only_this_computer_is_sent_to(asked: Any, part: Any, monkeypatch: Any) -> None:
+    chosen, sending = bpy.context.scene.perfanim_sending, part("sending")
+    chosen.on, chosen.host = True, "192.168.1.20"
+    for allowed in (False, True):
+        monkeypatch.setattr(sending, "is_online_allowed", lambda allowed=allowed: allowed)
+        assert asked() == (["192.168.1.20", 39539] if allowed else [])
+        assert bool(sending.problem(chosen)) != allowed
+    monkeypatch.setattr(sending, "is_online_allowed", lambda: False)
+    for host in ("127.0.0.1", "::1", "localhost"):
+        chosen.host = host
+        assert asked() == [host, 39539]
+    chosen.host = " "
+    assert asked() == []
