@@ -20,7 +20,7 @@ _METHOD_TEXTS = {
 
 
 def _tab_changed(preferences: "PERFANIM_AP_preferences", context: bpy.types.Context) -> None:
-    for name in ("panels", "panel_targets", "panel_takes"):
+    for name in ("panels", "panel_targets", "panel_takes", "panel_batch"):
         panels = sys.modules.get(f"{__package__}.{name}")
         if panels is not None and not diagnostics.problem:
             panels.move_to_tab(preferences.tab or DEFAULT_TAB)

@@ -18,6 +18,7 @@ _REST = (
     "targets",
     "sending",
     "result",
+    "batch_settings",
     "operators.jobs",
     "operators.cameras",
     "operators.subject",
@@ -27,12 +28,14 @@ _REST = (
     "operators.takes",
     "operators.take_files",
     "operators.targets",
+    "operators.batch",
     "operators.self_test",
     "defaults",
     "panel_character",
     "panels",
     "panel_targets",
     "panel_takes",
+    "panel_batch",
     "running",  # last, so that it ends what runs while all that this needs is still there
 )
 _FALLBACK = ("panel_broken",)

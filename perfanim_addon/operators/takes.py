@@ -13,7 +13,6 @@ from ...core.formats.naming import OWN
 from ...core.formats.takes import READABLE
 from ...core.motion_export import ANGLES, VRMA, write_motion
 from ...core.pose_shaping import Shape, shaped
-from ...core.solve_take import steady_motion
 from ...core.solver.settings import METHODS
 from ...core.take_file.reading import TakeFile, rate, read_take_file, summarise, take_name, unused_path
 from ...core.take_import import UPS
@@ -349,6 +348,10 @@ class PERFANIM_OT_export_take(_OfTake, bpy.types.Operator, ExportHelper):
         skeleton = take.setup.worn_subject().skeleton
         naming = "" if self.naming == "OWN" else self.naming
         if self.kind in _MOTIONS:
+            from ...core.solve_take import (
+                steady_motion,
+            )  # brings the solver along, which Blender needs for nothing else
+
             motion = steady_motion(found, take.setup.worn_subject(), take.notes.name, self.path)
             written = write_motion(motion, target, naming=naming or OWN, rate=self.rate or None)
             return f"{written.frames} frames of {take.notes.name} in {target}"

@@ -1,0 +1,109 @@
+"""What a batch of takes is done with: kept in the scene, and as a plan file."""
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..core.batch.plan import plan_of
+from ..core.errors import SettingsError
+from ..core.files import write_toml
+from ..core.formats.takes import is_recorded
+from . import preferences, states, takes
+from .place import absolute
+from .properties import settings
+
+PLAN = "plan.toml"  # in the folder of the results
+
+NAMINGS = (
+    ("cmu", "CMU", "The product's own names, those of the CMU Motion Capture Database"),
+    ("unreal", "Unreal", "The mannequin of Unreal Engine 5"),
+    ("vrm", "VRM", "Humanoid bones of VRM 1.0"),
+    ("mixamo", "Mixamo", "Mixamo's"),
+)
+
+
+class PERFANIM_PG_batch(bpy.types.PropertyGroup):
+    """Which takes, with what, into which folder."""
+
+    plan: bpy.props.StringProperty(
+        name="Plan", description="Plan file (TOML) that says all; empty: as chosen below", subtype="FILE_PATH"
+    )
+    takes: bpy.props.StringProperty(
+        name="Takes",
+        description="Folder of takes, with all folders in it: C3D, TRC, CSV, recorded ones; empty: those of the list",
+        subtype="DIR_PATH",
+    )
+    out: bpy.props.StringProperty(
+        name="Results", description="Folder for the results; what is done there already stays", subtype="DIR_PATH"
+    )
+    naming: bpy.props.EnumProperty(
+        name="Names", description="Whose names the joints have in the files", items=NAMINGS, default="cmu"
+    )
+    angles: bpy.props.BoolProperty(
+        name="Joint Angles", description="Also a table of joint angles (CSV) of each take", default=False
+    )
+    vrma: bpy.props.BoolProperty(name="VRM Animation", description="Also a VRM animation of each take", default=False)
+    processes: bpy.props.IntProperty(
+        name="Processes",
+        description="How many takes are done at a time; 0: one a core but one, which is left to Blender",
+        default=0,
+        min=0,
+        max=256,
+    )
+
+
+def problem(chosen: Any) -> str:
+    """Return what is missing for a batch, "" when it can be started."""
+    if chosen.plan:
+        return "" if Path(absolute(chosen.plan)).is_file() else "the plan file is not there"
+    if chosen.takes and not Path(absolute(chosen.takes)).is_dir():
+        return "the folder of takes is not there"
+    return "" if chosen.out else "choose a folder for the results"
+
+
+def plan_file(context: bpy.types.Context, chosen: Any) -> Path:
+    """Return the plan that is chosen, or the one that is written into the folder of the results as is chosen.
+
+    Own takes are solved for who was recorded, all others for the chosen performer with the chosen markers.
+
+    Raises:
+        SettingsError: there are no takes, or nobody is chosen whom the others show.
+        FormatError: the folder cannot be written.
+    """
+    if chosen.plan:
+        return Path(absolute(chosen.plan))
+    scene = settings(context)
+    source = absolute(chosen.takes) or str(takes.folder())
+    performer = {"marker_set": states.marker_set_source(scene), "up": "auto", "subject": absolute(scene.subject)}
+    rows = []
+    for take in plan_of([source], {}).takes:
+        own = is_recorded(take.take)
+        if not own and not scene.subject:
+            raise SettingsError(
+                "no performer is chosen, whom this take shows", where=take.take, advice="choose one under Subject"
+            )
+        rows.append({"take": take.take, "name": take.name, **({} if own else performer)})
+    also = [kind for kind, wanted in (("angles.csv", chosen.angles), ("vrma", chosen.vrma)) if wanted]
+    path = Path(absolute(chosen.out)) / PLAN
+    shared = {
+        "out": str(path.parent),
+        "database": str(states.database_path(scene)),
+        "method": preferences.method(context),
+        "feet": scene.feet,
+        "naming": chosen.naming,
+    }
+    write_toml(path, {**shared, **({"also": also} if also else {}), "take": rows})
+    return path
+
+
+def register() -> None:
+    """Register the settings and hang them on the scene."""
+    bpy.utils.register_class(PERFANIM_PG_batch)
+    bpy.types.Scene.perfanim_batch = bpy.props.PointerProperty(type=PERFANIM_PG_batch)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    del bpy.types.Scene.perfanim_batch
+    bpy.utils.unregister_class(PERFANIM_PG_batch)
