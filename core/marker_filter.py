@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
 
 from .errors import SettingsError
 from .marker_take import MarkerTake
@@ -71,6 +70,8 @@ def _low_pass(cutoff_hz: float, fps: float, name: str) -> Array | None:
     single_pass = cutoff_hz / (np.sqrt(2.0) - 1.0) ** (0.5 / _ORDER)
     if single_pass >= 0.5 * fps:
         return None
+    from scipy.signal import butter  # slow to load, and most takes are not filtered
+
     return np.asarray(butter(_ORDER, single_pass, fs=fps, output="sos"))
 
 
@@ -78,6 +79,8 @@ def _filtered(sections: Array | None, path: Array) -> Array:
     """Return (F, ...) filtered forwards and backwards; one too short for the filter's run-in stays as it is."""
     if sections is None or len(path) <= 3 * (2 * len(sections) + 1):
         return path
+    from scipy.signal import sosfiltfilt
+
     return np.asarray(sosfiltfilt(sections, path, axis=0))
 
 

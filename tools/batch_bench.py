@@ -6,6 +6,8 @@ Takes are cut from every other recording of DIR/cmu and the database is made of 
 or have the wrong markers. The batch is run with one process and with two, once more when all is done, killed (SIGKILL)
 at a random moment and started again with its takes in another order, and on a Dask cluster of two workers: all must
 leave the same bytes, and name the 20.
+
+With --pairs N, one process and two are only timed, N times by turns (on a machine that does nothing else).
 """
 
 import argparse
@@ -16,6 +18,7 @@ import random
 import resource
 import shutil
 import signal
+import statistics
 import subprocess
 import sys
 import time
@@ -38,6 +41,7 @@ FPS = 60.0
 MARKER_SET = "boxing"
 ENDINGS = ("c3d", "trc", "csv", "take.npz")
 BROKEN, EMPTY, WRONG = 10, 5, 5
+LEAST_RATIO = 1.8
 LEFT_OUT = ("49_21",)  # hangs on ropes, which nobody does in the database: no method finds a body
 Fault = Callable[[Path, MarkerTake], None]
 
@@ -50,11 +54,12 @@ def main() -> int:
     parser.add_argument("--takes", type=int, default=200, help="how many, the bad ones among them (default 200)")
     parser.add_argument("--seconds", type=float, default=2.0, help="length of each (default 2)")
     parser.add_argument("--seed", type=int, default=1, help="of noise, cuts and the moment of the kill (default 1)")
+    parser.add_argument("--pairs", type=int, default=0, help="only time one process against two, so often")
     options = parser.parse_args()
     shutil.rmtree(options.out, ignore_errors=True)
     chance = random.Random(options.seed)  # noqa: S311 - moments, no secrets
     bad = make_takes(options.data / "cmu", options.out, options.takes, options.seconds, chance)
-    report = run_all(options.out, bad, options.takes, chance)
+    report = timed(options.out, options.pairs) if options.pairs else run_all(options.out, bad, options.takes, chance)
     (options.out / "report.json").write_text(json.dumps(report, indent=1) + "\n")
     sys.stdout.write(json.dumps(report, indent=1) + "\n")
     return 0 if all(value for value in report["holds"].values()) else 1
@@ -163,6 +168,28 @@ def run_all(out: Path, bad: set[str], count: int, chance: random.Random) -> dict
             and same(out / "one", out / "killed"),
             "cluster": same(out / "one", out / "cluster"),
         },
+    }
+
+
+def timed(out: Path, pairs: int) -> dict[str, Any]:
+    """Time one process and two by turns; the ratio is the median of the pairs'."""
+    runs: dict[str, list[dict[str, Any]]] = {"one": [], "two": []}
+    for _ in range(pairs):
+        for name, jobs in (("one", "1"), ("two", "2")):
+            shutil.rmtree(out / name, ignore_errors=True)
+            runs[name].append(batch(out, "plan.toml", name, "--jobs", jobs))
+    ratios = [one["seconds"] / two["seconds"] for one, two in zip(runs["one"], runs["two"], strict=True)]
+    told = {
+        f"{figure} of {name}": [run[figure] for run in done]
+        for name, done in runs.items()
+        for figure in ("seconds", "cpu_seconds")
+    }
+    ratio = statistics.median(ratios)
+    return {
+        **told,
+        "ratios": ratios,
+        "ratio": ratio,
+        "holds": {"two processes are 1.8 times one": ratio >= LEAST_RATIO},
     }
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Generator, Sequence
 
 from ..errors import SettingsError
-from .take import Record, Task, failed
+from .record import Record, Task, failed
 
 _CONNECT_S = 30.0
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +10,9 @@ from numpy.typing import NDArray
 from ..motion import Motion
 from ..pose_frame import PoseFrame
 from ..skeleton import forward_kinematics
-from ..solve_take import SolvedTake
+
+if TYPE_CHECKING:
+    from ..solve_take import SolvedTake
 
 Array = NDArray[np.float64]
 
@@ -39,7 +42,7 @@ LIMITS = (
 LEAST_CONFIDENCE = 0.5
 
 
-def figures_of(solved: SolvedTake) -> dict[str, float | int | None]:
+def figures_of(solved: "SolvedTake") -> dict[str, float | int | None]:
     """Return the figures of a solved take; None where one cannot be told.
 
     Returns:

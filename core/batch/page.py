@@ -7,7 +7,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from .figures import LEAST_CONFIDENCE, LIMITS
-from .take import BAD, DOUBTFUL, GOOD, Record
+from .record import BAD, DOUBTFUL, GOOD, Record
 
 _ORDER = (BAD, DOUBTFUL, GOOD)
 _MOST = {limit.figure: limit.most for limit in LIMITS}

@@ -11,7 +11,7 @@ from collections.abc import Generator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from .take import Record, Task, failed
+from .record import Record, Task, failed
 
 _ROOT = Path(__file__).resolve().parents[2]
 # sums of several threads differ in their last bits, and the results of a batch must not

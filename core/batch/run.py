@@ -13,8 +13,8 @@ from ..errors import FormatError, SettingsError
 from ..take_file.lock import lock
 from .digest import ContentDigests, take_digest
 from .plan import TakePlan
+from .record import BAD, REPORT, Record, Task, finished_record, remove_old
 from .summary import write_summary
-from .take import BAD, REPORT, Record, Task, finished_record, remove_old
 
 Progress = Callable[[float, str], None]
 DoTasks = Callable[[Sequence[Task]], Generator[Record, None, None]]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from .page import page_text
-from .take import BAD, DOUBTFUL, GOOD, Record
+from .record import BAD, DOUBTFUL, GOOD, Record
 
 _FIGURES = ("frames", "marker_rms_mm", "confidence", "hidden", "longest_gap_s", "foot_skate_cm_s")
 _HEADS = ("frames", "error mm", "confid.", "hidden", "gap s", "skate cm/s")

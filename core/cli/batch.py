@@ -11,9 +11,9 @@ from typing import Any
 
 from ..batch.plan import ALSO, SAVED_AS, Plan, TakePlan, Value, plan_of, read_plan
 from ..batch.processes import in_processes
+from ..batch.record import BAD
 from ..batch.run import BatchResult, DoTasks, run_batch
 from ..batch.summary import counts, facts, text_table
-from ..batch.take import BAD
 from ..camera import load_rig
 from ..database.store import open_database
 from ..errors import CharacterError, FormatError, PerfanimError, SettingsError

@@ -26,11 +26,12 @@ _local = threading.local()
 
 
 def serve_task(text: str) -> str:
-    """Do one take, JSON in and out (`batch.take.Task`, `Record`).
+    """Do one take, JSON in and out (`batch.record.Task`, `Record`).
 
     What takes share stays open for the next one: a database is opened once by each thread that does takes.
     """
-    from ..batch.take import Task, run_task
+    from ..batch.record import Task
+    from ..batch.take import run_task
 
     if not hasattr(_local, "commands"):
         _local.commands = CommandLine()

@@ -93,7 +93,9 @@ def _add_json_option(parser: argparse.ArgumentParser) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
-    args = build_parser().parse_args(argv)
+    given = sys.argv[1:] if argv is None else argv
+    # the other commands' modules take a second to load
+    args = build_parser(given[:1] if given and given[0] in COMMANDS else COMMANDS).parse_args(given)
     progress = Progress()
     # a polite end by the system is an end like any other: what is half written is removed on the way out
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))

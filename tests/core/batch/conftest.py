@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from perfanim.core.batch.plan import TakePlan, plan_of
 from perfanim.core.batch.processes import in_processes
+from perfanim.core.batch.record import Record, Task
 from perfanim.core.batch.run import BatchResult, DoTasks, run_batch
-from perfanim.core.batch.take import Record, Task
 from perfanim.core.cli import batch_worker
 from perfanim.core.formats.takes import write_take
 from perfanim.core.marker_set import save_subject

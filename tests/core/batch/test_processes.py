@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from perfanim.core.batch.processes import in_processes
-from perfanim.core.batch.take import BAD
+from perfanim.core.batch.record import BAD
 from perfanim.core.cli import batch_worker
 
 from .conftest import run

@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import pytest
 from perfanim.core.batch.plan import plan_of
+from perfanim.core.batch.record import BAD, DOUBTFUL, GOOD, failed
 from perfanim.core.batch.run import run_batch
-from perfanim.core.batch.take import BAD, DOUBTFUL, GOOD, failed
 from perfanim.core.errors import FormatError, SettingsError
 from perfanim.core.formats.takes import read_take
 from perfanim.core.motion_files import read_motion

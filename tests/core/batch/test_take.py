@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 from perfanim.core.batch.plan import TakePlan
-from perfanim.core.batch.take import BAD, Record, Task, run_task
+from perfanim.core.batch.record import BAD, Record, Task
+from perfanim.core.batch.take import run_task
 from perfanim.core.errors import CharacterError, TakeError
 from perfanim.core.marker_set import Subject
 from perfanim.core.motion import resampled
