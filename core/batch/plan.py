@@ -206,8 +206,8 @@ def _value(kind: Kind, value: Any, folder: Path, where: str) -> Value:
         return value
     if kind is Kind.NUMBER and isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
-    if kind is Kind.MOTIONS and isinstance(value, list) and set(value) <= set(ALSO):
-        return sorted(value)
+    if kind is Kind.MOTIONS and isinstance(value, list) and all(item in ALSO for item in value):
+        return sorted(set(value))
     if kind is Kind.CHARACTER and value in SAVED_AS:
         return value
     if kind in (Kind.SOURCES, Kind.CAMERAS) and isinstance(value, list) and all(isinstance(v, str) for v in value):

@@ -120,6 +120,7 @@ def test_takes_of_the_command_line(plan, tmp_path, monkeypatch):
         ('background = "x.mp4"\n[[take]]\ntake = "day1"', "is not a list of videos"),
         ('no_time_offset = 1\n[[take]]\ntake = "day1"', "is not true or false"),
         ('also = ["bvh"]\n[[take]]\ntake = "day1"', "is not a list of angles.csv, vrma"),
+        ('also = [["vrma"]]\n[[take]]\ntake = "day1"', "is not a list of angles.csv, vrma"),
         ('also = "vrma"\n[[take]]\ntake = "day1"', "is not a list of angles.csv, vrma"),
         ('save_as = "obj"\n[[take]]\ntake = "day1"', "is not one of blend, fbx, glb"),
         ('[[take]]\ntake = "day3/*.c3d"', "there are no takes"),
