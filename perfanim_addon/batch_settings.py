@@ -44,6 +44,20 @@ class PERFANIM_PG_batch(bpy.types.PropertyGroup):
         name="Joint Angles", description="Also a table of joint angles (CSV) of each take", default=False
     )
     vrma: bpy.props.BoolProperty(name="VRM Animation", description="Also a VRM animation of each take", default=False)
+    character: bpy.props.StringProperty(
+        name="Character",
+        description="Also put each motion onto the character of this file (.blend, glTF, VRM, FBX); empty: onto none",
+        subtype="FILE_PATH",
+    )
+    save_as: bpy.props.EnumProperty(
+        name="Save As",
+        description="Kind of the characters' files",
+        items=(
+            ("blend", "Blender File", "The whole scene (.blend)"),
+            ("fbx", "FBX", "Character and motion (.fbx)"),
+            ("glb", "glTF", "Character and motion (.glb)"),
+        ),
+    )
     processes: bpy.props.IntProperty(
         name="Processes",
         description="How many takes are done at a time; 0: one a core but one, which is left to Blender",
@@ -59,6 +73,8 @@ def problem(chosen: Any) -> str:
         return "" if Path(absolute(chosen.plan)).is_file() else "the plan file is not there"
     if chosen.takes and not Path(absolute(chosen.takes)).is_dir():
         return "the folder of takes is not there"
+    if chosen.character and not Path(absolute(chosen.character)).is_file():
+        return "the character's file is not there"
     return "" if chosen.out else "choose a folder for the results"
 
 
@@ -86,15 +102,26 @@ def plan_file(context: bpy.types.Context, chosen: Any) -> Path:
         rows.append({"take": take.take, "name": take.name, **({} if own else performer)})
     also = [kind for kind, wanted in (("angles.csv", chosen.angles), ("vrma", chosen.vrma)) if wanted]
     path = Path(absolute(chosen.out)) / PLAN
-    shared = {
+    shared: dict[str, Any] = {
         "out": str(path.parent),
         "database": str(states.database_path(scene)),
         "method": preferences.method(context),
         "feet": scene.feet,
         "naming": chosen.naming,
     }
-    write_toml(path, {**shared, **({"also": also} if also else {}), "take": rows})
+    if also:
+        shared["also"] = also
+    if chosen.character:
+        shared |= {"to": absolute(chosen.character), "save_as": chosen.save_as}
+        if blender_program():
+            shared["blender"] = blender_program()
+    write_toml(path, {**shared, "take": rows})
     return path
+
+
+def blender_program() -> str:
+    """Return the file of the Blender that runs, "" for Blender as a Python module, which the worker's Python has."""
+    return str(bpy.app.binary_path)
 
 
 def register() -> None:

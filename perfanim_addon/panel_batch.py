@@ -27,8 +27,10 @@ class PERFANIM_PT_batch(bpy.types.Panel):
         column.enabled = running.current() is None
         column.prop(chosen, "plan")
         if not chosen.plan:
-            for name in ("takes", "out", "naming", "angles", "vrma"):
+            for name in ("takes", "out", "naming", "angles", "vrma", "character"):
                 column.prop(chosen, name)
+            if chosen.character:
+                column.prop(chosen, "save_as")
         column.prop(chosen, "processes")
         layout.operator("perfanim.run_batch", icon="RENDER_ANIMATION")
         panels.draw_job(layout, KEY)

@@ -69,6 +69,7 @@ KEYS = {
     "map": Key(Kind.NAME_OR_FILE, ("retarget",)),
     "root_motion": Key(Kind.WORD, ("retarget",)),
     "save_as": Key(Kind.CHARACTER, ()),
+    "blender": Key(Kind.FILE, ("retarget",)),
 }
 ALSO = tuple(ending.removeprefix(".") for ending in MOTION_ENDINGS if ending != BVH)
 SAVED_AS = ("blend", "fbx", "glb")
@@ -109,6 +110,8 @@ class TakePlan:
                 commands = ("solve",) if is_recorded(self.take) else ()
             if key == "up" and (self.is_tracked or is_recorded(self.take)):
                 commands = ()  # what cameras saw has y up
+            if key == "blender" and "to" not in self.options:
+                commands = ()
             if command not in commands or value is False:
                 continue
             flag = f"--{key.replace('_', '-')}"

@@ -1,7 +1,6 @@
 """`perfanim batch`: many takes, solved, retargeted and told about."""
 
 import argparse
-import importlib.util
 import os
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,7 +15,7 @@ from ..batch.run import BatchResult, DoTasks, run_batch
 from ..batch.summary import counts, facts, text_table
 from ..camera import load_rig
 from ..database.store import open_database
-from ..errors import CharacterError, FormatError, PerfanimError, SettingsError
+from ..errors import FormatError, PerfanimError, SettingsError
 from ..foot_lock import FEET
 from ..formats.takes import READABLE
 from ..marker_set import load_marker_set, load_subject
@@ -27,10 +26,11 @@ from ..take_import import UPS
 from . import batch_worker
 from .options import add_motion_options
 from .outcome import Outcome
+from .retarget import check_blender
 
 _GIVEN = (
     "database", "subject", "skeleton", "marker_set", "up", "method", "smooth", "feet", "units", "naming", "rate",
-    "also", "cameras", "to", "map", "root_motion", "save_as",
+    "also", "cameras", "to", "map", "root_motion", "save_as", "blender",
 )  # fmt: skip
 _CHECKS: dict[str, Callable[[str], object]] = {
     "database": open_database,
@@ -78,6 +78,7 @@ def add_parser(subparsers: Any) -> None:
         help="what carries the character through the room (default hips)",
     )
     shared.add_argument("--save-as", choices=SAVED_AS, help="kind of the characters' files (default blend)")
+    shared.add_argument("--blender", metavar="FILE", help="Blender to retarget with (default: its Python module, bpy)")
     parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: one a core)")
     parser.add_argument(
         "--scheduler", metavar="ADDRESS", help="have a Dask cluster do the takes (tcp://HOST:8786), see docs/batch.md"
@@ -125,6 +126,7 @@ def _check(plan: Plan) -> None:
     """
     lines: set[str] = set()
     files: set[tuple[str, str]] = set()
+    characters: set[tuple[str, str]] = set()
     for take in plan.takes:
         line = repr((take.options, take.is_tracked, Path(take.take).suffix.lower()))
         if line not in lines:
@@ -133,12 +135,13 @@ def _check(plan: Plan) -> None:
                 _check_options(take)
             except PerfanimError as error:
                 raise SettingsError(f"{take.source}: {error}") from error
-        files |= {(key, str(value)) for key, value in take.options.items() if key in (*_CHECKS, "to")}
+        files |= {(key, str(value)) for key, value in take.options.items() if key in _CHECKS}
+        if "to" in take.options:
+            characters.add((str(take.options["to"]), str(take.options.get("blender", ""))))
     for key, value in sorted(files):
-        if key == "to":
-            _check_character(Path(value))
-        else:
-            _CHECKS[key](value)
+        _CHECKS[key](value)
+    for character, blender in sorted(characters):
+        _check_character(Path(character), blender or None)
 
 
 def _check_options(take: TakePlan) -> None:
@@ -149,11 +152,10 @@ def _check_options(take: TakePlan) -> None:
         batch_worker.parsed("retarget", ["x.bvh", *take.options_of("retarget"), "--out", "x.blend"])
 
 
-def _check_character(path: Path) -> None:
+def _check_character(path: Path, blender: str | None) -> None:
     if not path.is_file():
         raise FormatError("cannot be read (no such file)", where=str(path), advice="check the path")
-    if importlib.util.find_spec("bpy") is None:
-        raise CharacterError("Blender's Python module is not here", advice="pip install bpy, of the same Python")
+    check_blender(blender)
 
 
 def _told(result: BatchResult, out: str) -> Outcome:

@@ -13,13 +13,14 @@ from ..errors import CharacterError, FormatError
 from ..formats.naming import NAMINGS
 from ..retarget.transfer import RootMotion
 
+_ADDON = Path(__file__).resolve().parents[2] / "perfanim_addon"
 _PREFIX = "retarget_file: "
 _EXPORTED = (".fbx", ".glb", ".bvh")
 
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
-    parser = subparsers.add_parser("retarget", help="a motion onto a character (needs bpy)")
+    parser = subparsers.add_parser("retarget", help="a motion onto a character (needs bpy or Blender)")
     parser.add_argument("motion", metavar="MOTION", help="motion: .bvh or .amc")
     parser.add_argument(
         "--to", required=True, metavar="CHARACTER", help="humanoid of a .blend, .glb, .gltf, .vrm or .fbx file"
@@ -35,6 +36,7 @@ def add_parser(subparsers: Any) -> None:
         default="hips",
         help="what carries the character through the room (default hips)",
     )
+    parser.add_argument("--blender", metavar="FILE", help="Blender to do it with (default: its Python module, bpy)")
     parser.add_argument("--skeleton", metavar="FILE.asf", help="skeleton of an .amc motion")
     parser.add_argument("--render", metavar="FILE.png", help="also render a picture")
     parser.add_argument("--frame", type=int, metavar="N", help="frame of the picture, from 1 (default: the middle one)")
@@ -60,10 +62,8 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
         raise FormatError("has an ending that cannot be written", where=args.out, advice=advice)
     if args.naming is not None and ending not in _EXPORTED:
         args.wrong_usage("argument --naming: a .blend keeps the character's own names")
-    if importlib.util.find_spec("bpy") is None:
-        raise CharacterError("Blender's Python module is not here", advice="pip install bpy, of the same Python")
-    package = (__package__ or "").rpartition(".core.")[0]
-    command = [sys.executable, "-m", f"{package}.perfanim_addon.retarget_file", args.motion, args.to, args.out]
+    check_blender(args.blender)
+    command = [*_program(args.blender), args.motion, args.to, args.out]
     for name in ("skeleton", "map", "render", "frame", "naming"):
         value = getattr(args, name)
         if value is not None:
@@ -75,7 +75,29 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
         lines = [line for line in done.stderr.splitlines() if line.strip()] or ["it ended without a word"]
         said = next((line for line in lines if line.startswith(_PREFIX)), lines[-1])
         raise CharacterError(said.removeprefix(_PREFIX))
-    summary: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
+    # Blender has lines of its own
+    summary: dict[str, Any] = json.loads([line for line in done.stdout.splitlines() if line.startswith("{")][-1])
     if args.render is not None:
         summary["picture"] = str(Path(args.render))
     return summary
+
+
+def check_blender(blender: str | None) -> None:
+    """Raise CharacterError when there is neither the Blender that is named nor, without one, its Python module."""
+    if blender is None and importlib.util.find_spec("bpy") is None:
+        raise CharacterError(
+            "Blender's Python module is not here", advice="pip install bpy, of the same Python, or name a --blender"
+        )
+    if blender is not None and not Path(blender).is_file():
+        raise CharacterError("is no program", where=blender, advice="name the file of Blender's program")
+
+
+def _program(blender: str | None) -> list[str]:
+    """Return the command line that retargets, but for its arguments."""
+    if blender is None:
+        package = (__package__ or "").rpartition(".core.")[0]
+        return [sys.executable, "-m", f"{package}.perfanim_addon.retarget_file"]
+    start = json.dumps({"root": str(_ADDON.parent), "paths": sys.path})
+    script = str(_ADDON / "retarget_in_blender.py")
+    options = ["--background", "--factory-startup", "--python-exit-code", "1", "--python", script]
+    return [blender, *options, "--", start]

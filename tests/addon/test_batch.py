@@ -96,7 +96,7 @@ def test_a_folder_of_takes_is_done_and_shown(part: Any, folder: Path, tmp_path: 
     ]  # fmt: skip
 
 
-def test_own_takes_are_solved_for_who_was_recorded(part: Any, folder: Path, tmp_path: Path) -> None:
+def test_own_takes_are_solved_for_who_was_recorded(part: Any, folder: Path, tmp_path: Path, monkeypatch: Any) -> None:
     subject = Subject("Ben", read_motion(folder / "walk.bvh").skeleton, load_marker_set("locomotion"))
     nowhere = np.full((8, 3), np.nan)
     motion = read_motion(folder / "walk.bvh")
@@ -118,6 +118,12 @@ def test_own_takes_are_solved_for_who_was_recorded(part: Any, folder: Path, tmp_
     with pytest.raises(errors.SettingsError, match="choose one under Subject"):
         part("batch_settings").plan_file(bpy.context, chosen)
     bpy.context.scene.perfanim.subject = str(folder / "anna.toml")
+    chosen.character, chosen.save_as = str(folder / "anna.toml"), "fbx"
+    monkeypatch.setattr(part("batch_settings"), "blender_program", lambda: "/opt/blender")
+    plan = tomllib.loads(part("batch_settings").plan_file(bpy.context, chosen).read_text())
+    assert {key: plan[key] for key in ("to", "save_as", "blender")} == {
+        "to": str(folder / "anna.toml"), "save_as": "fbx", "blender": "/opt/blender",
+    }  # fmt: skip
     rows = tomllib.loads(part("batch_settings").plan_file(bpy.context, chosen).read_text())["take"]
     assert {row["name"] for row in rows} == {"again", "broken", "walk"}
     assert {row["subject"] for row in rows} == {str(folder / "anna.toml")}

@@ -15,6 +15,7 @@ import pytest
 from mathutils import Matrix
 from perfanim.core import rotations as rot
 from perfanim.core.assets import MOTION
+from perfanim.core.cli.main import build_parser
 from perfanim.core.errors import CharacterError
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.formats.naming import NAMINGS
@@ -226,6 +227,27 @@ def test_the_character_comes_out_for_another_program_under_its_names(mixamo_blen
     for bone, name in names.items():
         apart = np.linalg.norm(found[name][:, :3, 3] - wanted[bone][:, :3, 3], axis=1)
         assert apart.max() < 0.001, bone
+
+
+def test_blender_itself_does_it_where_there_is_no_module(mixamo_blend: Path, tmp_path: Path) -> None:
+    """Blender as a module plays the program: it runs the script that it is given, and talks."""
+    blender = tmp_path / "blender"
+    blender.write_text(
+        f"#!{sys.executable}\n"
+        "import runpy, sys\n"
+        "print('Blender 0.0')\n"
+        "runpy.run_path(sys.argv[sys.argv.index('--python') + 1], run_name='__main__')\n"
+    )
+    blender.chmod(0o755)
+    write_bvh(clip("walking-01-neutral", 4), tmp_path / "walk.bvh")
+    line = ["retarget", str(tmp_path / "walk.bvh"), "--to", str(mixamo_blend), "--blender"]
+    args = build_parser(["retarget"]).parse_args([*line, str(blender), "--out", str(tmp_path / "out.glb")])
+    summary = args.run(args, lambda fraction, text: None)
+    assert (summary["frames"], summary["found_by"]) == (4, "names")
+    assert (tmp_path / "out.glb").read_bytes().startswith(b"glTF")
+    args.blender = str(tmp_path / "none")
+    with pytest.raises(CharacterError, match="is no program"):
+        args.run(args, lambda fraction, text: None)
 
 
 @pytest.mark.parametrize(
