@@ -114,7 +114,7 @@ def check(args: argparse.Namespace) -> None:
         args.wrong_usage("argument --feet: a .perftake holds poses as they are solved")
     if not is_recorded(args.out) and not is_motion(args.out):
         advice = f"use {', '.join((*MOTION_ENDINGS, ENDING))}"
-        raise FormatError("has an ending that cannot be written", where=str(args.out), advice=advice)
+        raise FormatError("cannot be written (no motion has this ending)", where=str(args.out), advice=advice)
 
 
 def solve(

@@ -121,7 +121,7 @@ def test_solve_writes_any_kind_of_motion(tmp_path, recorded, capsys):
     assert run(capsys, *given, tmp_path / "a.angles.csv")["fps"] == 15.0
     assert ",leftHand_z_deg," in (tmp_path / "a.angles.csv").read_text()
     assert main([*map(str, given), str(tmp_path / "a.csv")]) == 1
-    assert "a.csv: has an ending that cannot be written" in capsys.readouterr().err
+    assert "a.csv: cannot be written (no motion has this ending)" in capsys.readouterr().err
 
 
 def test_solving_again_gives_what_live_gave(tmp_path, recorded, capsys):
