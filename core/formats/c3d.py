@@ -113,8 +113,9 @@ class _Reader:
         points = int(_first(parameters.get(("POINT", "USED")), self._word(2))) & 0xFFFF
         if points == 0:
             raise FormatError("has no points", where=self.where)
-        scale = float(_first(parameters.get(("POINT", "SCALE")), self._real(self.data[12:16])))
-        scale = scale if np.isfinite(scale) and scale != 0.0 else self._real(self.data[12:16])
+        scale = self._real(self.data[12:16])  # where the parameter differs, the data are scaled as the header says
+        if not np.isfinite(scale) or scale == 0.0:
+            scale = float(_first(parameters.get(("POINT", "SCALE")), -1.0))
         fps = float(_first(parameters.get(("POINT", "RATE")), 0.0))
         if not (np.isfinite(fps) and fps > 0.0):
             fps = self._real(self.data[20:24])

@@ -67,7 +67,8 @@ def _names(line: str, header: dict[str, str], where: str) -> list[str]:
     names = [field.strip() for field in line.split("\t")[2:] if field.strip()]
     declared = _number(header.get("nummarkers", ""))
     if not names:
-        raise FormatError("has no markers", where=f"{where}, line 4")
+        advice = "name the points in the program that it is from"
+        raise FormatError("has no markers with a name", where=f"{where}, line 4", advice=advice)
     if declared < len(names):
         raise FormatError(f"declares {declared:g} markers, names {len(names)}", where=f"{where}, line 4")
     return names
