@@ -29,6 +29,7 @@ class Marker:
             None until the subject is calibrated.
         torso: whether it serves to find the root.
         text: what it is called in messages ("left foot"); empty: its name.
+        also: other names that systems write for it.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Marker:
     offset_m: tuple[float, float, float] | None = None
     torso: bool = False
     text: str = ""
+    also: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -143,7 +145,11 @@ def _marker(row: Mapping[str, Any], where: str) -> Marker:
         except (TypeError, ValueError):
             raise MarkerSetError("offset_m must be three numbers", where=f"{where}, {row['name']}") from None
         offset = (x, y, z)
-    return Marker(row["name"], row["joint"], offset, bool(row.get("torso", False)), str(row.get("text", "")))
+    also = row.get("also", [])
+    if not isinstance(also, list) or not all(isinstance(name, str) for name in also):
+        raise MarkerSetError("also must be a list of names", where=f"{where}, {row['name']}")
+    torso, text = bool(row.get("torso", False)), str(row.get("text", ""))
+    return Marker(row["name"], row["joint"], offset, torso, text, tuple(also))
 
 
 def marker_set_table(marker_set: MarkerSet) -> dict[str, Any]:
@@ -151,6 +157,8 @@ def marker_set_table(marker_set: MarkerSet) -> dict[str, Any]:
     rows = []
     for marker in marker_set.markers:
         row: dict[str, Any] = {"name": marker.name, "joint": marker.joint}
+        if marker.also:
+            row["also"] = list(marker.also)
         if marker.text:
             row["text"] = marker.text
         if marker.offset_m is not None:

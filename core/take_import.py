@@ -11,6 +11,7 @@ from .calibration_pose import standing
 from .camera import CameraRig
 from .errors import TakeError
 from .floor_from_feet import floor_points, upright_rotation
+from .marker_names import listed, match_names
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
 from .product_skeleton import default_skeleton
@@ -22,7 +23,6 @@ Array = NDArray[np.float64]
 
 UPS = ("auto", "feet", "y", "z")
 
-_MOST_NAMES = 12  # in a message
 _UP = np.array([0.0, 1.0, 0.0])
 _TURNS = {  # from a world with this axis up to one with y up
     "y": np.eye(3),
@@ -37,8 +37,8 @@ _TURNS = {  # from a world with this axis up to one with y up
 def brought_in(take: MarkerTake, marker_set: MarkerSet, up: str) -> MarkerTake:
     """Return a take with y up and its markers under the names of the marker set.
 
-    Names agree whatever their case and with a subject's before them ("Anna:head"); where they do not agree at all, a
-    take with as many markers as the set is told apart by where they are on a standing body. A take of one camera is
+    Names agree as `match_names` says; where they do not agree at all, a take with as many markers as the set is told
+    apart by where they are on a standing body. A take of one camera is
     returned as it is: its markers are told apart when it is solved, and its calibration has the world.
 
     Args:
@@ -65,25 +65,16 @@ def brought_in(take: MarkerTake, marker_set: MarkerSet, up: str) -> MarkerTake:
 
 def _by_name(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake | None:
     """Return the take under the set's names as far as they agree, None when those of the torso do not."""
-    known = {_plain(name): name for name in marker_set.names}
-    names: list[str] = []
-    for name in take.names:
-        found = name if name in marker_set.names else known.get(_plain(name), name)
-        names.append(name if found in names or (found != name and found in take.names) else found)
-    torso = [marker.name for marker in marker_set.markers if marker.torso]
-    return replace(take, names=tuple(names)) if sum(name in names for name in torso) >= 3 else None
-
-
-def _plain(name: str) -> str:
-    return name.rpartition(":")[2].strip().casefold()
+    match = match_names(take.names, marker_set)
+    return match.renamed(take) if match.has_torso else None
 
 
 def _by_place(take: MarkerTake, marker_set: MarkerSet, axes: Sequence[str]) -> MarkerTake:
     """Return the take turned so that it stands, under the set's names as the markers' places tell them."""
     if len(take.names) != len(marker_set):
         raise TakeError(
-            f"its markers are called {_listed(take.names)}, those of the set {marker_set.name} "
-            f"{_listed(marker_set.names)}",
+            f"its markers are called {listed(take.names)}, those of the set {marker_set.name} "
+            f"{listed(marker_set.names)}",
             where=take.name,
             advice="choose the marker set that was worn, or give one of your own (TOML) with these names",
         )
@@ -98,11 +89,6 @@ def _by_place(take: MarkerTake, marker_set: MarkerSet, axes: Sequence[str]) -> M
             return named
     advice = "choose the marker set that was worn, or give one of your own (TOML) with the file's names"
     raise TakeError(problem.what if problem else "", where=take.name, advice=advice)
-
-
-def _listed(names: Sequence[str]) -> str:
-    left = len(names) - _MOST_NAMES
-    return ", ".join(names[:_MOST_NAMES]) + (f" and {left} more" if left > 0 else "")
 
 
 def _axis_up(take: MarkerTake, marker_set: MarkerSet) -> str:

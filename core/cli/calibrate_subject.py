@@ -12,6 +12,7 @@ from ..calibration_pose import CALIBRATION, POSES
 from ..database.store import open_database
 from ..errors import SettingsError
 from ..formats.takes import read_take
+from ..marker_names import AUTO, best_match, load_names, match_names, named_by_hand
 from ..marker_set import MarkerSet, Subject, load_marker_set, load_subject, save_subject
 from ..marker_take import MarkerTake
 from ..product_skeleton import default_skeleton
@@ -32,7 +33,10 @@ def add_parser(subparsers: Any) -> None:
     """Add `subject` to the `calibrate` group."""
     parser = subparsers.add_parser("subject", help="skeleton and marker offsets from held poses")
     parser.add_argument("take", metavar="TAKE", help="take that shows the calibration pose, held still for a second")
-    parser.add_argument("--marker-set", required=True, metavar="NAME", help="shipped marker set or TOML file")
+    parser.add_argument(
+        "--marker-set", required=True, metavar="NAME", help=f"shipped marker set or TOML file, or {AUTO}: by the labels"
+    )
+    parser.add_argument("--names", metavar="FILE", help="TOML file that says which label is which marker, as for solve")
     parser.add_argument("--out", required=True, metavar="subject.toml", help="subject to write")
     parser.add_argument("--name", metavar="NAME", help="of the person (default: --skeleton-from's, or the file's)")
     held = parser.add_mutually_exclusive_group()
@@ -74,7 +78,11 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
         raise SettingsError(f"--seconds {args.seconds:g} is out of range", advice="give more than 0, up to 60")
     progress(0.0, "reading")
     take = part(read_take(args.take), args.frames)
-    marker_set = load_marker_set(args.marker_set)
+    if args.names is not None:
+        take = named_by_hand(take, load_names(args.names))
+    by_labels = args.marker_set == AUTO
+    marker_set = best_match(take.names, str(args.take)).marker_set if by_labels else load_marker_set(args.marker_set)
+    take = match_names(take.names, marker_set).renamed(take)
     if args.refine and (not args.database or args.height is not None):
         raise SettingsError("--refine needs --database and no --height", advice="the subject has its height")
     known = load_subject(args.skeleton_from) if args.skeleton_from else None

@@ -12,7 +12,8 @@ from ..errors import FormatError, SubjectError, TakeError
 from ..foot_lock import FEET, floor_of, with_feet_held
 from ..formats.takes import is_recorded, read_take
 from ..marker_filter import smoothed, smoothed_motion
-from ..marker_set import Subject, load_marker_set, load_subject
+from ..marker_names import AUTO, best_match, load_names, match_names, named_by_hand
+from ..marker_set import MarkerSet, Subject, load_marker_set, load_subject
 from ..marker_take import MarkerTake
 from ..motion_export import MOTION_ENDINGS, is_motion, write_motion
 from ..motion_files import read_skeleton
@@ -40,7 +41,18 @@ def add_parser(subparsers: Any) -> None:
         "--subject", metavar="FILE", help="calibrated subject, skeleton and marker offsets (a .perftake holds its own)"
     )
     body.add_argument("--skeleton", metavar="FILE", help=".asf or .bvh whose bones are used; needs --marker-set")
-    parser.add_argument("--marker-set", metavar="NAME", help="shipped marker set or TOML file (default: the subject's)")
+    parser.add_argument(
+        "--marker-set",
+        metavar="NAME",
+        help=f"shipped marker set or TOML file, or {AUTO}: the shipped one to which most of the take's labels belong "
+        "(default: the subject's)",
+    )
+    parser.add_argument(
+        "--names",
+        metavar="FILE",
+        help='TOML file whose table [names] says which label is which marker ("Knee 1" = "LKNE"); the other labels are '
+        "markers whose name they spell, whatever the case, separators and the subject before them",
+    )
     parser.add_argument(
         "--cameras",
         metavar="cameras.toml",
@@ -58,8 +70,7 @@ def add_parser(subparsers: Any) -> None:
         "--up",
         choices=UPS,
         help="axis of a marker file that points up: auto for that which the performer stands along, feet for the floor "
-        "on which the feet stand, which becomes y = 0; its markers' names may then differ from the set's in case and "
-        "prefix, too (default: the file is taken as it is, y up)",
+        "on which the feet stand, which becomes y = 0 (default: the file is taken as it is, y up)",
     )
     parser.add_argument(
         "--smooth",
@@ -106,6 +117,8 @@ def check(args: argparse.Namespace) -> None:
         args.wrong_usage("argument --prop: only a .perftake holds points that are nobody's yet")
     if recorded and args.up is not None:
         args.wrong_usage("argument --up: a .perftake has y up")
+    if recorded and (args.names is not None or args.marker_set == AUTO):
+        args.wrong_usage(f"arguments --names, --marker-set {AUTO}: a .perftake knows its markers")
     if is_recorded(args.out) and not recorded:
         args.wrong_usage("argument --out: perfanim take import makes a .perftake of other takes")
     if is_recorded(args.out) and args.smooth is not None:
@@ -149,14 +162,26 @@ def _solve_markers(
     args: argparse.Namespace, progress: Callable[[float, str], None], store: SolverStore
 ) -> tuple[SolvedTake, dict[str, Any]]:
     """Solve labelled markers."""
-    take, subject = read_take(args.take), _subject(args)
+    take = read_take(args.take)
+    if args.names is not None:
+        take = named_by_hand(take, load_names(args.names))
+    marker_set = _marker_set(args, take)
+    subject = _subject(args, marker_set)
     if args.up is not None:
         take = brought_in(take, subject.marker_set, args.up)
+    elif not is_unnamed(take):
+        take = match_names(take.names, subject.marker_set).renamed(take)
     if args.smooth is not None:
         take = smoothed(take, args.smooth)
     settings = SolveSettings(method=args.method or "best")
     solved = solve_take(take, subject, store.database(args.database), settings, progress, store.session)
-    return solved, {"method": settings.method, "warnings": _differences(take, subject)}
+    worn = subject.marker_set
+    return solved, {
+        "method": settings.method,
+        "marker_set": worn.name,
+        "markers": sum(name in take.names for name in worn.names),
+        "warnings": _differences(take, subject),
+    }
 
 
 def _solve_recorded(
@@ -172,7 +197,8 @@ def _solve_recorded(
         progress(0.0, "locating the markers anew")
         rig = load_rig(args.cameras)
         frames = tuple(located_anew(rig, frames))
-    subject = _subject(args, setup.worn_subject())
+    chosen = load_marker_set(args.marker_set) if args.marker_set is not None else None
+    subject = _subject(args, chosen, setup.worn_subject())
     try:
         settings = SolveSettings(**dict(setup.settings) | ({"method": args.method} if args.method else {}))
     except TypeError as error:
@@ -220,16 +246,22 @@ def _differences(take: MarkerTake, subject: Subject) -> list[str]:
     ] * bool(unused)
 
 
-def _subject(args: argparse.Namespace, recorded: Subject | None = None) -> Subject:
+def _marker_set(args: argparse.Namespace, take: MarkerTake) -> MarkerSet | None:
+    """Return the marker set that is asked for, None for the subject's."""
+    if args.marker_set == AUTO:
+        return best_match(take.names, str(args.take)).marker_set
+    return load_marker_set(args.marker_set) if args.marker_set is not None else None
+
+
+def _subject(args: argparse.Namespace, chosen: MarkerSet | None, recorded: Subject | None = None) -> Subject:
+    """Return who performs, with the markers of the chosen set, or the subject's own."""
     if args.skeleton is not None:
-        if args.marker_set is None:
+        if chosen is None:
             raise SubjectError("--skeleton needs --marker-set", advice="name the marker set that was worn")
-        skeleton = read_skeleton(args.skeleton)
-        return Subject(Path(args.skeleton).stem, skeleton, load_marker_set(args.marker_set))
+        return Subject(Path(args.skeleton).stem, read_skeleton(args.skeleton), chosen)
     subject = load_subject(args.subject) if args.subject is not None or recorded is None else recorded
-    if args.marker_set is None:
+    if chosen is None:
         return subject
-    chosen = load_marker_set(args.marker_set)
     known = {marker.name: marker for marker in subject.marker_set.markers}
     uncalibrated = [m.name for m in chosen.markers if m.name not in known and m.offset_m is None]
     if uncalibrated:
@@ -239,4 +271,4 @@ def _subject(args: argparse.Namespace, recorded: Subject | None = None) -> Subje
             advice="calibrate the subject with this marker set",
         )
     markers = tuple(known.get(marker.name, marker) for marker in chosen.markers)
-    return Subject(subject.name, subject.skeleton, type(chosen)(chosen.name, markers), subject.residual_m)
+    return Subject(subject.name, subject.skeleton, MarkerSet(chosen.name, markers), subject.residual_m)

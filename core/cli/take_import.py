@@ -1,7 +1,7 @@
 """`perfanim take import`: marker takes of other systems, solved and kept as recorded takes."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,7 +9,8 @@ from typing import Any
 from ..database.store import Database, open_database
 from ..errors import FormatError, MarkerSetError, PerfanimError, SettingsError, SubjectError, TakeError
 from ..formats.takes import READABLE, declared_frames, is_recorded, read_take
-from ..marker_set import Subject, load_marker_set, load_subject
+from ..marker_names import AUTO, best_match, load_names, named_by_hand
+from ..marker_set import MarkerSet, Subject, load_marker_set, load_subject
 from ..product_skeleton import default_skeleton
 from ..solved_take_file import keep_markers
 from ..solver.settings import METHODS, SolveSettings
@@ -33,7 +34,18 @@ def add_parser(group: Any) -> None:
         "--subject", metavar="FILE", help="calibrated subject (default: an average body, markers at their usual places)"
     )
     parser.add_argument("--height", type=float, default=1.75, metavar="M", help="of the average body (default 1.75)")
-    parser.add_argument("--marker-set", metavar="NAME", help="shipped marker set or TOML file (default: the subject's)")
+    parser.add_argument(
+        "--marker-set",
+        metavar="NAME",
+        help=f"shipped marker set or TOML file, or {AUTO}: the shipped one to which most of a take's labels belong "
+        f"(default: the subject's, {AUTO} without a subject)",
+    )
+    parser.add_argument(
+        "--names",
+        metavar="FILE",
+        help='TOML file whose table [names] says which label is which marker ("Knee 1" = "LKNE"); the other labels are '
+        "markers whose name they spell, whatever the case, separators and the subject before them",
+    )
     parser.add_argument("--method", choices=METHODS, default="best", help="how poses are found (default best)")
     parser.add_argument(
         "--up",
@@ -42,15 +54,19 @@ def add_parser(group: Any) -> None:
         help="axis of the file that points up: auto for that which the performer stands along (default), feet for the "
         "floor on which the feet stand, which becomes y = 0",
     )
-    parser.set_defaults(run=run, wrong_usage=parser.error)
+    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Keep marker takes as recorded ones; a bad one does not keep the others out."""
-    if args.subject is None and args.marker_set is None:
-        args.wrong_usage("one of the arguments --subject --marker-set is required")
     progress(0.0, "reading")
-    subject, database = _worn(args), open_database(args.database)
+    if args.subject is None and not 1.0 <= args.height <= 2.5:
+        raise SettingsError(f"--height {args.height:g} is out of range", advice="give metres, 1 to 2.5")
+    database = open_database(args.database)
+    chosen = load_marker_set(args.marker_set) if args.marker_set not in (None, AUTO) else None
+    by_take = args.marker_set == AUTO or (args.marker_set is None and args.subject is None)
+    subject = None if by_take else _worn(args, chosen)
+    names = load_names(args.names) if args.names is not None else {}
     kept: list[dict[str, Any]] = []
     failed: list[PerfanimError] = []
     for number, path in enumerate(args.takes):
@@ -60,8 +76,8 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
             progress(done + share * fraction, text)
 
         try:
-            kept.append(_imported(args, Path(path), subject, database, part))
-        except (FormatError, TakeError, MarkerSetError) as error:
+            kept.append(_imported(args, Path(path), subject, names, database, part))
+        except (FormatError, TakeError, MarkerSetError, SubjectError) as error:
             failed.append(error)
     if not kept:
         raise failed[0]
@@ -73,13 +89,10 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     }
 
 
-def _worn(args: argparse.Namespace) -> Subject:
-    """Return who performs, with the markers that are worn."""
-    marker_set = load_marker_set(args.marker_set) if args.marker_set else None
+def _worn(args: argparse.Namespace, marker_set: MarkerSet | None) -> Subject:
+    """Return who performs, with the markers that are worn: those of the set, or without one the subject's."""
     if args.subject is None:
-        if not 1.0 <= args.height <= 2.5:
-            raise SettingsError(f"--height {args.height:g} is out of range", advice="give metres, 1 to 2.5")
-        assert marker_set is not None  # noqa: S101 - one of the two is required
+        assert marker_set is not None  # noqa: S101 - without a subject the labels choose a set
         return Subject("average body", default_skeleton(args.height), marker_set)
     subject = load_subject(args.subject)
     if marker_set is None:
@@ -95,9 +108,14 @@ def _worn(args: argparse.Namespace) -> Subject:
 
 
 def _imported(
-    args: argparse.Namespace, path: Path, subject: Subject, database: Database, progress: Progress
+    args: argparse.Namespace,
+    path: Path,
+    subject: Subject | None,
+    names: Mapping[str, str],
+    database: Database,
+    progress: Progress,
 ) -> dict[str, Any]:
-    """Write one take and return what is to be told of it."""
+    """Write one take and return what is to be told of it; without a subject the take's labels choose the markers."""
     progress(0.0, f"reading {path.name}")
     if is_recorded(path):
         recorded = read_take_file(path)
@@ -107,6 +125,8 @@ def _imported(
     take = read_take(path)
     declared = declared_frames(path)
     warnings = [f"{path.name} holds {take.frames} of {declared} frames"] * (take.frames < declared)
+    take = named_by_hand(take, names) if names else take
+    subject = subject or _worn(args, best_match(take.names, str(path)).marker_set)
     take = brought_in(replace(take, name=_stem(path)), subject.marker_set, args.up)
     lacking = [] if is_unnamed(take) else [name for name in subject.marker_set.names if name not in take.names]
     warnings += [f"not in {path.name}: {', '.join(lacking)}"] * bool(lacking)
@@ -118,7 +138,9 @@ def _imported(
     if not figures["marker_rms_mm"] <= _DOUBTFUL_MM:
         off = f"{figures['marker_rms_mm']:.0f} mm off"
         warnings.append(f"no body explains the markers of {path.name} ({off}): check marker set and performer")
-    return {"take": path.name, "warnings": warnings, "out": str(out)} | figures
+    worn = subject.marker_set
+    matched = {"marker_set": worn.name, "markers": len(worn) - len(lacking)}
+    return {"take": path.name, "warnings": warnings, "out": str(out)} | matched | figures
 
 
 def _stem(path: Path) -> str:

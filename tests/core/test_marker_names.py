@@ -1,0 +1,127 @@
+"""Labels of other systems: which marker of which set they are."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from perfanim.core.cli.main import main
+from perfanim.core.errors import MarkerSetError, TakeError
+from perfanim.core.formats.takes import read_take, write_take
+from perfanim.core.marker_names import best_match, load_names, match_names, named_by_hand
+from perfanim.core.marker_set import Subject, load_marker_set, load_subject, marker_set_names, save_subject
+from perfanim.core.marker_take import MarkerTake
+from perfanim.core.motion import sliced
+from perfanim.core.product_skeleton import default_skeleton
+from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.solve_take import solve_take
+from perfanim.core.solver.settings import SolveSettings
+from perfanim.core.subject_from_motion import frames_of
+from perfanim.core.take_import import brought_in
+
+SUITS = ("cmu-41", "helen-hayes", "optitrack-baseline", "plug-in-gait")
+EXACT_M = 0.005  # half the residual that a fitted real suit leaves
+
+
+@pytest.mark.parametrize("name", marker_set_names())
+@pytest.mark.parametrize("written", ["{}", "Anna:{}", "Skeleton 001:{}", "anna_{}"])
+def test_each_set_is_known_by_its_names(name, written):
+    marker_set = load_marker_set(name)
+    labels = [written.format(marker).lower() for marker in marker_set.names]
+    match = best_match([*labels, "*41", "unnamed"], "take")
+    assert set(match.marker_set.names) == set(marker_set.names)
+    assert match_names(labels, marker_set).label_of == dict(zip(marker_set.names, labels, strict=True))
+
+
+def test_other_spellings_are_known():
+    match = best_match(["RASI", "LASI", "VSAC", "RSHO", "R Knee", "l_ankle", "L.ASIS"], "take")
+    assert match.marker_set.name == "helen-hayes"
+    assert match.label_of["R.Knee"] == "R Knee"
+    assert match.label_of["L.Ankle"] == "l_ankle"
+    assert match.label_of["L.ASIS"] == "L.ASIS"  # its own name before another
+    take = MarkerTake("a", 60.0, ("RASI", "x", "VSAC"), np.zeros((2, 3, 3)))
+    assert match.renamed(take).names == ("R.ASIS", "x", "V.Sacral")
+
+
+def test_names_of_no_set_are_refused():
+    with pytest.raises(TakeError, match=r"P1, P2, P3.* no shipped marker set; give --marker-set, or --names"):
+        best_match(["P1", "P2", "P3"], "take")
+
+
+def test_names_are_told_by_hand(tmp_path):
+    (tmp_path / "names.toml").write_text('[names]\n"Knee 1" = "LKNE"\n"M7" = "LANK"\n')
+    take = MarkerTake("a", 60.0, ("Knee 1", "LKNE", "x"), np.zeros((2, 3, 3)))
+    named = named_by_hand(take, load_names(tmp_path / "names.toml"))
+    assert named.names == ("LKNE", "other LKNE", "x")
+    with pytest.raises(TakeError, match="none of the labels Q is among its Knee 1, LKNE, x"):
+        named_by_hand(take, {"Q": "LKNE"})
+    with pytest.raises(TakeError, match="LKNE would be several"):
+        named_by_hand(take, {"Knee 1": "LKNE", "x": "LKNE"})
+    for text in ("", "[names]\na = 1\n"):
+        (tmp_path / "names.toml").write_text(text)
+        with pytest.raises(MarkerSetError, match="has no table"):
+            load_names(tmp_path / "names.toml")
+
+
+def test_a_subject_keeps_the_other_names(tmp_path):
+    subject = Subject("anna", default_skeleton(), load_marker_set("helen-hayes"))
+    save_subject(subject, tmp_path / "anna.toml")
+    assert load_subject(tmp_path / "anna.toml").marker_set == subject.marker_set
+
+
+@pytest.mark.parametrize("name", SUITS)
+def test_a_suit_is_worn_symmetrically_on_the_body(name):
+    """Left and right markers are each other's mirror images but for those that tell the sides apart."""
+    marker_set = load_marker_set(name)
+    markers = {marker.name: marker for marker in marker_set.markers}
+    alike = 0
+    for left, right in ((m, "R" + m[1:]) for m in markers if m.startswith("L") and "R" + m[1:] in markers):
+        own, other = markers[left], markers[right]
+        assert (own.text, own.joint) == (other.text.replace("right", "left"), "l" + other.joint[1:]) or (
+            own.joint == other.joint
+        )
+        alike += np.allclose(own.offset_m, np.multiply(other.offset_m, (-1.0, 1.0, 1.0)))
+    assert alike >= 9
+
+
+def test_a_suit_is_found_by_its_labels_and_solved(truth, database_file, tmp_path, capsys, database):
+    """Labels with a subject, as Motive writes them, and one marker by hand, in a file with z up."""
+    marker_set = load_marker_set("optitrack-baseline")
+    take, _ = simulate_markers(sliced(truth, 0, 12), marker_set)
+    labels = tuple("Point 7" if name == "Chest" else f"Skeleton 001:{name}" for name in take.names)
+    z_up = take.positions_m @ np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]).T
+    write_take(replace(take, names=labels, positions_m=z_up), tmp_path / "walk.c3d")
+    (tmp_path / "names.toml").write_text('[names]\n"Point 7" = "Chest"\n')
+    save_subject(Subject("walker", truth.skeleton, marker_set), tmp_path / "walker.toml")
+    line = ["solve", tmp_path / "walk.c3d", "--database", database_file, "--subject", tmp_path / "walker.toml"]
+    line += ["--marker-set", "auto", "--names", tmp_path / "names.toml", "--up", "auto", "--out", tmp_path / "a.bvh"]
+    assert main([*map(str, line), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["marker_set"], told["markers"], told["warnings"]) == ("optitrack-baseline", 41, [])
+    assert told["marker_rms_mm"] < 1e3 * EXACT_M
+
+
+@pytest.mark.parametrize(
+    ("file", "name", "matched", "frames"),
+    [
+        ("trc/BTKData/TRCSamples/MOTEK/ballet_reduced.trc", "cmu-41", 41, slice(0, 20)),
+        ("c3d/BTKData/others/Gait.c3d", "helen-hayes", 24, slice(200, 220)),
+        ("c3d/jstoecker_c3dviewer/examples/running.c3d", "plug-in-gait", 30, slice(300, 320)),
+    ],
+)
+def test_real_suits_are_solved_to_bodies(shared_dir, database, file, name, matched, frames):
+    """The limbs of an average body are where the performer's are, and on the same side."""
+    take = read_take(shared_dir / file)
+    match = best_match(take.names, file)
+    assert (match.marker_set.name, len(match.label_of)) == (name, matched)
+    subject = Subject("average", default_skeleton(), match.marker_set)
+    part = brought_in(frames_of(take, frames), match.marker_set, "auto")
+    pose = solve_take(part, subject, database, SolveSettings(), lambda *_: None).poses[-1]
+    solved = dict(zip(match.marker_set.names, pose.markers_m, strict=True))
+    seen = {n: p for n, p in zip(solved, pose.observed_m, strict=True) if np.isfinite(p[0])}
+    pairs = [(n, "R" + n[1:]) for n in seen if n.startswith("L") and "R" + n[1:] in seen]
+    assert len(pairs) >= 8
+    for left, right in pairs:
+        for own, other in ((left, right), (right, left)):
+            near, far = (np.linalg.norm(solved[own] - seen[key]) for key in (own, other))
+            assert near < 0.5 * far or far < 0.1, own
