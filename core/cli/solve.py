@@ -6,19 +6,24 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..camera import load_rig
-from ..database.store import identity
+from ..database.store import Database, identity
 from ..errors import FormatError, SubjectError, TakeError
 from ..foot_lock import FEET, floor_of, with_feet_held
 from ..formats.takes import is_recorded, read_take
+from ..marker_choice import choose_markers, with_markers
 from ..marker_filter import smoothed, smoothed_motion
 from ..marker_names import AUTO, best_match, load_names, match_names, named_by_hand
 from ..marker_set import MarkerSet, Subject, load_marker_set, load_subject
 from ..marker_take import MarkerTake
+from ..motion import Motion
 from ..motion_export import MOTION_ENDINGS, is_motion, write_motion
 from ..motion_files import read_skeleton
 from ..prop import Prop, load_prop
 from ..prop_csv import write_prop_csv
+from ..skeleton import marker_positions
 from ..solve_take import SolvedTake, solve_recorded, solve_take
 from ..solved_take_file import keep_solved_anew
 from ..solver.settings import METHODS, SolveSettings
@@ -52,6 +57,12 @@ def add_parser(subparsers: Any) -> None:
         metavar="FILE",
         help='TOML file whose table [names] says which label is which marker ("Knee 1" = "LKNE"); the other labels are '
         "markers whose name they spell, whatever the case, separators and the subject before them",
+    )
+    parser.add_argument(
+        "--use",
+        metavar="N|NAME,...",
+        help="solve with a few of a suit's markers: those named, or the N that leave least of the body open in "
+        "the motion database; the others then tell how far off the body is (left_out_rms_mm)",
     )
     parser.add_argument(
         "--cameras",
@@ -119,6 +130,8 @@ def check(args: argparse.Namespace) -> None:
         args.wrong_usage("argument --up: a .perftake has y up")
     if recorded and (args.names is not None or args.marker_set == AUTO):
         args.wrong_usage(f"arguments --names, --marker-set {AUTO}: a .perftake knows its markers")
+    if recorded and args.use is not None:
+        args.wrong_usage("argument --use: for marker takes, not for a .perftake")
     if is_recorded(args.out) and not recorded:
         args.wrong_usage("argument --out: perfanim take import makes a .perftake of other takes")
     if is_recorded(args.out) and args.smooth is not None:
@@ -173,15 +186,42 @@ def _solve_markers(
         take = match_names(take.names, subject.marker_set).renamed(take)
     if args.smooth is not None:
         take = smoothed(take, args.smooth)
-    settings = SolveSettings(method=args.method or "best")
-    solved = solve_take(take, subject, store.database(args.database), settings, progress, store.session)
-    worn = subject.marker_set
+    settings, database = SolveSettings(method=args.method or "best"), store.database(args.database)
+    worn, facts = _few(args.use, take, subject, database) if args.use is not None else (subject, {})
+    solved = solve_take(take, worn, database, settings, progress, store.session)
+    if args.use is not None:
+        facts["left_out_rms_mm"] = 1e3 * _left_out_rms_m(take, subject, worn, solved.motion)
+    names = subject.marker_set.names
     return solved, {
         "method": settings.method,
-        "marker_set": worn.name,
-        "markers": sum(name in take.names for name in worn.names),
+        "marker_set": subject.marker_set.name,
+        "markers": sum(name in take.names for name in names),
         "warnings": _differences(take, subject),
-    }
+    } | facts
+
+
+def _few(use: str, take: MarkerTake, subject: Subject, database: Database) -> tuple[Subject, dict[str, Any]]:
+    """Return the subject with the markers that `--use` asks for, and what is to be told of the choice."""
+    if not use.strip().isdigit():
+        named = [name.strip() for name in use.split(",") if name.strip()]
+        worn = with_markers(subject, named)
+        return worn, {"used": list(worn.marker_set.names)}
+    seen = [name for name, visible in zip(take.names, take.visible.T, strict=True) if visible.any()]
+    choice = choose_markers(subject, database, int(use), seen)
+    worn = with_markers(subject, choice.names)
+    return worn, {"used": list(choice.names), "expected_mm": (1e3 * choice.expected_m).round(1).tolist()}
+
+
+def _left_out_rms_m(take: MarkerTake, subject: Subject, worn: Subject, motion: Motion) -> float:
+    """Return the root mean square distance of the markers that were not solved with, NaN where there are none."""
+    left_out = [n for n in subject.marker_set.names if n in take.names and n not in worn.marker_set.names]
+    if not left_out:
+        return float("nan")
+    rest = subject.marker_set.subset(left_out)
+    joints = rest.joint_indices(motion.skeleton)
+    solved = marker_positions(motion.skeleton, joints, rest.offsets_m, motion.rotations, motion.root_positions_m)
+    measured = take.positions_m[:, [take.names.index(name) for name in rest.names]]
+    return float(np.sqrt(np.nanmean(np.sum((solved - measured) ** 2, axis=-1))))
 
 
 def _solve_recorded(

@@ -1,0 +1,137 @@
+"""Which few markers of a full suit tell most of the body: chosen one after another by what they leave open.
+
+The database's poses of one subject give a joint distribution, taken as Gaussian, of where the joints and the markers
+are in the frame of the root; that frame itself is free in position and direction. A marker is worth as much as it
+reduces the variance of the joints in the world, given the markers chosen before it (greedy choice of observations;
+the conditional covariance is that of Gaussian regression, Krause, Singh and Guestrin 2008 choose sensors so).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .database.store import Database
+from .errors import MarkerSetError
+from .marker_set import Subject
+from .skeleton import forward_kinematics
+from .solver.subject_model import ROOT_AT_REST, SubjectModel
+
+Array = NDArray[np.float64]
+
+_SAMPLES = 4096  # poses of the database
+_MARKER_SIGMA_M = 0.005  # of a measured marker about the body's: skin and calibration
+_ROOT_SIGMA_M, _ROOT_SIGMA_RAD = 10.0, 3.0  # as good as unknown
+_FEWEST_TORSO = 3  # markers that the solver finds the root with
+_TORSO = 4  # that it finds it with reliably: two pairs, as in the paper's sets
+_PELVIS = 2  # of them on the root itself: with one alone a bent back looks like a turned root
+
+
+@dataclass(frozen=True)
+class MarkerChoice:
+    """Markers in the order in which they were chosen.
+
+    Args:
+        names: of the markers.
+        expected_m: (N,) root mean square distance of the joints from where they are, as the Gaussian has it, with the
+            markers up to each.
+    """
+
+    names: tuple[str, ...]
+    expected_m: Array
+
+
+def choose_markers(
+    subject: Subject, database: Database, count: int, among: Sequence[str] | None = None
+) -> MarkerChoice:
+    """Return the markers of a subject that together leave least of the body open.
+
+    The first four are of the torso, and two of these on the pelvis, if the subject wears as many there.
+
+    Args:
+        subject: with all its markers calibrated.
+        database: motion of the kind that is to be solved.
+        count: how many are chosen.
+        among: names of those that may be; default all.
+
+    Raises:
+        MarkerSetError: fewer markers than `count` may be chosen, or fewer than three of the torso.
+    """
+    markers = subject.marker_set.markers
+    free = [i for i, marker in enumerate(markers) if among is None or marker.name in among]
+    torso = [i for i in free if markers[i].torso]
+    pelvis = [i for i in torso if markers[i].joint == subject.skeleton.names[0]]
+    if not _FEWEST_TORSO <= count <= len(free) or len(torso) < _FEWEST_TORSO:
+        raise MarkerSetError(
+            f"{count} of {len(free)} markers, {len(torso)} of them of the torso, cannot be chosen",
+            where=f"marker set {subject.marker_set.name}",
+            advice=f"choose at least {_FEWEST_TORSO} and no more than the take has, so many of them on the torso",
+        )
+    covariance = _covariance(subject, database)
+    size = 3 * len(subject.skeleton)
+    chosen: list[int] = []
+    expected = []
+    for number in range(count):
+        from_pelvis = len(pelvis) >= _PELVIS > number
+        worth = pelvis if from_pelvis else torso if number < min(_TORSO, len(torso)) else free
+        left = [i for i in worth if i not in chosen]
+        gains = [_gain(covariance, size, i) for i in left]
+        chosen.append(left[int(np.argmax(gains))])
+        covariance = _given(covariance, size, chosen[-1])
+        expected.append(np.sqrt(np.trace(covariance[:size, :size]) / len(subject.skeleton)))
+    return MarkerChoice(tuple(markers[i].name for i in chosen), np.array(expected))
+
+
+def with_markers(subject: Subject, names: Sequence[str]) -> Subject:
+    """Return the subject with some of its markers only.
+
+    Raises:
+        MarkerSetError: a name is none of its markers, or too few of the torso are left.
+    """
+    unknown = [name for name in names if name not in subject.marker_set.names]
+    if unknown:
+        raise MarkerSetError(
+            f"has no marker {', '.join(unknown)}",
+            where=f"marker set {subject.marker_set.name}",
+            advice="markers: " + ", ".join(subject.marker_set.names),
+        )
+    return replace(subject, marker_set=subject.marker_set.subset(names))
+
+
+def _covariance(subject: Subject, database: Database) -> Array:
+    """Return the covariance (3 J + 3 M, 3 J + 3 M) of joints and markers in the world, the root being anywhere."""
+    frames = np.unique(np.linspace(0, database.frames - 1, _SAMPLES).astype(np.int64))
+    model = SubjectModel(subject, database.mean_rotations)
+    poses = np.asarray(database.poses[frames], dtype=np.float64)
+    joints = forward_kinematics(subject.skeleton, model.rotations(poses, ROOT_AT_REST), np.zeros(3))[0]
+    places = np.concatenate((joints, model.markers(poses)), axis=1)
+    mean = places.mean(axis=0)
+    deviations = (places - mean).reshape(len(frames), -1)
+    rigid = np.zeros((places.shape[1], 3, 6))
+    rigid[:, :, :3] = _ROOT_SIGMA_M * np.eye(3)
+    rigid[:, :, 3:] = _ROOT_SIGMA_RAD * np.cross(np.eye(3), mean[:, None]).transpose(0, 2, 1)
+    moved = rigid.reshape(-1, 6)
+    return np.asarray(deviations.T @ deviations / len(frames) + moved @ moved.T)
+
+
+def _columns(size: int, marker: int) -> slice:
+    return slice(size + 3 * marker, size + 3 * marker + 3)
+
+
+def _seen(covariance: Array, size: int, marker: int) -> tuple[Array, Array]:
+    """Return the covariance of everything with a marker (N, 3), and of the marker as it is measured (3, 3)."""
+    columns = _columns(size, marker)
+    return covariance[:, columns], covariance[columns, columns] + _MARKER_SIGMA_M**2 * np.eye(3)
+
+
+def _gain(covariance: Array, size: int, marker: int) -> float:
+    """Return by how much a marker reduces the variance of the joints, metres squared."""
+    across, own = _seen(covariance, size, marker)
+    return float(np.einsum("ij,ij->", np.linalg.solve(own, across[:size].T).T, across[:size]))
+
+
+def _given(covariance: Array, size: int, marker: int) -> Array:
+    """Return the covariance once a marker is known."""
+    across, own = _seen(covariance, size, marker)
+    return np.asarray(covariance - across @ np.linalg.solve(own, across.T))

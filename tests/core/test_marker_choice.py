@@ -1,0 +1,73 @@
+"""Few markers of a suit: which tell most of the body, and what the body is like with them alone."""
+
+import json
+
+import numpy as np
+import pytest
+from perfanim.core.cli.main import main
+from perfanim.core.errors import MarkerSetError
+from perfanim.core.formats.takes import write_take
+from perfanim.core.marker_choice import choose_markers, with_markers
+from perfanim.core.marker_set import Subject, load_marker_set, save_subject
+from perfanim.core.motion import sliced
+from perfanim.core.simulate.markers import simulate_markers
+
+NOISE_M = 0.001
+
+
+@pytest.fixture(scope="module")
+def suited(truth):
+    return Subject("walker", truth.skeleton, load_marker_set("cmu-41"))
+
+
+def test_each_marker_tells_something_and_the_torso_comes_first(suited, database):
+    choice = choose_markers(suited, database, 9)
+    assert len(set(choice.names)) == 9
+    markers = {marker.name: marker for marker in suited.marker_set.markers}
+    assert all(markers[name].torso for name in choice.names[:4])
+    assert all(markers[name].joint == "root" for name in choice.names[:2])
+    assert np.all(np.diff(choice.expected_m) < 0.0)
+    limbs = {markers[name].joint[1:] for name in choice.names[4:]}
+    assert limbs & {"hand", "wrist", "radius", "humerus"}
+    assert limbs & {"foot", "toes", "tibia"}
+
+
+def test_the_choice_expects_less_error_than_exchanges_of_one(suited, database):
+    """Greedy: with the last marker exchanged for another the rest leaves more open."""
+    choice = choose_markers(suited, database, 6)
+    for name in ("LFHD", "LWRA", "RKNE", "LTOE"):
+        if name not in choice.names:
+            other = choose_markers(suited, database, 6, [*choice.names[:5], name])
+            assert other.expected_m[-1] >= choice.expected_m[-1] - 1e-9
+
+
+def test_too_few_are_refused(suited, database):
+    with pytest.raises(MarkerSetError, match="2 of 41 markers"):
+        choose_markers(suited, database, 2)
+    with pytest.raises(MarkerSetError, match="4 of 3 markers, 1 of them of the torso"):
+        choose_markers(suited, database, 4, ["C7", "LFIN", "RFIN"])
+    with pytest.raises(MarkerSetError, match="has no marker XX"):
+        with_markers(suited, ["C7", "XX"])
+    with pytest.raises(MarkerSetError, match="at least 3 markers with torso"):
+        with_markers(suited, ["C7", "LFIN", "RFIN"])
+
+
+def test_a_suit_is_solved_with_few_markers(suited, truth, database_file, tmp_path, capsys):
+    """Those that are left out tell how far off the body is: further than the used ones, and told in full."""
+    take, _ = simulate_markers(sliced(truth, 0, 20), suited.marker_set, noise_mm=1e3 * NOISE_M)
+    write_take(take, tmp_path / "walk.csv")
+    save_subject(suited, tmp_path / "walker.toml")
+    line = ["solve", tmp_path / "walk.csv", "--database", database_file, "--subject", tmp_path / "walker.toml"]
+    line = [*map(str, [*line, "--out", tmp_path / "a.bvh"]), "--json"]
+    told = {}
+    for use in ("9", "lfwt", "C7,STRN,LFWT,RFWT,LFIN,RFIN,LTOE,RTOE"):
+        status = main([*line, "--use", use])
+        captured = capsys.readouterr()
+        told[use] = json.loads(captured.out) if status == 0 else captured.err
+    assert "has no marker lfwt" in told["lfwt"]
+    nine, named = told["9"], told["C7,STRN,LFWT,RFWT,LFIN,RFIN,LTOE,RTOE"]
+    assert (len(nine["used"]), len(nine["expected_mm"]), nine["markers"]) == (9, 9, 41)
+    assert set(named["used"]) == {"C7", "STRN", "LFWT", "RFWT", "LFIN", "RFIN", "LTOE", "RTOE"}
+    for answer in (nine, named):
+        assert answer["marker_rms_mm"] < answer["left_out_rms_mm"] < 100.0
+    assert nine["left_out_rms_mm"] < 2.0 * nine["expected_mm"][-1]
