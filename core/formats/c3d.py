@@ -25,8 +25,19 @@ _INTEL, _DEC, _MIPS = 84, 85, 86
 
 
 @dataclass(frozen=True)
-class _Layout:
-    """Where and how the frames are stored."""
+class Layout:
+    """Where and how the frames are stored.
+
+    Args:
+        points, analog_words: of a frame, which has four words for each point, then the analog ones.
+        frames: that are stored whole.
+        first_frame: its number.
+        scale: of integers; negative: the words are real numbers.
+        start: first byte of the frames.
+        fps: frames per second.
+        processor: that of the file's header, which tells the order of bytes and the kind of real numbers.
+        metres: a length unit of the file.
+    """
 
     points: int
     analog_words: int
@@ -35,6 +46,23 @@ class _Layout:
     scale: float
     start: int
     fps: float
+    processor: int
+    metres: float
+
+    @property
+    def order(self) -> str:
+        """The order of bytes, as struct and NumPy have it."""
+        return ">" if self.processor == _MIPS else "<"
+
+    @property
+    def is_dec(self) -> bool:
+        """Whether real numbers are those of a VAX."""
+        return self.processor == _DEC
+
+    @property
+    def width(self) -> int:
+        """Words of a frame."""
+        return 4 * self.points + self.analog_words
 
 
 def read_c3d(path: Path | str) -> MarkerTake:
@@ -47,6 +75,12 @@ def read_c3d(path: Path | str) -> MarkerTake:
         FormatError: not a C3D file, damaged, or without points.
     """
     return _Reader(read_bytes(path), str(path)).read()
+
+
+def layout_of(data: bytes, where: str) -> Layout:
+    """Return where the frames of a C3D file's bytes are; errors as in `read_c3d`."""
+    reader = _Reader(data, where)
+    return reader.layout(reader.parameters())
 
 
 def declared_frames(path: Path | str) -> int:
@@ -68,15 +102,11 @@ class _Reader:
         self.order = ">" if self.processor == _MIPS else "<"
 
     def read(self) -> MarkerTake:
-        try:
-            parameters = self._parameters()
-            layout = self._layout(parameters)
-        except (struct.error, ValueError, IndexError) as error:
-            raise FormatError(f"is damaged ({error})", where=self.where) from error
+        parameters = self.parameters()
+        layout = self.layout(parameters)
         words = self._frames(layout)
         points = words[:, : 4 * layout.points].reshape(layout.frames, layout.points, 4)
-        unit = str(_first(parameters.get(("POINT", "UNITS")), "mm") or "mm")
-        positions = points[..., :3] * metres_of(unit, self.where)
+        positions = points[..., :3] * layout.metres
         if layout.scale > 0.0:
             positions = positions * layout.scale
         # the fourth word: camera mask in the high byte, residual in the low one, -1 as a whole for a missing point
@@ -109,7 +139,13 @@ class _Reader:
         value: int = struct.unpack_from(self.order + "H", self.data, 2 * (index - 1))[0]
         return value
 
-    def _layout(self, parameters: dict[tuple[str, str], list[Any]]) -> _Layout:
+    def layout(self, parameters: dict[tuple[str, str], list[Any]]) -> Layout:
+        try:
+            return self._layout(parameters)
+        except (struct.error, ValueError, IndexError) as error:
+            raise FormatError(f"is damaged ({error})", where=self.where) from error
+
+    def _layout(self, parameters: dict[tuple[str, str], list[Any]]) -> Layout:
         points = int(_first(parameters.get(("POINT", "USED")), self._word(2))) & 0xFFFF
         if points == 0:
             raise FormatError("has no points", where=self.where)
@@ -130,7 +166,9 @@ class _Reader:
         frames = self._frame_count(parameters, max(len(self.data) - start, 0) // size)
         if start <= 0 or frames == 0:
             raise FormatError("stores no frames", where=self.where, advice="the file is cut off or damaged")
-        return _Layout(points, analog, frames, self._word(4), scale, start, fps)
+        unit = str(_first(parameters.get(("POINT", "UNITS")), "mm") or "mm")
+        metres = metres_of(unit, self.where)
+        return Layout(points, analog, frames, self._word(4), scale, start, fps, self.processor, metres)
 
     def _frame_count(self, parameters: dict[tuple[str, str], list[Any]], stored: int) -> int:
         declared = max(self._word(5) - self._word(4) + 1, 0)
@@ -140,8 +178,8 @@ class _Reader:
             return stored
         return min(declared, stored)
 
-    def _frames(self, layout: _Layout) -> Array:
-        width = 4 * layout.points + layout.analog_words
+    def _frames(self, layout: Layout) -> Array:
+        width = layout.width
         count = width * layout.frames
         if layout.scale > 0.0:
             return np.frombuffer(self.data, self.order + "i2", count, layout.start).reshape(-1, width).astype(float)
@@ -151,6 +189,12 @@ class _Reader:
         reals = np.frombuffer(self.data, self.order + "f4", count, layout.start)
         with np.errstate(invalid="ignore"):  # damaged files hold signalling NaN
             return reals.reshape(-1, width).astype(np.float64)
+
+    def parameters(self) -> dict[tuple[str, str], list[Any]]:
+        try:
+            return self._parameters()
+        except (struct.error, ValueError, IndexError) as error:
+            raise FormatError(f"is damaged ({error})", where=self.where) from error
 
     def _parameters(self) -> dict[tuple[str, str], list[Any]]:
         groups: dict[int, str] = {}

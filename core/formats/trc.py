@@ -1,5 +1,6 @@
 """TRC marker trajectories (Motion Analysis, OpenSim)."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -109,3 +110,22 @@ def write_trc(take: MarkerTake, path: Path | str) -> None:
         lines.append(f"{number}\t{time:.6f}\t{fields}")
     with atomic_path(path) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def rewritten_trc(data: bytes, where: str, positions_m: Array, changed: NDArray[np.bool_]) -> bytes:
+    """Return the bytes of a TRC file that `read_trc` reads with the changed positions, (F, M, 3) and (F, M)."""
+    text = data.decode("utf-8", errors="surrogateescape")
+    parts = re.split("(\r\n|\r|\n)", text)  # lines, and what ends them between
+    lines = parts[::2]
+    metres = metres_of(_header(lines, where).get("units", "mm"), where)
+    values, decimals = positions_m / metres, 5 if metres < 0.1 else 8
+    rows = [i for i, line in enumerate(lines) if i >= 5 and line.strip() and line.split("\t")[0].strip()]
+    for row, positions, new in zip(rows, values, changed, strict=True):
+        if not new.any():
+            continue
+        fields = lines[row].split("\t")
+        fields += [""] * (2 + 3 * len(new) - len(fields))
+        for marker in np.flatnonzero(new):
+            fields[2 + 3 * marker : 5 + 3 * marker] = [f"{value:.{decimals}f}" for value in positions[marker]]
+        parts[2 * row] = "\t".join(fields)
+    return "".join(parts).encode("utf-8", errors="surrogateescape")
