@@ -5,13 +5,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from . import rotations as rot
 from .errors import SettingsError
+from .marker_set import MarkerSet
 from .marker_take import MarkerTake
 from .motion import Motion
-from .rotations import normalize
+from .skeleton import forward_kinematics
 
 Array = NDArray[np.float64]
 
+_PLACE_SHARE = 0.2  # of the cut-off: markers move so much more slowly on the body than with it
 _ORDER = 2  # run forwards and backwards: fourth order without lag, as is usual for gait (Winter 2009, section 3.4)
 
 
@@ -53,9 +56,39 @@ def smoothed_motion(motion: Motion, cutoff_hz: float) -> Motion:
     rotations = np.concatenate((motion.rotations[:1], motion.rotations[1:] * signs))
     return replace(
         motion,
-        rotations=normalize(_filtered(sections, rotations)),
+        rotations=rot.normalize(_filtered(sections, rotations)),
         root_positions_m=_filtered(sections, motion.root_positions_m),
     )
+
+
+def smoothed_on_body(take: MarkerTake, marker_set: MarkerSet, motion: Motion, cutoff_hz: float) -> MarkerTake:
+    """Return the take with noise taken out of a set's markers, with the help of the body that was solved from them.
+
+    A marker's noise is that of one trajectory, the body's is what all of them and the database's poses leave of it. So
+    the marker's place in the frame of its joint is low-passed far below the motion, and the path that the joint then
+    carries it along is low-passed as `smoothed` does.
+
+    Args:
+        take: its markers under the set's names; others stay as they are.
+        marker_set: worn.
+        motion: solved from the take, in its world, frame by frame.
+        cutoff_hz: of the path; a fifth of it of the place on the body.
+
+    Raises:
+        SettingsError: as for `smoothed`.
+    """
+    joints, turns = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
+    worn = [marker for marker in marker_set.markers if marker.name in take.names]
+    columns = [take.names.index(marker.name) for marker in worn]
+    carriers = [motion.skeleton.index(marker.joint) for marker in worn]
+    joints, turns = joints[:, carriers], turns[:, carriers]
+    names = tuple(marker.name for marker in worn)
+    places = rot.rotate(rot.conjugate(turns), take.positions_m[:, columns] - joints)
+    still = smoothed(replace(take, names=names, positions_m=places, single=None), _PLACE_SHARE * cutoff_hz)
+    carried = replace(still, positions_m=joints + rot.rotate(turns, still.positions_m))
+    positions = take.positions_m.copy()
+    positions[:, columns] = smoothed(carried, cutoff_hz).positions_m
+    return replace(take, positions_m=positions)
 
 
 def _low_pass(cutoff_hz: float, fps: float, name: str) -> Array | None:

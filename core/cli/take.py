@@ -16,7 +16,7 @@ from ..solve_take import steady_motion
 from ..take_file.edit import recover
 from ..take_file.lock import is_locked
 from ..take_file.reading import ENDING, TakeFile, rate, read_take_file, take_name
-from . import take_import
+from . import take_fill, take_import
 from .options import add_motion_options
 
 Progress = Callable[[float, str], None]
@@ -34,6 +34,7 @@ def add_parser(subparsers: Any) -> None:
     mend.add_argument("--out", metavar="TAKE", help=f"take to write (default: NAME-recovered{ENDING} beside it)")
     mend.set_defaults(run=run_recover)
     take_import.add_parser(group)
+    take_fill.add_parser(group)
     export = group.add_parser("export", help="motion or markers of a recorded take as they were solved live")
     export.add_argument(
         "take", metavar="TAKE", help=f"recorded take ({ENDING}); one that was cut off gives what it has"

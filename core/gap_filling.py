@@ -1,0 +1,174 @@
+"""Gaps of a marker take filled by the body that the other markers show, and by the trajectory's own course.
+
+A marker is followed in the frame of the joint that carries it: there it hardly moves, but for skin and for what the
+body's calibration has wrong. Across a gap its place in that frame is interpolated, and the solved joint carries it. A
+cubic spline through what lies beside the gap is better while the gap is short; the two are averaged by the inverse of
+their expected square errors. How far splines go wrong is tried out on gaps made where the marker is seen; how far the
+body does shows in the marker's place on it before and after gaps, in frames that were solved without the marker.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from . import rotations as rot
+from .marker_set import MarkerSet
+from .marker_take import MarkerTake
+from .motion import Motion
+from .skeleton import forward_kinematics
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+_SHOULDER_S = 0.1  # of a trajectory beside a gap: its place on the body is taken from there
+_SETTLED_S = 0.04  # after so long what the first and last frame beside the gap had alone has faded to 1/e
+_LEAVING_S = 0.1  # after so long from the gap's ends the body's error has grown to 1 - 1/e
+_LEAST_DRIFT_M = 0.01  # of a marker on the body across a gap, where hardly anything tells
+_EARLIER_GAPS = 3.0  # the drift across all gaps counts as much as so many observations of one
+_LEAST_ERROR_M = 0.001
+_LONG_S = 0.5  # splines across gaps so long go wrong twice as far as tried out: motion changes
+_MOST_TRIALS = 40  # gaps made to try splines on
+_MID_ERROR = 0.0398  # root mean square of u^2 (1 - u)^2, the shape of a cubic interpolation's error over a gap
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Frames `start` to before `stop` in which a marker (its column in the take) is not located."""
+
+    marker: int
+    start: int
+    stop: int
+
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        return self.stop - self.start
+
+
+def gaps_of(visible: Mask) -> list[Gap]:
+    """Return the gaps of what is seen (F, M), marker by marker; none of markers that are never seen."""
+    found = []
+    for marker, seen in enumerate(visible.T):
+        if seen.any():
+            edges = np.flatnonzero(np.diff(np.concatenate(([True], seen, [True])).astype(np.int8)))
+            found += [Gap(marker, int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return found
+
+
+def without_shoulders(take: MarkerTake) -> MarkerTake:
+    """Return the take with each gap a tenth of a second longer at both ends.
+
+    A body that is solved from this does not jump where a marker goes or comes back: right before and after it has not
+    been drawn to that marker either, and its place there shows how far off the body is without it.
+    """
+    frames = _shoulder(take.fps)
+    kept = take.visible
+    for gap in gaps_of(take.visible):
+        kept[max(0, gap.start - frames) : gap.stop + frames, gap.marker] = False
+    return replace(take, positions_m=np.where(kept[..., None], take.positions_m, np.nan))
+
+
+def with_gaps_filled(take: MarkerTake, marker_set: MarkerSet, motion: Motion) -> MarkerTake:
+    """Return the take with the gaps of a set's markers filled; what was measured stays as it is.
+
+    Args:
+        take: with gaps, its markers under the set's names; other markers, and those never seen, are left as they are.
+        marker_set: worn.
+        motion: solved from `without_shoulders` of the take, in its world, frame by frame.
+    """
+    joints, turns = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
+    carriers = {marker.name: motion.skeleton.index(marker.joint) for marker in marker_set.markers}
+    gaps = [gap for gap in gaps_of(take.visible) if take.names[gap.marker] in carriers]
+    fillers = [_Filler(take, gap, joints, turns, carriers[take.names[gap.marker]]) for gap in gaps]
+    drifts = np.array([filler.drift_m for filler in fillers])
+    drifts = drifts[np.isfinite(drifts)]
+    usual = np.sqrt(np.mean(np.square([*drifts, _LEAST_DRIFT_M])))
+    positions = take.positions_m.copy()
+    for gap, filler in zip(gaps, fillers, strict=True):
+        positions[gap.start : gap.stop, gap.marker] = filler.filled(float(usual))
+    return replace(take, positions_m=positions)
+
+
+def _shoulder(fps: float) -> int:
+    return max(2, round(_SHOULDER_S * fps))
+
+
+class _Filler:
+    """One gap, between what is measured beside it."""
+
+    def __init__(self, take: MarkerTake, gap: Gap, joints: Array, turns: Array, carrier: int) -> None:
+        self._fps, self._gap = take.fps, gap
+        self._path = take.positions_m[:, gap.marker]
+        self._seen = np.isfinite(self._path[:, 0])
+        near = slice(max(0, gap.start - _shoulder(take.fps)), gap.stop + _shoulder(take.fps))
+        rows = np.arange(len(self._path))[near]
+        self._before = rows[(rows < gap.start) & self._seen[near]]
+        self._after = rows[(rows >= gap.stop) & self._seen[near]]
+        self._joint, self._turn = joints[:, carrier], turns[:, carrier]
+
+    @property
+    def drift_m(self) -> float:
+        """How far the marker's place on the body has moved over the gap, NaN at the take's ends."""
+        if not len(self._before) or not len(self._after):
+            return float("nan")
+        return float(np.linalg.norm(self._place(self._before).mean(axis=0) - self._place(self._after).mean(axis=0)))
+
+    def _place(self, rows: IntArray) -> Array:
+        """Return where the marker was in its joint's frame."""
+        return rot.rotate(rot.conjugate(self._turn[rows]), self._path[rows] - self._joint[rows])
+
+    def filled(self, usual_drift_m: float) -> Array:
+        """Return positions (n, 3) for the gap's frames."""
+        body = self._by_body()
+        rows = np.concatenate((self._before, self._after))
+        tried = self._tried_m()
+        if tried is None or len(self._before) < 2 or len(self._after) < 2:
+            return body
+        count = self._gap.frames
+        spline = CubicSpline(rows, self._path[rows], axis=0)(np.arange(self._gap.start, self._gap.stop))
+        own = np.square(self.drift_m) + _EARLIER_GAPS * usual_drift_m**2
+        drift = np.sqrt(0.5 * own / (1.0 + _EARLIER_GAPS))  # the difference of two places has twice the variance of one
+        steps = np.arange(1, count + 1)
+        from_end_s = np.minimum(steps, count + 1 - steps) / self._fps
+        body_error = drift * (1.0 - np.exp(-from_end_s / _LEAVING_S)) + _LEAST_ERROR_M
+        share = steps / (count + 1)
+        distrust = 1.0 + (count / self._fps / _LONG_S) ** 2
+        spline_error = distrust * tried * (share * (1.0 - share)) ** 2 / _MID_ERROR + _LEAST_ERROR_M
+        weight = (body_error**2 / (body_error**2 + spline_error**2))[:, None]
+        return np.asarray(weight * spline + (1.0 - weight) * body)
+
+    def _by_body(self) -> Array:
+        """Return where the solved joint carries the marker, without a jump at the gap's ends."""
+        count = self._gap.frames
+        steps = np.arange(1, count + 1)[:, None]
+        ends = [rows for rows in (self._before, self._after) if len(rows)]
+        first, last = (self._place(rows).mean(axis=0) for rows in (ends[0], ends[-1]))
+        places = first + (last - first) * steps / (count + 1)
+        fading = _SETTLED_S * self._fps
+        if len(self._before):
+            places = places + (self._place(self._before[-1:]) - first) * np.exp(-steps / fading)
+        if len(self._after):
+            places = places + (self._place(self._after[:1]) - last) * np.exp(-(count + 1 - steps) / fading)
+        rows = slice(self._gap.start, self._gap.stop)
+        return np.asarray(self._joint[rows] + rot.rotate(self._turn[rows], places))
+
+    def _tried_m(self) -> float | None:
+        """Return the root mean square error of splines over gaps so long made where the marker is seen, or None."""
+        count, beside = self._gap.frames, _shoulder(self._fps)
+        length = count + 2 * beside
+        whole = np.convolve(self._seen, np.ones(length, dtype=int), mode="valid") == length
+        starts: Sequence[int] = np.flatnonzero(whole).tolist()
+        if len(self._path) < length or not starts:
+            return None
+        errors = []
+        for start in starts[:: max(1, len(starts) // _MOST_TRIALS)]:
+            rows = np.arange(start, start + length)
+            hidden = rows[beside : beside + count]
+            kept = np.concatenate((rows[:beside], rows[beside + count :]))
+            guess = CubicSpline(kept, self._path[kept], axis=0)(hidden)
+            errors.append(np.mean(np.sum((guess - self._path[hidden]) ** 2, axis=-1)))
+        return float(np.sqrt(np.mean(errors)))
