@@ -36,6 +36,7 @@ _RARE_CHECK_S = 1.0  # from here on only while the markers are badly explained
 _DOUBTFUL = 0.5  # confidence
 _BETTER = 0.7  # of the labels' distance to the examples: a new start that is closer shows that they are wrong
 _SURE_M = 0.04  # labels this near to an example are right: two limbs exchanged across a hand's breadth are further off
+_TELLING = 0.75  # share of the markers that must be located: some pose or other is near to fewer
 _ELSEWHERE_M = 0.03  # by this much a marker must be another point under a new start's labels
 _NEARER = 0.5  # of the markers' distance to the closest example: a pose without a past that is nearer is the right one
 
@@ -108,7 +109,7 @@ class Session:
 
         A pose that has gone wrong keeps itself: examples are looked for near where the motion seems to go. All
         markers may then be where they should be, on a body that is wrung. This is looked at when it has lasted for a
-        moment, then ever more rarely.
+        moment and most markers are located, then ever more rarely.
         """
         now = frame.time_s
         if solution is None or not solution.nearest_m > _FAMILIAR_M:
@@ -116,7 +117,7 @@ class Session:
             return solution
         if self._familiar_s is None:
             self._familiar_s = now
-        if now - self._familiar_s < self._doubt_after_s:
+        if now - self._familiar_s < self._doubt_after_s or np.mean(observation.located) < _TELLING:
             return solution
         self._familiar_s, self._doubt_after_s = now, min(2.0 * self._doubt_after_s, _RARE_CHECK_S)
         anew = self._solver.without_past()

@@ -16,6 +16,7 @@ from perfanim.core.simulate.studio.cones import visible
 from perfanim.core.simulate.studio.performance import make_performance
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.skeleton import marker_positions
+from perfanim.core.solver.pose_solver import PoseSolver
 
 FPS = 30.0
 NOISE_M = 0.002
@@ -178,3 +179,25 @@ def test_a_body_that_was_wrung_by_wrong_markers_comes_right_at_once(subject, dat
     undisturbed, wrung = np.reshape(errors, (2, -1))
     assert np.all(wrung[10:20] > 30.0)
     assert wrung[25:].mean() < 1.5 * undisturbed[25:].mean()
+
+
+@pytest.mark.parametrize(("hidden", "looked_at"), [((), True), (("RSHO", "LWAI", "RHAN", "RFOO"), False)])
+def test_a_body_unlike_the_database_is_not_replaced_for_what_few_markers_show(
+    subject, database, record, hidden, looked_at, monkeypatch
+):
+    """Some pose or other is near to half of the markers, so that these say nothing."""
+    begun = []
+    anew = PoseSolver.without_past
+    monkeypatch.setattr(PoseSolver, "without_past", lambda self: begun.append(self) or anew(self))
+    motion = resampled(read_motion(MOTION / "kendo-03-energetic.bvh"), FPS)  # of which the database has nothing
+    session, generator = Session(replace(subject, skeleton=motion.skeleton), database), np.random.default_rng(6)
+    labels = np.arange(len(subject.marker_set))
+    rows = markers_of(subject, motion)[:60]
+    for number, row in enumerate(rows):
+        session.step(points(record, row, number, generator, labels))
+    assert not hidden or len(begun) > 0
+    begun.clear()
+    rows[:, [subject.marker_set.names.index(name) for name in hidden]] = np.nan
+    for number, row in enumerate(rows, start=len(rows)):
+        session.step(points(record, row, number, generator, labels))
+    assert (len(begun) > 0) == looked_at
