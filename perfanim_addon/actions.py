@@ -19,7 +19,7 @@ from ..core.key_reduction import location_keys, rotation_keys, slopes
 from ..core.skeleton import Skeleton
 from .character import find_armature
 from .posing import Posing, posing_of
-from .retarget_rig import delta_transforms
+from .retarget_rig import clear_offsets, delta_transforms
 
 Array = NDArray[np.float64]
 
@@ -138,6 +138,7 @@ def write_posing(
         raise CharacterError("none of the bones that would move is selected", where=armature_object.name, advice=advice)
     pose = posing.pose(rotations, root_positions_m)
     keep_in_quaternions(armature_object, turned)
+    clear_offsets(armature_object, turned, moved)
     for bone_name in turned:
         armature_object.pose.bones[bone_name].rotation_mode = "QUATERNION"
     if placement.onto is not Onto.ACTION:

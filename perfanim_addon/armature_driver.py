@@ -10,7 +10,7 @@ from .actions import keep_in_quaternions
 from .body_parts import PARTS, bones_of_parts
 from .character import find_armature
 from .posing import Posing, posing_of
-from .retarget_rig import delta_transforms
+from .retarget_rig import clear_offsets, delta_transforms
 
 _QUATERNION_MODE = 0  # PoseBone.rotation_mode "QUATERNION" as foreach_get returns it
 
@@ -49,6 +49,7 @@ class ArmatureDriver:
         self._located = [(name, place) for place, name in enumerate(self._posing.located) if name in only]
         self._names = [self._posing.bones[place] for place in self._turned]
         keep_in_quaternions(armature_object, self._names)  # an animation of theirs in other angles would stop
+        clear_offsets(armature_object, self._names, (name for name, _ in self._located))
         self._order: NDArray[np.int64] = np.array([places[name] for name in self._names], dtype=np.int64)
         self._quaternions = np.zeros((len(bones), 4), dtype=np.float32)
         self._modes = np.zeros(len(bones), dtype=np.int32)

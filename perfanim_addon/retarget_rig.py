@@ -4,7 +4,7 @@ In control rigs a bone may follow another than its parent, through constraints. 
 bone after the other is turned, and which of the others went along is seen.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
 import bpy
@@ -67,6 +67,23 @@ def check_scale(armature_object: bpy.types.Object) -> None:
     if np.linalg.det(axes) < 0.0:
         advice = f"make the scale positive, or {_APPLY}"
         raise CharacterError("the scene shows it mirrored by a negative scale", where=name, advice=advice)
+
+
+def clear_offsets(armature_object: bpy.types.Object, turned: Iterable[str], moved: Iterable[str]) -> None:
+    """Bring scale and location of bones that are turned to rest, as an earlier animation may have left them elsewhere.
+
+    A joint out of its place, or a limb of another length, would carry all that hangs on it away.
+
+    Args:
+        turned: names of bones.
+        moved: those of them whose location is set with the motion.
+    """
+    kept = set(moved)
+    for name in turned:
+        bone = armature_object.pose.bones[name]
+        bone.scale = (1.0, 1.0, 1.0)
+        if name not in kept:
+            bone.location = (0.0, 0.0, 0.0)
 
 
 def switch_to_fk(armature_object: bpy.types.Object, bones: Sequence[str]) -> None:

@@ -25,7 +25,7 @@ from perfanim.core.product_skeleton import default_skeleton, scaled
 from perfanim.core.retarget.transfer import RootMotion
 from perfanim.core.skeleton import forward_kinematics
 from perfanim.perfanim_addon import character
-from perfanim.perfanim_addon.actions import curves_of
+from perfanim.perfanim_addon.actions import curves_of, write_action
 from perfanim.perfanim_addon.armature_driver import ArmatureDriver
 from perfanim.perfanim_addon.axes import BLENDER_FROM_PRODUCT
 from perfanim.perfanim_addon.export_animation import Form
@@ -355,6 +355,28 @@ def test_joints_are_where_the_scene_s_scale_puts_them(
     stood(hero, own, (0.2, 0.2, 0.2))
     place = np.array(hero.matrix_world)
     assert np.allclose(joints(), alone @ place[:3, :3].T + place[:3, 3], atol=1e-4)
+
+
+def test_lengths_and_joints_that_an_earlier_animation_has_left_are_brought_to_rest(mixamo_blend: Path) -> None:
+    """As importers leave the pose of one of the animations in a file."""
+    motion, shown = clip("boxing-01-neutral", 2), []
+    for left in (False, True):
+        for live in (False, True):
+            bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
+            hero = bpy.data.objects["Hero"]
+            for name in ("LeftUpLeg", "RightForeArm", "Hips", "Spine1") if left else ():
+                bone = hero.pose.bones[f"mixamorig:{name}"]
+                bone.scale, bone.location = (1.0, 1.1, 0.9), (0.02, 0.01, -0.03)
+            if live:
+                ArmatureDriver("Hero", motion.skeleton).apply(motion.rotations[1], motion.root_positions_m[1])
+            else:
+                poses = (motion.rotations, motion.root_positions_m, motion.skeleton)
+                write_action("Hero", [1.0, 2.0], *poses)
+                bpy.context.scene.frame_set(2)
+            bpy.context.view_layer.update()
+            shown.append([np.array(bone.matrix) for bone in hero.pose.bones])
+    for other in shown[1:]:
+        assert np.allclose(shown[0], other, atol=1e-5)
 
 
 def test_the_map_is_found_when_an_armature_is_chosen_and_can_be_edited(mixamo_blend: Path, addon: ModuleType) -> None:
