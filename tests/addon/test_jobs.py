@@ -1,8 +1,6 @@
 """Long work behind the buttons: the real worker runs the command, the test plays the timer."""
 
 import sys
-import time
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -12,6 +10,7 @@ import bpy
 import cv2
 import numpy as np
 import pytest
+from clicked import run_job
 from perfanim.core.camera import load_rig
 from perfanim.core.database.store import open_database
 from perfanim.core.formats.bvh import write_bvh
@@ -22,8 +21,6 @@ from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, board_on_floor, 
 from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.rig import default_rig
 
-PATIENCE_S = 300.0
-
 
 @pytest.fixture
 def part(addon: ModuleType, extension: str) -> Any:
@@ -31,26 +28,6 @@ def part(addon: ModuleType, extension: str) -> Any:
         return sys.modules[f"{extension}.perfanim_addon.{name}"]
 
     return find
-
-
-def run_job(part: Any, operator: Any, played: Any) -> str:
-    """Do what the operator does between the click and the end; return its line."""
-    played.arguments = partial(operator.arguments, played)
-    job = part("job").Job(operator.title, operator.panel, operator.request(played, bpy.context), None)
-    limit = time.monotonic() + PATIENCE_S
-    try:
-        while not job.ended:
-            job.tick()
-            picture = job.take_preview()
-            if picture is not None:
-                part("preview").show(picture, job.text)
-                assert tuple(bpy.data.images["Perfanim Preview"].size) == picture.shape[1::-1]
-            assert time.monotonic() < limit, job.text
-            time.sleep(0.02)
-    finally:
-        job.close()
-        part("preview").hide()
-    return str(operator.done(played, bpy.context, job.summary))
 
 
 def test_motion_is_imported_and_used(part: Any, tmp_path: Path) -> None:

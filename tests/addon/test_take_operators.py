@@ -2,10 +2,8 @@
 
 import shutil
 import sys
-import time
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from functools import partial
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -13,6 +11,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from clicked import run_job
 from perfanim.core.assets import MOTION
 from perfanim.core.cli.main import main
 from perfanim.core.formats.bvh import read_bvh, write_bvh
@@ -30,8 +29,6 @@ from perfanim.core.take_file.reading import read_take_file
 from perfanim.core.take_file.setup import TakeNotes, TakeSetup
 from perfanim.core.take_file.whole import write_whole_take
 from played import key_times
-
-PATIENCE_S = 300.0
 
 
 @pytest.fixture(scope="module")
@@ -80,23 +77,6 @@ def recorded(part: Any, walk: SimpleNamespace, name: str, **notes: Any) -> Path:
     write_whole_take(path, setup, TakeNotes(name, **notes), frames, [SolvedPose(pose, 0.0) for pose in poses])
     part("takes").forget()
     return path
-
-
-def run_job(part: Any, operator: Any, played: Any) -> str:
-    """Do what the operator does between the click and the end; return its line."""
-    played.arguments = partial(operator.arguments, played)
-    played.request = partial(operator.request, played)
-    played.title = operator.title
-    job = operator.begin(played, bpy.context, None)
-    limit = time.monotonic() + PATIENCE_S
-    try:
-        while not job.ended:
-            job.tick()
-            assert time.monotonic() < limit, job.text
-            time.sleep(0.02)
-    finally:
-        job.close()
-    return str(operator.done(played, bpy.context, job.summary))
 
 
 def shown(part: Any) -> list[Any]:

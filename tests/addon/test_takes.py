@@ -13,6 +13,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from clicked import run_job
 from perfanim.core.marker_frame import MarkerFrame, pack_stamped
 from perfanim.core.marker_set import Subject, load_marker_set
 from perfanim.core.pose_bytes import SolvedPose, pack_solved
@@ -64,22 +65,6 @@ def cut(path: Path) -> Path:
     last = scan(path.read_bytes(), "")[0][-1]
     path.write_bytes(path.read_bytes()[: last.offset + 30])
     return path
-
-
-def run_job(part: Any, operator: Any, played: Any) -> str:
-    """Do what the operator does between the click and the end; return its line."""
-    job = part("job").Job(
-        operator.title, operator.panel, part("job").command(operator.arguments(played, bpy.context)), None
-    )
-    limit = time.monotonic() + PATIENCE_S
-    try:
-        while not job.ended:
-            job.tick()
-            assert time.monotonic() < limit, job.text
-            time.sleep(0.02)
-    finally:
-        job.close()
-    return str(operator.done(played, bpy.context, job.summary))
 
 
 def shown(part: Any) -> list[Any]:

@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from clicked import run_job
 from mathutils import Matrix, Quaternion, Vector
 from perfanim.core.assets import MOTION
 from perfanim.core.database.build import build_database
@@ -95,19 +96,9 @@ def test_a_prop_is_measured_from_the_chosen_take(part: Any, shown: Any, tmp_path
     operator = part("operators.targets").PERFANIM_OT_measure_target
     assert bpy.ops.perfanim.measure_target.poll() == (bpy.context.window is not None)
     played = SimpleNamespace(called="My Sword")
-    job = part("job").Job(
-        operator.title, operator.panel, part("job").command(operator.arguments(played, bpy.context)), None
-    )
-    limit = time.monotonic() + PATIENCE_S
-    try:
-        while not job.ended:
-            job.tick()
-            assert time.monotonic() < limit, job.text
-            time.sleep(0.02)
-    finally:
-        job.close()
-        listed.entries.clear()
-    assert operator.done(played, bpy.context, job.summary).startswith("My Sword: 5 markers, rigid to ")
+    told = run_job(part, operator, played)
+    listed.entries.clear()
+    assert told.startswith("My Sword: 5 markers, rigid to ")
     assert part("targets").title(shown.entries[0]) == "My Sword"
     assert part("targets").problem(bpy.context.scene) == ""
 

@@ -1,0 +1,37 @@
+"""What a click on a button does, without a window."""
+
+import time
+from functools import partial
+from typing import Any
+
+import bpy
+
+PATIENCE_S = 300.0
+
+
+def run_job(part: Any, operator: Any, clicked: Any) -> str:
+    """Do what an operator of long work does between the click and the end; return its line.
+
+    Args:
+        part: imports the add-on's parts by name.
+        operator: its class.
+        clicked: stands for the operator, with the properties that it is asked with.
+    """
+    clicked.arguments = partial(operator.arguments, clicked)
+    clicked.request = partial(operator.request, clicked)
+    clicked.title = operator.title
+    job = operator.begin(clicked, bpy.context, None)
+    limit = time.monotonic() + PATIENCE_S
+    try:
+        while not job.ended:
+            job.tick()
+            picture = job.take_preview()
+            if picture is not None:
+                part("preview").show(picture, job.text)
+                assert tuple(bpy.data.images["Perfanim Preview"].size) == picture.shape[1::-1]
+            assert time.monotonic() < limit, job.text
+            time.sleep(0.02)
+    finally:
+        job.close()
+        part("preview").hide()
+    return str(operator.done(clicked, bpy.context, job.summary))
