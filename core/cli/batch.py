@@ -18,6 +18,7 @@ from ..database.store import open_database
 from ..errors import FormatError, PerfanimError, SettingsError
 from ..foot_lock import FEET
 from ..formats.takes import READABLE
+from ..marker_names import AUTO
 from ..marker_set import load_marker_set, load_subject
 from ..motion_files import read_skeleton
 from ..retarget.transfer import RootMotion
@@ -36,7 +37,7 @@ _CHECKS: dict[str, Callable[[str], object]] = {
     "database": open_database,
     "subject": load_subject,
     "skeleton": read_skeleton,
-    "marker_set": load_marker_set,
+    "marker_set": lambda name: name == AUTO or load_marker_set(name),
     "cameras": load_rig,
 }
 
@@ -60,7 +61,9 @@ def add_parser(subparsers: Any) -> None:
     shared.add_argument("--database", metavar="DB", help="motion database")
     shared.add_argument("--subject", metavar="FILE", help="calibrated subject")
     shared.add_argument("--skeleton", metavar="FILE", help=".asf or .bvh whose bones are used; needs --marker-set")
-    shared.add_argument("--marker-set", metavar="NAME", help="shipped marker set or TOML file")
+    shared.add_argument(
+        "--marker-set", metavar="NAME", help=f"shipped marker set or TOML file, or {AUTO} (of marker files)"
+    )
     shared.add_argument("--up", choices=UPS, help="axis of marker files that points up (default: y)")
     shared.add_argument("--method", choices=METHODS, help="how poses are found (default best)")
     shared.add_argument("--smooth", type=float, metavar="HZ", help="low-pass markers before and motion after")

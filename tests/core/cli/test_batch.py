@@ -33,6 +33,7 @@ def folder(truth, subject, database_file, tmp_path_factory):
         also = ["vrma", "angles.csv"]
         [[take]]
         take = "walk.trc"
+        marker_set = "auto"
         [[take]]
         take = "other.csv"
         [[take]]
