@@ -67,7 +67,7 @@ def test_a_plan_with_bad_takes(folder, capsys):
 def test_good_takes_alone_exit_with_0(folder, tmp_path, capsys):
     shutil.copytree(folder / "results", tmp_path / "out")  # done there already: content counts, not places
     given = ["--database", str(folder / "all.pfdb"), "--subject", str(folder / "walker.toml")]
-    given += ["--naming", "mixamo", "--also", "angles.csv", "--also", "vrma"]
+    given += ["--naming", "mixamo", "--also", "angles.csv", "--also", "vrma", "--marker-set", "auto"]
     assert main(["batch", str(folder / "walk.trc"), *given, "--out", str(tmp_path / "out"), "--json"]) == 0
     printed = capsys.readouterr()
     assert (json.loads(printed.out)["finished_before"], printed.err) == (1, "")
