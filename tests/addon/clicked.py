@@ -19,7 +19,8 @@ def run_job(part: Any, operator: Any, clicked: Any) -> str:
     """
     clicked.arguments = partial(operator.arguments, clicked)
     clicked.request = partial(operator.request, clicked)
-    clicked.title = operator.title
+    for name in ("title", "panel", "finishable"):
+        setattr(clicked, name, getattr(operator, name))
     job = operator.begin(clicked, bpy.context, None)
     limit = time.monotonic() + PATIENCE_S
     try:
