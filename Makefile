@@ -21,7 +21,7 @@ NUMPY_OF_4.5 := 1.26
 NUMPY_OF_5.0 := 1.26
 NUMPY_OF_5.2 := 2.3
 
-.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-bench take-fuzz batch-bench extension clean
+.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench take-fuzz batch-bench extension clean
 
 # bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
 # the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
@@ -69,7 +69,11 @@ check: $(STAMP)
 
 # Needs BLENDER: a command that runs its arguments where a Blender with a window can be started.
 window-test: $(STAMP)
-	$(BIN)/python -m pytest tests/window -m 'not benchmark'
+	$(BIN)/python -m pytest tests/window -m 'not benchmark and not walkthrough'
+
+# The same window: a take on all kinds of characters, by mouse and keyboard; the pictures are in out/window.
+window-walkthrough: $(STAMP)
+	$(BIN)/python -m pytest tests/window -m walkthrough
 
 # The same window: how often the bones change live, against a bare timer; fails below 0.9 of it.
 window-bench: $(STAMP)

@@ -55,6 +55,15 @@ class Desktop:
         self.run("import", "-window", "root", str(path))
         return path
 
+    def seen(self) -> np.ndarray:
+        """Return the pixels of the screen (height, width, 3) in OpenCV's order, without keeping a picture."""
+        path = self._pictures / "seen.ppm"  # quicker than compressing it
+        self.run("import", "-window", "root", str(path))
+        pixels = cv2.imread(str(path))
+        path.unlink()
+        assert pixels is not None
+        return pixels
+
     def move(self, x: float, y: float) -> None:
         """Move the pointer; (0, 0) is the top left."""
         self.run("xdotool", "mousemove", str(round(x)), str(round(y)))

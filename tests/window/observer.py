@@ -12,8 +12,11 @@ import traceback
 from pathlib import Path
 
 import addon_utils
+import blf
 import bpy
+import gpu
 import numpy as np
+from mathutils import Euler, Matrix
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "addon"))
 
@@ -70,6 +73,16 @@ def regions():
                 if region.type == "UI":
                     found["tab"] = getattr(region, "active_panel_category", "")
     return found
+
+
+def browser():
+    """Return the folder that a file browser shows, "" without one."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            params = area.spaces.active.params if area.type == "FILE_BROWSER" else None
+            if params is not None:
+                return params.directory.decode()
+    return ""
 
 
 def capture_facts():
@@ -142,6 +155,7 @@ def report():
         "answer": answer,
         "tab": found.pop("tab", ""),
         "regions": found,
+        "browser": browser(),
         "button_colour": [round(255 * c) for c in colour[:3]],
         "capture": capture_facts(),
         "preview": preview_facts(),
@@ -287,6 +301,77 @@ def order_call(order):
             return {"error": str(error)}
 
 
+def order_draw_text(order):
+    """Draw a text as buttons show it, and keep its pixels (height, width) in a file."""
+    preferences = bpy.context.preferences
+    size = preferences.ui_styles[0].widget.points * preferences.system.ui_scale
+    blf.size(0, size)
+    width, height = int(blf.dimensions(0, order["text"])[0]) + 4, int(1.6 * size)
+    offscreen = gpu.types.GPUOffScreen(width, height)
+    with offscreen.bind():
+        frame = gpu.state.active_framebuffer_get()
+        frame.clear(color=(0.0, 0.0, 0.0, 1.0))
+        with gpu.matrix.push_pop():
+            gpu.matrix.load_matrix(Matrix.Identity(4))
+            across, up = (2.0 / width, 0, 0, -1), (0, 2.0 / height, 0, -1)
+            gpu.matrix.load_projection_matrix(Matrix((across, up, (0, 0, 1, 0), (0, 0, 0, 1))))
+            gpu.state.blend_set("ALPHA")
+            blf.position(0, 2, int(0.45 * size), 0)
+            blf.color(0, 1.0, 1.0, 1.0, 1.0)
+            blf.draw(0, order["text"])
+        pixels = frame.read_color(0, 0, width, height, 4, 0, "UBYTE")
+    offscreen.free()
+    pixels.dimensions = width * height * 4
+    path = FOLDER / "text.npy"
+    np.save(path, np.array(pixels, dtype=np.uint8).reshape(height, width, 4)[::-1, :, 0])
+    return {"path": str(path)}
+
+
+def order_joints(order):
+    """Tell where bones of an object are in the scene, frame after frame."""
+    scene, obj, found = bpy.context.scene, bpy.data.objects[order["object"]], []
+    before = scene.frame_current
+    for frame in order["frames"]:
+        scene.frame_set(int(np.floor(frame)), subframe=frame - np.floor(frame))
+        posed = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        found.append([list(posed.matrix_world @ posed.pose.bones[name].head) for name in order["bones"]])
+    scene.frame_set(before)
+    return {"joints": found}
+
+
+def order_armatures(order):
+    """Tell the bones of each armature."""
+    return {obj.name: [bone.name for bone in obj.data.bones] for obj in bpy.data.objects if obj.type == "ARMATURE"}
+
+
+def order_map(order):
+    """Tell which bones of the chosen armature stand for which joints, and how sure that is."""
+    kept = armature().perfanim_character.joints
+    return {entry.name: [entry.bone, entry.state] for entry in kept}
+
+
+def order_look(order):
+    """Turn the viewport to the chosen character as it is at a frame, and hide all others."""
+    scene, obj = bpy.context.scene, armature()
+    scene.frame_set(order["frame"])
+    for other in bpy.context.view_layer.objects:
+        mine = other in (obj, obj.parent) or other.find_armature() == obj or other.parent == obj
+        other.hide_set(not mine)
+    posed = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    mapped = [entry.bone for entry in obj.perfanim_character.joints if entry.bone]
+    heads = np.array([obj.matrix_world @ posed.pose.bones[name].head for name in mapped])
+    low, high = heads.min(axis=0), heads.max(axis=0)
+    for group in obj.data.collections_all if "DEF" in obj.data.collections_all else ():
+        group.is_visible = group.name == "DEF"  # of a control rig what its mesh would follow
+    for area in bpy.context.window_manager.windows[0].screen.areas:
+        if area.type == "VIEW_3D":
+            view = area.spaces.active.region_3d
+            view.view_rotation = Euler((np.radians(80.0), 0.0, np.radians(order["around_deg"]))).to_quaternion()
+            view.view_location, view.view_distance = (low + high) / 2.0, 1.8 * np.linalg.norm(high - low)
+            area.tag_redraw()
+    return {}
+
+
 def order_bare_armature(order):
     armature_data = bpy.data.armatures.new("Other")
     obj = bpy.data.objects.new("Other", armature_data)
@@ -302,11 +387,9 @@ def order_remains(order):
 
 
 def order_addon(order):
-    """Switch the add-on on or off."""
-    if order["on"]:
-        addon_utils.enable(ADDON, default_set=True)
-    else:
-        addon_utils.disable(ADDON, default_set=True)
+    """Switch the add-on, or another, on or off."""
+    switch = addon_utils.enable if order["on"] else addon_utils.disable
+    switch(order.get("name", ADDON), default_set=True)
     return {}
 
 
@@ -356,6 +439,11 @@ ORDERS = {
     "set": order_set,
     "get": order_get,
     "call": order_call,
+    "draw_text": order_draw_text,
+    "armatures": order_armatures,
+    "joints": order_joints,
+    "map": order_map,
+    "look": order_look,
     "bare_armature": order_bare_armature,
     "remains": order_remains,
     "addon": order_addon,

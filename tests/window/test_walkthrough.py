@@ -1,0 +1,240 @@
+"""An animator's work by mouse and keyboard: captures, takes, characters of others, files for other programs.
+
+Every step leaves a picture in out/window. The way over all kinds of characters takes minutes: `make
+window-walkthrough`.
+"""
+
+import shutil
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from desktop import ROOT, BlenderWindow, Desktop
+from perfanim.core.retarget.bone_map import EXPECTED
+from pointing import Hand
+
+EXPORTED_MM = 1.0
+FRAMES = 443  # of the take of two webcams
+SCENE_FPS = 24.0
+CAPTURED = 30
+TRASH_PX = 76  # from the word Export to the icon
+FIELD_PX = 120  # from a setting's name in a dialog to its value
+VRM = "VRM-Addon-for-Blender/tests/resources/unity/VrmaInspector/Assets/StreamingAssets/Example.vrm"
+CHARACTERS = {
+    "xbot": "Mixamo/Xbot.glb",
+    "mannequiny": "Godot_mannequiny/ragdoll_physics/characters/mannequiny.glb",
+    "cesium-man": "Khronos_CesiumMan/CesiumMan/glTF-Binary/CesiumMan.glb",
+    "vrm": VRM,
+    "rigify": "",  # generated in Blender from its own metarig
+}
+
+
+@pytest.fixture
+def desktop(wrapper: str) -> Iterator[Desktop]:
+    """A screen on which all panels of the work have room."""
+    desktop = Desktop(wrapper, ROOT / "out" / "window", (1400, 900))
+    yield desktop
+    desktop.close()
+
+
+def opened(desktop: Desktop, window: BlenderWindow, name: str) -> Hand:
+    """Open the tab, delete the cube and close the Capture panel."""
+    window.open_tab("Perfanim")
+    hand = Hand(desktop, window, name)
+    hand.away()
+    for key in ("x", "Return"):  # asked and answered
+        desktop.key(key)
+        time.sleep(0.7)
+    hand.click("Capture", sidebar=True)
+    return hand
+
+
+def import_character(hand: Hand, path: Path) -> None:
+    """File > Import > glTF."""
+    hand.menu("File", "Import", "glTF 2.0 (.glb/.gltf)")
+    hand.choose_file(path)
+
+
+def use_active(hand: Hand, window: BlenderWindow, picture: str) -> str:
+    """Let the character that is active move along; return its armature's name."""
+    hand.click("Character", sidebar=True)
+    before = window.state()["armature"]
+    hand.click("Use Active", sidebar=True)
+    name = window.wait(lambda s: s["armature"] not in ("", before), "a chosen armature")["armature"]
+    hand.shot(picture)
+    hand.click("Character", sidebar=True)
+    return str(name)
+
+
+def record(hand: Hand, window: BlenderWindow, picture: str) -> None:
+    """Start Capture, wait for some frames, Stop Capture."""
+    before = len(window.state()["actions"])
+    hand.click("Start Capture", sidebar=True)
+    window.wait(lambda s: s["capture"].get("statistics", {}).get("received", 0) > CAPTURED, "frames")
+    hand.shot(picture)
+    hand.click("Stop Capture", sidebar=True)
+    window.wait(lambda s: s["capture"]["activity"] is None and len(s["actions"]) > before, "end of the capture")
+
+
+def said_of_takes(window: BlenderWindow, word: str) -> str:
+    """Wait until the Takes panel says something with a word in it, and no work is going on."""
+
+    def said(state: dict[str, Any]) -> bool:
+        return state["capture"]["activity"] is None and word in str(state["capture"]["messages"].get("takes"))
+
+    return str(window.wait(said, f"{word!r} in the Takes panel")["capture"]["messages"]["takes"])
+
+
+def actions(window: BlenderWindow) -> list[str]:
+    return sorted(window.state()["actions"])
+
+
+def test_captures_are_solved_again_deleted_undone_and_exported(
+    desktop: Desktop, window: BlenderWindow, tmp_path: Path
+) -> None:
+    hand = opened(desktop, window, "walkthrough")
+    hand.click("Capture", sidebar=True)
+    record(hand, window, "first-capture")
+    (capture,) = actions(window)
+    performer = window.state()["armature"]
+    record(hand, window, "second-capture")
+    before = actions(window)
+    assert len(before) == 2
+
+    hand.click("Capture", sidebar=True)
+    hand.click("Takes", sidebar=True)
+    hand.shot("takes")
+    hand.click("Solve Again", sidebar=True)
+    hand.click("Method", beside=FIELD_PX)
+    hand.click("nearest")
+    desktop.screenshot("walkthrough-dialog")
+    desktop.key("Return")
+    assert said_of_takes(window, "(nearest)")
+    hand.shot("solved-again")
+    after = actions(window)
+    assert len(after) == 3
+    for key, wanted in (
+        ("ctrl+z", before),
+        ("ctrl+z", [capture]),
+        ("ctrl+shift+z", before),
+        ("ctrl+shift+z", after),
+    ):
+        hand.away()
+        desktop.key(key)
+        window.wait(lambda s, wanted=wanted: sorted(s["actions"]) == wanted, f"{key}: {wanted}")
+    hand.shot("redone")
+
+    hand.click("Export", sidebar=True, beside=TRASH_PX)
+    assert "(nearest) deleted" in said_of_takes(window, "deleted")
+    hand.shot("deleted")
+    hand.click("Put on Character", sidebar=True)  # the second capture, as it was solved live
+    frames = int(said_of_takes(window, "frames in").split()[0])
+    check_exports(hand, window, tmp_path, performer, 60.0, frames)
+    for word in ("Traceback", "Exception", "Error:"):
+        assert word not in window.log(), window.log()[-3000:]
+
+
+def check_exports(hand: Hand, window: BlenderWindow, folder: Path, performer: str, fps: float, frames: int) -> None:
+    """Export the take that is on a character from frame 1 on, import it again, and compare where joints are."""
+    files = {}
+    for kind in ("BVH", "FBX"):
+        hand.click("Export", sidebar=True)
+        hand.click(kind)
+        hand.save_in(folder)
+        assert said_of_takes(window, f".{kind.lower()}").startswith(f"{frames} frames of")
+        (files[kind],) = folder.glob(f"*.{kind.lower()}")
+    hand.shot("exported")
+    bones = armatures(window)[performer]
+    ours = joints(window, performer, 1.0 + np.arange(frames) * SCENE_FPS / fps, bones)
+    for kind, entry, first in (("BVH", "Motion Capture (.bvh)", 1.0), ("FBX", "FBX (.fbx)", 2.0)):
+        known = set(armatures(window))
+        hand.menu("File", "Import", entry)
+        hand.choose_file(files[kind])
+        (name,) = set(armatures(window)) - known
+        theirs = joints(window, name, first + np.arange(frames), bones)
+        assert 1000.0 * np.linalg.norm(theirs - ours, axis=-1).max() < EXPORTED_MM, kind
+    hand.shot("imported-again")
+
+
+def armatures(window: BlenderWindow) -> dict[str, list[str]]:
+    """Return the names of all armatures with those of their bones."""
+    return dict(window.order("armatures"))
+
+
+def joints(window: BlenderWindow, name: str, frames: np.ndarray, bones: list[str]) -> np.ndarray:
+    """Return where the bones (F, B, 3) of an object are in the scene."""
+    return np.array(window.order("joints", object=name, frames=frames.tolist(), bones=bones)["joints"])
+
+
+@pytest.mark.walkthrough
+def test_a_take_of_two_webcams_walks_on_all_kinds_of_characters(
+    desktop: Desktop, window: BlenderWindow, shared_dir: Path, tmp_path: Path
+) -> None:
+    window.order("addon", name="rigify", on=True)
+    hand = opened(desktop, window, "characters")
+    hand.click("Markers", sidebar=True)
+    hand.click("Boxing")
+    hand.click("Two Webcams")
+    hand.click("Markers", sidebar=True)
+    hand.click("Subject", sidebar=True)
+    hand.type_over("1.75", "1.6")
+    hand.click("Subject", sidebar=True)
+    hand.click("Takes", sidebar=True)
+    hand.click("Import Marker Takes", sidebar=True)
+    hand.click("From the Performer")
+    hand.click("Floor from the Feet")
+    hand.choose_file(shared_dir.resolve() / "two-webcams" / "sequence4_published.trc")
+    assert said_of_takes(window, "imported") == "1 take imported"
+    hand.shot("imported")
+    for kind, file in CHARACTERS.items():
+        if file:
+            path = shared_dir.resolve() / "rigs" / file
+            if path.suffix == ".vrm":  # a glTF by another name, which Blender's importer goes by
+                path = Path(shutil.copyfile(path, tmp_path / "example.glb"))
+            import_character(hand, path)
+        else:
+            hand.menu("Add", "Armature", "Rigify Meta-Rigs", "Human")
+            hand.menu("Rigify", "Generate Rig")
+            window.wait(lambda _: "rig" in armatures(window), "a generated rig")
+        hand.click("Takes", sidebar=True)
+        name = use_active(hand, window, f"{kind}-bones")
+        hand.click("Takes", sidebar=True)
+        hand.click("Put on Character", sidebar=True)
+        assert said_of_takes(window, f" on {name}").startswith(f"{FRAMES} frames in")
+        bones = window.order("map")
+        assert {joint for joint in EXPECTED if bones[joint][1] != "mapped"} == set()
+        assert "doubtful" not in {state for _, state in bones.values()}
+        check_walk(window, name, {joint: bone for joint, (bone, _) in bones.items() if bone})
+        for frame in (60, 200):
+            window.order("look", frame=frame, around_deg=25.0)
+            hand.shot(f"{kind}-{frame}")
+        window.order("look", frame=1, around_deg=25.0)
+
+
+def check_walk(window: BlenderWindow, name: str, bones: dict[str, str]) -> None:
+    """The performer walks to the cameras and back, upright, on the floor; knees bend forward, elbows backward."""
+    wanted = ["root", "head"] + [
+        side + joint for side in "lr" for joint in ("femur", "tibia", "foot", "humerus", "radius", "hand")
+    ]
+    frames = np.arange(1.0, 350.0, 3.0)
+    found = joints(window, name, frames, [bones[joint] for joint in wanted])
+    at = {joint: found[:, index] for index, joint in enumerate(wanted)}
+    legs = np.linalg.norm(at["lfemur"] - at["ltibia"], axis=-1) + np.linalg.norm(at["ltibia"] - at["lfoot"], axis=-1)
+    assert np.ptp(legs) < 1e-3
+    leg = float(np.mean(legs))
+    up = at["head"] - at["root"]
+    assert np.all(up[:, 2] > 0.95 * np.linalg.norm(up, axis=-1))
+    ankles = np.stack([at["lfoot"][:, 2], at["rfoot"][:, 2]])
+    assert 0.0 < ankles.min() < 0.25 * leg  # neither under the floor nor over it
+    assert np.median(ankles.min(axis=0)) < 0.25 * leg
+    assert np.ptp(at["root"][:, 1]) > 2.0 * leg
+    left = at["lfemur"] - at["rfemur"]
+    front = np.cross(left, [0.0, 0.0, 1.0])
+    front /= np.linalg.norm(front, axis=-1, keepdims=True)
+    for side in "lr":
+        for upper, middle, lower, sign in (("femur", "tibia", "foot", 1.0), ("humerus", "radius", "hand", -1.0)):
+            bend = at[side + middle] - 0.5 * (at[side + upper] + at[side + lower])
+            assert np.median(sign * np.sum(bend * front, axis=-1)) > 0.0, side + middle
