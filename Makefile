@@ -34,6 +34,8 @@ $(STAMP): pyproject.toml
 demo: $(STAMP)
 	$(BIN)/perfanim demo --out out/demo
 
+# One thread a process for linear algebra: the processes share the cores already.
+test: export OPENBLAS_NUM_THREADS := 1
 test: $(STAMP)
 	$(BIN)/python -m pytest tests --ignore tests/window --ignore tests/gplvm -n auto --dist loadfile --no-loadscope-reorder
 
