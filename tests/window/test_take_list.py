@@ -4,11 +4,9 @@ import time
 from pathlib import Path
 
 from desktop import BlenderWindow, Desktop
+from pointing import Hand
 
 FRAMES = 443
-CAPTURE = 5  # panels above it
-HEADER_PX = 28  # height of a closed panel
-HEADER_TOP_PX = 14
 
 
 def test_a_two_webcams_take_is_imported_and_played(
@@ -18,20 +16,21 @@ def test_a_two_webcams_take_is_imported_and_played(
     window.order("set", values={"marker_set": "two-webcams", "subject_height": 1.6})
     folder = shared_dir.resolve() / "two-webcams"
     files = [{"name": "sequence4_published.trc"}]
+    before = set(user.rglob("*.perftake"))  # of other tests
     window.order("call", operator="import_takes", arguments={"directory": str(folder), "files": files, "up": "feet"})
     window.wait(lambda s: s["capture"]["messages"].get("takes") == "1 take imported", "the imported take")
-    (path,) = user.rglob("sequence4_published*.perftake")
+    (path,) = set(user.rglob("*.perftake")) - before
     assert "result" in window.order("call", operator="play_take", arguments={"path": str(path)})
     state = window.wait(lambda s: s["actions"], "action of the take")
     (action,) = state["actions"].values()
     assert action["keys_min"] == action["keys_max"] == FRAMES
-    for panel in (CAPTURE, CAPTURE + 1):  # the one closes, the one below it opens
-        region = window.state()["regions"]["UI"]
-        desktop.click(*window.from_top(region, 60, HEADER_TOP_PX + panel * HEADER_PX))
-        time.sleep(2.0)
+    hand = Hand(desktop, window, "takes")
+    hand.click("Capture", sidebar=True)  # the one closes, the one below it opens
+    hand.click("Takes", sidebar=True)
+    time.sleep(2.0)
     desktop.screenshot("takes-4-imported")
     assert "result" in window.order("call", operator="delete_take", arguments={"path": str(path)})
-    (deleted,) = user.rglob("deleted/*.perftake")
+    (deleted,) = user.rglob(f"deleted/{path.name}")
     window.order("set", values={})  # draws the panel again, as a click would
     time.sleep(2.0)
     desktop.screenshot("takes-5-deleted")
