@@ -70,14 +70,28 @@ def use_active(hand: Hand, window: BlenderWindow, picture: str) -> str:
     return str(name)
 
 
-def record(hand: Hand, window: BlenderWindow, picture: str) -> None:
-    """Start Capture, wait for some frames, Stop Capture."""
+def record(hand: Hand, window: BlenderWindow, picture: str, by_button: bool = False) -> None:
+    """Start Capture, wait for some frames, Stop Capture; with Record and Stop Recording between, rehearsed before."""
     before = len(window.state()["actions"])
     hand.click("Start Capture", sidebar=True)
-    window.wait(lambda s: s["capture"].get("statistics", {}).get("received", 0) > CAPTURED, "frames")
-    hand.shot(picture)
+    wait_for_frames(window, 0)
+    if by_button:
+        hand.click("Record", sidebar=True)
+        wait_for_frames(window, received(window.state()))
+        hand.shot(picture)
+        hand.click("Stop Recording", sidebar=True)
+    else:
+        hand.shot(picture)
     hand.click("Stop Capture", sidebar=True)
     window.wait(lambda s: s["capture"]["activity"] is None and len(s["actions"]) > before, "end of the capture")
+
+
+def wait_for_frames(window: BlenderWindow, before: int) -> None:
+    window.wait(lambda s: received(s) > before + CAPTURED, "frames")
+
+
+def received(state: dict[str, Any]) -> int:
+    return int(state["capture"].get("statistics", {}).get("received", 0))
 
 
 def said_of_takes(window: BlenderWindow, word: str) -> str:
@@ -101,7 +115,8 @@ def test_captures_are_solved_again_deleted_undone_and_exported(
     record(hand, window, "first-capture")
     (capture,) = actions(window)
     performer = window.state()["armature"]
-    record(hand, window, "second-capture")
+    hand.click("Record by Button", sidebar=True)
+    record(hand, window, "second-capture", by_button=True)
     before = actions(window)
     assert len(before) == 2
 
@@ -133,6 +148,7 @@ def test_captures_are_solved_again_deleted_undone_and_exported(
     hand.shot("deleted")
     hand.click("Put on Character", sidebar=True)  # the second capture, as it was solved live
     frames = int(said_of_takes(window, "frames in").split()[0])
+    assert CAPTURED <= frames <= window.order("last_run")["poses"] - CAPTURED  # what was rehearsed is not among them
     assert check_exports(hand, window, tmp_path, performer, 60) == frames
     for word in ("Traceback", "Exception", "Error:"):
         assert word not in window.log(), window.log()[-3000:]
