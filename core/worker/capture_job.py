@@ -54,8 +54,7 @@ STOP_LIMIT_S = 5.0
 GONE_LIMIT_S = 1.0  # the same when Blender is gone: the process has three seconds then, see `channel`
 _IDLE_S = 0.02
 _FULL_S = 0.25
-_RECORDED_NICENESS = 14
-_SIMULATED_NICENESS = 10
+_NICENESS = 14
 _FRAMES_AHEAD = 2  # of the solver, for sources that can wait
 # The simulated performer keeps step with the window: each redraw shows its next frame. On a machine that draws slowly,
 # what is computed for poses that nobody sees would be taken from the drawing. Recorded images do run ahead.
@@ -73,7 +72,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     cameras = dict(request["cameras"])
     kind = cameras["source"].get("kind")
     if kind != "cameras":
-        _give_way(_SIMULATED_NICENESS if kind == "simulated" else _RECORDED_NICENESS)
+        _give_way()
         cameras["in_flight"] = _FRAMES_AHEAD
     channel.send_status("opening the cameras")
     take, client = None, None
@@ -110,10 +109,10 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
             Path(cameras["background_file"]).unlink(missing_ok=True)
 
 
-def _give_way(niceness: int) -> None:
+def _give_way() -> None:
     """Let Blender go first: recorded and simulated images can wait, a window cannot (real cameras cannot either)."""
     if hasattr(os, "nice"):
-        os.nice(niceness)
+        os.nice(_NICENESS)
 
 
 def _setup(
