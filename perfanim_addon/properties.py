@@ -185,14 +185,14 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         subtype="TIME_ABSOLUTE",
     )
     floor_height_mm: bpy.props.FloatProperty(
-        name="Marker Height",
+        name="Height (mm)",
         description="Millimetres from the floor to the middle of a marker lying on it: the radius of a ball",
         default=12.5,
         min=0,
         max=200,
     )
     floor_longest_mm: bpy.props.FloatProperty(
-        name="Farthest Apart",
+        name="Farthest (mm)",
         description="Millimetres between the two markers that lie farthest apart, from middle to middle; the "
         "calibration is scaled to it. 0: the calibration's scale is kept",
         default=0,
