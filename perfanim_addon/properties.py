@@ -53,7 +53,8 @@ def _marker_set_items(_self: object, _context: object) -> list[tuple[str, str, s
     return _marker_sets
 
 
-def _find_bones(self: Any, _context: object) -> None:
+def find_bones(self: Any, _context: object) -> None:
+    """Find which bone is which joint of an armature that has been chosen."""
     if self.armature is not None:
         fill_map(self.armature)
 
@@ -65,7 +66,8 @@ def _retune(self: Any, _context: object) -> None:
         tune(self)
 
 
-def _is_armature(_self: object, candidate: bpy.types.Object) -> bool:
+def is_armature(_self: object, candidate: bpy.types.Object) -> bool:
+    """Let only armatures be chosen."""
     return candidate.type == "ARMATURE"
 
 
@@ -262,8 +264,8 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         name="Armature",
         description="Armature that moves along; empty: a new character is added at the start",
         type=bpy.types.Object,
-        poll=_is_armature,
-        update=_find_bones,
+        poll=is_armature,
+        update=find_bones,
     )
     capture_preview: bpy.props.BoolProperty(
         name="Preview",

@@ -4,54 +4,17 @@ from collections.abc import Sequence
 
 import bpy
 import numpy as np
-from mathutils import Matrix, Quaternion, Vector
+from mathutils import Quaternion, Vector
 from numpy.typing import NDArray
 
-from ..core import rotations as rot
 from ..core.pose_frame import PoseFrame
 from ..core.prop import Prop, PropPose
 from . import targets
 from .actions import Onto, Placement, write_object_action
-from .axes import BLENDER_FROM_PRODUCT
-from .posing import Posing, ProductPosing
+from .held_actions import HeldActions
+from .room import Room
 
 Array = NDArray[np.float64]
-
-
-class Room:
-    """From the performer's room to the scene, as the character stands in it: its step is the performer's.
-
-    Args:
-        armature_object: the character.
-        posing: how it is posed.
-    """
-
-    def __init__(self, armature_object: bpy.types.Object, posing: Posing) -> None:
-        fit = posing.pose_map if isinstance(posing, ProductPosing) else posing.alignment
-        placed = _still_matrix(armature_object)
-        self._turn = rot.from_matrix(np.array(placed.to_3x3().normalized()) @ fit.armature_from_product)
-        self._linear = fit.units_per_metre * np.array(placed.to_3x3()) @ fit.armature_from_product
-        self._origin = np.array(placed.translation)
-        self._own = rot.conjugate(rot.from_matrix(BLENDER_FROM_PRODUCT))
-
-    def brought(self, turns: Array, places_m: Array) -> tuple[Array, Array]:
-        """Return quaternions (..., 4) and locations (..., 3) in the scene of props' turns and places in the world."""
-        return rot.multiply(rot.multiply(self._turn, turns), self._own), places_m @ self._linear.T + self._origin
-
-
-def _still_matrix(armature_object: bpy.types.Object) -> Matrix:
-    """Return where an armature stands without its delta transform, which may carry it through the room."""
-    mode = armature_object.rotation_mode
-    if mode == "QUATERNION":
-        turn = armature_object.rotation_quaternion
-    elif mode == "AXIS_ANGLE":
-        angle, *axis = armature_object.rotation_axis_angle
-        turn = Quaternion(axis, angle)
-    else:
-        turn = armature_object.rotation_euler.to_quaternion()
-    own = Matrix.LocRotScale(armature_object.location, turn, armature_object.scale)
-    parent = armature_object.parent
-    return own if parent is None else parent.matrix_world @ armature_object.matrix_parent_inverse @ own
 
 
 class TargetDriver:
@@ -71,7 +34,7 @@ class TargetDriver:
         self._props = list(props)
         self._room = room
         self._names: list[str | None] = [None] * len(props)  # an object is made when its prop is first seen
-        self._held: dict[str, str] = {}  # object -> action that is taken off meanwhile
+        self._held = HeldActions()
 
     def apply(self, context: bpy.types.Context, poses: Sequence[PropPose]) -> None:
         """Move the objects of the props that are found; one that was deleted meanwhile is left out."""
@@ -88,20 +51,13 @@ class TargetDriver:
         name = targets.object_of(context, self._props[index])
         target = bpy.data.objects[name]
         target.rotation_mode = "QUATERNION"
-        animation = target.animation_data
-        if animation is not None and animation.action is not None:
-            self._held[name] = animation.action.name
-            animation.action.use_fake_user = True
-            animation.action = None
+        self._held.take(target)
         self._names[index] = name
         return name
 
     def restore(self) -> None:
         """Give the objects the actions back that were taken off."""
-        for name, action_name in self._held.items():
-            target, action = bpy.data.objects.get(name), bpy.data.actions.get(action_name)
-            if target is not None and target.animation_data is not None and action is not None:
-                target.animation_data.action = action
+        self._held.give_back()
 
 
 def write_prop_actions(

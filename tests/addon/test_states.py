@@ -113,7 +113,7 @@ def test_only_armatures_can_be_picked(chosen: Any) -> None:
     assert pick.fixed_type.identifier == "Object"
     bpy.context.scene.collection.objects.link(mesh)
     properties = sys.modules[type(chosen).__module__]
-    assert not properties._is_armature(chosen, mesh)
+    assert not properties.is_armature(chosen, mesh)
 
 
 def test_a_marker_set_of_the_users_own(states: Any, chosen: Any, tmp_path: Path) -> None:
