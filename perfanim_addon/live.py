@@ -9,12 +9,13 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core import rotations as rot
 from ..core.errors import PerfanimError
 from ..core.pose_frame import PoseFrame
 from ..core.product_skeleton import default_skeleton
 from ..core.prop import Prop
 from ..core.skeleton import Skeleton
-from . import capture_setup, preview, running, sound, takes
+from . import capture_setup, overlay, preview, running, sound, takes
 from .actions import Onto, Placement, scene_frames, write_action
 from .armature_driver import ArmatureDriver
 from .capture_state import CaptureRun, Phase
@@ -144,6 +145,8 @@ class Capture:
         self._props: tuple[Prop, ...] = ()
         self._targets: TargetDriver | None = None
         self._take_path = ""
+        self._request: dict[str, Any] = {}
+        self._drawn: overlay.Scene | None = None
         self._stop_asked = False
         self._kept: str | None = None
 
@@ -198,8 +201,18 @@ class Capture:
         self._bind(context).apply(pose.rotations, pose.root_position_m)
         if self._targets is not None:
             self._targets.apply(context, pose.props)
+        self._draw(context, pose)
         self.run.shown()
         return True
+
+    def _draw(self, context: bpy.types.Context, pose: PoseFrame) -> None:
+        """Draw over the viewports what is chosen."""
+        chosen = settings(context)
+        parts = frozenset(chosen.overlay)
+        if parts and self._drawn is None:
+            room = Room(chosen.armature, self._bind(context).posing)
+            self._drawn = overlay.Scene.of(self._request, lambda places_m: room.brought(rot.identity(), places_m)[1])
+        overlay.show(self._drawn, pose, parts)
 
     def _record(self, context: bpy.types.Context, run: CaptureRun) -> None:
         """Begin and end the recording when it is time."""
@@ -239,7 +252,7 @@ class Capture:
         self._sounds = chosen.record_sound
         if chosen.armature is not None:
             self._bind(context)
-        self._take_path = setup.request["take"]
+        self._request, self._take_path = setup.request, setup.request["take"]
         self.run = setup.start(self._python)
         if self._stop_asked:
             self.run.stop()

@@ -265,6 +265,7 @@ class PERFANIM_PT_capture_settings(bpy.types.Panel):
         column.use_property_split = True
         column.use_property_decorate = False
         _props(column, chosen, "smoothing_ms", "feet")
+        column.row().prop(chosen, "overlay")
         column = column.column()
         column.enabled = not is_live
         column.prop(chosen, "record_by_button")

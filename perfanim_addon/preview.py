@@ -10,12 +10,16 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from . import viewport
+
 NAME = "Perfanim Preview"
 
 _WIDTH = 640  # unscaled pixels, as all here
 _SHARE = 0.6  # of the viewport's width at most
 _MARGIN = 16.0
 _TEXT = 16.0
+_WHITE = (1.0, 1.0, 1.0, 1.0)
+_SHOWN_IN = ("VIEW_3D", "IMAGE_EDITOR")
 
 
 @dataclass
@@ -42,7 +46,7 @@ def show(picture: NDArray[np.uint8], line: str) -> None:
     _state.line = line
     if _state.handler is None:
         _state.handler = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
-    _redraw()
+    viewport.redraw(*_SHOWN_IN)
 
 
 def hide() -> None:
@@ -54,20 +58,12 @@ def hide() -> None:
     image = bpy.data.images.get(NAME)
     if image is not None:
         bpy.data.images.remove(image)
-    _redraw()
-
-
-def _redraw() -> None:
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type in ("VIEW_3D", "IMAGE_EDITOR"):
-                area.tag_redraw()
+    viewport.redraw(*_SHOWN_IN)
 
 
 def _draw() -> None:
     """Draw into the viewport that is being drawn."""
     # imported here: without a window there is no GPU
-    import blf
     import gpu
     from gpu_extras.presets import draw_texture_2d
 
@@ -75,29 +71,11 @@ def _draw() -> None:
     if image is None:
         return
     scale = bpy.context.preferences.system.ui_scale
-    left, right = _free(bpy.context.area, bpy.context.region)
+    left, right = viewport.free(bpy.context.area, bpy.context.region)
     width = min(_WIDTH * scale, _SHARE * (right - left))
     height = width * image.size[1] / image.size[0]
     x, y = left + _MARGIN * scale, _MARGIN * scale
     # from 5.0 on the viewport does not encode what is drawn into it
     encode = {"is_scene_linear_with_rec709_srgb_target": True} if bpy.app.version >= (5, 0, 0) else {}
     draw_texture_2d(gpu.texture.from_image(image), (x, y), width, height, **encode)
-    font = 0
-    blf.size(font, _TEXT * scale)
-    blf.color(font, 1.0, 1.0, 1.0, 1.0)
-    blf.enable(font, blf.SHADOW)
-    blf.shadow(font, 5, 0.0, 0.0, 0.0, 1.0)
-    blf.position(font, x, y + height + 0.5 * _TEXT * scale, 0.0)
-    blf.draw(font, _state.line)
-    blf.disable(font, blf.SHADOW)
-
-
-def _free(area: bpy.types.Area, region: bpy.types.Region) -> tuple[float, float]:
-    """Return from where to where, in pixels of a viewport's region, no toolbar or sidebar lies over it."""
-    left, right = 0.0, float(region.width)
-    for other in area.regions:
-        if other.type == "TOOLS":
-            left = max(left, other.x + other.width - region.x)
-        elif other.type == "UI" and other.width > 1:
-            right = min(right, other.x - region.x)
-    return left, max(right, left + 1.0)
+    viewport.text(_state.line, (x, y + height + 0.5 * _TEXT * scale), _TEXT * scale, _WHITE)

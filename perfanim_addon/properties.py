@@ -31,6 +31,17 @@ BODY_PARTS = (
     ("LEG_R", "Leg R", "Right leg and foot", 64),
 )
 
+OVERLAYS = (
+    (
+        "MARKERS",
+        "Markers",
+        "A dot where a marker is; a ring where one is lost, at its place on the body; a line to the camera that alone "
+        "sees it",
+        1,
+    ),
+    ("SKELETON", "Skeleton", "The body as it is solved, over the character: green where it is sure, red if guessed", 2),
+)
+
 BEHAVIOURS = (
     ("demo", "Everything", "All behaviours, one after the other"),
     ("walking", "Walking", "Walking to and fro"),
@@ -272,6 +283,13 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         description="Show what the cameras see while capturing, and which blobs are taken for markers: "
         "green by both cameras, orange by one alone, red by none",
         default=False,
+    )
+    overlay: bpy.props.EnumProperty(
+        name="Draw",
+        description="What is drawn over the 3D views while live, and how sure the solver is; both with Shift",
+        items=OVERLAYS,
+        default=set(),
+        options={"ENUM_FLAG"},
     )
     record_by_button: bpy.props.BoolProperty(
         name="Record by Button",

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import bpy
 
 from ..core.errors import PerfanimError
-from . import preview
+from . import overlay, preview
 
 
 class Activity(Protocol):
@@ -47,7 +47,7 @@ def begin(context: bpy.types.Context, activity: Activity, interval_s: float) -> 
 
 
 def end() -> None:
-    """End whatever runs: remove the timer and the preview, close the worker. Safe to call at any time."""
+    """End whatever runs: remove the timer and what is drawn, close the worker. Safe to call at any time."""
     activity, timer = _state.activity, _state.timer
     _state.activity = _state.timer = None
     if timer is not None:
@@ -55,6 +55,7 @@ def end() -> None:
     if activity is not None:
         activity.close()
         preview.hide()
+        overlay.hide()
         redraw_sidebars()
 
 

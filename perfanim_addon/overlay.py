@@ -1,0 +1,213 @@
+"""The markers and the solved skeleton of a capture, drawn over the 3D viewports while it is live.
+
+Nothing is reckoned or kept where it is not switched on, and nothing is left once it is hidden.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.camera import load_rig
+from ..core.marker_set import load_subject
+from ..core.pose_frame import PoseFrame
+from ..core.simulate.studio.rig import default_rig
+from ..core.skeleton import Skeleton, forward_kinematics
+from . import viewport
+
+Array = NDArray[np.float64]
+Colour = tuple[float, float, float, float]
+
+_DOT = 5.0  # its radius, in unscaled pixels, as all here
+_BONE, _RAY = 3.0, 1.0  # widths of lines
+_RING_SHARE = 0.3  # of its radius is the width of a ring
+_TEXT, _MARGIN, _BESIDE = 16.0, 16.0, 8.0
+_NAME = 11.0
+_SIDES = 16  # of a dot
+_PIECES: Array = np.linspace(0.0, 1.0, 17)[:, None]  # of a ray, as part of it may lie behind the viewer
+_RAY_COLOUR: Colour = (1.0, 0.67, 0.24, 0.8)  # as what one camera alone sees has in the preview
+_NAME_COLOUR: Colour = (1.0, 1.0, 1.0, 1.0)
+_HUES = 0.618  # from one marker's colour to the next, so that neighbours in the set differ
+_GREEN = 1 / 3
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What stays the same in a capture.
+
+    Args:
+        skeleton: the performer's.
+        names: (M) of the markers.
+        cameras_m: (C, 3) where the cameras are, in the performer's room.
+        placed: turns points (N, 3) of that room into points of the scene.
+    """
+
+    skeleton: Skeleton
+    names: tuple[str, ...]
+    cameras_m: Array
+    placed: Callable[[Array], Array]
+
+    @classmethod
+    def of(cls, request: Mapping[str, Any], placed: Callable[[Array], Array]) -> "Scene":
+        """Return the scene of a capture by what its worker was asked for.
+
+        Raises:
+            PerfanimError: one of its files is gone or bad.
+        """
+        subject, calibration = load_subject(request["subject"]), request["cameras"].get("rig")
+        rig = load_rig(calibration) if calibration else default_rig()
+        cameras_m = np.array([camera.centre_m for camera in rig.cameras])
+        return cls(subject.skeleton, subject.marker_set.names, cameras_m, placed)
+
+
+@dataclass
+class _State:
+    handler: Any = None
+    scene: Scene | None = None
+    pose: PoseFrame | None = None
+    parts: frozenset[str] = frozenset()
+
+
+_state = _State()
+
+
+def show(scene: Scene | None, pose: PoseFrame, parts: frozenset[str]) -> None:
+    """Show a pose until `hide`; `parts` are those of the setting "overlay", none of them hides it."""
+    if scene is None or not parts:
+        hide()
+        return
+    _state.scene, _state.pose, _state.parts = scene, pose, parts
+    if _state.handler is None:
+        _state.handler = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
+
+
+def hide() -> None:
+    """Take it away. Safe to call at any time."""
+    if _state.handler is None:
+        return
+    bpy.types.SpaceView3D.draw_handler_remove(_state.handler, "WINDOW")
+    _state.handler = _state.scene = _state.pose = None
+    viewport.redraw("VIEW_3D")
+
+
+def _draw() -> None:
+    """Draw into the viewport that is being drawn."""
+    scene, pose, area, region = _state.scene, _state.pose, bpy.context.area, bpy.context.region
+    if scene is None or pose is None or not area.spaces.active.overlay.show_overlays:
+        return
+    scale = bpy.context.preferences.system.ui_scale
+    matrix, size = np.array(bpy.context.region_data.perspective_matrix), np.array([region.width, region.height])
+
+    def on_screen(points_m: Array) -> Array:
+        return projected(matrix, size, scene.placed(points_m))
+
+    shapes, names = shapes_of(scene, pose, _state.parts, on_screen, scale)
+    shapes.draw()
+    for name, place in names:
+        viewport.text(name, place, _NAME * scale, _NAME_COLOUR)
+    told = f"Confidence {pose.confidence:.0%}"
+    right = viewport.free(area, region)[1] - viewport.text_width(told, _TEXT * scale)
+    viewport.text(told, (right - _MARGIN * scale, _MARGIN * scale), _TEXT * scale, confidence_colour(pose))
+
+
+def confidence_colour(pose: PoseFrame) -> Colour:
+    """Return green for a pose that is sure, red for a guessed one."""
+    return coloured(_GREEN * pose.confidence)
+
+
+def shapes_of(
+    scene: Scene, pose: PoseFrame, parts: frozenset[str], on_screen: Callable[[Array], Array], scale: float
+) -> tuple["Shapes", list[tuple[str, Array]]]:
+    """Return what is drawn of a pose, and the names of markers with their places (2,).
+
+    Args:
+        scene, pose, parts: as of `show`.
+        on_screen: turns points (N, 3) of the performer's room into places (N, 2) in pixels, NaN for those out of sight.
+        scale: pixels to an unscaled one.
+    """
+    shapes, names = Shapes(), []
+    if "SKELETON" in parts:
+        joints = on_screen(forward_kinematics(scene.skeleton, pose.rotations, pose.root_position_m)[0])
+        for joint, parent in enumerate(scene.skeleton.parents.tolist()):
+            if parent >= 0:
+                shapes.line(joints[parent], joints[joint], _BONE * scale, confidence_colour(pose))
+    if "MARKERS" in parts:
+        located = np.isfinite(pose.observed_m).all(axis=1)
+        places = on_screen(np.where(located[:, None], pose.observed_m, pose.markers_m))
+        for index, (name, place, camera) in enumerate(
+            zip(scene.names, places, pose.single_cameras.tolist(), strict=True)
+        ):
+            colour = coloured(index * _HUES % 1.0)
+            if camera >= 0:
+                ray = pose.markers_m[index] + _PIECES * (scene.cameras_m[camera] - pose.markers_m[index])
+                for start, end in pairwise(on_screen(ray)):
+                    shapes.line(start, end, _RAY * scale, _RAY_COLOUR)
+            if np.isfinite(place).all():
+                (shapes.dot if located[index] else shapes.ring)(place, _DOT * scale, colour)
+                names.append((name, place + _BESIDE * scale))
+    return shapes, names
+
+
+def projected(matrix: Array, size: Array, points: Array) -> Array:
+    """Return the places (N, 2) in a region, in pixels, of points (N, 3) of the scene; NaN for those behind the eye.
+
+    Args:
+        matrix: (4, 4) the view's perspective.
+        size: (2,) of the region in pixels.
+    """
+    clip = points @ matrix[:, :3].T + matrix[:, 3]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        seen = np.where(clip[:, 3:] > 0.0, clip[:, :2] / clip[:, 3:], np.nan)
+    return (0.5 + 0.5 * seen) * size
+
+
+def coloured(hue: float) -> Colour:
+    """Return a full colour by its hue: 0 red, 1/3 green, 2/3 blue."""
+    red, green, blue = np.clip(np.abs((6.0 * hue + np.array([0.0, 4.0, 2.0])) % 6.0 - 3.0) - 1.0, 0.0, 1.0).tolist()
+    return red, green, blue, 1.0
+
+
+class Shapes:
+    """Dots, rings and lines, all of triangles: Blender's graphics backends differ in what else they can do."""
+
+    def __init__(self) -> None:
+        self.corners: list[Array] = []  # (3 N, 2) each
+        self.colours: list[Colour] = []
+
+    def line(self, start: Array, end: Array, width: float, colour: Colour) -> None:
+        """Add a line; none where an end is not in sight or it has no length."""
+        way = end - start
+        length = float(np.hypot(*way))
+        if not np.isfinite(length) or length == 0.0:
+            return
+        aside = 0.5 * width / length * np.array([-way[1], way[0]])
+        a, b, c, d = start + aside, start - aside, end - aside, end + aside
+        self._add(np.array([a, b, c, a, c, d]), colour)
+
+    def dot(self, centre: Array, radius: float, colour: Colour) -> None:
+        """Add a disc."""
+        rim = centre + radius * _CIRCLE
+        middle = np.broadcast_to(centre, rim.shape)
+        self._add(np.stack([middle, rim, np.roll(rim, -1, axis=0)], axis=1).reshape(-1, 2), colour)
+
+    def ring(self, centre: Array, radius: float, colour: Colour) -> None:
+        """Add a circle."""
+        rim = centre + radius * _CIRCLE
+        for start, end in zip(rim, np.roll(rim, -1, axis=0), strict=True):
+            self.line(start, end, _RING_SHARE * radius, colour)
+
+    def _add(self, corners: Array, colour: Colour) -> None:
+        self.corners.append(corners)
+        self.colours.extend([colour] * len(corners))
+
+    def draw(self) -> None:
+        """Draw all in one go."""
+        if self.corners:
+            viewport.triangles(np.concatenate(self.corners), self.colours)
+
+
+_CIRCLE: Array = np.stack([f(np.linspace(0.0, 2.0 * np.pi, _SIDES, endpoint=False)) for f in (np.cos, np.sin)], axis=1)

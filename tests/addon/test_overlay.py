@@ -1,0 +1,110 @@
+"""Markers and skeleton over the viewport: what is drawn where."""
+
+from types import ModuleType
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix
+from perfanim.core import rotations as rot
+from perfanim.core.marker_set import Subject, load_marker_set, save_subject
+from perfanim.core.pose_frame import PoseFrame
+from perfanim.core.product_skeleton import default_skeleton
+from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.skeleton import forward_kinematics
+from perfanim.perfanim_addon import overlay
+
+SKELETON = default_skeleton()
+ROOT_M = np.array([0.0, 1.0, 0.0])
+NAMES = ("SEEN", "LOST", "ALONE")
+CAMERAS_M = np.array([[0.5, 1.0, 3.0], [-0.5, 1.0, 3.0]])
+MARKERS_M = np.array([[0.2, 1.5, 0.1], [-0.2, 0.5, 0.1], [0.0, 1.1, 0.2]])
+SEEN_M = np.array([0.21, 1.51, 0.1])  # a little off the marker of the solved body
+NOWHERE_M = np.full(3, np.nan)
+PX = 100.0  # to a metre
+
+
+def pose(confidence: float = 1.0) -> PoseFrame:
+    return PoseFrame(
+        7, 0.1, rot.identity((len(SKELETON.names),)), ROOT_M, confidence, MARKERS_M,
+        np.stack([SEEN_M, NOWHERE_M, NOWHERE_M]), np.array([-1, -1, 1]), 0.01,
+    )  # fmt: skip
+
+
+def from_the_front(points_m: np.ndarray) -> np.ndarray:
+    return PX * points_m[..., :2]
+
+
+def drawn(parts: set[str], confidence: float = 1.0) -> Any:
+    scene = overlay.Scene(SKELETON, NAMES, CAMERAS_M, lambda points_m: points_m)
+    return overlay.shapes_of(scene, pose(confidence), frozenset(parts), from_the_front, 1.0)
+
+
+def reached(shapes: Any, place_m: np.ndarray, within_px: float) -> list[tuple[float, ...]]:
+    """Colours of what is drawn so near to a place."""
+    corners = np.concatenate(shapes.corners)
+    near = np.linalg.norm(corners - PX * place_m[:2], axis=1) <= within_px
+    return [colour for colour, is_near in zip(shapes.colours, near.tolist(), strict=True) if is_near]
+
+
+def test_markers_are_dots_rings_and_lines_to_the_camera_that_alone_sees_them() -> None:
+    shapes, names = drawn({"MARKERS"})
+    assert reached(shapes, SEEN_M, 0.1)  # a dot, filled to its centre, where it was located
+    for lost in MARKERS_M[1:]:
+        assert reached(shapes, lost, 6.0)
+    assert not reached(shapes, MARKERS_M[1], 3.0)  # a ring is empty
+    assert reached(shapes, CAMERAS_M[1], 1.0)
+    assert not reached(shapes, CAMERAS_M[0], 20.0)
+    assert len({reached(shapes, place, 6.0)[-1] for place in (SEEN_M, *MARKERS_M[1:])}) == len(NAMES)
+    assert [name for name, _ in names] == list(NAMES)
+    for (_, place), marker_m in zip(names, (SEEN_M, *MARKERS_M[1:]), strict=True):
+        assert 0.0 < np.linalg.norm(place - PX * marker_m[:2]) < 15.0
+
+
+def test_the_skeleton_is_green_where_it_is_sure_and_red_where_it_is_guessed() -> None:
+    positions_m, _ = forward_kinematics(SKELETON, pose().rotations, ROOT_M)
+    for confidence, colour in ((1.0, (0.0, 1.0, 0.0, 1.0)), (0.0, (1.0, 0.0, 0.0, 1.0))):
+        shapes, names = drawn({"SKELETON"}, confidence)
+        assert names == []
+        assert set(shapes.colours) == {colour}
+        for place_m in positions_m:
+            assert reached(shapes, place_m, 2.0)
+
+
+def test_what_is_behind_the_viewer_is_not_in_sight() -> None:
+    size = np.array([800.0, 600.0])
+    lens = Matrix(((2.0, 0, 0, 0), (0, 2.0, 0, 0), (0, 0, -1.0, -0.2), (0, 0, -1.0, 0)))  # looks along -z
+    matrix = np.array(lens)
+    seen = overlay.projected(matrix, size, np.array([[0.0, 0.0, -5.0], [1.0, 0.0, -4.0], [0.0, 0.0, 5.0]]))
+    np.testing.assert_allclose(seen[:2], [[400.0, 300.0], [600.0, 300.0]])
+    assert np.isnan(seen[2]).all()
+    shapes = overlay.Shapes()
+    shapes.line(seen[0], seen[2], 1.0, (1.0, 1.0, 1.0, 1.0))
+    assert not shapes.corners
+
+
+def test_it_is_drawn_only_while_something_is_chosen(addon: ModuleType) -> None:
+    scene = overlay.Scene(SKELETON, NAMES, CAMERAS_M, lambda points_m: points_m)
+    overlay.show(scene, pose(), frozenset())
+    assert overlay._state.handler is None
+    overlay.show(scene, pose(), frozenset({"MARKERS"}))
+    assert overlay._state.handler is not None
+    overlay.show(scene, pose(), frozenset())
+    assert overlay._state == overlay._State(parts=frozenset({"MARKERS"}))
+    assert bpy.context.scene.perfanim.overlay == set()
+
+
+@pytest.mark.parametrize("calibrated", [False, True])
+def test_the_scene_is_that_of_the_capture(tmp_path: Any, calibrated: bool) -> None:
+    from perfanim.core.camera import CameraRig, save_rig
+
+    marker_set = load_marker_set("boxing")
+    save_subject(Subject("Anna", SKELETON, marker_set), tmp_path / "anna.toml")
+    rig = default_rig()
+    save_rig(CameraRig(rig.cameras[:1], rig.metadata), tmp_path / "one.toml")
+    cameras = {"rig": str(tmp_path / "one.toml") if calibrated else None}
+    scene = overlay.Scene.of({"subject": str(tmp_path / "anna.toml"), "cameras": cameras}, from_the_front)
+    assert scene.names == marker_set.names
+    wanted = [camera.centre_m for camera in rig.cameras[: 1 if calibrated else 2]]
+    np.testing.assert_allclose(scene.cameras_m, wanted, atol=1e-9)
