@@ -13,10 +13,9 @@ from ..errors import SubjectError
 from ..marker_set import Subject
 from ..product_skeleton import JOINT_NAMES
 from ..skeleton import Skeleton, forward_kinematics_matrices, marker_jacobian, marker_positions
+from .posed_markers import markers_at_rest
 
 Array = NDArray[np.float64]
-
-_CHUNK = 8192  # frames of forward kinematics at once: the working set stays in the processor's cache
 
 
 @dataclass(frozen=True)
@@ -96,11 +95,7 @@ class SubjectModel:
     def database_markers(self, database: Database, frames: Any = slice(None)) -> NDArray[np.float32]:
         """Return c_n (F, M, 3) float32 of Eq. 1: the markers of database frames with the root at rest."""
         poses = database.poses[frames]
-        result = np.empty((len(poses), len(self.joints), 3), dtype=np.float32)
-        for start in range(0, len(poses), _CHUNK):
-            part = slice(start, start + _CHUNK)
-            result[part] = self.markers(np.asarray(poses[part], dtype=np.float64))
-        return result
+        return markers_at_rest(self.skeleton, self.joints, self.offsets_m, self.mean_rotations, poses)
 
 
 def _exponential_and_right_jacobian(vectors: Array) -> tuple[Array, Array]:

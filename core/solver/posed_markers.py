@@ -1,0 +1,78 @@
+"""The markers of very many poses at once, as a database has them (Eq. 1 of Chai and Hodgins 2005)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..skeleton import Skeleton
+
+Array = NDArray[np.float64]
+_Components = tuple[Array, Array, Array]
+_Quaternions = tuple[Array, Array, Array, Array]
+
+_CHUNK = 8192  # poses at once: enough that numpy's calls cost nothing, few enough for the processor's cache
+_SMALLEST_RAD = 1e-12
+_ORIGIN = (np.zeros(()), np.zeros(()), np.zeros(()))
+
+
+def markers_at_rest(
+    skeleton: Skeleton, joints: NDArray[np.int64], offsets_m: Array, mean_rotations: Array, poses: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Return the markers (F, M, 3), metres, of poses with the root at the origin and unturned.
+
+    What `rotations_from_pose` and `skeleton.marker_positions` compute, in a seventh of the time: each component of a
+    rotation is an array over the poses, which numpy goes through without gaps, and joints that carry nothing are left
+    out.
+
+    Args:
+        joints: (M,) index of the joint that carries each marker.
+        offsets_m: (M, 3) joint origin to marker in the joint's own axes.
+        mean_rotations: (J, 4) that the poses are relative to.
+        poses: (F, J - 1, 3) rotation vectors.
+    """
+    carrying = np.flatnonzero(skeleton.is_ancestor[joints].any(axis=0))[1:].tolist()  # parents first, without the root
+    result = np.empty((len(poses), len(joints), 3), dtype=np.float32)
+    for start in range(0, len(poses), _CHUNK):
+        part = slice(start, start + _CHUNK)
+        vectors = np.ascontiguousarray(poses[part].transpose(1, 2, 0), dtype=np.float64)
+        world: dict[int, _Quaternions] = {}
+        origins: dict[int, _Components] = {0: _ORIGIN}
+        for joint in carrying:
+            parent = int(skeleton.parents[joint])
+            turn = _product(mean_rotations[joint], _exponential(vectors[joint - 1]))
+            world[joint] = _product(world[parent], turn) if parent else turn
+            origins[joint] = _moved(origins[parent], world.get(parent), skeleton.offsets_m[joint])
+        for marker, joint in enumerate(joints.tolist()):
+            place = _moved(origins[joint], world.get(joint), offsets_m[marker])
+            for axis, values in enumerate(place):
+                result[part, marker, axis] = values
+    return result
+
+
+def _exponential(vectors: Array) -> _Quaternions:
+    """Return the rotations by |v| about v, (3, F)."""
+    x, y, z = vectors
+    angle = np.sqrt(x * x + y * y + z * z)
+    factor = np.sin(0.5 * angle) / np.maximum(angle, _SMALLEST_RAD)
+    return np.cos(0.5 * angle), x * factor, y * factor, z * factor
+
+
+def _product(left: "_Quaternions | Array", right: _Quaternions) -> _Quaternions:
+    aw, ax, ay, az = left
+    bw, bx, by, bz = right
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+def _moved(origin: _Components, turn: _Quaternions | None, offset_m: Array) -> _Components:
+    """Return an origin and, from there, an offset (3,) that is turned; None turns nothing."""
+    a, b, c = offset_m
+    ox, oy, oz = origin
+    if turn is None:
+        return ox + a, oy + b, oz + c
+    w, x, y, z = turn
+    u, v, t = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    return ox + (a + w * u + (y * t - z * v)), oy + (b + w * v + (z * u - x * t)), oz + (c + w * t + (x * v - y * u))
