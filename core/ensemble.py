@@ -1,8 +1,8 @@
-"""Several targets before the same cameras: a performer and props. What is seen belongs to one of them at most.
+"""Several targets before the same cameras: performers and props. What is seen belongs to one of them at most.
 
 Props come first. Their distances are exact, so four points that are a prop's are nothing else; a performer's markers
-are known by a pose that may be a hand's breadth off, and would take whatever lies there. Each target leaves what is
-not its own to the next.
+are known by a pose that may be a hand's breadth off, and would take whatever lies there. Each prop leaves what is
+not its own to the next, and the performers share the rest.
 """
 
 from collections.abc import Sequence
@@ -10,11 +10,14 @@ from dataclasses import replace
 from typing import Protocol
 
 from .camera import CameraRig
+from .company import Company
+from .errors import SettingsError
 from .marker_frame import MarkerFrame
 from .marker_set import Subject
 from .pose_frame import PoseFrame
 from .prop import Prop, check_together
 from .prop_tracking import PropTracker
+from .session import Session
 
 
 class Stepper(Protocol):
@@ -28,26 +31,31 @@ class Stepper(Protocol):
 
 
 class Ensemble:
-    """A performer and props.
+    """Performers and props.
 
     Args:
-        session: of the performer, which has seen nothing yet.
+        sessions: of the performers, which have seen nothing yet; the first is the one whose pose has the others and
+            the props. See `Company` for who is who.
         props: each with a pattern of its own.
 
     Raises:
         PropError: two props cannot be told from each other.
+        SettingsError: several performers before one camera.
     """
 
-    def __init__(self, session: Stepper, props: Sequence[Prop]) -> None:
+    def __init__(self, sessions: Sequence[Session], props: Sequence[Prop]) -> None:
         check_together(props)
-        self.subject = session.subject
-        self.rig = session.rig
-        self._session = session
-        cameras = session.rig.cameras if session.rig else ()
+        first = sessions[0]
+        self.subject, self.rig = first.subject, first.rig
+        cameras = first.rig.cameras if first.rig else ()
+        if len(sessions) > 1 and len(cameras) == 1:
+            raise SettingsError("one camera cannot tell several performers apart", advice="use two cameras")
+        self._sessions = tuple(sessions)
+        self._company = Company(sessions)
         self._trackers = [PropTracker(prop, cameras) for prop in props]
 
     def step(self, frame: MarkerFrame) -> PoseFrame:
-        """Return the performer's pose and where the props are."""
+        """Return the first performer's pose with those of the others, and where the props are."""
         poses, hidden = [], []
         for tracker in self._trackers:
             sighting = tracker.step(frame)
@@ -55,10 +63,17 @@ class Ensemble:
             poses.append(sighting.pose)
             if not sighting.pose.found:
                 hidden.append(f"{tracker.prop.name} hidden")
-        pose = self._session.step(frame)
-        return replace(pose, props=tuple(poses), notes=(*pose.notes, *hidden))
+        shares = self._company.shares(frame) if len(self._sessions) > 1 else [frame]
+        pose, *others = (session.step(share) for session, share in zip(self._sessions, shares, strict=True))
+        told = [
+            f"{session.subject.name}: {note}"
+            for session, other in zip(self._sessions[1:], others, strict=True)
+            for note in other.notes
+            if note not in frame.notes
+        ]
+        return replace(pose, props=tuple(poses), others=tuple(others), notes=(*pose.notes, *told, *hidden))
 
 
-def with_props(session: Stepper, props: Sequence[Prop]) -> Stepper:
-    """Return what follows a performer and props; the session itself when there are none. Errors as of `Ensemble`."""
-    return Ensemble(session, props) if props else session
+def followed(sessions: Sequence[Session], props: Sequence[Prop]) -> Stepper:
+    """Return what follows performers and props; a session itself when it is alone. Errors as of `Ensemble`."""
+    return Ensemble(sessions, props) if props or len(sessions) > 1 else sessions[0]

@@ -137,12 +137,8 @@ class Labeller:
             elapsed_s: time since that pose.
         """
         labels = np.full(len(points_m), -1, dtype=np.int64)
-        expected, gates = self._expected(predicted_m, elapsed_s)
-        if len(points_m):
-            deviation = np.sqrt(np.trace(covariances_m2, axis1=1, axis2=2) / 3.0)
-            distances = np.linalg.norm(points_m[:, None] - expected[None], axis=-1)
-            rows, columns = _assigned(distances, gates[None] + 2.0 * deviation[:, None])
-            labels[rows] = columns
+        rows, columns = assigned_points(points_m, covariances_m2, *self.expected(predicted_m, elapsed_s))
+        labels[rows] = columns
         self._remember(points_m, labels, elapsed_s)
         return labels
 
@@ -159,7 +155,7 @@ class Labeller:
             cameras: that it refers to.
             predicted_m, elapsed_s: as in `label`.
         """
-        expected, gates = self._expected(predicted_m, elapsed_s)
+        expected, gates = self.expected(predicted_m, elapsed_s)
         count = len(expected)
         blobs = np.full((count, len(cameras)), -1, dtype=np.int64)
         normalised = np.full((count, len(cameras), 2), np.nan)
@@ -167,16 +163,11 @@ class Labeller:
         shown: list[IntArray] = []
         pixels_shown: list[Array] = []
         for index, camera in enumerate(cameras):
-            pixels = frame.blobs[index][:, :2].astype(np.float64)
-            depth = np.maximum(camera.to_camera(expected)[:, 2], 0.1)
-            with np.errstate(invalid="ignore"):
-                distances = np.linalg.norm(pixels[:, None] - camera.project(expected)[None], axis=-1)
-            limits = gates * camera.focal_px / depth
-            rows, columns = _assigned(np.where(np.isnan(distances), np.inf, distances), limits[None])
+            rows, columns, shares = assigned_blobs(frame.blobs[index], camera, expected, gates)
             blobs[columns, index] = rows
-            strangeness[columns, index] = distances[rows, columns] / limits[columns]
+            strangeness[columns, index] = shares
             shown.append(columns)
-            pixels_shown.append(pixels[rows])
+            pixels_shown.append(frame.blobs[index][rows, :2].astype(np.float64))
         for index, coordinates in enumerate(undistort_all(cameras, pixels_shown)):
             normalised[shown[index], index] = coordinates
         known = _known_points(frame, blobs)
@@ -184,8 +175,8 @@ class Labeller:
         self._remember(points, np.where(np.isfinite(points[:, 0]), np.arange(count), -1), elapsed_s)
         return LabelledBlobs(blobs, normalised, points, covariances)
 
-    def _expected(self, predicted_m: Array, elapsed_s: float) -> tuple[Array, Array]:
-        """Return where each marker should be now (M, 3) and how far off it may be (M,)."""
+    def expected(self, predicted_m: Array, elapsed_s: float) -> tuple[Array, Array]:
+        """Return where each marker should be now (M, 3) and how far off it may be (M,), metres; see `label`."""
         fresh = self._seen.lost_s < _MEMORY_S
         movement = np.where(fresh[:, None], self._seen.velocities_m_s * elapsed_s, 0.0)
         lost = np.where(np.isfinite(self._seen.lost_s), self._seen.lost_s, 1.0)
@@ -203,6 +194,40 @@ class Labeller:
         seen.lost_s += elapsed_s
         seen.lost_s[markers] = 0.0
         seen.positions_m[markers] = points
+
+
+def assigned_points(
+    points_m: Array, covariances_m2: Array, expected_m: Array, gates_m: Array
+) -> tuple[IntArray, IntArray]:
+    """Return (points, markers) that belong together.
+
+    Args:
+        points_m, covariances_m2: (N, 3) and (N, 3, 3) located points.
+        expected_m: (M, 3) where each marker should be.
+        gates_m: (M,) how far off it may be.
+    """
+    deviation = np.sqrt(np.trace(covariances_m2, axis1=1, axis2=2) / 3.0)
+    distances = np.linalg.norm(points_m[:, None] - expected_m[None], axis=-1)
+    return _assigned(distances, gates_m[None] + 2.0 * deviation[:, None])
+
+
+def assigned_blobs(
+    blobs: NDArray[np.float32], camera: Camera, expected_m: Array, gates_m: Array
+) -> tuple[IntArray, IntArray, Array]:
+    """Return (blobs, markers) of one image that belong together, and how far off each is as a share of its gate.
+
+    Args:
+        blobs: (n, 5) as a `MarkerFrame` has them.
+        camera: that took the image.
+        expected_m, gates_m: as of `assigned_points`.
+    """
+    pixels = blobs[:, :2].astype(np.float64)
+    depth = np.maximum(camera.to_camera(expected_m)[:, 2], 0.1)
+    with np.errstate(invalid="ignore"):
+        distances = np.linalg.norm(pixels[:, None] - camera.project(expected_m)[None], axis=-1)
+    limits = gates_m * camera.focal_px / depth
+    rows, columns = _assigned(np.where(np.isnan(distances), np.inf, distances), limits[None])
+    return rows, columns, distances[rows, columns] / limits[columns]
 
 
 def _known_points(frame: MarkerFrame, blobs: IntArray) -> Array:

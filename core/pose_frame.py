@@ -27,6 +27,8 @@ class PoseFrame:
         dimensions: B of the local model.
         notes: in plain words what is wrong ("left hand hidden", ...).
         props: where the capture's props are, in their order; empty when it has none.
+        others: poses of the capture's further performers at the same moment, in their order, each of its own subject
+            and without props or others.
     """
 
     number: int
@@ -42,3 +44,4 @@ class PoseFrame:
     dimensions: int = 0
     notes: tuple[str, ...] = ()
     props: tuple[PropPose, ...] = ()
+    others: tuple["PoseFrame", ...] = ()

@@ -36,18 +36,22 @@ class PoseShaper:
         skeleton: the performer's.
         floor_m: height of the floor in the world of the poses, None where nobody knows it.
         shape: what is asked for.
+        others: skeletons of the further performers.
 
     Raises:
         SettingsError: there is no such mode for the feet.
     """
 
-    def __init__(self, skeleton: Skeleton, floor_m: float | None, shape: Shape) -> None:
+    def __init__(
+        self, skeleton: Skeleton, floor_m: float | None, shape: Shape, others: Sequence[Skeleton] = ()
+    ) -> None:
         self._skeleton = skeleton
         self._floor_m = floor_m
         self._shape = shape
         self._smoother = PoseSmoother(shape.smoothing_s)
         self._feet = FootLock(skeleton, shape.feet, floor_m)
         self._props: list[PoseSmoother] = []
+        self._others = [PoseShaper(other, floor_m, shape) for other in others]
 
     def tune(self, shape: Shape) -> None:
         """Go on with another shape; errors as at construction."""
@@ -55,6 +59,8 @@ class PoseShaper:
         if shape.feet != self._shape.feet:
             self._feet = FootLock(self._skeleton, shape.feet, self._floor_m)
         self._shape = shape
+        for other in self._others:
+            other.tune(shape)
 
     def step(self, pose: PoseFrame) -> PoseFrame:
         """Return the next pose as it is shown; the very same when nothing is asked for."""
@@ -62,7 +68,8 @@ class PoseShaper:
             return pose
         rotations, root = self._smoother.step(pose.time_s, pose.rotations, pose.root_position_m)
         held = self._feet.step(pose.time_s, rotations, root)
-        return replace(pose, rotations=held, root_position_m=root, props=self._shaped_props(pose))
+        others = tuple(shaper.step(other) for shaper, other in zip(self._others, pose.others, strict=True))
+        return replace(pose, rotations=held, root_position_m=root, props=self._shaped_props(pose), others=others)
 
     def _shaped_props(self, pose: PoseFrame) -> tuple[PropPose, ...]:
         """Return the props as calm as the body, and as late: what is held stays in the hand."""
@@ -78,7 +85,13 @@ class PoseShaper:
         return tuple(shaped)
 
 
-def shaped(poses: Sequence[PoseFrame], skeleton: Skeleton, floor_m: float | None, shape: Shape) -> list[PoseFrame]:
+def shaped(
+    poses: Sequence[PoseFrame],
+    skeleton: Skeleton,
+    floor_m: float | None,
+    shape: Shape,
+    others: Sequence[Skeleton] = (),
+) -> list[PoseFrame]:
     """Return the poses of a take as they are shown; arguments and errors as of `PoseShaper`."""
-    shaper = PoseShaper(skeleton, floor_m, shape)
+    shaper = PoseShaper(skeleton, floor_m, shape, others)
     return [shaper.step(pose) for pose in poses]

@@ -20,7 +20,7 @@ from .solver.observation import Observation
 from .solver.pose_solver import PoseSolver, Solution
 from .solver.settings import SolveSettings
 from .solver.subject_model import SubjectModel
-from .start_labelling import StartLabeller
+from .start_labelling import Start, StartLabeller
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -98,6 +98,22 @@ class Session:
             self._restart()
         return result
 
+    @property
+    def is_waiting(self) -> bool:
+        """Whether nothing is known of where the body is."""
+        return self._solver.predicted_markers_m() is None
+
+    def expected_markers(self, time_s: float) -> tuple[Array, Array] | None:
+        """Return where each marker should be (M, 3) and how far off it may be (M,), metres; None while waiting."""
+        predicted = self._solver.predicted_markers_m()
+        if predicted is None:
+            return None
+        return self._labeller.expected(predicted, time_s - self._last.time_s if self._last else 0.0)
+
+    def start(self, points_m: Array) -> Start | None:
+        """Return how points (N, 3) are labelled when nothing is known of the body; None when they are not like it."""
+        return self._start.label(points_m)
+
     def _followed(self, frame: MarkerFrame) -> tuple[Observation, Solution | None]:
         observation = self._label(frame)
         if self._second_look.changed:
@@ -157,7 +173,7 @@ class Session:
         if _is_labelled(frame):
             return self._known(frame)
         if predicted is None:
-            start = self._start.label(frame.points_m)
+            start = self.start(frame.points_m)
             labels = start.labels if start else np.full(len(frame.points_m), -1)
             self._labeller.begin(frame.points_m, labels)
             return Observation.of_points(_by_marker(frame.points_m, labels, count))
@@ -282,7 +298,7 @@ class Session:
         again soon after, then ever more rarely.
         """
         now = result.time_s
-        if _is_labelled(frame) or self._solver.predicted_markers_m() is None:
+        if _is_labelled(frame) or self.is_waiting:
             return False
         if self._checked_s is None:
             self._checked_s = now
@@ -294,7 +310,7 @@ class Session:
         as_they_are_m = self._start.distance_m(result.observed_m, result.markers_m)
         if as_they_are_m < _SURE_M:
             return False
-        start = self._start.label(frame.points_m)
+        start = self.start(frame.points_m)
         if start is None or not start.distance_m < _BETTER * as_they_are_m:
             return False
         named_m = _by_marker(frame.points_m, start.labels, len(self.subject.marker_set))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from . import rotations as rot
 from .camera import CameraRig
 from .database.store import Database
-from .ensemble import Stepper, with_props
+from .ensemble import Stepper, followed
 from .errors import TakeError
 from .marker_frame import MarkerFrame
 from .marker_set import Subject
@@ -82,6 +82,7 @@ def solve_recorded(
     progress: Callable[[float, str], None],
     sessions: SessionMaker = Session,
     props: Sequence[Prop] = (),
+    performers: Sequence[Subject] = (),
 ) -> SolvedTake:
     """Solve a recorded take as it was solved live; the motion is the recorded part, without a countdown.
 
@@ -90,12 +91,13 @@ def solve_recorded(
         frames: its marker frames, or others made of its 2D detections.
         rig: the cameras that see them, None for imported markers without any.
         sessions: as of `solve_take`.
-        props: that are followed as well.
+        props, performers: that are followed as well.
 
     Raises:
         TakeError: there are not two frames.
     """
-    session = with_props(sessions(subject, database, rig, settings), props)
+    others = [Session(other, database, rig, settings) for other in performers]
+    session = followed([sessions(subject, database, rig, settings), *others], props)
     name = take.notes.name
     poses, seconds = _solved(frames, session, f"solving {name}", progress)
     recorded = [pose for pose in poses if take.is_recorded(pose.number)]

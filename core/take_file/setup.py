@@ -26,6 +26,7 @@ class TakeSetup:
         database: "path", "frames", "fps" and "sha256" (of its header) of the motion database.
         capture: how the images came and became marker frames, as the capture was asked for.
         props: tables of the props that are followed as well, as in their files.
+        performers: likewise of the further performers (subject and marker set).
         created: when the take began, ISO 8601 with the time zone.
         software: program and version that recorded it.
     """
@@ -36,6 +37,7 @@ class TakeSetup:
     database: Mapping[str, Any] = field(default_factory=dict)
     capture: Mapping[str, Any] = field(default_factory=dict)
     props: Sequence[Mapping[str, Any]] = ()
+    performers: Sequence[Mapping[str, Any]] = ()
     created: str = ""
     software: str = ""
 
@@ -47,13 +49,21 @@ class TakeSetup:
         database: Mapping[str, Any],
         capture: Mapping[str, Any],
         props: Sequence[Prop] = (),
+        performers: Sequence[Subject] = (),
     ) -> "TakeSetup":
         """Return the set-up of a take that begins now."""
         created = datetime.now(UTC).astimezone().isoformat(timespec="seconds")
         cameras = rig_tables(rig) if rig is not None else {}
-        things = [prop_tables(prop) for prop in props]
         made = TakeSetup(
-            cameras, subject_tables(subject), settings, database, capture, things, created, f"perfanim {__version__}"
+            rig=cameras,
+            subject=subject_tables(subject),
+            settings=settings,
+            database=database,
+            capture=capture,
+            props=[prop_tables(prop) for prop in props],
+            performers=[subject_tables(performer) for performer in performers],
+            created=created,
+            software=f"perfanim {__version__}",
         )
         return TakeSetup.from_json(made.to_json(), "")  # what a reader will see, to the last digit
 
@@ -67,11 +77,11 @@ class TakeSetup:
         facts = json_object(data, where)
         try:
             parts = {name: dict(facts[name]) for name in ("rig", "subject", "settings", "database", "capture")}
-            props = tuple(dict(table) for table in facts.get("props", ()))
+            props, performers = (tuple(dict(t) for t in facts.get(name, ())) for name in ("props", "performers"))
         except (KeyError, TypeError, ValueError) as error:
             raise TakeError(f"has an incomplete set-up ({error})", where=where) from error
         created, software = str(facts.get("created", "")), str(facts.get("software", ""))
-        return TakeSetup(**parts, props=props, created=created, software=software)
+        return TakeSetup(**parts, props=props, performers=performers, created=created, software=software)
 
     def camera_rig(self) -> CameraRig | None:
         """Return the cameras, None for imported markers without any; TakeError when the tables are damaged."""
@@ -82,6 +92,11 @@ class TakeSetup:
     def worn_subject(self) -> Subject:
         """Return the performer with the markers; TakeError when the tables are damaged."""
         return _made("subject", lambda: subject_from(self.subject, "subject of the take"))
+
+    def further_subjects(self) -> tuple[Subject, ...]:
+        """Return the further performers with their markers; TakeError when the tables are damaged."""
+        where = "further performer of the take"
+        return _made("further performer", lambda: tuple(subject_from(table, where) for table in self.performers))
 
     def carried_props(self) -> tuple[Prop, ...]:
         """Return the props that are followed as well; TakeError or PropError when the tables are damaged."""

@@ -1,6 +1,6 @@
 """Poses of a live capture sent to another program as they are shown, by the VMC protocol."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from ..errors import CaptureError
 from ..pose_frame import PoseFrame
@@ -16,15 +16,22 @@ class BroadcastShaper(PoseShaper):
     network does not take is told once, and then nothing is sent any more: a capture goes on without it.
 
     Args:
-        skeleton, floor_m, shape: as of `PoseShaper`.
+        skeleton, floor_m, shape, others: as of `PoseShaper`; only the first performer is sent.
         host, port: of the other program.
         tell: told what is wrong, in plain words.
     """
 
     def __init__(
-        self, skeleton: Skeleton, floor_m: float | None, shape: Shape, host: str, port: int, tell: Callable[[str], None]
+        self,
+        skeleton: Skeleton,
+        floor_m: float | None,
+        shape: Shape,
+        host: str,
+        port: int,
+        tell: Callable[[str], None],
+        others: Sequence[Skeleton] = (),
     ) -> None:
-        super().__init__(skeleton, floor_m, shape)
+        super().__init__(skeleton, floor_m, shape, others)
         self._tell = tell
         self._sender: Sender | None = None
         try:

@@ -7,11 +7,11 @@ frame that the cameras' process hands over is solved here in order and handed on
 Should the cameras' process die or hang, another takes its place; should this one, Blender starts another. Either goes
 on in the same take, which has a record of what is missing.
 
-Request: "cameras" (request of `camera_job`), "subject" (file), "database" (file), "settings" (of `SolveSettings`),
-"take" (file that keeps the capture as it comes, see `take_file`; without it none does), "character" (who is driven),
-"shape" (of the poses as they are handed over, see `pose_shaping`; the take keeps them as they are solved), "props"
-(files of the props that are followed besides the performer, if any), "vmc" (host and port of a program that gets the
-poses, too; without it none does).
+Request: "cameras" (request of `camera_job`, or of `tracker_job`), "subject" (file), "database" (file), "settings" (of
+`SolveSettings`), "take" (file that keeps the capture as it comes, see `take_file`; without it none does), "character"
+(who is driven), "shape" (of the poses as they are handed over, see `pose_shaping`; the take keeps them as they are
+solved), "props" (files of the props that are followed besides the performer, if any), "performers" (likewise
+subjects), "vmc" (host and port of a program that gets the poses, too; without it none does).
 Of a process that takes another's place also "after" (`seam.Seam` as a table: the last frame whose pose was taken) and
 "cause" (what happened to the other, in plain words).
 """
@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from ..camera import CameraRig, load_rig
 from ..database.store import Database, identity, open_database
-from ..ensemble import Stepper, with_props
+from ..ensemble import Stepper, followed
 from ..errors import CaptureError, PerfanimError, SettingsError
 from ..foot_lock import floor_of
 from ..marker_frame import MarkerFrame, pack_stamped, unpack_stamped
@@ -48,7 +48,7 @@ from .channel import Channel
 from .client import WorkerClient
 from .protocol import Message, MessageKind
 from .seam import Seam, Shift, missing_text
-from .source_kind import is_live, is_repeatable, is_simulated
+from .source_kind import has_no_cameras, is_live, is_repeatable, is_simulated
 
 STOP_LIMIT_S = 5.0
 GONE_LIMIT_S = 1.0  # the same when Blender is gone: the process has three seconds then, see `channel`
@@ -70,8 +70,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
         PerfanimError: a file is bad, or the cameras' process failed.
     """
     cameras = dict(request["cameras"])
-    kind = cameras["source"].get("kind")
-    if kind != "cameras":
+    if not is_live(cameras):
         _give_way()
         cameras["in_flight"] = _FRAMES_AHEAD
     channel.send_status("opening the cameras")
@@ -85,9 +84,14 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
             # what Blender has of the last tenth of a second may not have been written: it comes once more
             seam = seam.moved_to(*take.last_frame)
         after = seam.number if seam is not None else None
-        client = WorkerClient({**cameras, "job": "cameras", "after": after})
-        session = with_props(
-            Session(setup.worn_subject(), database, setup.camera_rig(), settings), setup.carried_props()
+        job = "trackers" if has_no_cameras(cameras) else "cameras"
+        client = WorkerClient({**cameras, "job": job, "after": after})
+        session = followed(
+            [
+                Session(subject, database, setup.camera_rig(), settings)
+                for subject in (setup.worn_subject(), *setup.further_subjects())
+            ],
+            setup.carried_props(),
         )
         shaper = _shaper(request, setup, cameras, channel)
         relay = _Relay(client, session, shaper, channel, take, cameras)
@@ -125,18 +129,20 @@ def _setup(
     except TypeError as error:
         raise SettingsError(str(error), where="solver") from error
     subject, props = load_subject(request["subject"]), [load_prop(str(path)) for path in request.get("props", ())]
-    return TakeSetup.of(_rig(cameras), subject, given, identity(database), cameras, props), settings
+    performers = [load_subject(str(path)) for path in request.get("performers", ())]
+    return TakeSetup.of(_rig(cameras), subject, given, identity(database), cameras, props, performers), settings
 
 
 def _shaper(request: Mapping[str, Any], setup: TakeSetup, cameras: Mapping[str, Any], channel: Channel) -> PoseShaper:
     floor_m = floor_of(setup.camera_rig()) if cameras.get("rig") else 0.0  # the simulated performer's is known
     skeleton, shape = setup.worn_subject().skeleton, Shape.of_table(request.get("shape", {}))
+    others = [subject.skeleton for subject in setup.further_subjects()]
     if not request.get("vmc"):
-        return PoseShaper(skeleton, floor_m, shape)
+        return PoseShaper(skeleton, floor_m, shape, others)
     from .broadcast import BroadcastShaper  # a capture that sends nothing does not load it
 
     host, port = request["vmc"]
-    return BroadcastShaper(skeleton, floor_m, shape, str(host), int(port), channel.send_warning)
+    return BroadcastShaper(skeleton, floor_m, shape, str(host), int(port), channel.send_warning, others)
 
 
 def _take(request: Mapping[str, Any], setup: TakeSetup, channel: Channel) -> TakeWriter | None:
@@ -157,7 +163,9 @@ def _take(request: Mapping[str, Any], setup: TakeSetup, channel: Channel) -> Tak
         return None
 
 
-def _rig(cameras: Mapping[str, Any]) -> CameraRig:
+def _rig(cameras: Mapping[str, Any]) -> CameraRig | None:
+    if has_no_cameras(cameras):
+        return None
     return load_rig(str(cameras["rig"])) if cameras.get("rig") else default_rig()
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from perfanim.core import rotations as rot
-from perfanim.core.ensemble import Ensemble, with_props
+from perfanim.core.ensemble import Ensemble, followed
 from perfanim.core.errors import PropError
 from perfanim.core.prop import load_prop
 from perfanim.core.session import Session
@@ -26,7 +26,7 @@ def test_neither_takes_what_is_the_others(subject, database, record, truth, true
     turns, places = in_hand(sword).true_poses(truth)
     points = np.concatenate((true_markers, markers_of(sword, turns, places)), axis=1)
     film, hand = Film(record), subject.marker_set.names.index("RHAN")
-    ensemble = Ensemble(Session(subject, database, film.rig if images else None), [sword])
+    ensemble = Ensemble([Session(subject, database, film.rig if images else None)], [sword])
     for number, row in enumerate(points[:45]):
         is_hidden = number > 15 and number // 10 % 2 == 1
         pose = ensemble.step(film(row, number, ((hand, -1),) if is_hidden else (), images=images))
@@ -41,7 +41,7 @@ def test_neither_takes_what_is_the_others(subject, database, record, truth, true
 
 
 def test_a_prop_that_is_not_seen_is_told(subject, database, record, true_markers):
-    ensemble = Ensemble(Session(subject, database), [load_prop("sword")])
+    ensemble = Ensemble([Session(subject, database)], [load_prop("sword")])
     pose = ensemble.step(record(true_markers[0]))
     assert pose.notes == ("sword hidden",)
     assert not pose.props[0].found
@@ -50,6 +50,6 @@ def test_a_prop_that_is_not_seen_is_told(subject, database, record, true_markers
 
 def test_without_props_the_session_is_as_it_was(subject, database):
     session = Session(subject, database)
-    assert with_props(session, ()) is session
+    assert followed([session], ()) is session
     with pytest.raises(PropError, match="same name"):
-        with_props(session, [load_prop("sword")] * 2)
+        followed([session], [load_prop("sword")] * 2)

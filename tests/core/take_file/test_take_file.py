@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from perfanim.core.errors import PerfanimError, PropError, TakeError
+from perfanim.core.errors import PerfanimError, PropError, SubjectError, TakeError
 from perfanim.core.marker_frame import pack_stamped
 from perfanim.core.pose_bytes import pack_solved
 from perfanim.core.prop import load_prop, prop_tables
@@ -381,3 +381,14 @@ def test_props_are_part_of_the_setup(setup: TakeSetup) -> None:
         replace(setup, props=(facts["props"][0] | {"marker": [1]},)).carried_props()
     with pytest.raises(TakeError, match="incomplete"):
         TakeSetup.from_json(json.dumps(facts | {"props": 5}).encode(), "")
+
+
+def test_further_performers_are_part_of_the_setup(setup: TakeSetup) -> None:
+    assert setup.further_subjects() == ()
+    facts = json.loads(replace(setup, performers=(setup.subject,)).to_json())
+    (known,) = TakeSetup.from_json(json.dumps(facts).encode(), "").further_subjects()
+    worn = setup.worn_subject()
+    assert (known.name, known.marker_set.names) == (worn.name, worn.marker_set.names)
+    np.testing.assert_array_equal(known.skeleton.offsets_m, worn.skeleton.offsets_m)
+    with pytest.raises(SubjectError, match="damaged"):
+        replace(setup, performers=(setup.subject | {"joint": [1]},)).further_subjects()

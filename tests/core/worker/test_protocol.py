@@ -1,4 +1,4 @@
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -46,10 +46,9 @@ def test_messages_survive_any_cutting(piece: int) -> None:
         np.testing.assert_array_equal(frame.points_m, a_frame(i).points_m)
 
 
-@pytest.mark.parametrize("props", [0, 2])
-def test_poses_travel_whole(props: int) -> None:
-    rng = np.random.default_rng(1)
-    pose = PoseFrame(
+def a_pose(seed: int) -> PoseFrame:
+    rng = np.random.default_rng(seed)
+    return PoseFrame(
         number=7,
         time_s=0.125,
         rotations=rng.normal(size=(29, 4)),
@@ -62,19 +61,32 @@ def test_poses_travel_whole(props: int) -> None:
         neighbours=64,
         dimensions=7,
         notes=("LHND hidden", "slow"),
+    )
+
+
+def assert_same(one: object, other: object, apart: tuple[str, ...] = ()) -> None:
+    for field in fields(one):
+        if field.name not in apart:
+            np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name), field.name)
+
+
+@pytest.mark.parametrize(("props", "others", "version"), [(0, 0, 1), (2, 0, 2), (0, 1, 3), (2, 2, 3)])
+def test_poses_travel_whole(props: int, others: int, version: int) -> None:
+    rng = np.random.default_rng(1)
+    pose = replace(
+        a_pose(1),
         props=tuple(PropPose(rng.normal(size=4), rng.normal(size=3), 0.001 * n, 3 * n) for n in range(props)),
+        others=tuple(a_pose(2 + n) for n in range(others)),
     )
     (message,) = Decoder().feed(encode(MessageKind.POSE, pack_solved(SolvedPose(pose, 12.5, 0.004, 3))))
     solved = message.pose()
     assert (solved.stamp_s, solved.solve_s, solved.waiting) == (12.5, 0.004, 3)
-    assert len(solved.pose.props) == props
-    for mine, other in zip(solved.pose.props, pose.props, strict=True):
-        for field in fields(PropPose):
-            np.testing.assert_array_equal(getattr(mine, field.name), getattr(other, field.name), field.name)
-    for field in fields(PoseFrame)[:-1]:
-        np.testing.assert_array_equal(getattr(solved.pose, field.name), getattr(pose, field.name), field.name)
+    assert (len(solved.pose.props), len(solved.pose.others)) == (props, others)
+    for mine, other in zip(solved.pose.props + solved.pose.others, pose.props + pose.others, strict=True):
+        assert_same(mine, other)
+    assert_same(solved.pose, pose, apart=("props", "others"))
     data = pack_pose(pose)
-    assert data[4] == (2 if props else 1)  # what knows no props can read a pose without any
+    assert data[4] == version  # what knows no further targets can read a pose without any
     for broken in (data[:-1], data[:20], b"XXXX" + data[4:], data + b"x"):
         with pytest.raises(CaptureError):
             unpack_pose(broken)

@@ -1,0 +1,125 @@
+"""Several performers before the same cameras: what of a frame may be whose.
+
+Those that are followed are labelled together: each blob, or point where there are no images, goes to the performer
+whose marker is expected nearest to it in one assignment over all of them. A performer then gets all that is not
+another's, so that its own session finds its markers as if it were alone. Those that are waited for share what is left.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from .frame_parts import without_blobs, without_points
+from .labelling import assigned_blobs, assigned_points
+from .marker_frame import MarkerFrame
+from .session import Session
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_NOBODY = -1
+_PATIENCE_S = 1.0  # as long as fewer are seen than are waited for, and nobody is given a body that may be another's
+_UNLIKE = 1e3  # what it counts to be given a body that one's markers do not fit
+
+
+class Company:
+    """Gives each performer its share of every frame.
+
+    Args:
+        sessions: of the performers, in the order in which they stand from left to right, as the cameras see them, when
+            they are first seen together. They have the same cameras.
+    """
+
+    def __init__(self, sessions: Sequence[Session]) -> None:
+        self._sessions = tuple(sessions)
+        rig = sessions[0].rig
+        self._cameras = rig.cameras if rig else ()
+        self._waiting_since_s: float | None = None
+
+    def shares(self, frame: MarkerFrame) -> list[MarkerFrame]:
+        """Return what each performer may take of the next frame."""
+        owners = self._owners(frame)
+        shares = [self._share(frame, owners, index) for index in range(len(self._sessions))]
+        waiting = [index for index, session in enumerate(self._sessions) if session.is_waiting]
+        if len(waiting) < 2:
+            self._waiting_since_s = None
+            return shares
+        left = self._share(frame, owners, _NOBODY)
+        for index, share in zip(waiting, self._bodies(left, waiting), strict=True):
+            shares[index] = share
+        return shares
+
+    def _owners(self, frame: MarkerFrame) -> list[IntArray]:
+        """Return whose each blob of each camera is, or each point where the frame has no images."""
+        expected = [session.expected_markers(frame.time_s) for session in self._sessions]
+        followed = [(index, *found) for index, found in enumerate(expected) if found is not None]
+        seen = frame.blobs if self._has_images(frame) else (frame.points_m,)
+        owners = [np.full(len(rows), _NOBODY) for rows in seen]
+        if not followed:
+            return owners
+        performers = np.concatenate([np.full(len(gates), index) for index, _, gates in followed])
+        markers = np.concatenate([markers for _, markers, _ in followed])
+        gates = np.concatenate([gates for _, _, gates in followed])
+        for index, whose in enumerate(owners):
+            if self._has_images(frame):
+                rows, columns, _ = assigned_blobs(frame.blobs[index], self._cameras[index], markers, gates)
+            else:
+                rows, columns = assigned_points(frame.points_m, frame.covariances_m2, markers, gates)
+            whose[rows] = performers[columns]
+        return owners
+
+    def _has_images(self, frame: MarkerFrame) -> bool:
+        return len(self._cameras) > 0 and len(frame.blobs) == len(self._cameras)
+
+    def _share(self, frame: MarkerFrame, owners: Sequence[IntArray], index: int) -> MarkerFrame:
+        """Return the frame without what is owned by others than this performer."""
+        others = [(whose != _NOBODY) & (whose != index) for whose in owners]
+        if self._has_images(frame):
+            return without_blobs(frame, [np.flatnonzero(taken) for taken in others])
+        return without_points(frame, others[0])
+
+    def _bodies(self, frame: MarkerFrame, waiting: Sequence[int]) -> list[MarkerFrame]:
+        """Return the share of each performer that is waited for: one body, or nothing as long as there are too few."""
+        bodies = self._found(frame, waiting)
+        if self._waiting_since_s is None:
+            self._waiting_since_s = frame.time_s
+        if len(bodies) < len(waiting) and frame.time_s - self._waiting_since_s < _PATIENCE_S:
+            bodies = []
+        owners = np.full(len(frame.points_m), len(waiting))  # what is no body is nobody's yet
+        bodies.sort(key=lambda body: float(np.mean(frame.points_m[body, 0])))
+        for row, column in self._given(frame, waiting, bodies):
+            owners[bodies[column]] = row
+        return [self._without(frame, owners != row) for row in range(len(waiting))]
+
+    def _found(self, frame: MarkerFrame, waiting: Sequence[int]) -> list[IntArray]:
+        """Return which points are a body's, for as many bodies as are waited for at most."""
+        left, bodies = np.arange(len(frame.points_m)), []
+        for index in waiting:
+            start = self._sessions[index].start(frame.points_m[left])
+            if start is not None:
+                bodies.append(left[start.labels >= 0])
+                left = left[start.labels < 0]
+        return bodies
+
+    def _given(self, frame: MarkerFrame, waiting: Sequence[int], bodies: Sequence[IntArray]) -> list[tuple[int, int]]:
+        """Return who is given which body: whose markers fit, else from left to right."""
+        costs = np.zeros((len(waiting), len(bodies)))
+        for row, index in enumerate(waiting):
+            for column, body in enumerate(bodies):
+                start = self._sessions[index].start(frame.points_m[body])
+                costs[row, column] = abs(row - column) ** 2 if start is not None else _UNLIKE
+        rows, columns = linear_sum_assignment(costs)
+        return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if costs[r, c] < _UNLIKE]
+
+    def _without(self, frame: MarkerFrame, taken: NDArray[np.bool_]) -> MarkerFrame:
+        """Return the frame without some of its points, and without their blobs."""
+        if not self._has_images(frame):
+            return without_points(frame, taken)
+        kept = [set(column[column >= 0].tolist()) for column in frame.point_blobs[~taken].T]
+        gone = [
+            np.array(sorted(set(column[column >= 0].tolist()) - own), dtype=np.int64)
+            for column, own in zip(frame.point_blobs[taken].T, kept, strict=True)
+        ]
+        return without_blobs(frame, gone)
