@@ -1,5 +1,6 @@
 """VMC over UDP: a motion played live to another program, and what another program sends recorded."""
 
+import ipaddress
 import socket
 import time
 from collections.abc import Callable
@@ -95,26 +96,33 @@ class Sender:
 
 
 class Receiver:
-    """A UDP port of this computer, on all its networks.
+    """A UDP port of this computer.
 
     Args:
         port: 0 for any that is free.
+        sender: name or address of the only computer that is listened to; where that is this one, nothing comes from
+            its networks. "": all are.
+
+    Attributes:
+        strangers: addresses of other computers that have sent, too.
 
     Raises:
-        CaptureError: the port is taken.
+        CaptureError: the port is taken, or the sender is not known.
     """
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port: int, sender: str = "") -> None:
+        self.strangers: set[str] = set()
+        self._sender = _address(sender)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
-            self._socket.bind(("", port))
+            self._socket.bind((self._sender if _is_loopback(self._sender) else "", port))
         except OSError as error:
             self._socket.close()
             raise CaptureError(
                 f"cannot be listened to ({error.strerror or error})",
                 where=f"port {port}",
-                advice="end the program that uses it, or give another --port",
+                advice="end the program that uses it, or choose another port",
             ) from error
         self.port: int = self._socket.getsockname()[1]
 
@@ -125,12 +133,28 @@ class Receiver:
         self._socket.close()
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """Return the next packet, None if none comes in time."""
+        """Return the next packet, None if none comes in time, or one of another computer than the sender."""
         self._socket.settimeout(timeout_s)
         try:
-            return self._socket.recv(_LARGEST_PACKET)
+            packet, (address, _) = self._socket.recvfrom(_LARGEST_PACKET)
         except (TimeoutError, BlockingIOError):
             return None
+        if self._sender and address != self._sender:
+            self.strangers.add(address)
+            return None
+        return packet
+
+
+def _address(host: str) -> str:
+    try:
+        return socket.gethostbyname(host) if host else ""
+    except (OSError, UnicodeError) as error:
+        advice = "give its address, as 192.168.1.20, or none for all"
+        raise CaptureError(f"is no computer that is known ({error})", where=host, advice=advice) from error
+
+
+def _is_loopback(address: str) -> bool:
+    return bool(address) and ipaddress.ip_address(address).is_loopback
 
 
 def record(receiver: Receiver, seconds: float, progress: Progress) -> Recording:

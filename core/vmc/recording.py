@@ -1,86 +1,47 @@
 """What comes in VMC packets, gathered into frames, and these as motion or as marker take."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import rotations as rot
-from ..errors import FormatError, TakeError
+from ..errors import TakeError
 from ..marker_take import MarkerTake
 from ..motion import Motion
 from ..take_file.reading import rate
+from .frames import FrameGathering, Key, VmcFrame, tracker_names
 from .humanoid import BONES, BonePoses, motion_of_bones
-from .packets import BONE, ROOT, TRACKERS, Clock, Placed, read_packet
+from .packets import BONE, ROOT, TRACKERS
+from .tracker_points import AXES, axis_names, axis_points
 
 Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _ON_A_FRAME = 0.01  # of a frame: nearer than this to a frame is that frame; stamps are 32-bit numbers
+_TURNED = np.radians(3.0)  # by less a tracker does not turn: nobody measures how it is turned
 _MOST_LOST = 100  # frames for each that came; more are no loss but a clock that jumped, or a pause
-_Key = tuple[str, str]  # address and name
-
-
-@dataclass(frozen=True)
-class _Frame:
-    arrival_s: float
-    clock_s: float | None
-    placed: dict[_Key, Placed]
 
 
 class Recording:
-    """Frames of VMC packets.
-
-    A frame ends where something that it has comes again, so it does not matter over how many packets a program spreads
-    its frames, nor in which order.
-    """
+    """Frames of VMC packets, gathered as `FrameGathering` does."""
 
     def __init__(self) -> None:
-        self.packets = 0
-        self.malformed = 0
-        self._frames: list[_Frame] = []
-        self._clear()
+        self._gathering = FrameGathering()
+        self._frames: list[VmcFrame] = []
 
-    def _clear(self) -> None:
-        self._arrival_s = 0.0
-        self._clock_s: float | None = None
-        self._placed: dict[_Key, Placed] = {}
+    @property
+    def packets(self) -> int:
+        """How many came."""
+        return self._gathering.packets
+
+    @property
+    def malformed(self) -> int:
+        """How many of them were none."""
+        return self._gathering.malformed
 
     def add(self, packet: bytes, arrival_s: float) -> None:
-        """Take a packet in; a malformed one is counted and has no effect.
-
-        Args:
-            packet: a UDP datagram.
-            arrival_s: when it came, by any clock that only goes forwards.
-        """
-        self.packets += 1
-        try:
-            messages = read_packet(packet)
-        except FormatError:
-            self.malformed += 1
-            return
-        for message in messages:
-            self._add(message, arrival_s)
-
-    def _add(self, message: Placed | Clock, arrival_s: float) -> None:
-        if isinstance(message, Clock):
-            again = self._clock_s is not None
-        else:
-            again = (message.address, message.name) in self._placed
-        if again:
-            self._end_frame()
-        if self._clock_s is None and not self._placed:
-            self._arrival_s = arrival_s
-        if isinstance(message, Clock):
-            self._clock_s = message.time_s
-        else:
-            self._placed[message.address, message.name] = message
-
-    def _end_frame(self) -> None:
-        if self._placed:
-            self._frames.append(_Frame(self._arrival_s, self._clock_s, self._placed))
-        self._clear()
+        """Take a packet in, as `FrameGathering.add` does."""
+        self._frames += self._gathering.add(packet, arrival_s)
 
     def motion(self, name: str) -> tuple[Motion, int]:
         """Return the bones' motion at the sender's rate, and how many frames of it came.
@@ -101,27 +62,37 @@ class Recording:
     def markers(self, name: str) -> MarkerTake:
         """Return head set, controllers and trackers as markers called by their serial numbers.
 
+        Of one that turns there are also the points of `tracker_points`, by which its rotation counts.
+
         Raises:
             TakeError: fewer than two frames with any of them came.
         """
-        seen = dict.fromkeys(key for frame in self._all() for key in frame.placed if key[0] in TRACKERS)
-        frames, times_s, fps = self._with(list(seen), name, "trackers")
-        positions = np.full((len(frames), len(seen), 3), np.nan)
-        for row, frame in enumerate(frames):
-            for column, key in enumerate(seen):
-                if key in frame.placed:
-                    positions[row, column] = frame.placed[key].position_m
+        seen = [
+            key for key in dict.fromkeys(key for frame in self._all() for key in frame.placed) if key[0] in TRACKERS
+        ]
+        frames, times_s, fps = self._with(seen, name, "trackers")
+        names, columns = [], []
+        for key, own in tracker_names(seen).items():
+            there = np.array([key in frame.placed for frame in frames])
+            placed = [frame.placed[key] for frame in frames if key in frame.placed]
+            positions, rotations = np.array([p.position_m for p in placed]), np.array([p.rotation for p in placed])
+            turns = bool(np.max(rot.angle_between(rotations, rotations[:1])) > _TURNED)
+            points = np.full((len(frames), 1 + len(AXES) * turns, 3), np.nan)
+            points[there, 0] = positions
+            points[there, 1:] = axis_points(positions, rotations) if turns else 0.0
+            names += [own, *axis_names(own)] if turns else [own]
+            columns.append(points)
         numbers = np.round(times_s * fps).astype(np.int64)
         if np.any(np.diff(numbers) < 1):  # arrival times of a network may crowd
             numbers = np.arange(len(frames))
-        return MarkerTake(name, fps, _marker_names(list(seen)), positions, numbers, times_s)
+        return MarkerTake(name, fps, tuple(names), np.concatenate(columns, axis=1), numbers, times_s)
 
-    def _all(self) -> list[_Frame]:
+    def _all(self) -> list[VmcFrame]:
         """Return all frames, the one that is still open with them."""
-        last = [_Frame(self._arrival_s, self._clock_s, self._placed)] if self._placed else []
-        return self._frames + last
+        self._frames += self._gathering.end()
+        return self._frames
 
-    def _with(self, keys: Sequence[_Key], name: str, what: str) -> tuple[list[_Frame], Array, float]:
+    def _with(self, keys: Sequence[Key], name: str, what: str) -> tuple[list[VmcFrame], Array, float]:
         """Return the frames that have one of the keys, their times (F,) from the first, and their rate."""
         frames = [frame for frame in self._all() if any(key in frame.placed for key in keys)]
         if len(frames) < 2:
@@ -143,15 +114,7 @@ class Recording:
         )
 
 
-def _marker_names(keys: Sequence[_Key]) -> tuple[str, ...]:
-    names = [name or TRACKERS[address] for address, name in keys]
-    return tuple(
-        name if names.count(name) == 1 else f"{TRACKERS[address]}:{name}"
-        for name, (address, _) in zip(names, keys, strict=True)
-    )
-
-
-def _filled(frames: Sequence[_Frame], keys: Sequence[_Key]) -> BonePoses:
+def _filled(frames: Sequence[VmcFrame], keys: Sequence[Key]) -> BonePoses:
     """Return the poses of bones; where a frame lacks one, it is as in the frame before, or as it first came."""
     there = np.array([[key in frame.placed for key in keys] for frame in frames])
     row = np.where(there, np.arange(len(frames))[:, None], -1)
@@ -165,7 +128,7 @@ def _filled(frames: Sequence[_Frame], keys: Sequence[_Key]) -> BonePoses:
     )
 
 
-def _on_root(poses: BonePoses, frames: Sequence[_Frame]) -> BonePoses:
+def _on_root(poses: BonePoses, frames: Sequence[VmcFrame]) -> BonePoses:
     """Return the poses with the hips in the world."""
     key = (ROOT, "root")
     if poses.names[0] != "Hips" or not any(key in frame.placed for frame in frames):

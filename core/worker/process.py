@@ -3,6 +3,7 @@
 Requests (JSON):
     {"job": "capture", ...}: a whole capture, images to poses; starts a process of its own for the cameras.
     {"job": "cameras", ...}: images to marker frames.
+    {"job": "trackers", ...}: likewise what another program sends by VMC.
     {"job": "record board", ...}: the cameras calibrated from a board held before them.
     {"job": "record floor", ...}: the floor found from the board lying on it.
     {"job": "record floor markers", ...}: the floor found from markers lying on it.
@@ -25,6 +26,7 @@ from .channel import Channel
 _JOBS = {
     "capture": ".capture_job",
     "cameras": ".camera_job",
+    "trackers": ".tracker_job",
     "command": ".command_job",
     "record board": ".record_board",
     "record floor": ".record_floor",

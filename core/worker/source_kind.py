@@ -6,8 +6,13 @@ from typing import Any
 
 
 def is_live(request: Mapping[str, Any]) -> bool:
-    """Return whether the images come from cameras, which do not wait; `request` as of `camera_job`."""
-    return str(request["source"].get("kind", "")) == "cameras"
+    """Return whether what comes does not wait: from cameras or trackers; `request` as of `camera_job`."""
+    return str(request["source"].get("kind", "")) == "cameras" or has_no_cameras(request)
+
+
+def has_no_cameras(request: Mapping[str, Any]) -> bool:
+    """Return whether markers come from another program (see `tracker_job`), and there are no images."""
+    return str(request["source"].get("kind", "")) == "vmc"
 
 
 def is_simulated(request: Mapping[str, Any]) -> bool:
@@ -18,7 +23,7 @@ def is_simulated(request: Mapping[str, Any]) -> bool:
 def is_repeatable(request: Mapping[str, Any]) -> bool:
     """Return whether the images can be read again, so that a process that takes another's place loses none.
 
-    Cameras' and streams' cannot, and those of a simulated performer who plays by the clock.
+    Cameras', trackers' and streams' cannot, and those of a simulated performer who plays by the clock.
     """
     if is_simulated(request):
         return not request["source"].get("live")

@@ -1,0 +1,93 @@
+"""In place of the cameras' process where another program sends trackers by VMC: its packets to marker frames.
+
+Request: "source" (kind "vmc", "port" that is listened to, "sender": name or address of the only computer that is, ""
+for all), "subject" (file: whose markers the trackers are). Of a process that takes another's place also "after".
+"""
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from ..errors import CaptureError
+from ..marker_names import listed
+from ..marker_set import load_subject
+from ..vmc.link import Receiver
+from ..vmc.tracker_stream import TrackerStream
+from .channel import Channel
+
+_LOOK_S = 0.1
+_SILENT_S = 1.0  # without a marker for so long, and the reason is told
+_FREED_S = 5.0  # in which a process that was replaced gives the port back
+_RETRY_S = 0.1
+
+
+def run(request: Mapping[str, Any], channel: Channel) -> None:
+    """Hand over marker frames until a stop is asked for.
+
+    Raises:
+        PerfanimError: the port is taken, the sender is not known, or the subject cannot be read.
+    """
+    sender = str(request["source"].get("sender", ""))
+    stream = TrackerStream(load_subject(str(request["subject"])).marker_set)
+    with _listening(int(request["source"]["port"]), sender, request.get("after") is not None, channel) as receiver:
+        channel.send_status(f"waiting for trackers on port {receiver.port}")
+        silence = _Silence(receiver, stream, sender, channel)
+        while not channel.stop_requested.is_set():
+            packet = receiver.receive(_LOOK_S)
+            now_s = time.perf_counter()
+            frames = stream.add(packet, now_s) if packet is not None else []
+            for frame in frames:
+                channel.send_frame(now_s, frame)
+            silence.look(now_s, bool(frames))
+
+
+def _listening(port: int, sender: str, takes_place: bool, channel: Channel) -> Receiver:
+    """Return the open port, which the process before may not have given back yet."""
+    limit_s = time.monotonic() + (_FREED_S if takes_place else 0.0)
+    while True:
+        try:
+            return Receiver(port, sender)
+        except CaptureError:
+            if time.monotonic() > limit_s or channel.stop_requested.wait(_RETRY_S):
+                raise
+
+
+class _Silence:
+    """Tells why no markers come, once, and that they are back."""
+
+    def __init__(self, receiver: Receiver, stream: TrackerStream, sender: str, channel: Channel) -> None:
+        self._receiver, self._stream, self._channel = receiver, stream, channel
+        self._from = f" from {sender}" if sender else ""
+        self._told = ""
+        self._came = False
+        self._since_s = time.perf_counter()
+
+    def look(self, now_s: float, came: bool) -> None:
+        """Take note of whether markers have come."""
+        if came:
+            if self._came and self._told:
+                self._channel.send_warning(f"the trackers are back after {now_s - self._since_s:.1f} s")
+            self._since_s, self._came, self._told = now_s, True, ""
+        elif now_s - self._since_s > _SILENT_S:
+            reason = self._reason()
+            if reason != self._told:
+                self._told = reason
+                self._channel.send_warning(reason)
+
+    def _reason(self) -> str:
+        where = f"on port {self._receiver.port}{self._from}"
+        if self._came:
+            return f"no trackers come any more {where}: the capture goes on when they do"
+        if not self._stream.packets and self._receiver.strangers:
+            others = ", ".join(sorted(self._receiver.strangers))
+            return f"nothing comes {where}, but from {others}: choose who sends under Cameras"
+        if not self._stream.packets:
+            return f"nothing comes {where}: let the other program send to this computer and port"
+        if self._stream.malformed == self._stream.packets:
+            return f"what comes {where} is not VMC: choose this protocol in the other program"
+        if not self._stream.trackers:
+            return f"no trackers come {where}: have the other program send them, not only bones"
+        return (
+            f"the trackers {listed(self._stream.trackers)} are no markers of the set: name them in it, or choose "
+            "another under Markers"
+        )

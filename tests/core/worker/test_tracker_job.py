@@ -1,0 +1,129 @@
+"""What stands in the cameras' place where trackers come by VMC: what it hands over, and what it tells."""
+
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from perfanim.core.errors import CaptureError
+from perfanim.core.marker_frame import MarkerFrame
+from perfanim.core.marker_set import Subject, load_marker_set, save_subject
+from perfanim.core.product_skeleton import default_skeleton
+from perfanim.core.vmc.link import Receiver
+from perfanim.core.vmc.packets import BONE
+from perfanim.core.worker import tracker_job
+from trackers_sent import Program, free_port, tracker_packet
+
+PATIENCE_S = 60.0
+NAMES = load_marker_set("boxing").names
+
+
+class Blender:
+    """Takes the place of the channel."""
+
+    def __init__(self) -> None:
+        self.stop_requested = threading.Event()
+        self.frames: list[tuple[float, MarkerFrame]] = []
+        self.told: list[str] = []
+
+    def send_frame(self, stamp_s: float, frame: MarkerFrame) -> None:
+        self.frames.append((stamp_s, frame))
+
+    def send_warning(self, text: str) -> None:
+        self.told.append(text)
+
+    def send_status(self, text: str) -> None:
+        self.told.append(text)
+
+
+class Running:
+    """The job in a thread of its own."""
+
+    def __init__(self, subject: Path, sender: str = "127.0.0.1", **more: Any) -> None:
+        self.port, self.blender = free_port(), Blender()
+        request = {"source": {"kind": "vmc", "port": self.port, "sender": sender}, "subject": str(subject), **more}
+        self._thread = threading.Thread(target=tracker_job.run, args=(request, self.blender))
+
+    def __enter__(self) -> "Running":
+        self._thread.start()
+        self.until(lambda: bool(self.blender.told))
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.blender.stop_requested.set()
+        self._thread.join()
+
+    def until(self, condition: Callable[[], bool], send: Callable[[], None] = lambda: None) -> None:
+        limit_s = time.monotonic() + PATIENCE_S
+        while not condition():
+            assert time.monotonic() < limit_s, self.blender.told
+            send()
+            time.sleep(1 / 60)
+
+    def until_told(self, text: str, send: Callable[[], None] = lambda: None) -> None:
+        self.until(lambda: text in self.blender.told[-1], send)
+
+
+@pytest.fixture
+def subject(tmp_path: Path) -> Path:
+    path = tmp_path / "anna.toml"
+    save_subject(Subject("Anna", default_skeleton(), load_marker_set("boxing")), path)
+    return path
+
+
+@pytest.fixture(autouse=True)
+def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tracker_job, "_SILENT_S", 0.4)
+
+
+def test_each_reason_why_no_markers_come_is_told_and_that_they_are_back(subject: Path) -> None:
+    places = {name: (0.1 * at, 1.0, 0.0) for at, name in enumerate(NAMES)}
+    with Running(subject) as job, Program(job.port) as program:
+        where = f"on port {job.port} from 127.0.0.1"
+        job.until_told(f"nothing comes {where}: let the other program send")
+        job.until_told("is not VMC", lambda: program.send(b"GET / HTTP/1.1"))
+        job.until_told("not only bones", lambda: program.send(tracker_packet({"Hips": (0, 1, 0)}, address=BONE)))
+        job.until_told("LHR-7 are no markers of the set", lambda: program.send(tracker_packet({"LHR-7": (0, 1, 0)})))
+        assert not job.blender.frames
+        job.until(lambda: len(job.blender.frames) > 5, lambda: program.send(tracker_packet(places)))
+        job.until_told(f"no trackers come any more {where}")
+        number = job.blender.frames[-1][1].number
+        job.until_told("the trackers are back after", lambda: program.send(tracker_packet(places)))
+        job.until_told("no trackers come any more")
+    assert job.blender.told[0] == f"waiting for trackers on port {job.port}"
+    assert len(job.blender.told) == 8  # each once, not each time that it is looked at
+    stamps, frames = zip(*job.blender.frames, strict=True)
+    assert list(stamps) == sorted(stamps)
+    after = next(frame for frame in frames if frame.number > number)
+    assert after.number > number + 5  # the pause is seen in the numbers
+    for frame in frames:
+        np.testing.assert_allclose(frame.points_m[np.argsort(frame.labels)], list(places.values()), atol=1e-6)
+
+
+def test_others_than_the_sender_are_not_listened_to(subject: Path) -> None:
+    with Running(subject, "192.0.2.7") as job, Program(job.port) as program:
+        job.until_told("but from 127.0.0.1: choose who sends", lambda: program.send(tracker_packet({"A": (0, 1, 0)})))
+        assert not job.blender.frames
+
+
+def test_a_port_that_is_taken_and_a_sender_that_is_not_known_are_told(subject: Path) -> None:
+    blender = Blender()
+    with Receiver(0, "127.0.0.1") as other:
+        taken = {"source": {"kind": "vmc", "port": other.port, "sender": ""}, "subject": str(subject)}
+        with pytest.raises(CaptureError, match=f"port {other.port}: cannot be listened to .* choose another port"):
+            tracker_job.run(taken, blender)
+        # who takes the place of a process that has not given it back yet waits for it, while it is wanted
+        blender.stop_requested.set()
+        with pytest.raises(CaptureError):
+            tracker_job.run({**taken, "after": 7}, blender)
+        blender.stop_requested.clear()
+        threading.Timer(0.2, other._socket.close).start()
+        threading.Timer(0.5, blender.stop_requested.set).start()
+        tracker_job.run({**taken, "after": 7}, blender)
+    assert blender.told[0] == f"waiting for trackers on port {other.port}"
+    unknown = {"source": {"kind": "vmc", "port": 0, "sender": "no such computer"}, "subject": str(subject)}
+    with pytest.raises(CaptureError, match="no such computer: is no computer that is known"):
+        tracker_job.run(unknown, blender)
