@@ -103,7 +103,7 @@ def view_room(camera: Camera, boxes: tuple[Box, ...]) -> RoomView:
         colour[part] = 0.0 if box.lamp else _box_colour(box, origin + near[:, None] * rays[part], side)
         glow[part] = np.array(box.colour) if box.lamp else 0.0
     lit, shine = (layer.reshape(height, width, 3) for layer in (colour, glow))
-    bloom = 0.45 * cv2.GaussianBlur(shine, (0, 0), 9.0)
+    bloom = 0.45 * cv2.GaussianBlur(shine.astype(np.float32), (0, 0), 9.0)
     soft_lit, soft_shine = (
         np.asarray(cv2.GaussianBlur(layer, (0, 0), 0.7), dtype=np.float64) for layer in (lit, shine)
     )
@@ -142,22 +142,32 @@ def _entry(origin: Array, rays: Array, box: Box) -> tuple[Array, NDArray[np.int6
 
 def _shell(points: Array, axis: NDArray[np.int64]) -> Array:
     """Colour (N, 3) of walls, floor and ceiling at points on them."""
+    level = axis == 1
+    low, high = level & (points[:, 1] < 1.0), level & (points[:, 1] >= 1.0)
+    colour = np.empty_like(points)
+    colour[~level] = _wall(*points[~level].T)
+    colour[low] = _floor(points[low, 0], points[low, 2])
+    colour[high] = 150.0
+    # corners are darker: less of the room's light reaches them
     x, y, z = points.T
-    low, high = np.array(_ROOM_LOW), np.array(_ROOM_HIGH)
+    corner = np.minimum(np.minimum(x - _ROOM_LOW[0], _ROOM_HIGH[0] - x), z - _ROOM_LOW[2])
+    edge = np.where(level, corner, np.minimum(y, _ROOM_HIGH[1] - y) + 0.15)
+    shaded: Array = colour * (0.74 + 0.26 * np.clip(edge / 0.9, 0.0, 1.0))[:, None]
+    return shaded
+
+
+def _wall(x: Array, y: Array, z: Array) -> Array:
     grain = 1.2 * np.sin(2.3 * x + 1.7 * z + 2.0 * np.sin(1.9 * y)) + 0.8 * np.sin(5.1 * y + 3.3 * x)
-    wall = np.array([112.0, 116.0, 114.0]) * (0.72 + 0.12 * y / high[1])[:, None] + grain[:, None]
-    wall = np.where((y < 0.11)[:, None], np.array([132.0, 138.0, 140.0]) * 0.7, wall)
+    wall = np.array([112.0, 116.0, 114.0]) * (0.72 + 0.12 * y / _ROOM_HIGH[1])[:, None] + grain[:, None]
+    return np.where((y < 0.11)[:, None], np.array([132.0, 138.0, 140.0]) * 0.7, wall)  # the skirting board
+
+
+def _floor(x: Array, z: Array) -> Array:
     plank = np.floor(x / 0.16)
     along = z / 1.6 + 0.37 * plank
     tone = 0.78 + 0.10 * _scatter(plank, np.floor(along)) + 0.03 * np.sin(60.0 * x + 4.0 * np.sin(5.0 * z))
     seam = (np.abs(x / 0.16 - plank - 0.5) > 0.475) | (np.abs(along - np.floor(along) - 0.5) > 0.495)
-    floor = np.array([64.0, 84.0, 104.0]) * np.where(seam, 0.62, tone)[:, None]
-    colour = np.where((axis == 1)[:, None], np.where((y < 1.0)[:, None], floor, 150.0), wall)
-    # corners are darker: less of the room's light reaches them
-    corner = np.stack((x - low[0], high[0] - x, z - low[2]), axis=-1).min(axis=1)
-    edge = np.where(axis == 1, corner, np.minimum(y, high[1] - y) + 0.15)
-    shaded: Array = colour * (0.74 + 0.26 * np.clip(edge / 0.9, 0.0, 1.0))[:, None]
-    return shaded
+    return np.asarray(np.array([64.0, 84.0, 104.0]) * np.where(seam, 0.62, tone)[:, None])
 
 
 def _box_colour(box: Box, points: Array, side: NDArray[np.int64]) -> Array:
