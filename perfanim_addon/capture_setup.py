@@ -15,7 +15,7 @@ from ..core.product_skeleton import default_skeleton
 from ..core.prop import Prop, check_together
 from ..core.skeleton import Skeleton
 from ..core.worker.client import WorkerClient
-from . import preferences, sending, states, takes, targets
+from . import preferences, receiving, sending, states, takes, targets
 from .capture_state import CaptureRun
 from .place import absolute, user_folder
 
@@ -61,6 +61,7 @@ def make(settings: Any) -> Setup:
         "cameras": {
             **cameras(settings),
             "preview": bool(settings.capture_preview),
+            "subject": subject_path,
             "background_file": str(Path(tempfile.gettempdir()) / f"perfanim-{secrets.token_hex(8)}.npz"),
         },
         "subject": subject_path,
@@ -95,14 +96,14 @@ def shape(settings: Any) -> dict[str, Any]:
 
 
 def cameras(settings: Any) -> dict[str, Any]:
-    """Return how images become marker frames, as `core.worker.camera_job` takes it.
+    """Return how images become marker frames, as `core.worker.camera_job` takes it; likewise trackers.
 
     Raises:
         PerfanimError: a file is missing or bad.
     """
     return {
         "source": source(settings),
-        "rig": None if states.is_known(settings) else _calibration(settings),
+        "rig": _calibration(settings) if states.has_cameras(settings) and not states.is_known(settings) else None,
         "background_s": float(settings.background_s),
         "threshold": None if settings.threshold_auto else float(settings.threshold),
     }
@@ -125,7 +126,7 @@ def _good(found: Any) -> Any:
 
 
 def source(settings: Any) -> dict[str, Any]:
-    """Return the description of the image source, as `core.sources` takes it.
+    """Return the description of the source, as `core.sources` or, of trackers, `core.worker.tracker_job` takes it.
 
     Raises:
         CaptureError: a file or folder is not there, or device numbers are none.
@@ -146,6 +147,8 @@ def source(settings: Any) -> dict[str, Any]:
             "fps": settings.camera_fps,
             "controls": preferences.camera_controls(bpy.context),
         }
+    if not states.has_cameras(settings):
+        return receiving.source(settings.id_data)
     paths = [absolute(getattr(settings, name)) for name in states.source_paths(settings)]
     for path in paths:
         if not Path(path).exists():

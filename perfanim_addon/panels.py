@@ -79,6 +79,9 @@ class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
             if chosen.right_device >= 0:
                 layout.prop(chosen, "further_devices")
             _props(layout, chosen, "width", "height", "camera_fps")
+        elif not states.has_cameras(chosen):
+            _props(layout, chosen.id_data.perfanim_receiving, "port", "sender")
+            return
         elif chosen.source == "VIDEOS":
             _props(layout, chosen, "left_video", "right_video")
         else:
@@ -120,6 +123,8 @@ class PERFANIM_PT_markers(_Step, bpy.types.Panel):
         row.enabled = not chosen.marker_set_file
         row.prop(chosen, "marker_set")
         layout.prop(chosen, "marker_set_file")
+        if not states.has_cameras(chosen):
+            return
         if chosen.source == "CAMERAS":
             layout.prop(chosen, "background_s")
         layout.prop(chosen, "threshold_auto", text="Threshold Auto")
@@ -142,7 +147,7 @@ class PERFANIM_PT_subject(_Step, bpy.types.Panel):
         row.operator_menu_enum("perfanim.use_profile", "profile", text="", icon="COMMUNITY")
         box = layout.box().column()
         box.prop(chosen, "subject_name")
-        if not states.is_known(chosen) and not states.is_one_camera(chosen):
+        if not states.is_known(chosen) and states.has_cameras(chosen) and not states.is_one_camera(chosen):
             if chosen.source == "CAMERAS":
                 _props(box, chosen, "countdown_s", "between_s")
             box.operator("perfanim.calibrate_performer", icon="OUTLINER_OB_ARMATURE")

@@ -13,6 +13,7 @@ SOURCES = (
     ("CAMERAS", "Cameras", "Two cameras connected to this computer, by device number"),
     ("VIDEOS", "Videos", "A recorded video of each camera"),
     ("IMAGES", "Image Folders", "A folder of numbered images of each camera"),
+    ("VMC", "Trackers (VMC)", "Trackers or markers that another program sends by the Virtual Motion Capture protocol"),
 )
 
 FEET = (

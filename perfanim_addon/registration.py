@@ -17,6 +17,7 @@ _REST = (
     "properties",
     "targets",
     "sending",
+    "receiving",
     "result",
     "batch_settings",
     "operators.jobs",

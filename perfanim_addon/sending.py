@@ -33,7 +33,7 @@ def problem(chosen: Any) -> str:
     """Return why nothing can be sent, "" when it can."""
     if not chosen.host.strip():
         return "Name the computer to send to"
-    if not is_online_allowed() and not _is_this_computer(chosen.host.strip()):
+    if not is_online_allowed() and not is_this_computer(chosen.host.strip()):
         return "Online access is off: 127.0.0.1 only"
     return ""
 
@@ -43,7 +43,8 @@ def is_online_allowed() -> bool:
     return bool(bpy.app.online_access)
 
 
-def _is_this_computer(host: str) -> bool:
+def is_this_computer(host: str) -> bool:
+    """Return whether a name or an address is that of the computer itself."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:

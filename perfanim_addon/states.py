@@ -10,6 +10,7 @@ from ..core.database.store import open_database
 from ..core.errors import CaptureError, PerfanimError, SubjectError
 from ..core.marker_set import MarkerSet, Subject, load_marker_set, load_subject
 from ..core.prop import Prop, load_prop
+from . import receiving
 from .place import absolute, user_folder
 from .posing import map_problem
 
@@ -88,6 +89,11 @@ def is_known(settings: Any) -> bool:
     return settings.source == "SIMULATED" and not settings.practise
 
 
+def has_cameras(settings: Any) -> bool:
+    """Return whether markers are seen by cameras, real, recorded or simulated; trackers are sent by another program."""
+    return bool(settings.source != "VMC")
+
+
 def worn_subject(settings: Any) -> Subject | PerfanimError:
     """Return the chosen subject with the chosen markers, or why the two do not go together."""
     found, chosen = subject(absolute(settings.subject)), marker_set(settings)
@@ -121,6 +127,10 @@ def cameras(settings: Any) -> State:
     """State of the Cameras panel."""
     if is_known(settings):
         return State(True, "simulated")
+    if not has_cameras(settings):
+        wrong = receiving.problem(settings.id_data.perfanim_receiving)
+        text = "online access is off" if wrong else f"port {settings.id_data.perfanim_receiving.port}"
+        return State(not wrong, text, wrong)
     for name in source_paths(settings):
         path = absolute(getattr(settings, name))
         side = name.partition("_")[0]
@@ -165,7 +175,7 @@ def devices(settings: Any) -> tuple[int, ...]:
 
 def is_one_camera(settings: Any) -> bool:
     """Return whether the left camera captures alone: no right one is chosen, or the calibration has no other."""
-    if settings.source == "SIMULATED":
+    if settings.source == "SIMULATED" or not has_cameras(settings):
         return False
     if settings.source == "CAMERAS":
         alone = settings.right_device < 0
@@ -206,7 +216,8 @@ def performer(settings: Any) -> State:
     if not settings.subject:
         if is_known(settings):
             return State(True, "simulated performer")
-        how = "use an average body" if is_one_camera(settings) else "calibrate the performer"
+        is_measured = has_cameras(settings) and not is_one_camera(settings)
+        how = "calibrate the performer" if is_measured else "use an average body"
         return State(False, "not calibrated", f"{how}, or open a subject file, under Subject")
     found = subject(absolute(settings.subject))
     if isinstance(found, PerfanimError):

@@ -67,6 +67,9 @@ class _Recording(JobOperator):
         if not super().poll(context):
             return False
         chosen = settings(context)
+        if not states.has_cameras(chosen):
+            cls.poll_message_set("Needs cameras: record a capture with an average body, and calibrate from its take")
+            return False
         problem = states.cameras(chosen).problem or states.markers(chosen).problem
         if problem:
             cls.poll_message_set(problem)

@@ -1,0 +1,111 @@
+"""Trackers that another program sends by VMC in place of cameras: the settings, and a capture in Blender."""
+
+import sys
+import time
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from perfanim.core.database.build import build_database
+from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.marker_set import Subject, load_marker_set, save_subject
+from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.performer import perform
+from perfanim.core.skeleton import forward_kinematics
+from perfanim.core.take_file.reading import read_take_file
+from trackers_sent import Program, free_port, tracker_packet
+
+PATIENCE_S = 300.0
+
+
+@pytest.fixture
+def part(addon: ModuleType, extension: str) -> Any:
+    def find(name: str) -> Any:
+        return sys.modules[f"{extension}.perfanim_addon.{name}"]
+
+    return find
+
+
+def test_only_programs_of_this_computer_without_online_access(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    chosen, told = bpy.context.scene.perfanim, bpy.context.scene.perfanim_receiving
+    states, sending = part("states"), part("sending")
+    chosen.source = "VMC"
+    assert states.cameras(chosen).text == f"port {told.port}"  # no calibration is asked for
+    assert "use an average body" in states.first_problem(chosen)
+    assert not bpy.ops.perfanim.calibrate_performer.poll()
+    assert part("capture_setup").cameras(chosen)["source"] == {"kind": "vmc", "port": 39540, "sender": "127.0.0.1"}
+    for online, sender, ready in ((False, "192.168.1.7", False), (False, " ", False), (True, " ", True)):
+        monkeypatch.setattr(sending, "is_online_allowed", lambda online=online: online)
+        told.sender = sender
+        assert states.cameras(chosen).ready is ready
+        assert ("Online access" in states.first_problem(chosen)) is not ready
+
+
+def test_trackers_move_the_character_and_a_sender_that_pauses_is_told(part: Any, tmp_path: Path) -> None:
+    truth, marker_set = perform("walking", 3.0), load_marker_set("boxing")
+    take, _ = simulate_markers(truth, marker_set)
+    packets = [
+        tracker_packet({name: place for name, place in zip(take.names, row, strict=True) if np.isfinite(place[0])})
+        for row in take.positions_m
+    ]
+    write_bvh(truth, tmp_path / "walk.bvh")
+    build_database([str(tmp_path / "walk.bvh")], tmp_path / "walk.pfdb", 60.0)
+    save_subject(Subject("Anna", truth.skeleton, marker_set), tmp_path / "anna.toml")
+    chosen = bpy.context.scene.perfanim
+    chosen.source, chosen.subject, chosen.database = "VMC", str(tmp_path / "anna.toml"), str(tmp_path / "walk.pfdb")
+    chosen.marker_set = "boxing"
+    bpy.context.scene.perfanim_receiving.port = free_port()
+    assert part("states").first_problem(chosen) == ""
+    capture, limit_s = part("live").Capture(None, []), time.monotonic() + PATIENCE_S
+    sent: list[int] = []
+
+    def go_on(condition: Any, frames: Any = ()) -> None:
+        frames = iter(frames)
+        while not condition():
+            assert time.monotonic() < limit_s, capture.line
+            for frame in frames:
+                program.send(packets[frame])
+                sent.append(frame)
+                break
+            capture.tick(bpy.context)
+            assert not capture.done or condition(), capture.run.error
+            time.sleep(1 / 60)
+
+    with Program(bpy.context.scene.perfanim_receiving.port) as program:
+        try:
+            go_on(lambda: "waiting for trackers" in capture.line)
+            go_on(lambda: "nothing comes on port" in capture.run.notice)
+            go_on(lambda: len(capture.run.poses) >= 40, range(120))
+            go_on(lambda: "no trackers come any more" in capture.run.warnings[-1])
+            paused = len(capture.run.poses)
+            go_on(lambda: len(capture.run.poses) >= paused + 20, range(60, 180))
+            armature = chosen.armature
+            pose = capture.run.poses[-1]
+            bpy.context.view_layer.update()
+            shown = {name: np.array(armature.pose.bones[name].head) for name in ("root", "lfoot", "rhand")}
+            capture.stop()
+            go_on(lambda: capture.done)
+            text = capture.keep(bpy.context)
+        finally:
+            capture.close()
+    assert any("the trackers are back" in warning for warning in capture.run.warnings)
+    poses = capture.run.poses
+    assert len(poses) == len(sent)
+    assert f"{len(poses)} frames recorded" in text
+    joints, _ = forward_kinematics(truth.skeleton, truth.rotations[sent], truth.root_positions_m[sent])
+    solved, _ = forward_kinematics(
+        truth.skeleton, np.stack([p.rotations for p in poses]), np.stack([p.root_position_m for p in poses])
+    )
+    assert 1000 * np.median(np.linalg.norm(solved - joints, axis=2)) < 20  # the very motion is in the database
+    placed, _ = forward_kinematics(truth.skeleton, pose.rotations, pose.root_position_m)
+    for name, head_m in shown.items():
+        x, y, z = placed[truth.skeleton.index(name)]
+        np.testing.assert_allclose(head_m, (x, -z, y), atol=1e-3)
+    kept = read_take_file(part("takes").listed()[0].path)
+    assert kept.complete
+    assert len(kept.frames) == len(kept.poses) == len(poses)
+    assert kept.setup.camera_rig() is None
+    assert np.diff([pose.number for pose in poses]).max() > 30  # the pause shows as numbers that are left out
