@@ -18,8 +18,10 @@ from ..core.worker.client import WorkerClient
 from . import preferences, receiving, sending, states, takes, targets
 from .capture_state import CaptureRun
 from .place import absolute, user_folder
+from .targets import SIMULATED_HEIGHT_M
 
-SIMULATED_HEIGHT_M = 1.75
+_APART_M = 1.4  # from one simulated performer to the next
+_PARTNERS = ("boxing", "kendo")
 
 
 @dataclass(frozen=True)
@@ -29,12 +31,13 @@ class Setup:
     Args:
         request: what the worker is asked for.
         skeleton: the performer's, to which the poses are relative.
-        props: that are followed besides, in the order of the poses' props.
+        props, performers: that are followed besides, in the order of the poses' props and others.
     """
 
     request: dict[str, Any]
     skeleton: Skeleton
     props: tuple[Prop, ...] = ()
+    performers: tuple[Subject, ...] = ()
 
     def start(self, python: str | None) -> CaptureRun:
         """Start the worker; `python` is its interpreter, None for Blender's own."""
@@ -72,22 +75,50 @@ def make(settings: Any) -> Setup:
         "take": str(takes.new_path()),
         "character": settings.armature.name if settings.armature else "",
     }
-    return _with_props(Setup(request, subject.skeleton), settings)
+    return _with_targets(Setup(request, subject.skeleton), settings)
 
 
-def _with_props(setup: Setup, settings: Any) -> Setup:
-    """Return the set-up with the scene's further targets; the simulated performer carries the first."""
+def _with_targets(setup: Setup, settings: Any) -> Setup:
+    """Return the set-up with the scene's further targets.
+
+    The simulated performer carries the first prop, and each further performer is shown by another simulated one.
+    """
     scene = settings.id_data
-    props = targets.props(scene)
-    if not props:
+    props, performers = targets.props(scene), targets.performers(scene)
+    if not props and not performers:
         return setup
     check_together(props)
-    paths = [targets.path_of(entry) for entry in scene.perfanim_targets.entries]
-    request = {**setup.request, "props": paths}
+    paths = [targets.path_of(entry) for entry in targets.of_kind(scene, "PROP")]
+    files = [_performer_file(index, subject) for index, subject in enumerate(performers)]
+    request = {**setup.request, "props": paths, "performers": files}
     if settings.source == "SIMULATED":
-        cameras = request["cameras"]
-        request["cameras"] = {**cameras, "source": {**cameras["source"], "prop": paths[0]}}
-    return Setup(request, setup.skeleton, tuple(props))
+        shown = dict(request["cameras"]["source"])
+        if paths:
+            shown["prop"] = paths[0]
+        if files:
+            shown["partners"] = _partners(settings, len(files))
+        request["cameras"] = {**request["cameras"], "source": shown}
+    return Setup(request, setup.skeleton, tuple(props), tuple(performers))
+
+
+def _performer_file(index: int, subject: Subject) -> str:
+    """Write a further performer to a file of the capture's own, and return it."""
+    path = user_folder("subjects") / f".captured-{index + 2}.toml"
+    save_subject(subject, path)
+    return str(path)
+
+
+def _partners(settings: Any, count: int) -> list[dict[str, Any]]:
+    """Return what further simulated performers do, and where: one beside the other, to the right as the cameras see."""
+    doing = [behaviour for behaviour in _PARTNERS if behaviour != settings.behaviour]
+    return [
+        {
+            "behaviour": doing[index % len(doing)],
+            "height_m": SIMULATED_HEIGHT_M,
+            "offset_m": [_APART_M * (index + 1), 0.0],
+        }
+        for index in range(count)
+    ]
 
 
 def shape(settings: Any) -> dict[str, Any]:

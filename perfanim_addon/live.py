@@ -2,7 +2,6 @@
 
 import contextlib
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import bpy
@@ -13,20 +12,20 @@ from ..core import rotations as rot
 from ..core.errors import PerfanimError
 from ..core.pose_frame import PoseFrame
 from ..core.product_skeleton import default_skeleton
-from ..core.prop import Prop
 from ..core.skeleton import Skeleton
 from . import capture_setup, overlay, preview, running, sound, takes
-from .actions import Onto, Placement, scene_frames, write_action
+from .actions import scene_frames, write_action
 from .armature_driver import ArmatureDriver
 from .capture_state import CaptureRun, Phase
-from .character import create_character, find_armature
+from .character import create_character
+from .held_actions import HeldActions
 from .job import Job, command
-from .posing import posing_of
+from .others import Others, write_others
 from .properties import settings
 from .recording import Cue, Recording
 from .result import placement, start_frame
+from .room import Room
 from .stage import free_place, look_at
-from .target_driver import Room, TargetDriver, write_prop_actions
 
 Array = NDArray[np.float64]
 
@@ -77,49 +76,16 @@ def write_poses(
     if object_name not in bpy.data.objects:
         object_name, only = add_character(context, skeleton), None
     frames = scene_frames(increasing(times_s), context.scene, start_frame)
-    chosen = placement(context, bpy.data.objects.get(object_name))
-    if only is not None:
-        chosen = _partial(chosen, only, bpy.data.objects[object_name])
+    chosen = placement(context, bpy.data.objects.get(object_name), only)
     action = write_action(object_name, frames, rotations, root_positions_m, skeleton, name=name, placement=chosen)
     if settings(context).extend_scene:
         context.scene.frame_end = max(context.scene.frame_end, int(np.ceil(frames[-1])))
     return action
 
 
-def write_props(
-    context: bpy.types.Context,
-    object_name: str,
-    skeleton: Skeleton,
-    props: Sequence[Prop],
-    poses: Sequence[PoseFrame],
-    start_frame: float,
-    name: str,
-) -> list[str]:
-    """Write where props were as actions of the objects that follow them, as is chosen; return the actions' names.
-
-    Args:
-        object_name: the character's armature, in whose room they are.
-        skeleton: the performer's.
-        props: in the order of the poses' props.
-        poses, start_frame, name: as of the character's action.
-
-    Raises:
-        CharacterError: an object cannot be animated.
-    """
-    if not props:
-        return []
-    armature = find_armature(object_name)
-    frames = scene_frames(increasing(np.array([pose.time_s for pose in poses])), context.scene, start_frame)
-    room = Room(armature, posing_of(armature, skeleton))
-    return write_prop_actions(context, props, poses, frames, room, name, placement(context, None))
-
-
-def _partial(chosen: Placement, only: frozenset[str], armature: bpy.types.Object) -> Placement:
-    """Return a placement of some bones; a strip where a new action would take the others' animation away."""
-    animation = armature.animation_data
-    others = animation is not None and animation.action is not None
-    onto = Onto.STRIP if chosen.onto is Onto.ACTION and others else chosen.onto
-    return replace(chosen, onto=onto, only=only if chosen.only is None else only & set(chosen.only))
+def frames_of(context: bpy.types.Context, poses: Sequence[PoseFrame], start_frame: float) -> Array:
+    """Return the scene frames (F,) on which poses stand, of which the first is at `start_frame`."""
+    return scene_frames(increasing(np.array([pose.time_s for pose in poses])), context.scene, start_frame)
 
 
 class Capture:
@@ -141,9 +107,8 @@ class Capture:
         self._python = python
         self._driver: ArmatureDriver | None = None
         self._skeleton: Skeleton | None = None
-        self._held_action = ""
-        self._props: tuple[Prop, ...] = ()
-        self._targets: TargetDriver | None = None
+        self._held = HeldActions()
+        self._others: Others | None = None  # where there are any
         self._take_path = ""
         self._request: dict[str, Any] = {}
         self._drawn: overlay.Scene | None = None
@@ -199,8 +164,8 @@ class Capture:
         if pose is None:
             return False
         self._bind(context).apply(pose.rotations, pose.root_position_m)
-        if self._targets is not None:
-            self._targets.apply(context, pose.props)
+        if self._others is not None:
+            self._others.apply(context, self.run.poses)
         self._draw(context, pose)
         self.run.shown()
         return True
@@ -245,7 +210,9 @@ class Capture:
         """Check the files and the armature, if one is chosen, and start the worker."""
         chosen = settings(context)
         setup = capture_setup.make(chosen)
-        self._skeleton, self._props = setup.skeleton, setup.props
+        self._skeleton = setup.skeleton
+        if setup.props or setup.performers:
+            self._others = Others(context, setup.props, setup.performers, chosen.body_parts)
         self.by_button = chosen.record_by_button
         if not self.by_button:
             self.record(chosen)
@@ -268,10 +235,11 @@ class Capture:
                 add_character(context, skeleton)
             self._driver = ArmatureDriver(chosen.armature.name, skeleton, chosen.body_parts)
             if self._driver.only is None:
-                self._held_action = _release_action(chosen.armature)
-            if self._props:
-                self._targets = TargetDriver(context, self._props, Room(chosen.armature, self._driver.posing))
-            if _plays(chosen.armature):
+                self._held.take(chosen.armature)
+            if self._others is not None:
+                self._others.enter(chosen.armature, self._driver.posing)
+            others = self._others.roles if self._others is not None else []
+            if any(map(_plays, (chosen.armature, *(role.character() for role in others)))):
                 bpy.app.handlers.frame_change_post.append(_after_frame_change)
         return self._driver
 
@@ -279,6 +247,8 @@ class Capture:
         """Put the newest pose back where an animation has overwritten it."""
         if self._driver is not None:
             self._driver.apply_again()
+        if self._others is not None:
+            self._others.apply_again()
 
     def tune(self, chosen: Any) -> None:
         """Go on with the smoothing and the foot lock of the settings."""
@@ -317,26 +287,20 @@ class Capture:
         all_poses = self.run.poses if self.run else []
         parts = [(recording, recording.recorded(all_poses)) for recording in self.recordings]
         parts = [(recording, poses) for recording, poses in parts if poses]
-        self._restore_action()  # a strip goes above it
-        if self._targets is not None:
-            self._targets.restore()
+        self._held.give_back()  # a strip goes above it
+        if self._others is not None:
+            self._others.restore()
         if not parts or self._skeleton is None or self._driver is None:
             return ""
-        actions = [
-            write_poses(
-                context,
-                self._driver.object_name,
-                *pose_arrays(poses),
-                self._skeleton,
-                recording.start_frame,
-                "Capture",
-                self._driver.only,
-            )
-            for recording, poses in parts
-        ]
+        name, only, actions = self._driver.object_name, self._driver.only, []
         for recording, poses in parts:
-            actions += write_props(
-                context, self._driver.object_name, self._skeleton, self._props, poses, recording.start_frame, "Capture"
+            start = recording.start_frame
+            actions.append(write_poses(context, name, *pose_arrays(poses), self._skeleton, start, "Capture", only))
+            name = name if name in bpy.data.objects else settings(context).armature.name
+        for recording, poses in parts if self._others is not None else ():
+            at, others = frames_of(context, poses, recording.start_frame), self._others
+            actions += write_others(
+                context, name, self._skeleton, others.props, others.roles, all_poses, poses, at, "Capture"
             )
         first, last = parts[0][1][0], parts[-1][1][-1]
         with contextlib.suppress(PerfanimError):  # there may be no take: its disk is full, its worker was killed
@@ -346,18 +310,10 @@ class Capture:
         text = f"{sum(len(poses) for _, poses in parts)} frames recorded in {', '.join(actions)}"
         return f"{text}; {self.run.standing}" if self.run and self.run.standing else text
 
-    def _restore_action(self) -> None:
-        if self._driver is None or not self._held_action:
-            return
-        armature = bpy.data.objects.get(self._driver.object_name)
-        action = bpy.data.actions.get(self._held_action)
-        if armature is not None and action is not None and armature.animation_data is not None:
-            armature.animation_data.action = action
 
-
-def _plays(armature: bpy.types.Object) -> bool:
+def _plays(armature: bpy.types.Object | None) -> bool:
     """Return whether something animates the armature, so that a change of frame overwrites its pose."""
-    animation = armature.animation_data
+    animation = armature.animation_data if armature is not None else None
     return animation is not None and (animation.action is not None or len(animation.nla_tracks) > 0)
 
 
@@ -367,17 +323,6 @@ def _after_frame_change(*_: object) -> None:
     if isinstance(capture, Capture):
         with contextlib.suppress(PerfanimError):  # the next tick tells
             capture.pose_again()
-
-
-def _release_action(armature: bpy.types.Object) -> str:
-    """Take the armature's action off, so that a change of frame does not overwrite the live pose; return its name."""
-    animation = armature.animation_data
-    if animation is None or animation.action is None:
-        return ""
-    name = str(animation.action.name)
-    animation.action.use_fake_user = True
-    animation.action = None
-    return name
 
 
 def increasing(times_s: Array) -> Array:

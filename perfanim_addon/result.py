@@ -58,17 +58,27 @@ class PERFANIM_PG_result(bpy.types.PropertyGroup):
     )
 
 
-def placement(context: bpy.types.Context, armature_object: bpy.types.Object | None) -> Placement:
-    """Return how keyframes are put on an armature; a character that is yet to be made has no bones selected."""
+def placement(
+    context: bpy.types.Context, armature_object: bpy.types.Object | None, only: frozenset[str] | None = None
+) -> Placement:
+    """Return how keyframes are put on an armature.
+
+    Args:
+        armature_object: None for a character that is yet to be made, of which no bones are selected.
+        only: names of the bones that may get any, None for all.
+    """
     chosen = context.scene.perfanim_result
     onto = Onto[chosen.onto]
     bounds = KeyBounds(chosen.reduce_deg, chosen.reduce_mm) if chosen.reduce else None
-    if not chosen.only_selected or armature_object is None:
+    if armature_object is None:
         return Placement(onto, None, bounds)
+    if chosen.only_selected:
+        selected = frozenset(bone.name for bone in armature_object.pose.bones if _selected(bone))
+        only = selected if only is None else selected & only
     animation = armature_object.animation_data
-    if onto is Onto.ACTION and animation is not None and animation.action is not None:
+    if only is not None and onto is Onto.ACTION and animation is not None and animation.action is not None:
         onto = Onto.STRIP  # a new action would take the other bones' animation away
-    return Placement(onto, {bone.name for bone in armature_object.pose.bones if _selected(bone)}, bounds)
+    return Placement(onto, only, bounds)
 
 
 def _selected(bone: bpy.types.PoseBone) -> bool:

@@ -22,29 +22,30 @@ class TargetDriver:
 
     Args:
         props: of the capture, in the order of its poses' props.
-        room: of the character that it drives.
 
     Raises:
         CharacterError: a chosen object cannot follow.
     """
 
-    def __init__(self, context: bpy.types.Context, props: Sequence[Prop], room: Room) -> None:
-        for entry in context.scene.perfanim_targets.entries:
+    def __init__(self, context: bpy.types.Context, props: Sequence[Prop]) -> None:
+        for entry in targets.of_kind(context.scene, "PROP"):
             targets.check_object(entry.object)
         self._props = list(props)
-        self._room = room
         self._names: list[str | None] = [None] * len(props)  # an object is made when its prop is first seen
         self._held = HeldActions()
 
-    def apply(self, context: bpy.types.Context, poses: Sequence[PropPose]) -> None:
-        """Move the objects of the props that are found; one that was deleted meanwhile is left out."""
+    def apply(self, context: bpy.types.Context, poses: Sequence[PropPose], room: Room) -> None:
+        """Move the objects of the props that are found, in the room of the character that the capture drives.
+
+        One that was deleted meanwhile is left out.
+        """
         for index, pose in enumerate(poses):
             if not pose.found:
                 continue
             name = self._names[index] or self._begin(context, index)
             target = bpy.data.objects.get(name)
             if target is not None:
-                turn, place = self._room.brought(pose.rotation, pose.position_m)
+                turn, place = room.brought(pose.rotation, pose.position_m)
                 target.rotation_quaternion, target.location = Quaternion(turn), Vector(place)
 
     def _begin(self, context: bpy.types.Context, index: int) -> str:

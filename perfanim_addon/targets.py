@@ -1,24 +1,37 @@
-"""Further targets of a capture: props, and the objects that follow them. Kept in the scene."""
+"""Further targets of a capture, kept in the scene: props with the objects that follow them, further performers with
+their characters.
+"""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import bpy
 
 from ..core.assets import PROPS
-from ..core.errors import CharacterError, PerfanimError
+from ..core.errors import CharacterError, PerfanimError, SettingsError, SubjectError
+from ..core.marker_set import MarkerSet, Subject
+from ..core.product_skeleton import default_skeleton
 from ..core.prop import Prop, check_together
 from . import states
 from .place import absolute
+from .posing import map_problem
 from .prop_mesh import add_prop_object
+from .properties import find_bones, is_armature
 
 SHIPPED = str(PROPS / "sword.toml")  # what is meant where no definition is chosen
+SIMULATED_HEIGHT_M = 1.75
+
+_KINDS = (
+    ("PROP", "Prop", "A rigid thing with markers of its own: a sword, a stick, a camera"),
+    ("PERFORMER", "Performer", "Somebody who performs beside the first, and moves a character of their own"),
+)
 
 
 class PERFANIM_PG_target(bpy.types.PropertyGroup):
-    """A prop and the object that follows it."""
+    """A prop and the object that follows it, or a further performer and the character that moves along."""
 
+    kind: bpy.props.EnumProperty(name="Kind", description="What is followed", items=_KINDS)
     definition: bpy.props.StringProperty(
         name="Definition",
         description="Measured prop (TOML); empty: the sword that the simulated performer carries",
@@ -30,15 +43,34 @@ class PERFANIM_PG_target(bpy.types.PropertyGroup):
         type=bpy.types.Object,
         poll=lambda _self, candidate: candidate.type != "ARMATURE",
     )
+    subject: bpy.props.StringProperty(
+        name="Subject",
+        description="Calibrated performer with the markers worn (TOML); empty: another simulated performer",
+        subtype="FILE_PATH",
+    )
+    armature: bpy.props.PointerProperty(
+        name="Armature",
+        description="Armature that moves along with this performer; empty: a new character is added at the start",
+        type=bpy.types.Object,
+        poll=is_armature,
+        update=find_bones,
+    )
 
 
 class PERFANIM_PG_targets(bpy.types.PropertyGroup):
     """The list of further targets."""
 
     entries: bpy.props.CollectionProperty(
-        name="Further Targets", description="Props that are followed besides the performer", type=PERFANIM_PG_target
+        name="Further Targets",
+        description="Props and further performers, who are followed besides the first",
+        type=PERFANIM_PG_target,
     )
     active: bpy.props.IntProperty(name="Target", description="The target that the fields below are about")
+
+
+def of_kind(scene: bpy.types.Scene, kind: str) -> list[PERFANIM_PG_target]:
+    """Return a scene's targets of one kind, in their order."""
+    return [entry for entry in scene.perfanim_targets.entries if entry.kind == kind]
 
 
 def path_of(entry: PERFANIM_PG_target) -> str:
@@ -51,8 +83,25 @@ def found_prop(entry: PERFANIM_PG_target) -> Prop | PerfanimError:
     return states.prop(path_of(entry))
 
 
+def found_subject(entry: PERFANIM_PG_target) -> Subject | PerfanimError:
+    """Return who a further performer is, with all markers of their calibration, or why nobody knows."""
+    if entry.subject:
+        return states.subject(absolute(entry.subject))
+    scene, chosen = entry.id_data, entry.id_data.perfanim
+    if not states.is_known(chosen):
+        return SubjectError("a further performer is not calibrated", advice="choose the subject under Further Targets")
+    markers: MarkerSet | PerfanimError = states.marker_set(chosen)
+    if isinstance(markers, PerfanimError):
+        return markers
+    number = of_kind(scene, "PERFORMER").index(entry) + 2
+    return Subject(f"Simulated performer {number}", default_skeleton(SIMULATED_HEIGHT_M), markers)
+
+
 def title(entry: PERFANIM_PG_target) -> str:
     """Return what a target is called in the list."""
+    if entry.kind == "PERFORMER":
+        subject = found_subject(entry)
+        return subject.name if isinstance(subject, Subject) else Path(entry.subject).stem or "Performer"
     prop = found_prop(entry)
     return prop.name if isinstance(prop, Prop) else Path(path_of(entry)).stem
 
@@ -61,8 +110,9 @@ def problem(scene: bpy.types.Scene) -> str:
     """Return why the targets cannot be followed, "" when they can; quick enough for drawing."""
     try:
         check_together(props(scene))
-        for entry in scene.perfanim_targets.entries:
+        for entry in of_kind(scene, "PROP"):
             check_object(entry.object)
+        performers(scene)
     except PerfanimError as error:
         return str(error)
     return ""
@@ -88,11 +138,37 @@ def props(scene: bpy.types.Scene) -> list[Prop]:
         PerfanimError: a definition is missing or bad.
     """
     found = []
-    for entry in scene.perfanim_targets.entries:
+    for entry in of_kind(scene, "PROP"):
         prop = found_prop(entry)
         if isinstance(prop, PerfanimError):
             raise prop
         found.append(prop)
+    return found
+
+
+def performers(scene: bpy.types.Scene) -> list[Subject]:
+    """Return the further performers of a scene's targets.
+
+    Raises:
+        PerfanimError: one is not calibrated, their character cannot be driven, or one camera is to tell them apart.
+    """
+    found, driven = [], {scene.perfanim.armature} - {None}
+    for entry in of_kind(scene, "PERFORMER"):
+        subject = found_subject(entry)
+        if isinstance(subject, PerfanimError):
+            raise subject
+        if entry.armature in driven:
+            advice = "choose another under Further Targets, or none for a new character"
+            raise CharacterError("cannot follow two performers", where=entry.armature.name, advice=advice)
+        if entry.armature is not None:
+            driven.add(entry.armature)
+            reason = map_problem(entry.armature)
+            if reason:
+                raise CharacterError(reason, where=entry.armature.name)
+        found.append(subject)
+    if found and (states.is_one_camera(scene.perfanim) or not states.has_cameras(scene.perfanim)):
+        what = "one camera cannot" if states.has_cameras(scene.perfanim) else "trackers cannot"
+        raise SettingsError(f"{what} tell several performers apart", advice="use two cameras")
     return found
 
 
@@ -108,10 +184,22 @@ def object_of(context: bpy.types.Context, prop: Prop) -> str:
 
 
 def _of(scene: bpy.types.Scene, name: str) -> Iterator[Any]:
-    for entry in scene.perfanim_targets.entries:
+    for entry in of_kind(scene, "PROP"):
         prop = found_prop(entry)
         if isinstance(prop, Prop) and prop.name == name:
             yield entry
+
+
+def meant_for(scene: bpy.types.Scene, names: Sequence[str]) -> list[int | None]:
+    """Return for each further performer of these names which target is meant: by the name, the rest in their order."""
+    entries = scene.perfanim_targets.entries
+    free = [index for index, entry in enumerate(entries) if entry.kind == "PERFORMER"]
+    meant: list[int | None] = []
+    for name in names:
+        found = next((index for index in free if title(entries[index]) == name), None)
+        meant.append(found)
+        free = [index for index in free if index != found]
+    return [free.pop(0) if found is None and free else found for found in meant]
 
 
 def register() -> None:

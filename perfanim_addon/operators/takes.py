@@ -19,7 +19,9 @@ from ...core.take_import import UPS
 from .. import capture_setup, panel_takes, running, states, takes
 from ..export_animation import ENDINGS, Form, export_poses
 from ..job import Job, command
-from ..live import add_character, increasing, pose_arrays, write_poses, write_props
+from ..live import add_character, frames_of, increasing, pose_arrays, write_poses
+from ..others import write_others
+from ..performer_driver import roles_of
 from ..place import absolute
 from ..properties import settings
 from ..result import start_frame
@@ -70,25 +72,24 @@ def _poses_of(context: bpy.types.Context, take: TakeFile) -> list[Any]:
     if not poses:
         raise TakeError("has no pose that was solved live", where=take.notes.name, advice="solve it again")
     shape = Shape.of_table(capture_setup.shape(settings(context)))
-    return shaped(poses, take.setup.worn_subject().skeleton, floor_of(take.setup.camera_rig()), shape)
+    others = [subject.skeleton for subject in take.setup.further_subjects()]
+    return shaped(poses, take.setup.worn_subject().skeleton, floor_of(take.setup.camera_rig()), shape, others)
 
 
 def _play(context: bpy.types.Context, path: Path) -> str:
-    """Put a take as it was solved onto the chosen armature, or a new character; return the line that says so."""
+    """Put a take as it was solved onto the chosen armature, or a new character; return the line that says so.
+
+    Props and further performers go onto their targets' objects and characters, or new ones.
+    """
     take = read_take_file(path)
-    poses = _poses_of(context, take)
-    armature, first_frame = settings(context).armature, start_frame(context)
-    action = write_poses(
-        context,
-        armature.name if armature else "",
-        *pose_arrays(poses),
-        take.setup.worn_subject().skeleton,
-        first_frame,
-        take.notes.name,
-    )
+    poses, skeleton = _poses_of(context, take), take.setup.worn_subject().skeleton
+    armature, first_frame, title = settings(context).armature, start_frame(context), take.notes.name
+    on = armature.name if armature else ""
+    actions = [write_poses(context, on, *pose_arrays(poses), skeleton, first_frame, title)]
     name = settings(context).armature.name
-    skeleton, props = take.setup.worn_subject().skeleton, take.setup.carried_props()
-    actions = [action, *write_props(context, name, skeleton, props, poses, first_frame, take.notes.name)]
+    props, roles = take.setup.carried_props(), roles_of(context, take.setup.further_subjects())
+    everything, at = [solved.pose for solved in take.poses], frames_of(context, poses, first_frame)
+    actions += write_others(context, name, skeleton, props, roles, everything, poses, at, title)
     takes.mark_played(path, name)
     text, unsolved = f"{len(poses)} frames in {', '.join(actions)} on {name}", take.frame_count - len(take.poses)
     return f"{text}; {unsolved} more were not solved live: solve it again for them" if unsolved > 0 else text

@@ -124,7 +124,9 @@ def play_worker(part: Any, monkeypatch: pytest.MonkeyPatch, skeleton: Any, rotat
     run = SimpleNamespace(poses=[], standing="", activity="", take_preview=lambda: None)
     run.tick = lambda: run.poses.append(solved[len(run.poses)]) or run.poses[-1]
     run.shown = run.close = run.stop = lambda: None
-    setup = SimpleNamespace(skeleton=skeleton, props=(), request={"take": "a.perftake"}, start=lambda _python: run)
+    setup = SimpleNamespace(
+        skeleton=skeleton, props=(), performers=(), request={"take": "a.perftake"}, start=lambda _python: run
+    )
     monkeypatch.setattr(part("capture_setup"), "make", lambda _chosen: setup)
     return run
 

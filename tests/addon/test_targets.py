@@ -174,15 +174,17 @@ def test_an_objects_own_action_is_given_back_when_nothing_is_kept(part: Any, sho
     entry = shown.entries.add()
     entry.object = cube = bpy.data.objects.new("Cube", None)
     cube.animation_data_create().action = old = bpy.data.actions.new("Old")
-    room = driver.Room(armature, part("posing").posing_of(armature, skeleton))
-    following = driver.TargetDriver(bpy.context, [prop], room)
+    room = part("room").Room(armature, part("posing").posing_of(armature, skeleton))
+    following = driver.TargetDriver(bpy.context, [prop])
     pose = sys.modules[f"{driver.__package__.rpartition('.')[0]}.core.prop"].PropPose
-    following.apply(bpy.context, [pose(np.array([1.0, 0, 0, 0]), np.zeros(3))])
+    following.apply(bpy.context, [pose(np.array([1.0, 0, 0, 0]), np.zeros(3))], room)
     assert cube.animation_data.action is old  # not seen yet: it is left alone
-    following.apply(bpy.context, [pose(np.array([1.0, 0, 0, 0]), np.array([0.0, 1.0, 0.5]), 0.001, 5)])
+    following.apply(bpy.context, [pose(np.array([1.0, 0, 0, 0]), np.array([0.0, 1.0, 0.5]), 0.001, 5)], room)
     assert cube.animation_data.action is None
     assert (cube.location - armature.location - Vector((0.0, -0.5, 1.0))).length < 1e-5
     following.restore()
     assert cube.animation_data.action is old
     bpy.data.objects.remove(cube)
-    following.apply(bpy.context, [pose(np.array([1.0, 0, 0, 0]), np.zeros(3), 0.001, 5)])  # deleted meanwhile: no error
+    following.apply(
+        bpy.context, [pose(np.array([1.0, 0, 0, 0]), np.zeros(3), 0.001, 5)], room
+    )  # deleted meanwhile: no error

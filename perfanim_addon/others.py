@@ -1,0 +1,96 @@
+"""All that a capture moves besides the first performer's character: objects with props, characters with performers."""
+
+from collections.abc import Collection, Sequence
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.marker_set import Subject
+from ..core.pose_frame import PoseFrame
+from ..core.prop import Prop
+from ..core.skeleton import Skeleton
+from .character import find_armature
+from .performer_driver import PerformerDriver, Role, write_performer_actions
+from .posing import Posing, posing_of
+from .result import placement
+from .room import Room
+from .target_driver import TargetDriver, write_prop_actions
+
+Array = NDArray[np.float64]
+
+
+class Others:
+    """Moves all that, live.
+
+    Args:
+        props, performers: of the capture, in the order of its poses' props and others.
+        parts: of the body that are moved.
+
+    Raises:
+        CharacterError: a chosen object or armature cannot follow.
+    """
+
+    def __init__(
+        self, context: bpy.types.Context, props: Sequence[Prop], performers: Sequence[Subject], parts: Collection[str]
+    ) -> None:
+        self.props = tuple(props)
+        self._targets = TargetDriver(context, props)
+        self._performers = PerformerDriver(context, performers, parts)
+        self._room: Room | None = None
+
+    @property
+    def roles(self) -> list[Role]:
+        """The further performers, with the characters that move along by now."""
+        return self._performers.roles
+
+    def enter(self, armature_object: bpy.types.Object, posing: Posing) -> None:
+        """Go on in the room of the first performer's character."""
+        self._room = Room(armature_object, posing)
+
+    def apply(self, context: bpy.types.Context, frames: Sequence[PoseFrame]) -> None:
+        """Show the last of all poses of the capture so far."""
+        if self._room is not None:
+            self._targets.apply(context, frames[-1].props, self._room)
+            self._performers.apply(context, frames, self._room)
+
+    def apply_again(self) -> None:
+        """Pose the characters as last, after an animation has overwritten that."""
+        self._performers.apply_again()
+
+    def restore(self) -> None:
+        """Give objects and characters the actions back that were taken off."""
+        self._targets.restore()
+        self._performers.restore()
+
+
+def write_others(
+    context: bpy.types.Context,
+    object_name: str,
+    skeleton: Skeleton,
+    props: Sequence[Prop],
+    roles: Sequence[Role],
+    frames: Sequence[PoseFrame],
+    recorded: Sequence[PoseFrame],
+    at: Array,
+    name: str,
+) -> list[str]:
+    """Write where props were as actions of the objects that follow them, and further performers' motion as actions of
+    their characters, as is chosen; return the actions' names.
+
+    Args:
+        object_name, skeleton: the first performer's character, in whose room all is, and the performer's own.
+        props, roles: in the order of the poses' props and others.
+        frames: all poses of the capture or take.
+        recorded, at: (F,) those that are written, and the scene frame of each.
+        name: wished name of the actions, before that of the prop or performer.
+
+    Raises:
+        CharacterError: an object or a character cannot be animated.
+    """
+    if not props and not roles:
+        return []
+    armature = find_armature(object_name)
+    room = Room(armature, posing_of(armature, skeleton))
+    moved = write_prop_actions(context, props, recorded, at, room, name, placement(context, None))
+    return moved + write_performer_actions(context, roles, frames, recorded, at, room, name)
