@@ -10,6 +10,7 @@ from perfanim.core.vmc.link import Receiver, play, record
 from perfanim.core.vmc.packets import BONE, ROOT, TIME, frame_packet
 from perfanim.core.vmc.recording import Recording
 from pythonosc.osc_message_builder import OscMessageBuilder
+from trackers_sent import tracker_packet
 
 QUIET = lambda *_: None  # noqa: E731
 
@@ -151,3 +152,16 @@ def test_trackers_become_markers():
         recording.motion("trackers")
     with pytest.raises(TakeError, match="0 frames with trackers came in 0 packets"):
         Recording().markers("nothing")
+
+
+def test_a_tracker_that_turns_leaves_points_on_its_axes():
+    turns = rot.from_rotation_vector(np.linspace((0.0, 0.0, 0.0), (0.1, 0.6, -0.3), 5))
+    recording = Recording()
+    for at, turn in enumerate(turns):
+        recording.add(message(TIME, at / 50), 0.0)
+        recording.add(tracker_packet({"waist": (0.1, 1.0, 0.2), "foot": (0.0, 0.1, 0.0)}, {"waist": turn}), 0.0)
+    take = recording.markers("trackers")
+    assert take.names == ("waist", "waist x", "waist y", "waist z", "foot")
+    np.testing.assert_allclose(take.positions_m[:, 0], np.tile([0.1, 1.0, 0.2], (5, 1)), atol=1e-6)
+    away = take.positions_m[:, 1:4] - take.positions_m[:, :1]
+    np.testing.assert_allclose(away, rot.rotate(turns[:, None], 0.1 * np.eye(3)), atol=1e-6)
