@@ -10,7 +10,9 @@ from .bone_list import joint_label
 from .character import check_armature
 from .place import user_folder
 from .posing import PRESETS_FOLDER
+from .properties import settings
 
+_SHOWN = "perfanim_armature"  # in the context of the buttons and the menu
 _ICONS = {State.MAPPED.value: "CHECKMARK", State.DOUBTFUL.value: "QUESTION"}
 
 
@@ -44,33 +46,41 @@ class PERFANIM_MT_bone_maps(bpy.types.Menu):
     bl_idname = "PERFANIM_MT_bone_maps"
     bl_label = "Bone Maps"
 
-    def draw(self, _context: bpy.types.Context) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw."""
         folder = user_folder(PRESETS_FOLDER)
         for name in sorted(preset_paths(folder)):
-            self.layout.operator("perfanim.load_bone_map", text=name.replace("-", " ").title()).preset = name
+            button = self.layout.operator("perfanim.load_bone_map", text=name.replace("-", " ").title())
+            button.preset, button.armature = name, shown_armature(context).name
         self.layout.separator()
         self.layout.operator("wm.path_open", text="Open My Folder", icon="FILE_FOLDER").filepath = str(folder)
 
 
-def draw_bones(layout: bpy.types.UILayout, armature_object: bpy.types.Object | None) -> None:
+def shown_armature(context: bpy.types.Context) -> bpy.types.Object | None:
+    """Return the armature whose bones the panel shows, in which there is a button; else the first performer's."""
+    return getattr(context, _SHOWN, None) or settings(context).armature
+
+
+def draw_bones(layout: bpy.types.UILayout, armature_object: bpy.types.Object | None, list_id: str = "") -> None:
     """Draw the bone map of an armature; nothing for one with the product's own names."""
     if armature_object is None:
         return
+    layout = layout.column()
+    layout.context_pointer_set(_SHOWN, armature_object)
     kept = armature_object.perfanim_character
     if kept.joints:
         column = layout.column()
-        column.template_list(PERFANIM_UL_joints.bl_idname, "", kept, "joints", kept, "active", rows=8)
+        column.template_list(PERFANIM_UL_joints.bl_idname, list_id, kept, "joints", kept, "active", rows=8)
         entry = kept.joints[min(kept.active, len(kept.joints) - 1)]
         if entry.reason:
             column.label(text=entry.reason, icon="INFO")
-        column.operator("perfanim.pick_bone", icon="EYEDROPPER")
+        column.operator("perfanim.pick_bone", icon="EYEDROPPER").armature = armature_object.name
     if kept.joints or check_armature(armature_object):
         row = layout.row(align=True)
-        row.operator("perfanim.find_bones", icon="VIEWZOOM")
+        row.operator("perfanim.find_bones", icon="VIEWZOOM").armature = armature_object.name
         row.menu(PERFANIM_MT_bone_maps.bl_idname, text="", icon="PRESET")
-        row.operator("perfanim.save_bone_map", text="", icon="ADD")
-    layout.operator("perfanim.show_t_pose", icon="ARMATURE_DATA")
+        row.operator("perfanim.save_bone_map", text="", icon="ADD").armature = armature_object.name
+    layout.operator("perfanim.show_t_pose", icon="ARMATURE_DATA").armature = armature_object.name
     layout.prop(kept, "root_motion")
 
 

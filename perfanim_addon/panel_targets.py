@@ -1,10 +1,10 @@
-"""The panel Further Targets: props that are followed besides the performer, and their objects."""
+"""The panel Further Targets: what is followed besides the performer, and what moves along."""
 
 from typing import Any
 
 import bpy
 
-from . import panels, preferences, running, targets
+from . import panel_character, panels, preferences, running, targets
 from .live import Capture
 
 KEY = "targets"
@@ -12,7 +12,7 @@ _ROWS = 2
 
 
 class PERFANIM_UL_targets(bpy.types.UIList):
-    """One line a target: the prop and the object that follows it."""
+    """One line a target: the prop or performer, and the object or armature that follows."""
 
     bl_idname = "PERFANIM_UL_targets"
 
@@ -28,12 +28,14 @@ class PERFANIM_UL_targets(bpy.types.UIList):
     ) -> None:
         """Draw."""
         split = layout.split(factor=0.5)
-        split.label(text=targets.title(item), icon="EMPTY_AXIS")
-        split.label(text=item.object.name if item.object else "new at start")
+        is_prop = item.kind == "PROP"
+        split.label(text=targets.title(item), icon="EMPTY_AXIS" if is_prop else "USER")
+        moved = item.object if is_prop else item.armature
+        split.label(text=moved.name if moved else "new at start")
 
 
 class PERFANIM_PT_targets(bpy.types.Panel):
-    """Props that are followed besides the performer."""
+    """Props and further performers, who are followed besides the first."""
 
     bl_label = "Further Targets"
     bl_space_type = "VIEW_3D"
@@ -66,12 +68,24 @@ class PERFANIM_PT_targets(bpy.types.Panel):
             fields = column.column()
             fields.use_property_split = True
             fields.use_property_decorate = False
-            fields.prop(shown.entries[shown.active], "definition")
-            fields.prop(shown.entries[shown.active], "object")
-            column.operator("perfanim.measure_target", icon="DRIVER_DISTANCE")
+            _draw_fields(fields, shown.entries[shown.active], shown.active)
         panels.draw_text(context, layout, targets.problem(context.scene), "ERROR")
         panels.draw_job(layout, KEY)
         panels.draw_text(context, layout, *running.message(KEY))
+
+
+def _draw_fields(layout: bpy.types.UILayout, entry: targets.PERFANIM_PG_target, index: int) -> None:
+    layout.row().prop(entry, "kind", expand=True)
+    if entry.kind == "PROP":
+        layout.prop(entry, "definition")
+        layout.prop(entry, "object")
+        layout.operator("perfanim.measure_target", icon="DRIVER_DISTANCE")
+        return
+    row = layout.row(align=True)
+    row.prop(entry, "subject")
+    row.operator_menu_enum("perfanim.use_profile", "profile", text="", icon="COMMUNITY").target = index
+    layout.prop(entry, "armature")
+    panel_character.draw_bones(layout, entry.armature, KEY)
 
 
 def move_to_tab(name: str) -> None:

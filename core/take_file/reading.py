@@ -218,6 +218,7 @@ class TakeSummary:
         notes: name, notes, rating.
         orphaned: whether the recording outlived Blender.
         subject, marker_set, method, database: names of what it was solved with, "" for the default, or unknown.
+        performers: names of the further performers.
     """
 
     path: Path
@@ -231,6 +232,7 @@ class TakeSummary:
     marker_set: str = ""
     method: str = ""
     database: str = ""
+    performers: tuple[str, ...] = ()
 
 
 def summarise(path: Path | str) -> TakeSummary:
@@ -271,7 +273,7 @@ def has_frames(path: Path | str) -> bool:
 def _listed(path: Path, file: BinaryIO, footer: Footer) -> TakeSummary:
     """Return the summary of a take from the last notes and a set-up of its index."""
     last = {kind: offset for kind, offset in footer.index if kind in (ChunkKind.SETUP, ChunkKind.NOTES)}
-    known: dict[str, str] = {}
+    known: dict[str, Any] = {}
     notes = TakeNotes()
     for kind, offset in last.items():
         chunk = read_chunk(file, offset)
@@ -285,7 +287,7 @@ def _listed(path: Path, file: BinaryIO, footer: Footer) -> TakeSummary:
     return TakeSummary(path, True, frames, duration_s, notes=notes, orphaned=orphaned, **known)
 
 
-def _known(setup: TakeSetup) -> dict[str, str]:
+def _known(setup: TakeSetup) -> dict[str, Any]:
     """Return what a summary tells of a set-up; its tables are not looked into any further."""
     worn = setup.subject.get("marker_set")
     return {
@@ -294,4 +296,5 @@ def _known(setup: TakeSetup) -> dict[str, str]:
         "marker_set": str(worn.get("name", "")) if isinstance(worn, Mapping) else "",
         "method": str(setup.settings.get("method", "")),
         "database": PurePath(str(setup.database.get("path", ""))).stem,
+        "performers": tuple(str(table.get("name", "")) for table in setup.performers),
     }

@@ -14,8 +14,9 @@ from ...core.skeleton import Skeleton, forward_kinematics
 from .. import running, states
 from ..armature_driver import ArmatureDriver
 from ..bone_list import store_map
-from ..character import check_armature
+from ..character import check_armature, find_armature
 from ..live import add_character
+from ..panel_character import shown_armature
 from ..place import absolute, user_folder
 from ..posing import PRESETS_FOLDER, find_map
 from ..properties import PERFANIM_PG_settings, settings
@@ -103,24 +104,33 @@ class PERFANIM_OT_use_active_armature(bpy.types.Operator):
 
 
 class _OnArmature:
-    """What the operators on the chosen armature's bone map share."""
+    """What the operators on a chosen armature's bone map share."""
 
     bl_options = {"REGISTER", "UNDO"}
+    armature: bpy.props.StringProperty(
+        name="Armature",
+        description="Whose bones are meant; empty: those of the armature chosen under Character",
+        options={"HIDDEN", "SKIP_SAVE"},
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Needs a chosen armature."""
         if not (common.in_scene(cls, context) and common.idle(cls)):
             return False
-        if settings(context).armature is None:
+        if shown_armature(context) is None:
             cls.poll_message_set("Choose an armature first")
             return False
         return True
 
+    def meant(self, context: bpy.types.Context) -> bpy.types.Object:
+        """Return the armature that is meant; CharacterError when it is gone."""
+        return find_armature(self.armature) if self.armature else settings(context).armature
+
     def use_map(self, context: bpy.types.Context, found: Callable[[bpy.types.Object], BoneMap]) -> set[str]:
-        """Give the chosen armature the bone map that `found` returns for it."""
-        armature_object = settings(context).armature
+        """Give the armature the bone map that `found` returns for it."""
         try:
+            armature_object = self.meant(context)
             store_map(armature_object, found(armature_object))
         except PerfanimError as error:
             return common.failed(self, PANEL, error)
@@ -153,7 +163,7 @@ class PERFANIM_OT_show_t_pose(_OnArmature, bpy.types.Operator):
         rotations = t_pose(skeleton)
         lowest_m = float(forward_kinematics(skeleton, rotations, np.zeros(3))[0][:, 1].min())
         try:
-            ArmatureDriver(chosen.armature.name, skeleton).apply(rotations, np.array([0.0, -lowest_m, 0.0]))
+            ArmatureDriver(self.meant(context).name, skeleton).apply(rotations, np.array([0.0, -lowest_m, 0.0]))
         except PerfanimError as error:
             return common.failed(self, PANEL, error)
         running.set_message(PANEL, "")
@@ -171,7 +181,7 @@ class PERFANIM_OT_pick_bone(_OnArmature, bpy.types.Operator):
         """Needs an active bone and a list."""
         if not super().poll(context):
             return False
-        armature_object = settings(context).armature
+        armature_object = shown_armature(context)
         if not armature_object.perfanim_character.joints or armature_object.data.bones.active is None:
             cls.poll_message_set("Select a bone of the armature in Pose Mode first")
             return False
@@ -179,7 +189,7 @@ class PERFANIM_OT_pick_bone(_OnArmature, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Use it."""
-        armature_object = settings(context).armature
+        armature_object = self.meant(context)
         kept = armature_object.perfanim_character
         entry = kept.joints[min(kept.active, len(kept.joints) - 1)]
         entry.bone = armature_object.data.bones.active.name
@@ -220,7 +230,7 @@ class PERFANIM_OT_save_bone_map(_OnArmature, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Save it."""
-        kept = settings(context).armature.perfanim_character
+        kept = self.meant(context).perfanim_character
         bones = {entry.name: entry.bone for entry in kept.joints if entry.bone}
         stem = bpy.path.clean_name(self.name).strip("_")
         try:

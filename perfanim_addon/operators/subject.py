@@ -171,6 +171,12 @@ class PERFANIM_OT_use_profile(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     profile: bpy.props.EnumProperty(name="Performer", description="Whom to use", items=_profile_items)
+    target: bpy.props.IntProperty(
+        name="Target",
+        description="Which of the further targets this is, from 0; -1: the first performer",
+        default=-1,
+        options={"HIDDEN", "SKIP_SAVE"},
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -184,8 +190,12 @@ class PERFANIM_OT_use_profile(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Choose it."""
-        settings(context).subject = self.profile
-        running.set_message(PANEL, "")
+        targets = context.scene.perfanim_targets.entries
+        if self.target >= 0:
+            targets[min(self.target, len(targets) - 1)].subject = self.profile
+        else:
+            settings(context).subject = self.profile
+            running.set_message(PANEL, "")
         return {"FINISHED"}
 
 

@@ -76,6 +76,12 @@ def _poses_of(context: bpy.types.Context, take: TakeFile) -> list[Any]:
     return shaped(poses, take.setup.worn_subject().skeleton, floor_of(take.setup.camera_rig()), shape, others)
 
 
+def _chosen(context: bpy.types.Context) -> str:
+    """Return the name of the chosen armature, "" where there is none."""
+    armature = settings(context).armature
+    return armature.name if armature else ""
+
+
 def _play(context: bpy.types.Context, path: Path) -> str:
     """Put a take as it was solved onto the chosen armature, or a new character; return the line that says so.
 
@@ -83,9 +89,8 @@ def _play(context: bpy.types.Context, path: Path) -> str:
     """
     take = read_take_file(path)
     poses, skeleton = _poses_of(context, take), take.setup.worn_subject().skeleton
-    armature, first_frame, title = settings(context).armature, start_frame(context), take.notes.name
-    on = armature.name if armature else ""
-    actions = [write_poses(context, on, *pose_arrays(poses), skeleton, first_frame, title)]
+    first_frame, title = start_frame(context), take.notes.name
+    actions = [write_poses(context, _chosen(context), *pose_arrays(poses), skeleton, first_frame, title)]
     name = settings(context).armature.name
     props, roles = take.setup.carried_props(), roles_of(context, take.setup.further_subjects())
     everything, at = [solved.pose for solved in take.poses], frames_of(context, poses, first_frame)
@@ -290,6 +295,13 @@ class PERFANIM_OT_export_take(_OfTake, bpy.types.Operator, ExportHelper):
         max=1000,
     )
     meshes: bpy.props.BoolProperty(name="Meshes", description="Also the meshes that the armature deforms", default=True)
+    performer: bpy.props.IntProperty(
+        name="Performer",
+        description="Which of the take's performers, on their own character; 1: the first",
+        default=1,
+        min=1,
+        options={"SKIP_SAVE"},
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -311,6 +323,10 @@ class PERFANIM_OT_export_take(_OfTake, bpy.types.Operator, ExportHelper):
         column.use_property_split = True
         column.use_property_decorate = False
         column.prop(self, "kind")
+        names = next(([t.subject, *t.performers] for t in takes.listed() if str(t.path) == self.path), [])
+        if len(names) > 1:
+            column.prop(self, "performer")
+            column.label(text=names[min(self.performer, len(names)) - 1], icon="USER")
         column.prop(self, "rate")
         if self.kind != "VRMA":
             column.prop(self, "naming")
@@ -342,25 +358,33 @@ class PERFANIM_OT_export_take(_OfTake, bpy.types.Operator, ExportHelper):
 
     def _export(self, context: bpy.types.Context, target: Path) -> str:
         take = read_take_file(self.path)
-        found = _poses_of(context, take)
+        found, subject, name = _poses_of(context, take), take.setup.worn_subject(), _chosen(context)
+        others = take.setup.further_subjects()
+        if self.performer > 1 + len(others):
+            raise TakeError(f"has {1 + len(others)} performers", where=take.notes.name, advice="choose one of them")
+        if self.performer > 1:
+            role = roles_of(context, others)[self.performer - 2]
+            found, subject, name = [pose.others[role.index] for pose in found], role.subject, role.armature
         times_s, rotations, positions = pose_arrays(found)
         numbers = np.array([pose.number for pose in found])
         fps = self.rate or (rate(times_s, numbers) if len(times_s) > 1 else 1.0)
-        skeleton = take.setup.worn_subject().skeleton
+        what = f"{take.notes.name} ({subject.name})" if others else take.notes.name
         naming = "" if self.naming == "OWN" else self.naming
         if self.kind in _MOTIONS:
             from ...core.solve_take import (
                 steady_motion,
             )  # brings the solver along, which Blender needs for nothing else
 
-            motion = steady_motion(found, take.setup.worn_subject(), take.notes.name, self.path)
+            motion = steady_motion(found, subject, take.notes.name, self.path)
             written = write_motion(motion, target, naming=naming or OWN, rate=self.rate or None)
-            return f"{written.frames} frames of {take.notes.name} in {target}"
-        chosen = settings(context).armature
-        name = chosen.name if chosen else add_character(context, skeleton)
-        poses = (increasing(times_s), rotations, positions, skeleton, fps)
+            return f"{written.frames} frames of {what} in {target}"
+        if not name and self.performer > 1:
+            advice = "choose it under Further Targets, or click Put on Character"
+            raise TakeError("the performer has no character", where=subject.name, advice=advice)
+        name = name or add_character(context, subject.skeleton)
+        poses = (increasing(times_s), rotations, positions, subject.skeleton, fps)
         count = export_poses(context, name, target, self.kind, *poses, Form(self.meshes, naming, self.scale))
-        return f"{count} frames of {take.notes.name} on {name} in {target}"
+        return f"{count} frames of {what} on {name} in {target}"
 
 
 _CLASSES = (

@@ -12,7 +12,7 @@ from .jobs import JobOperator
 
 
 class PERFANIM_OT_add_target(bpy.types.Operator):
-    """Follow a prop besides the performer; choose its definition and its object below"""
+    """Follow a prop or another performer besides the first; choose below who or what it is, and what moves along"""
 
     bl_idname = "perfanim.add_target"
     bl_label = "Add Target"
@@ -32,7 +32,7 @@ class PERFANIM_OT_add_target(bpy.types.Operator):
 
 
 class PERFANIM_OT_remove_target(bpy.types.Operator):
-    """Follow this prop no more; its object and actions stay"""
+    """Follow this target no more; what it moves, and its actions, stay"""
 
     bl_idname = "perfanim.remove_target"
     bl_label = "Remove Target"
@@ -72,8 +72,8 @@ class PERFANIM_OT_measure_target(JobOperator, bpy.types.Operator):
         if not super().poll(context):
             return False
         shown = context.scene.perfanim_targets
-        if not 0 <= shown.active < len(shown.entries):
-            cls.poll_message_set("Add a target first")
+        if not 0 <= shown.active < len(shown.entries) or shown.entries[shown.active].kind != "PROP":
+            cls.poll_message_set("Add a prop first")
             return False
         if not panel_takes.active_path(context):
             cls.poll_message_set("Capture the prop lying before the cameras alone, and choose the take under Takes")
