@@ -44,7 +44,7 @@ class ArmatureDriver:
         bones = armature_object.pose.bones
         places = {bone.name: index for index, bone in enumerate(bones)}
         self.only = bones_of_parts(armature_object, self._posing, self._parts)
-        only = self._posing.bones if self.only is None else self.only
+        only = {*self._posing.bones, *self._posing.located} if self.only is None else self.only
         self._turned = np.flatnonzero([name in only for name in self._posing.bones])
         self._located = [(name, place) for place, name in enumerate(self._posing.located) if name in only]
         self._names = [self._posing.bones[place] for place in self._turned]

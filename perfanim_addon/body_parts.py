@@ -44,7 +44,7 @@ def bones_of_parts(armature_object: bpy.types.Object, posing: Posing, parts: Col
         part_of = {bone: _PART_OF[joint] for joint, bone in bone_map.bones.items()}
     bones = armature_object.pose.bones
     found = set()
-    for name in posing.bones:
+    for name in {*posing.bones, *posing.located}:
         line = (name, *(bone.name for bone in bones[name].parent_recursive))
         part = next((part_of[bone] for bone in line if bone in part_of), "HIPS")
         found |= {name} if part in parts else set()

@@ -160,10 +160,9 @@ def retarget_posing(
     rest = read_armature_rest(armature_object)
     made = Retargeter(skeleton, rest, bone_map, root_motion)
     _rest_between(armature_object, bone_map.bones["root"], made.bones)
-    driven = made.bones[: len(made.bones) - len(made.located) + 1]  # without the root bone, which leads all
-    if is_constrained(armature_object, driven):
-        switch_to_fk(armature_object, driven)
-        follows = followed_bones(bpy.context, armature_object, driven)
+    if is_constrained(armature_object, made.driven):
+        switch_to_fk(armature_object, made.driven)
+        follows = followed_bones(bpy.context, armature_object, made.driven)
         made = Retargeter(skeleton, rest, bone_map, root_motion, np.asarray(follows))
     return made
 

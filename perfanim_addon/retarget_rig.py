@@ -45,6 +45,7 @@ def read_armature_rest(armature_object: bpy.types.Object) -> ArmatureRest:
         deform=np.array([bone.use_deform for bone in bones], dtype=bool),
         inherits_rotation=np.array([bone.use_inherit_rotation for bone in bones], dtype=bool),
         local_location=np.array([bone.use_local_location for bone in bones], dtype=bool),
+        connected=np.array([bone.use_connect for bone in bones], dtype=bool),
     )
 
 

@@ -24,6 +24,7 @@ class ArmatureRest:
         deform: (B,) whether the bone moves vertices.
         inherits_rotation: (B,) whether the parent turns the bone.
         local_location: (B,) whether the bone's location is measured in its rest axes.
+        connected: (B,) whether the bone is held at its parent's end, where its location counts for nothing.
 
     Raises:
         CharacterError: no bones, or arrays that do not belong together.
@@ -37,6 +38,7 @@ class ArmatureRest:
     deform: NDArray[np.bool_]
     inherits_rotation: NDArray[np.bool_]
     local_location: NDArray[np.bool_]
+    connected: NDArray[np.bool_]
 
     def __post_init__(self) -> None:
         count = len(self.names)
@@ -71,6 +73,10 @@ class ArmatureRest:
         while self.parents[found[-1]] >= 0:
             found.append(int(self.parents[found[-1]]))
         return found
+
+    def mover(self, bone: int) -> int:
+        """Return the bone whose location moves a bone: itself, or the nearest above that is not held by its parent."""
+        return next(above for above in self.line(bone) if not self.connected[above] or self.parents[above] < 0)
 
     def is_above(self, upper: int, lower: int) -> bool:
         """Tell whether `upper` is `lower` or one of its ancestors."""

@@ -44,7 +44,8 @@ class CharacterPose:
 
     Args:
         rotations: (..., N, 4) rotation of each of the `Retargeter.bones` relative to its rest pose, as Blender has it.
-        locations: (..., L, 3) location of each of the `Retargeter.located` bones relative to its rest pose.
+        locations: (..., L, 3) location of each of the `Retargeter.located` bones relative to its rest pose. Hips that
+            are held by the bone above are moved by that.
         object_rotation: (..., 4), object_location: (..., 3): how the object moves in its own space, in the
             armature's unit; None unless the object carries the motion.
     """
@@ -103,10 +104,10 @@ class Retargeter:
         self._legs = Legs(skeleton, self.alignment, self.joints, self._place)
         self._prepare_forearms()
         self._prepare_root(rest)
-        self.bones = tuple(rest.names[bone] for bone in self._order) + (
-            (rest.names[self._root_bone],) if self._root_bone >= 0 else ()
-        )
-        self.located = (rest.names[self._hips],) + ((rest.names[self._root_bone],) if self._root_bone >= 0 else ())
+        carrier = (rest.names[self._root_bone],) if self._root_bone >= 0 else ()
+        self.driven = tuple(rest.names[bone] for bone in self._order)
+        self.bones = self.driven + carrier
+        self.located = (rest.names[self._mover], *carrier) if self._mover != self._root_bone else carrier
 
     def _bone_maps(self, driven: Sequence[DrivenBone]) -> Array:
         """Return (N, 4, 4): the bone's quaternion = map @ quaternion of its joint relative to its ancestor's.
@@ -138,7 +139,8 @@ class Retargeter:
         def location_axes(bone: int) -> Array:
             return rest.axes[bone].T if rest.local_location[bone] else np.eye(3)
 
-        self._hips_axes, self._hips_head = location_axes(self._hips), rest.heads[self._hips]
+        self._mover = rest.mover(self._hips)
+        self._mover_axes, self._hips_head = location_axes(self._mover), rest.heads[self._hips]
         if self._root_bone >= 0:
             self._root_axes, self._root_head = location_axes(self._root_bone), rest.heads[self._root_bone]
             self._root_rotation = rot.from_matrix(rest.axes[self._root_bone])
@@ -183,20 +185,23 @@ class Retargeter:
         scale = self.alignment.units_per_metre
         hips = scale * c.stacked(hips_m) @ self.alignment.armature_from_product.T
         if heading is None:
-            return CharacterPose(bones, ((hips - self._hips_head) @ self._hips_axes.T)[..., None, :], None, None)
+            return CharacterPose(bones, ((hips - self._hips_head) @ self._mover_axes.T)[..., None, :], None, None)
         turn = _in_axes(c.stacked(heading), self.alignment.armature_from_product)
         way = hips - rot.rotate(turn, self._hips_head)
         up = self.alignment.armature_from_product[:, 1]
         carried = way - (way @ up)[..., None] * up  # what stays upright is left to the hips
-        hips = rot.rotate(rot.conjugate(turn), hips - carried)
-        locations = ((hips - self._hips_head) @ self._hips_axes.T)[..., None, :]
+        from_rest = rot.rotate(rot.conjugate(turn), hips - carried) - self._hips_head
+        locations = (from_rest @ self._mover_axes.T)[..., None, :]
         if self.root_motion is RootMotion.OBJECT:
             return CharacterPose(bones, locations, turn, carried)
         axes = rot.conjugate(self._root_rotation)
         root_turn = rot.multiply(rot.multiply(axes, turn), self._root_rotation)
         moved = rot.rotate(turn, self._root_head) + carried - self._root_head
         bones = np.concatenate((bones, root_turn[..., None, :]), axis=-2)
-        locations = np.concatenate((locations, (moved @ self._root_axes.T)[..., None, :]), axis=-2)
+        if self._mover == self._root_bone:
+            locations = ((moved + rot.rotate(turn, from_rest)) @ self._root_axes.T)[..., None, :]
+        else:
+            locations = np.concatenate((locations, (moved @ self._root_axes.T)[..., None, :]), axis=-2)
         return CharacterPose(bones, locations, None, None)
 
 

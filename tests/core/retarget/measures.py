@@ -35,6 +35,8 @@ def pose_bones(rest: ArmatureRest, made: Retargeter, pose: CharacterPose) -> tup
         else:
             turn, head = np.broadcast_to(axes[bone], (frames, 4)), np.broadcast_to(rest.heads[bone], (frames, 3))
         moved = rot.rotate(turn, location[:, bone]) if rest.local_location[bone] else location[:, bone]
+        if rest.connected[bone] and parent >= 0:
+            moved = np.zeros(3)
         heads[:, bone] = head + moved
         turns[:, bone] = rot.multiply(turn, basis[:, bone])
     if pose.object_rotation is None:

@@ -1,5 +1,6 @@
 """Motion on other characters: where hands and feet point, where feet stand, what carries the character."""
 
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -111,6 +112,20 @@ def test_root_motion_changes_what_moves_but_not_the_body(root_motion: RootMotion
     assert np.ptp(carried[:, :2], axis=0).max() > 1.0
 
 
+@pytest.mark.parametrize("root_motion", list(RootMotion))
+@pytest.mark.parametrize("held", [("hips",), ("hips", "ground")])
+def test_hips_that_are_held_by_the_bone_above_are_moved_by_it(root_motion: RootMotion, held: tuple[str, ...]) -> None:
+    motion, rest = shipped("walking-01-neutral"), figure(seed=3)
+    made, _, heads, turns = retargeted(motion, rest)
+    connected = replace(rest, connected=np.isin(rest.names, held))  # a bone without a parent is held by none
+    carried, pose, moved_heads, moved_turns = retargeted(motion, connected, root_motion)
+    assert carried.located == ("ground",)
+    assert pose.locations.shape == (motion.frames, 1, 3)
+    driven = list(made.joints.values())
+    assert np.allclose(heads[:, driven], moved_heads[:, driven], atol=1e-9)
+    assert np.max(rot.angle_between(turns[:, driven], moved_turns[:, driven])) < 1e-6
+
+
 def test_without_a_root_bone_the_hips_carry_the_character() -> None:
     names = {joint: joint for joint in PLAIN if joint != "ground"}
     made, _, _, _ = retargeted(shipped("walking-01-neutral"), figure(names), RootMotion.ROOT_BONE)
@@ -191,8 +206,6 @@ def test_legs_without_length_are_refused() -> None:
     for name in ("ltibia", "lfoot", "rtibia", "rfoot"):
         flat[rest.index[name]] = flat[rest.index[name[0] + "femur"]]
     made = find_bone_map(rest)
-    squashed = ArmatureRest(
-        rest.names, rest.parents, flat, rest.tails, rest.axes, rest.deform, rest.inherits_rotation, rest.local_location
-    )
+    squashed = replace(rest, heads=flat)
     with pytest.raises(CharacterError, match="legs have no length"):
         Retargeter(shipped("walking-01-neutral").skeleton, squashed, made)
