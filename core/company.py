@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _NOBODY = -1
-_PATIENCE_S = 1.0  # as long as fewer are seen than are waited for, and nobody is given a body that may be another's
+_PATIENCE_S = 1.0  # for which nobody is given a body that may be another's: all who are waited for may come into view
 _UNLIKE = 1e3  # what it counts to be given a body that one's markers do not fit
 
 
@@ -81,27 +81,28 @@ class Company:
         return without_points(frame, others[0])
 
     def _bodies(self, frame: MarkerFrame, waiting: Sequence[int]) -> list[MarkerFrame]:
-        """Return the share of each performer that is waited for: one body, or nothing as long as there are too few."""
+        """Return the share of each performer that is waited for: one body, or nothing as long as there is doubt."""
         bodies = self._found(frame, waiting)
+        given = self._given(frame, waiting, bodies)
         if self._waiting_since_s is None:
             self._waiting_since_s = frame.time_s
-        if len(bodies) < len(waiting) and frame.time_s - self._waiting_since_s < _PATIENCE_S:
-            bodies = []
+        in_order = [(row, row) for row in range(len(waiting))]
+        if given != in_order and frame.time_s - self._waiting_since_s < _PATIENCE_S:
+            given = []
         owners = np.full(len(frame.points_m), len(waiting))  # what is no body is nobody's yet
-        bodies.sort(key=lambda body: float(np.mean(frame.points_m[body, 0])))
-        for row, column in self._given(frame, waiting, bodies):
+        for row, column in given:
             owners[bodies[column]] = row
         return [self._without(frame, owners != row) for row in range(len(waiting))]
 
     def _found(self, frame: MarkerFrame, waiting: Sequence[int]) -> list[IntArray]:
-        """Return which points are a body's, for as many bodies as are waited for at most."""
+        """Return the points of bodies from left to right, of as many as are waited for at most."""
         left, bodies = np.arange(len(frame.points_m)), []
         for index in waiting:
             start = self._sessions[index].start(frame.points_m[left])
             if start is not None:
                 bodies.append(left[start.labels >= 0])
                 left = left[start.labels < 0]
-        return bodies
+        return sorted(bodies, key=lambda body: float(np.mean(frame.points_m[body, 0])))
 
     def _given(self, frame: MarkerFrame, waiting: Sequence[int], bodies: Sequence[IntArray]) -> list[tuple[int, int]]:
         """Return who is given which body: whose markers fit, else from left to right."""

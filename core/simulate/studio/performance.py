@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +26,7 @@ class Performance:
         marker_names: (M) names.
         starts_m, ends_m: (F, P, 3) ends of the body's cones in every frame, world metres.
         markers_m: (F, M, 3) marker centres in every frame, world metres.
+        partners: who else is there; their markers follow the performer's.
     """
 
     motion: Motion
@@ -34,6 +35,17 @@ class Performance:
     starts_m: Array
     ends_m: Array
     markers_m: Array
+    partners: tuple[Performance, ...] = ()
+
+    @property
+    def everybody(self) -> tuple[Performance, ...]:
+        """The performer and the partners, each alone."""
+        return (replace(self, partners=()), *self.partners)
+
+    @property
+    def marker_count(self) -> int:
+        """How many markers everybody wears."""
+        return sum(one.markers_m.shape[1] for one in (self, *self.partners))
 
     @property
     def fps(self) -> float:
@@ -46,15 +58,17 @@ class Performance:
         return self.motion.frames
 
     def cones_at(self, time_s: float) -> RoundCones:
-        """Return the body at a time from the first frame, seconds; before and after the motion it stands still."""
+        """Return the performer's body at a time from the first frame, seconds; outside the motion it stands still."""
         return self.body.placed(
             _sampled(self.starts_m, self.fps, np.array([time_s]))[0],
             _sampled(self.ends_m, self.fps, np.array([time_s]))[0],
         )
 
     def markers_at(self, times_s: ArrayLike) -> Array:
-        """Return the marker centres (N, M, 3) at N times from the first frame, seconds."""
-        return _sampled(self.markers_m, self.fps, np.asarray(times_s, dtype=np.float64))
+        """Return everybody's marker centres (N, M, 3) at N times from the first frame, seconds."""
+        times = np.asarray(times_s, dtype=np.float64)
+        own = _sampled(self.markers_m, self.fps, times)
+        return np.concatenate((own, *(one.markers_at(times) for one in self.partners)), axis=1)
 
 
 def make_performance(

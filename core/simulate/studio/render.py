@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...camera import Camera, CameraRig
-from .cones import visible
+from .cones import RoundCones, visible
 from .discs import draw_disc
 from .limbs import draw_body
 from .performance import Performance
@@ -118,7 +118,8 @@ class Renderer:
         for i, (camera, time, sight) in enumerate(zip(self.rig.cameras, times, sights, strict=True)):
             image = self._room(i, time)
             if self.settings.draw_body:
-                draw_body(image, camera, performance.body, performance.cones_at(time), self.settings.light)
+                for one, cones in _from_afar(camera, performance, time):
+                    draw_body(image, camera, one.body, cones, self.settings.light)
             for ghost in self._ghosts(i, time):
                 draw_disc(image, ghost.centre[None], ghost.radius, ghost.colour, self.settings.lens_blur_px)
             self._draw_markers(image, sight)
@@ -170,7 +171,7 @@ class Renderer:
 
     def _sight(self, camera: Camera, performance: Performance, time: float, number: int, index: int) -> _Sight:
         settings = self.settings
-        count = len(performance.marker_names)
+        count = performance.marker_count
         middles = np.full(count, time)
         if settings.rolling_shutter_s > 0.0:
             rows = np.nan_to_num(camera.project(performance.markers_at([time])[0])[:, 1])
@@ -181,8 +182,8 @@ class Renderer:
         centres = camera.project(centres_m)
         seen = _inside(camera, centres)
         if settings.occlusion:
-            cones = performance.cones_at(time)
-            seen &= visible(camera.centre_m, centres_m, cones, 0.5 * settings.marker_radius_m)
+            for _, cones in _from_afar(camera, performance, time):
+                seen &= visible(camera.centre_m, centres_m, cones, 0.5 * settings.marker_radius_m)
             seen &= ~_behind_another(centres, radii, depth)
         if settings.dropout > 0.0:
             rng = np.random.default_rng([settings.seed, index, number, 1])
@@ -222,6 +223,12 @@ class Renderer:
                 centre = size * (middle + sway * np.sin(rate * time_s + phase))
                 shown.append(_Ghost(centre, radius, np.full(3, brightness)))
         return shown
+
+
+def _from_afar(camera: Camera, performance: Performance, time: float) -> list[tuple[Performance, RoundCones]]:
+    """Everybody with their bodies at a time, those far from the camera first."""
+    placed = [(one, one.cones_at(time)) for one in performance.everybody]
+    return sorted(placed, key=lambda pair: -float(camera.to_camera(pair[1].starts)[:, 2].mean()))
 
 
 def _own_times(performance: Performance, times: Array) -> Array:

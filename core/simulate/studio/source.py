@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ... import rotations as rot
 from ...camera import CameraRig
 from ...errors import SettingsError
-from ...marker_set import Subject, load_marker_set
+from ...marker_set import MarkerSet, Subject, load_marker_set
 from ...motion import Motion
 from ...product_skeleton import default_skeleton
 from ...prop import load_prop
@@ -27,6 +27,7 @@ from .staging import with_poses
 
 Image = NDArray[np.uint8]
 
+_SPACING_M = 1.2  # between performers: both stay in the picture, and arms held out do not meet
 _RETURN_S = 1.5  # time in which a performer who starts again goes back to the first pose
 
 
@@ -128,24 +129,41 @@ def open_simulated(spec: Mapping[str, Any]) -> SimulatedSource:
     Keys: behaviour ("demo": the demo's performance, or one of the performer's), seconds (60), style ("neutral"),
     seed (0), height_m (1.75), marker_set ("boxing"), cameras (2), fps (60), live (False), loop (as live), poses
     (calibration poses held before it, none) and held_s (each of them, 2), prop (name or file of what the right hand
-    holds, nothing), and studio: a table of `StudioSettings`.
+    holds, nothing), partners (tables of those who perform beside the first, to the right as the cameras see it: keys
+    behaviour, style, seed, height_m and marker_set, else as the first's; without any the first is in the middle), and
+    studio: a table of `StudioSettings`.
 
     Raises:
         SettingsError: an unknown key, behaviour, style or setting.
         MarkerSetError: the marker set is unknown or has no offsets. PropError: the prop is unknown or unusable.
     """
     known = {"kind", "behaviour", "seconds", "style", "seed", "height_m", "marker_set", "cameras", "fps", "live"}
-    unknown = sorted(set(spec) - known - {"loop", "studio", "poses", "held_s", "prop"})
+    unknown = sorted(set(spec) - known - {"loop", "studio", "poses", "held_s", "prop", "partners"})
     if unknown:
         raise SettingsError("unknown setting " + ", ".join(unknown), where="simulated performer")
     live = bool(spec.get("live", False))
     loop = bool(spec.get("loop", live))
     fps = float(spec.get("fps") or FPS)
-    motion = with_poses(_motion(spec, fps), spec.get("poses", ()), float(spec.get("held_s", 2.0)))
+    partners = [_partner(spec, table) for table in spec.get("partners", ())]
+    places_m = _SPACING_M * (np.arange(1 + len(partners)) - 0.5 * len(partners))
+    motion, *others = (
+        _aside(with_poses(_motion(one, fps), spec.get("poses", ()), float(spec.get("held_s", 2.0))), place_m)
+        for one, place_m in zip((spec, *partners), places_m, strict=True)
+    )
     renderer = Renderer(default_rig(int(spec.get("cameras", 2))), studio_settings(spec.get("studio", {})))
     carried = in_hand(load_prop(str(spec["prop"]))) if spec.get("prop") else None
     marker_set = str(spec.get("marker_set", "boxing"))
-    return simulated_source(motion, marker_set, renderer, fps=fps, live=live, loop=loop, carried=carried)
+    sets = [str(one.get("marker_set", marker_set)) for one in partners]
+    return simulated_source(
+        motion,
+        marker_set,
+        renderer,
+        fps=fps,
+        live=live,
+        loop=loop,
+        carried=carried,
+        partners=list(zip(others, sets, strict=True)),
+    )
 
 
 def simulated_source(
@@ -157,14 +175,35 @@ def simulated_source(
     live: bool = False,
     loop: bool = False,
     carried: Carried | None = None,
+    partners: Sequence[tuple[Motion, str]] = (),
 ) -> SimulatedSource:
-    """Return a source of images of a motion performed with a marker set (name or file; with offsets), and a prop."""
-    markers = load_marker_set(marker_set)
-    subject = Subject("simulated performer", motion.skeleton, markers)
-    shown = with_return(motion) if loop else motion
-    joints = markers.joint_indices(motion.skeleton)
-    performance = make_performance(shown, markers.names, joints, markers.offsets_m, carried)
+    """Return a source of images of a motion performed with a marker set (name or file; with offsets), and a prop.
+
+    `partners` are motions and marker sets of those who perform beside the first.
+    """
+    subject = Subject("simulated performer", motion.skeleton, load_marker_set(marker_set))
+    everybody = [_performed(motion, subject.marker_set, loop, carried)]
+    everybody += [_performed(other, load_marker_set(worn), loop) for other, worn in partners]
+    performance = replace(everybody[0], partners=tuple(everybody[1:]))
     return SimulatedSource(performance, subject, renderer, fps=fps, live=live, loop=loop)
+
+
+def _performed(motion: Motion, markers: MarkerSet, loop: bool, carried: Carried | None = None) -> Performance:
+    shown = with_return(motion) if loop else motion
+    return make_performance(shown, markers.names, markers.joint_indices(motion.skeleton), markers.offsets_m, carried)
+
+
+def _partner(spec: Mapping[str, Any], table: Mapping[str, Any]) -> dict[str, Any]:
+    """The spec of one who performs beside the first; SettingsError for an unknown key."""
+    unknown = sorted(set(table) - {"behaviour", "style", "seed", "height_m", "marker_set"})
+    if unknown:
+        raise SettingsError("unknown setting " + ", ".join(unknown), where="partner of the simulated performer")
+    return {**spec, "seed": int(spec.get("seed", 0)) + 1, **table}
+
+
+def _aside(motion: Motion, place_m: float) -> Motion:
+    """The motion moved along x."""
+    return replace(motion, root_positions_m=motion.root_positions_m + np.array([place_m, 0.0, 0.0]))
 
 
 def studio_settings(table: Mapping[str, Any]) -> StudioSettings:
