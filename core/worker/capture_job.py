@@ -23,14 +23,13 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..camera import CameraRig, load_rig
 from ..database.store import Database, identity, open_database
-from ..ensemble import Stepper, followed
 from ..errors import CaptureError, PerfanimError, SettingsError
 from ..foot_lock import floor_of
 from ..marker_frame import MarkerFrame, pack_stamped, unpack_stamped
@@ -39,7 +38,6 @@ from ..pose_bytes import SolvedPose, pack_solved
 from ..pose_frame import PoseFrame
 from ..pose_shaping import PoseShaper, Shape
 from ..prop import load_prop
-from ..session import Session
 from ..simulate.studio.rig import default_rig
 from ..solver.settings import SolveSettings
 from ..take_file.setup import TakeNotes, TakeSetup
@@ -49,6 +47,9 @@ from .client import WorkerClient
 from .protocol import Message, MessageKind
 from .seam import Seam, Shift, missing_text
 from .source_kind import has_no_cameras, is_live, is_repeatable, is_simulated
+
+if TYPE_CHECKING:
+    from ..ensemble import Stepper
 
 STOP_LIMIT_S = 5.0
 GONE_LIMIT_S = 1.0  # the same when Blender is gone: the process has three seconds then, see `channel`
@@ -76,6 +77,8 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     channel.send_status("opening the cameras")
     take, client = None, None
     try:
+        # its Python starts while the files are opened here, and it opens the cameras while the session is prepared
+        client = WorkerClient({**cameras, "job": "trackers" if has_no_cameras(cameras) else "cameras"})
         database = open_database(request["database"])
         setup, settings = _setup(request, cameras, database)
         seam = Seam.of_table(request["after"]) if request.get("after") else None
@@ -83,16 +86,8 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
         if seam is not None and take is not None and take.last_frame is not None:
             # what Blender has of the last tenth of a second may not have been written: it comes once more
             seam = seam.moved_to(*take.last_frame)
-        after = seam.number if seam is not None else None
-        job = "trackers" if has_no_cameras(cameras) else "cameras"
-        client = WorkerClient({**cameras, "job": job, "after": after})
-        session = followed(
-            [
-                Session(subject, database, setup.camera_rig(), settings)
-                for subject in (setup.worn_subject(), *setup.further_subjects())
-            ],
-            setup.carried_props(),
-        )
+        client.ask(after=seam.number if seam is not None else None)
+        session = _session(setup, database, settings)
         shaper = _shaper(request, setup, cameras, channel)
         relay = _Relay(client, session, shaper, channel, take, cameras)
         if seam is not None:
@@ -131,6 +126,15 @@ def _setup(
     subject, props = load_subject(request["subject"]), [load_prop(str(path)) for path in request.get("props", ())]
     performers = [load_subject(str(path)) for path in request.get("performers", ())]
     return TakeSetup.of(_rig(cameras), subject, given, identity(database), cameras, props, performers), settings
+
+
+def _session(setup: TakeSetup, database: Database, settings: SolveSettings) -> "Stepper":
+    """Return what solves the frames."""
+    from ..ensemble import followed  # takes longer to load than the rest: the cameras' process is at work by now
+    from ..session import Session
+
+    subjects, rig = (setup.worn_subject(), *setup.further_subjects()), setup.camera_rig()
+    return followed([Session(subject, database, rig, settings) for subject in subjects], setup.carried_props())
 
 
 def _shaper(request: Mapping[str, Any], setup: TakeSetup, cameras: Mapping[str, Any], channel: Channel) -> PoseShaper:
@@ -184,7 +188,7 @@ class _Relay:
     def __init__(
         self,
         client: WorkerClient,
-        session: Stepper,
+        session: "Stepper",
         shaper: PoseShaper,
         channel: Channel,
         take: TakeWriter | None,

@@ -32,6 +32,7 @@ HUNG_S = 1.25
 MOST_RESTARTS, _RESTARTS_WITHIN_S = 3, 60.0
 _LOOKED_AWAY_S = 0.25  # of the time between two polls counts as silence at most: it may be who polls that was held up
 _CHUNK = 1 << 20
+_BOOTING_S = 0.1
 _DYING_S = 1.0  # from a closed standard input to the end of a process
 _LIBRARIES = ("numpy", "scipy", "cv2", "ezc3d")
 
@@ -82,6 +83,7 @@ class WorkerClient:
         self._outgoing = bytearray()
         self._authenticated = False
         self._ended = False
+        self._early: list[Message] = []  # came before anybody polled
         self._log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 (closed in _release)
         self._listener = socket.create_server(("127.0.0.1", 0), backlog=4)
         self._listener.setblocking(False)
@@ -124,6 +126,17 @@ class WorkerClient:
             self._process.stdin.write(json.dumps(start).encode("utf-8") + b"\n")
             self._process.stdin.flush()
 
+    def ask(self, **changes: Any) -> None:
+        """Wait until the process takes its request, with these keys changed: it works while this one is busy.
+
+        Raises:
+            CaptureError: as `poll`.
+        """
+        self._request |= changes
+        while not self._authenticated:
+            self.wait(_BOOTING_S)
+            self._early = self.poll()
+
     @property
     def running(self) -> bool:
         """Whether the process lives."""
@@ -140,8 +153,9 @@ class WorkerClient:
         Raises:
             CaptureError: the worker died, hangs, or spoke nonsense.
         """
+        early, self._early = self._early, []
         if self._ended:
-            return []
+            return early
         if self._connection is None and not self._authenticated:
             self._accept()
         messages = self._receive() if self._connection is not None else []
@@ -161,7 +175,7 @@ class WorkerClient:
             self._heed(message)
         if self._stalled_s > HUNG_S and self._frames > self.earlier_frames:
             raise CaptureError(f"has got no further for {self._stalled_s:.1f} s", where="worker", advice="start again")
-        return messages
+        return early + messages
 
     @property
     def _patience_s(self) -> float:
