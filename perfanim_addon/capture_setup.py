@@ -20,8 +20,7 @@ from .capture_state import CaptureRun
 from .place import absolute, user_folder
 from .targets import SIMULATED_HEIGHT_M
 
-_APART_M = 1.4  # from one simulated performer to the next
-_PARTNERS = ("boxing", "kendo")
+_PARTNERS = ("boxing", "kendo")  # who do it on the spot
 
 
 @dataclass(frozen=True)
@@ -109,16 +108,9 @@ def _performer_file(index: int, subject: Subject) -> str:
 
 
 def _partners(settings: Any, count: int) -> list[dict[str, Any]]:
-    """Return what further simulated performers do, and where: one beside the other, to the right as the cameras see."""
+    """Return what further simulated performers do, beside the first: something else."""
     doing = [behaviour for behaviour in _PARTNERS if behaviour != settings.behaviour]
-    return [
-        {
-            "behaviour": doing[index % len(doing)],
-            "height_m": SIMULATED_HEIGHT_M,
-            "offset_m": [_APART_M * (index + 1), 0.0],
-        }
-        for index in range(count)
-    ]
+    return [{"behaviour": doing[index % len(doing)]} for index in range(count)]
 
 
 def shape(settings: Any) -> dict[str, Any]:

@@ -16,6 +16,7 @@ _LEAST_WEIGHT = 0.002  # smaller shares are dropped: they cost time in every fra
 _COVERED = {("head", "hair"), ("hair", "head")}  # (part, what covers it in every pose: both move as one)
 _HIDDEN_M = 0.006
 _THUMB = 5  # place of the thumb among a hand's shapes
+_KEPT_BODIES = 4
 
 # name: (linear RGB, roughness)
 _MATERIALS: dict[str, tuple[tuple[float, float, float], float]] = {
@@ -47,6 +48,8 @@ class Body:
 
 
 MATERIAL_NAMES = tuple(_MATERIALS)
+
+_bodies: dict[tuple[bytes, ...], Body] = {}
 
 
 def make_body(skeleton: Skeleton, heads_m: Array) -> Body:
@@ -127,7 +130,7 @@ def add_body(
     Args:
         heads_m: (J, 3) joints of the armature's rest pose, product space.
     """
-    body = make_body(skeleton, heads_m)
+    body = _body(skeleton, heads_m)
     mesh = bpy.data.meshes.new(armature_object.name + " body")
     mesh.from_pydata(axes.points_to_blender(body.vertices_m).tolist(), [], body.faces.tolist())
     for name in MATERIAL_NAMES:
@@ -142,6 +145,16 @@ def add_body(
     modifier.object = armature_object
     _add_groups(obj, skeleton, body.weights)
     return obj
+
+
+def _body(skeleton: Skeleton, heads_m: Array) -> Body:
+    """Return the body of `make_body`, which takes a second, but for one that was made lately."""
+    key = (skeleton.offsets_m.tobytes(), skeleton.tips_m.tobytes(), heads_m.tobytes())
+    if key not in _bodies:
+        if len(_bodies) >= _KEPT_BODIES:
+            _bodies.clear()
+        _bodies[key] = make_body(skeleton, heads_m)
+    return _bodies[key]
 
 
 def _add_groups(obj: bpy.types.Object, skeleton: Skeleton, weights: Array) -> None:

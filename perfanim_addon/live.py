@@ -237,7 +237,7 @@ class Capture:
             if self._driver.only is None:
                 self._held.take(chosen.armature)
             if self._others is not None:
-                self._others.enter(chosen.armature, self._driver.posing)
+                self._others.enter(context, chosen.armature, self._driver.posing)
             others = self._others.roles if self._others is not None else []
             if any(map(_plays, (chosen.armature, *(role.character() for role in others)))):
                 bpy.app.handlers.frame_change_post.append(_after_frame_change)

@@ -44,15 +44,16 @@ class Others:
         """The further performers, with the characters that move along by now."""
         return self._performers.roles
 
-    def enter(self, armature_object: bpy.types.Object, posing: Posing) -> None:
-        """Go on in the room of the first performer's character."""
+    def enter(self, context: bpy.types.Context, armature_object: bpy.types.Object, posing: Posing) -> None:
+        """Go on in the room of the first performer's character; further performers without one get a new one."""
         self._room = Room(armature_object, posing)
+        self._performers.enter(context, self._room)
 
     def apply(self, context: bpy.types.Context, frames: Sequence[PoseFrame]) -> None:
         """Show the last of all poses of the capture so far."""
         if self._room is not None:
             self._targets.apply(context, frames[-1].props, self._room)
-            self._performers.apply(context, frames, self._room)
+            self._performers.apply(frames)
 
     def apply_again(self) -> None:
         """Pose the characters as last, after an animation has overwritten that."""

@@ -106,15 +106,19 @@ class PerformerDriver:
         found = (role.character() for role in self.roles)
         return [character for character in found if character is not None]
 
-    def apply(self, context: bpy.types.Context, frames: Sequence[PoseFrame], room: Room) -> None:
+    def enter(self, context: bpy.types.Context, room: Room) -> None:
+        """Go on in the room of the first performer's character; who has no character gets a new one."""
+        for follower in self._followers:
+            follower.enter(context, room)
+
+    def apply(self, frames: Sequence[PoseFrame]) -> None:
         """Move the characters of those who have been seen; one that was deleted meanwhile is left out.
 
         Args:
             frames: all poses of the capture so far; the last is shown.
-            room: of the first performer's character.
         """
         for follower in self._followers:
-            follower.apply(context, frames, room)
+            follower.apply(frames)
 
     def apply_again(self) -> None:
         """Move the characters as last, after an animation has overwritten that."""
@@ -127,40 +131,42 @@ class PerformerDriver:
 
 
 class _Follower:
-    """A further performer's character while live; the scene is left as it is until they are seen."""
+    """A further performer's character while live; what it plays is left to it until the performer is seen."""
 
     def __init__(self, role: Role, parts: Collection[str], held: HeldActions) -> None:
         self.role = role
         self._parts = parts
         self._held = held
-        self._driver: ArmatureDriver | None = None
+        self._room: Room | None = None
         self._carried: Carried | None = None
-        if role.armature:
-            self._bind(role)
+        self._driver = self._bound(role) if role.armature else None
 
-    def _bind(self, role: Role) -> ArmatureDriver:
-        driver = self._driver = ArmatureDriver(role.armature, role.subject.skeleton, self._parts)
+    def _bound(self, role: Role) -> ArmatureDriver:
+        driver = ArmatureDriver(role.armature, role.subject.skeleton, self._parts)
         self.role = replace(role, only=driver.only)
         return driver
 
-    def apply(self, context: bpy.types.Context, frames: Sequence[PoseFrame], room: Room) -> None:
-        if self._carried is None and self.role.first_seen(frames[-1:]) is not None:
-            self._carried = self._begin(context, frames, room)
-        if self._carried is not None and self._driver is not None and self.role.character() is not None:
-            pose = frames[-1].others[self.role.index]
-            self._driver.apply(*self._carried.moved(pose.rotations, pose.root_position_m))
+    def enter(self, context: bpy.types.Context, room: Room) -> None:
+        self._room = room
+        if self._driver is None:
+            self._driver = self._bound(self.role.cast(context, room))
+
+    def apply(self, frames: Sequence[PoseFrame]) -> None:
+        character, driver = self.role.character(), self._driver
+        if character is None or driver is None or self._room is None:
+            return
+        if self._carried is None:
+            if self.role.first_seen(frames[-1:]) is None:
+                return
+            self._carried = _carried(self.role, frames, Room(character, driver.posing), self._room)
+            if driver.only is None:
+                self._held.take(character)
+        pose = frames[-1].others[self.role.index]
+        driver.apply(*self._carried.moved(pose.rotations, pose.root_position_m))
 
     def apply_again(self) -> None:
         if self._driver is not None and self.role.character() is not None:
             self._driver.apply_again()
-
-    def _begin(self, context: bpy.types.Context, frames: Sequence[PoseFrame], room: Room) -> Carried:
-        role = self.role.cast(context, room)
-        driver = self._bind(role) if self._driver is None or role is not self.role else self._driver
-        character = bpy.data.objects[role.armature]
-        if driver.only is None:
-            self._held.take(character)
-        return _carried(role, frames, Room(character, driver.posing), room)
 
 
 def _carried(role: Role, frames: Sequence[PoseFrame], own: Room, room: Room) -> Carried:
