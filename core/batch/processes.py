@@ -1,6 +1,5 @@
 """Tasks done by several processes at once."""
 
-import json
 import os
 import queue
 import subprocess
@@ -9,26 +8,25 @@ import threading
 from collections import deque
 from collections.abc import Generator, Sequence
 from contextlib import suppress
-from pathlib import Path
 
+from .. import bootstrap
 from .record import Record, Task, failed
 
-_ROOT = Path(__file__).resolve().parents[2]
 # sums of several threads differ in their last bits, and the results of a batch must not
 _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
-def in_processes(script: Path, jobs: int, tasks: Sequence[Task]) -> Generator[Record, None, None]:
+def in_processes(serve: str, jobs: int, tasks: Sequence[Task]) -> Generator[Record, None, None]:
     """Yield what comes of tasks, as it comes.
 
     Args:
-        script: Python file that serves tasks: a line of JSON each on standard input, a line of JSON each as answer;
-            the first line tells the folder of the package and where Python finds what it imports.
+        serve: function ("module:name", see `bootstrap.order`) that serves tasks: a line of JSON each on standard
+            input, a line of JSON each as answer.
         jobs: processes; one that dies is replaced, and its take is bad.
         tasks: in the order in which they are begun, but for those of one performer, which a process keeps.
     """
     open_tasks, records = _OpenTasks(tasks), queue.SimpleQueue[Record]()
-    workers = [_Worker(script) for _ in range(min(jobs, len(tasks)))]
+    workers = [_Worker(serve) for _ in range(min(jobs, len(tasks)))]
     # a thread for each process hands it one take after another
     threads = [threading.Thread(target=_keep_busy, args=(worker, open_tasks, records)) for worker in workers]
     for thread in threads:
@@ -91,8 +89,8 @@ def _kind(task: Task) -> tuple[str, ...]:
 class _Worker:
     """A process that does one task after another; when it dies, another takes its place."""
 
-    def __init__(self, script: Path) -> None:
-        self._script = script
+    def __init__(self, serve: str) -> None:
+        self._serve = serve
         self._lock = threading.Lock()
         self._process: subprocess.Popen[str] | None = None
         self._is_killed = False
@@ -135,9 +133,9 @@ class _Worker:
                 raise BrokenPipeError
             if self._process is None:
                 self._process = subprocess.Popen(
-                    [sys.executable, str(self._script)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+                    bootstrap.command(sys.executable), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
                     encoding="utf-8", env={**os.environ, **_ONE_THREAD},
                 )  # fmt: skip
                 if self._process.stdin is not None:
-                    self._process.stdin.write(json.dumps({"root": str(_ROOT), "paths": sys.path}) + "\n")
+                    self._process.stdin.write(bootstrap.order(self._serve) + "\n")
             return self._process

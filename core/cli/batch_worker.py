@@ -1,15 +1,7 @@
-"""What does the takes of a batch: a process started by path, or a worker of a cluster that imports this by name.
+"""What does the takes of a batch: a process that runs `serve`, or a worker of a cluster, which calls `serve_task`."""
 
-A process has no package at first, so it makes the one it belongs to importable by its place (in Blender it is called
-bl_ext.<repository>.perfanim, which only Blender can import).
-"""
-
-import importlib
-import importlib.util
-import json
 import os
 import queue
-import signal
 import sys
 import threading
 from collections.abc import Iterator, Sequence
@@ -21,6 +13,8 @@ if TYPE_CHECKING:
     import argparse
 
     from ..solve_take import SolvedTake
+
+SERVE = "perfanim.core.cli.batch_worker:serve"
 
 _local = threading.local()
 
@@ -106,26 +100,15 @@ def _quiet(fraction: float, text: str) -> None:
     """Take signs of progress that nobody sees."""
 
 
-def _serve() -> None:
+def serve() -> None:
     """Do the takes that standard input names and tell of each on standard output, until it ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that started this one ends it
     # what libraries print must not come between the answers
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     requests: queue.SimpleQueue[str] = queue.SimpleQueue()
-    order = json.loads(sys.stdin.readline())
     threading.Thread(target=_listen, args=(requests,), daemon=True).start()
-    sys.path.extend(path for path in order["paths"] if path not in sys.path)
-    root = order["root"]
-    spec = importlib.util.spec_from_file_location("perfanim", f"{root}/__init__.py", submodule_search_locations=[root])
-    if spec is None or spec.loader is None:
-        raise SystemExit(f"no extension in {root}")
-    package = importlib.util.module_from_spec(spec)
-    sys.modules["perfanim"] = package
-    spec.loader.exec_module(package)
-    worker = importlib.import_module("perfanim.core.cli.batch_worker")
     while True:
-        answers.write(worker.serve_task(requests.get()) + "\n")
+        answers.write(serve_task(requests.get()) + "\n")
         answers.flush()
 
 
@@ -134,7 +117,3 @@ def _listen(requests: queue.SimpleQueue[str]) -> None:
     for line in sys.stdin:
         requests.put(line)
     os._exit(0)
-
-
-if __name__ == "__main__":
-    _serve()

@@ -1,16 +1,12 @@
 """Reading many motion files, in this process or in several, into clips at the database's rate.
 
-Other processes run this file as a script: they have no package, so they make the one they belong to importable by its
-place (in Blender it is called bl_ext.<repository>.perfanim, which only Blender can import). They get each file as a
-line of JSON and answer with a JSON header and arrays, never pickles.
+Other processes run `serve`: they get each file as a line of JSON and answer with a JSON header and arrays, never with
+pickles.
 """
 
-import importlib
-import importlib.util
 import json
 import queue
 import re
-import signal
 import struct
 import subprocess
 import sys
@@ -20,21 +16,23 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from ..defects import Defect
-    from ..formats.archive import MotionFile
-    from ..skeleton import Skeleton
+from .. import bootstrap
+from .. import rotations as rot
+from ..defects import Defect, clean
+from ..errors import DatabaseError, PerfanimError
+from ..formats.archive import MotionFile
+from ..motion import resampled
+from ..motion_files import read_motion_parts
+from ..skeleton import Skeleton
 
 _LENGTH = struct.Struct("<I")
 _SKELETON_ARRAYS = ("parents", "offsets_m", "tips_m", "angle_axes")
 _AHEAD = 8  # files per process that may be read before they are taken
-_ROOT = Path(__file__).resolve().parents[2]
 
 
 @dataclass(frozen=True)
@@ -47,9 +45,9 @@ class ReadClip:
     name: str
     first_frame: int
     source_fps: float
-    skeleton: "Skeleton"
-    rotations: "NDArray[np.float32]"
-    root_positions_m: "NDArray[np.float32]"
+    skeleton: Skeleton
+    rotations: NDArray[np.float32]
+    root_positions_m: NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -66,9 +64,7 @@ class ReadFile:
     line: int
 
 
-def read_files(
-    files: "Sequence[MotionFile]", fps: float, shortest: int, workers: int
-) -> Generator[ReadFile, None, None]:
+def read_files(files: Sequence[MotionFile], fps: float, shortest: int, workers: int) -> Generator[ReadFile, None, None]:
     """Yield what each file gives, in order.
 
     Args:
@@ -120,14 +116,14 @@ class _Reader:
     def __init__(self) -> None:
         self._skeletons: list[Skeleton] = []
         self._process = subprocess.Popen(
-            [sys.executable, str(Path(__file__).resolve())], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+            bootstrap.command(sys.executable), stdin=subprocess.PIPE, stdout=subprocess.PIPE
         )
-        self._send({"root": str(_ROOT), "paths": sys.path})
+        self._send(bootstrap.order("perfanim.core.database.reading:serve"))
 
-    def _send(self, message: Any) -> None:
+    def _send(self, line: str) -> None:
         assert self._process.stdin is not None  # noqa: S101  # it was asked for
         try:
-            self._process.stdin.write(json.dumps(message).encode() + b"\n")
+            self._process.stdin.write(line.encode() + b"\n")
             self._process.stdin.flush()
         except OSError:
             raise _died() from None
@@ -141,9 +137,7 @@ class _Reader:
 
     def read(self, task: Sequence[Any]) -> ReadFile:
         """Return what one file gives."""
-        from ..skeleton import Skeleton
-
-        self._send(task)
+        self._send(json.dumps(task))
         header = json.loads(self._receive(_LENGTH.unpack(self._receive(_LENGTH.size))[0]))
         for row in header["new_skeletons"]:
             parents, offsets_m, tips_m, axes = (np.array(row[name]) for name in _SKELETON_ARRAYS)
@@ -170,19 +164,11 @@ class _Reader:
 
 
 def _died() -> Exception:
-    from ..errors import DatabaseError
-
     return DatabaseError("a process that reads motion files died", advice="build with --workers 1")
 
 
 def read_file(path: str, skeleton: str, name: str, fps: float, shortest: int) -> ReadFile:
     """Return the clips of one file; a file that cannot be read gives none and the reason."""
-    from .. import rotations as rot
-    from ..defects import clean
-    from ..errors import PerfanimError
-    from ..motion import resampled
-    from ..motion_files import read_motion_parts
-
     try:
         read = read_motion_parts(Path(path), Path(skeleton) if skeleton else None, name=name)
     except PerfanimError as error:
@@ -210,7 +196,7 @@ def read_file(path: str, skeleton: str, name: str, fps: float, shortest: int) ->
     return ReadFile(tuple(clips), tuple(rows), "", 0)
 
 
-def _row(defect: "Defect", before: int) -> dict[str, str]:
+def _row(defect: Defect, before: int) -> dict[str, str]:
     frames = _frames(before + defect.first, before + defect.last) if defect.first else ""
     return {"frames": frames, "defect": defect.kind, "done": defect.done}
 
@@ -247,7 +233,7 @@ class _Sender:
             self._stream.write(clip.root_positions_m.data)
         self._stream.flush()
 
-    def _skeleton(self, skeleton: "Skeleton", new: list[dict[str, Any]]) -> int:
+    def _skeleton(self, skeleton: Skeleton, new: list[dict[str, Any]]) -> int:
         key = skeleton.offsets_m.tobytes() + skeleton.tips_m.tobytes()
         if key not in self._known:
             self._known[key] = len(self._known)
@@ -256,23 +242,8 @@ class _Sender:
         return self._known[key]
 
 
-def _serve() -> None:
+def serve() -> None:
     """Read the files that standard input names and send what they give to standard output, until it ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that started this one ends it
-    order = json.loads(sys.stdin.readline())
-    sys.path.extend(path for path in order["paths"] if path not in sys.path)
-    root = order["root"]
-    spec = importlib.util.spec_from_file_location("perfanim", f"{root}/__init__.py", submodule_search_locations=[root])
-    if spec is None or spec.loader is None:
-        raise SystemExit(f"no extension in {root}")
-    package = importlib.util.module_from_spec(spec)
-    sys.modules["perfanim"] = package
-    spec.loader.exec_module(package)
-    reading = importlib.import_module("perfanim.core.database.reading")
     sender = _Sender(sys.stdout.buffer)
     for line in sys.stdin:
-        sender.send(reading.read_file(*json.loads(line)))
-
-
-if __name__ == "__main__":
-    _serve()
+        sender.send(read_file(*json.loads(line)))

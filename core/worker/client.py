@@ -8,7 +8,6 @@ queues what Blender is too slow to take, so nothing is lost and nobody blocks.
 import contextlib
 import hmac
 import importlib.util
-import json
 import os
 import secrets
 import select
@@ -22,6 +21,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
+from .. import bootstrap
 from ..errors import CaptureError
 from .protocol import Decoder, Message, MessageKind, encode, encode_json
 
@@ -104,10 +104,9 @@ class WorkerClient:
             raise _not_started(program, reason) from error
 
     def _start(self, python: str) -> "subprocess.Popen[bytes]":
-        script = Path(__file__).with_name("bootstrap.py")
         environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
         return subprocess.Popen(
-            [python, "-I", str(script)],
+            bootstrap.command(python),
             stdin=subprocess.PIPE,
             stdout=self._log,
             stderr=self._log,
@@ -116,14 +115,10 @@ class WorkerClient:
         )
 
     def _send_start(self) -> None:
-        start = {
-            "root": str(Path(__file__).resolve().parents[2]),
-            "paths": library_paths(),
-            "port": self._listener.getsockname()[1],
-            "token": self._token,
-        }
+        run, port = "perfanim.core.worker.process:main", self._listener.getsockname()[1]
+        order = bootstrap.order(run, port, self._token, paths=library_paths())
         if self._process.stdin is not None:
-            self._process.stdin.write(json.dumps(start).encode("utf-8") + b"\n")
+            self._process.stdin.write(order.encode("utf-8") + b"\n")
             self._process.stdin.flush()
 
     def ask(self, **changes: Any) -> None:

@@ -69,7 +69,7 @@ def inputs(make_takes, database_file, subject, tmp_path_factory) -> Inputs:
 
 def in_others(jobs: int, tasks: Sequence[Task]) -> Generator[Record, None, None]:
     """Do takes in other processes."""
-    yield from in_processes(Path(batch_worker.__file__), jobs, tasks)
+    yield from in_processes(batch_worker.SERVE, jobs, tasks)
 
 
 def do_here(tasks: Sequence[Task]) -> Generator[Record, None, None]:

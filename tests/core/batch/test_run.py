@@ -102,7 +102,7 @@ from perfanim.core.batch.run import run_batch
 from perfanim.core.cli import batch_worker
 
 def dying(tasks):
-    for number, record in enumerate(in_processes(Path(batch_worker.__file__), 2, tasks)):
+    for number, record in enumerate(in_processes(batch_worker.SERVE, 2, tasks)):
         if number == 2:
             os.kill(os.getpid(), signal.SIGKILL)
         yield record

@@ -1,0 +1,59 @@
+"""The way into a helper process: the package is made importable there as `perfanim`, and one function of it is run.
+
+A process that has just been started has no package, and the extension's folder may have any name (Blender calls it
+bl_ext.<repository>.perfanim, which only Blender can import), so the package is made from its place. This file is run by
+path for that, and imports nothing but Python's own. What to run is told in one line of JSON on standard input: on the
+command line other users could read it. Only Blender, which runs this as its `--python`, is told behind "--".
+"""
+
+import importlib
+import importlib.util
+import json
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+
+def command(python: str) -> list[str]:
+    """Return the command line of a helper process; the line that `order` returns goes to its standard input."""
+    return [python, "-I", str(Path(__file__).resolve())]
+
+
+def order(run: str, *arguments: Any, paths: Sequence[str] | None = None) -> str:
+    """Return what a helper process is told, one line of JSON without its end.
+
+    Args:
+        run: function as "module:name", the package being called `perfanim`; what it returns is the exit status.
+        arguments: of the function, JSON-able.
+        paths: where it finds what it imports, besides its own; those of this process if not given.
+    """
+    root = str(Path(__file__).resolve().parents[1])
+    return json.dumps(
+        {"root": root, "paths": list(sys.path if paths is None else paths), "run": run, "arguments": arguments}
+    )
+
+
+def main() -> Any:
+    """Do as told; returns what the function returns."""
+    if "--" in sys.argv:
+        text = sys.argv[sys.argv.index("--") + 1]
+    else:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that started this one ends it
+        text = sys.stdin.readline()
+    told = json.loads(text)
+    sys.path.extend(path for path in told["paths"] if path not in sys.path)
+    root = told["root"]
+    spec = importlib.util.spec_from_file_location("perfanim", f"{root}/__init__.py", submodule_search_locations=[root])
+    if spec is None or spec.loader is None:
+        return f"no package in {root}"
+    package = importlib.util.module_from_spec(spec)
+    sys.modules["perfanim"] = package
+    spec.loader.exec_module(package)
+    module, _, name = told["run"].partition(":")
+    return getattr(importlib.import_module(module), name)(*told["arguments"])
+
+
+if __name__ == "__main__":
+    sys.exit(main())
