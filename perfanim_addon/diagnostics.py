@@ -8,12 +8,7 @@ import sys
 from pathlib import Path
 
 from ..core import __version__
-
-LIBRARIES = {
-    "numpy": "numpy",
-    "scipy": "scipy",
-    "cv2": "opencv-contrib-python-headless",
-}
+from ..core.libraries import LIBRARIES
 
 problem = ""  # why the add-on is only partly registered; "" when all is well
 tested: list[str] = []  # what the self-test has found, a line each

@@ -2,13 +2,14 @@
 
 import argparse
 import importlib
+import importlib.metadata
 import platform
 import sys
 from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
-LIBRARIES = ("numpy", "scipy", "cv2")
+from ..libraries import LIBRARIES
 
 
 def add_parser(subparsers: Any) -> None:
@@ -32,9 +33,15 @@ def _run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> di
 def library_facts(name: str) -> str:
     """Return a library's version, or why it cannot be loaded."""
     try:
-        return str(importlib.import_module(name).__version__)
+        library = importlib.import_module(name)
     except Exception as error:  # whatever a broken library does is what is to be told
         return f"cannot be loaded: {type(error).__name__}: {error}"
+    if hasattr(library, "__version__"):
+        return str(library.__version__)
+    try:
+        return importlib.metadata.version(LIBRARIES[name])
+    except importlib.metadata.PackageNotFoundError:
+        return "of unknown version"
 
 
 def _cameras() -> list[dict[str, Any]]:

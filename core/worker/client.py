@@ -23,6 +23,7 @@ from typing import IO, Any
 
 from .. import bootstrap
 from ..errors import CaptureError
+from ..libraries import LIBRARIES
 from .protocol import Decoder, Message, MessageKind, encode, encode_json
 
 START_LIMIT_S = 60.0
@@ -34,13 +35,12 @@ _LOOKED_AWAY_S = 0.25  # of the time between two polls counts as silence at most
 _CHUNK = 1 << 20
 _BOOTING_S = 0.1
 _DYING_S = 1.0  # from a closed standard input to the end of a process
-_LIBRARIES = ("numpy", "scipy", "cv2", "ezc3d")
 
 
 def library_paths() -> list[str]:
     """Return the folders from which this process imports its libraries, so that the worker takes the same ones."""
     folders: list[str] = []
-    for name in _LIBRARIES:
+    for name in LIBRARIES:
         spec = importlib.util.find_spec(name)
         for location in (spec.submodule_search_locations or []) if spec else []:
             folder = str(Path(location).parent)

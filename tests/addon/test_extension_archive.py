@@ -7,6 +7,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from perfanim.core.libraries import LIBRARIES
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -60,6 +61,11 @@ def test_the_addon_is_whole_and_nothing_else_is_in(archive: zipfile.ZipFile) -> 
         assert not any(part.startswith(".") or part == "__pycache__" for part in parts), name
         assert not parts[0].endswith(".egg-info"), name
         assert "numpy" not in name
+
+
+def test_the_diagnostics_tell_of_each_wheel(builder: ModuleType) -> None:
+    wheels = {requirement.partition("==")[0] for requirement in builder.REQUIREMENTS}
+    assert set(LIBRARIES.values()) == {*wheels, "numpy"}  # Blender has numpy
 
 
 SCIPY_PLATFORMS = {

@@ -1,5 +1,6 @@
 """`perfanim diagnose`."""
 
+import importlib.metadata
 import json
 import sys
 
@@ -16,7 +17,8 @@ def test_versions_and_cameras_are_told(capsys: pytest.CaptureFixture[str], monke
     monkeypatch.setattr(cameras, "find_cameras", lambda: [FoundCamera(0, (640, 480)), FoundCamera(2, None)])
     assert main(["diagnose", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert told["libraries"] == {"numpy": np.__version__, "scipy": scipy.__version__, "cv2": cv2.__version__}
+    versions = {"numpy": np.__version__, "scipy": scipy.__version__, "cv2": cv2.__version__}
+    assert told["libraries"] == {**versions, "pythonosc": importlib.metadata.version("python-osc")}
     assert told["cameras"] == [{"device": 0, "size": [640, 480]}, {"device": 2, "size": None}]
     assert sys.executable in told["python"]
 
