@@ -4,6 +4,7 @@ Default tangents are monotone (no overshoot between keys, level at extremes); a 
 acceleration, so a ballistic flight between two keys with acceleration -g is reproduced exactly.
 """
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -12,6 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+
+_SAME_S = 1e-6
 
 
 class Key(NamedTuple):
@@ -27,7 +30,7 @@ class Key(NamedTuple):
 class Track:
     """Keys of one quantity; evaluates to a curve that is C2 but for the ends, where it is held."""
 
-    keys: list[Key] = field(default_factory=list)
+    keys: list[Key] = field(default_factory=list)  # by time
 
     def key(
         self,
@@ -37,28 +40,37 @@ class Track:
         acceleration: ArrayLike | None = None,
     ) -> None:
         """Set a key; one at the same time is replaced."""
-        self.keys = [k for k in self.keys if abs(k.time_s - time_s) > 1e-6]
-        self.keys.append(Key(time_s, _vector(value), _optional(velocity), _optional(acceleration)))
+        begin, end = (bisect_left(self.keys, time_s + side, key=_time_s) for side in (-_SAME_S, _SAME_S))
+        self.keys[begin:end] = [Key(time_s, _vector(value), _optional(velocity), _optional(acceleration))]
 
     def last(self) -> Key:
         """Return the key with the greatest time."""
-        return max(self.keys, key=lambda k: k.time_s)
+        return self.keys[-1]
 
     def value_at(self, time_s: float) -> Array:
         """Return the value (n,) at one time."""
-        return self.sample(np.array([time_s]))[0]
+        after = bisect_right(self.keys, time_s, key=_time_s)
+        # tangents and curvature at both ends of a segment come from the keys up to two beyond
+        return _sampled(self.keys[max(after - 3, 0) : after + 3], np.array([time_s]))[0]
 
     def sample(self, times_s: Array) -> Array:
         """Return the curve at the times, (T, n)."""
-        keys = sorted(self.keys, key=lambda k: k.time_s)
-        times = np.array([k.time_s for k in keys])
-        values = np.stack([k.value for k in keys])
-        if len(keys) == 1:
-            return np.repeat(values, len(times_s), axis=0)
-        velocities, accelerations = _tangents(times, values, keys)
-        at = np.clip(times_s, times[0], times[-1])
-        segment = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
-        return _quintic(at, segment, times, values, velocities, accelerations)
+        return _sampled(self.keys, times_s)
+
+
+def _time_s(key: Key) -> float:
+    return key.time_s
+
+
+def _sampled(keys: Sequence[Key], times_s: Array) -> Array:
+    times = np.array([k.time_s for k in keys])
+    values = np.stack([k.value for k in keys])
+    if len(keys) == 1:
+        return np.repeat(values, len(times_s), axis=0)
+    velocities, accelerations = _tangents(times, values, keys)
+    at = np.clip(times_s, times[0], times[-1])
+    segment = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
+    return _quintic(at, segment, times, values, velocities, accelerations)
 
 
 def _vector(value: ArrayLike) -> Array:
