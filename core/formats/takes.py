@@ -5,14 +5,15 @@ from pathlib import Path
 from ..errors import FormatError
 from ..marker_take import MarkerTake, load_take, save_take
 from ..take_file.reading import ENDING
-from . import c3d, trc
+from . import c3d, qualisys_tsv, trc
 from .c3d import read_c3d
 from .c3d_write import write_c3d
 from .own_take import read_own_take
+from .qualisys_tsv import read_tsv
 from .take_csv import read_csv, write_csv
 from .trc import read_trc, write_trc
 
-READABLE = (".c3d", ".trc", ".csv", ".take.npz", ENDING)
+READABLE = (".c3d", ".trc", ".csv", ".tsv", ".take.npz", ENDING)
 WRITABLE = (".take.npz", ".c3d", ".csv", ".trc")
 
 
@@ -22,7 +23,7 @@ def is_recorded(path: Path | str) -> bool:
 
 
 def read_take(path: Path | str) -> MarkerTake:
-    """Return the marker take of a .c3d, .trc, .csv (Motive's export or our own), .take.npz or .perftake file.
+    """Return the marker take of a .c3d, .trc, .csv (Motive's or our own), .tsv (Qualisys), .take.npz or .perftake file.
 
     Positions are metres in the file's own axes; what is missing is NaN.
 
@@ -34,7 +35,7 @@ def read_take(path: Path | str) -> MarkerTake:
     name = path.name.lower()
     if name.endswith(".npz"):
         return load_take(path)
-    readers = {".c3d": read_c3d, ".trc": read_trc, ".csv": read_csv, ENDING: read_own_take}
+    readers = {".c3d": read_c3d, ".trc": read_trc, ".csv": read_csv, ".tsv": read_tsv, ENDING: read_own_take}
     if path.suffix.lower() not in readers:
         raise FormatError("is no marker take", where=str(path), advice="give one of " + ", ".join(READABLE))
     return readers[path.suffix.lower()](path)
@@ -42,7 +43,7 @@ def read_take(path: Path | str) -> MarkerTake:
 
 def declared_frames(path: Path | str) -> int:
     """Return how many frames the header of a file that `read_take` reads promises, 0 when it has no place for that."""
-    counters = {".c3d": c3d.declared_frames, ".trc": trc.declared_frames}
+    counters = {".c3d": c3d.declared_frames, ".trc": trc.declared_frames, ".tsv": qualisys_tsv.declared_frames}
     count = counters.get(Path(path).suffix.lower())
     return count(path) if count else 0
 

@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from perfanim.core.errors import FormatError, PerfanimError
-from perfanim.core.formats.takes import read_take, write_take
+from perfanim.core.formats.takes import declared_frames, read_take, write_take
 from perfanim.core.marker_take import MarkerTake
 
 TRC = (
@@ -28,6 +28,11 @@ MOTIVE = (
     "Frame,Time (Seconds),X,Y,Z,X,Y,Z,X,Y,Z\n"
     "0,0.0,9,9,9,1,2,3,4,5,6\n"
     "1,0.0167,9,9,9,1,2,3,,,\n"
+)
+QUALISYS = (
+    "NO_OF_FRAMES\t3\nNO_OF_CAMERAS\t8\nNO_OF_MARKERS\t2\nFREQUENCY\t200\nNO_OF_ANALOG\t0\nANALOG_FREQUENCY\t0\n"
+    "DESCRIPTION\t--\nTIME_STAMP\t2022-06-02, 15:49:44.620\t25975.4\nDATA_INCLUDED\t3D\n"
+    "MARKER_NAMES\tL Hand\tHead\n"
 )
 
 
@@ -73,6 +78,32 @@ def test_motive_export(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("more", "rows", "times_s"),
+    [
+        ("", ["100\t200\t-300\t\t\t", "110\t2e2\t0\t0\t0\t0", "120\t200\t0\t1\t2\t3"], [0.0, 0.005, 0.01]),
+        (
+            "TRAJECTORY_TYPES\tMeasured\tMixed\nEVENT\tstart\t7\t0.035\n"
+            "Frame\tTime\tL Hand X\tL Hand Y\tL Hand Z\tHead X\tHead Y\tHead Z\n",
+            [
+                "7\t0.030\t100\t200\t-300\tNULL\tNULL\tNULL\t",
+                "8\t0.035\t110\t200\t0\t\t\t\t",
+                "9\t0.040\t120\t200\t0\t1\t2\t3\t",
+            ],
+            [0.03, 0.035, 0.04],
+        ),
+    ],
+)
+def test_qualisys_export(tmp_path: Path, more: str, rows: list[str], times_s: list[float]) -> None:
+    (tmp_path / "a.tsv").write_text(QUALISYS + more + "\n".join(rows) + "\n", newline="\r\n")
+    take = read_take(tmp_path / "a.tsv")
+    assert (take.names, take.fps) == (("L Hand", "Head"), 200.0)
+    np.testing.assert_array_equal(take.visible, [[True, False], [True, False], [True, True]])
+    np.testing.assert_allclose(take.positions_m[:, 0], [[0.1, 0.2, -0.3], [0.11, 0.2, 0.0], [0.12, 0.2, 0.0]])
+    np.testing.assert_allclose(take.times_s, times_s)
+    assert declared_frames(tmp_path / "a.tsv") == 3
+
+
+@pytest.mark.parametrize(
     ("name", "text", "part"),
     [
         ("a.trc", "", "is not a TRC file"),
@@ -90,6 +121,13 @@ def test_motive_export(tmp_path: Path) -> None:
         ("a.csv", "frame,time_s,A_x,A_y,A_z\n1,0,1,2,3,4\n", "line 2: has more than 5 fields"),
         ("a.csv", MOTIVE[: MOTIVE.index("0,0.0")], "has no frames"),
         ("a.csv", MOTIVE.replace("Marker", "Camera"), "has no markers"),
+        ("a.tsv", "frame\tspeed\n1\t2\n", "is no marker export of Qualisys"),
+        ("a.tsv", QUALISYS, "has no frames"),
+        ("a.tsv", QUALISYS + "1\t2\t3\t4\t5\n", "line 11: has 5 fields, not 6"),
+        ("a.tsv", QUALISYS + "1\t2\t3\t4\t5\t6\n1\t2\tx\t4\t5\t6\n", "line 12: has a field that is no number"),
+        ("a.tsv", QUALISYS.replace("\t3D", "\t6D") + "1\t2\t3\t4\t5\t6\n", "holds no 3D data"),
+        ("a.tsv", QUALISYS.replace("\tHead", "") + "1\t2\t3\n", "declares 2 markers and names 1"),
+        ("a.tsv", QUALISYS.replace("\t200\n", "\t0\n") + "1\t2\t3\t4\t5\t6\n", "gives no frequency"),
         ("a.c3d", "", "is empty"),
         ("a.c3d", "x" * 3000, "is not a C3D file"),
         ("a.xyz", "x", "is no marker take"),
