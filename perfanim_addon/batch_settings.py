@@ -31,7 +31,7 @@ class PERFANIM_PG_batch(bpy.types.PropertyGroup):
     )
     takes: bpy.props.StringProperty(
         name="Takes",
-        description="Folder of takes and all folders in it: C3D, TRC, CSV, TSV, recorded ones; empty: those of the list",
+        description="Folder of takes and those in it: C3D, TRC, CSV, TSV, recorded ones; empty: those of the list",
         subtype="DIR_PATH",
     )
     out: bpy.props.StringProperty(
