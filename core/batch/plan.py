@@ -57,6 +57,8 @@ KEYS = {
     "database": Key(Kind.FILE, ("solve",)),
     "subject": Key(Kind.FILE, ("solve",)),
     "skeleton": Key(Kind.FILE, ("solve",)),
+    "names": Key(Kind.FILE, ("solve",)),
+    "use": Key(Kind.WORD, ("solve",)),
     "up": Key(Kind.WORD, ("solve",)),
     "method": Key(Kind.WORD, ("solve",)),
     "smooth": Key(Kind.NUMBER, ("solve",)),
@@ -108,8 +110,10 @@ class TakePlan:
             commands = KEYS[key].commands
             if key == "cameras" and not self.is_tracked:
                 commands = ("solve",) if is_recorded(self.take) else ()
-            if key == "up" and (self.is_tracked or is_recorded(self.take)):
-                commands = ()  # what cameras saw has y up
+            if key in ("up", "names") and (self.is_tracked or is_recorded(self.take)):
+                commands = ()  # what cameras saw has y up, and the set's names
+            if key == "use" and is_recorded(self.take):
+                commands = ()  # for marker takes
             if key == "blender" and "to" not in self.options:
                 commands = ()
             if command not in commands or value is False:

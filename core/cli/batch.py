@@ -18,7 +18,7 @@ from ..database.store import open_database
 from ..errors import FormatError, PerfanimError, SettingsError
 from ..foot_lock import FEET
 from ..formats.takes import READABLE
-from ..marker_names import AUTO
+from ..marker_names import AUTO, load_names
 from ..marker_set import load_marker_set, load_subject
 from ..motion_files import read_skeleton
 from ..retarget.transfer import RootMotion
@@ -30,13 +30,14 @@ from .outcome import Outcome
 from .retarget import check_blender
 
 _GIVEN = (
-    "database", "subject", "skeleton", "marker_set", "up", "method", "smooth", "feet", "units", "naming", "rate",
-    "also", "cameras", "to", "map", "root_motion", "save_as", "blender",
+    "database", "subject", "skeleton", "marker_set", "names", "use", "up", "method", "smooth", "feet", "units",
+    "naming", "rate", "also", "cameras", "to", "map", "root_motion", "save_as", "blender",
 )  # fmt: skip
 _CHECKS: dict[str, Callable[[str], object]] = {
     "database": open_database,
     "subject": load_subject,
     "skeleton": read_skeleton,
+    "names": load_names,
     "marker_set": lambda name: name == AUTO or load_marker_set(name),
     "cameras": load_rig,
 }
@@ -64,6 +65,10 @@ def add_parser(subparsers: Any) -> None:
     shared.add_argument(
         "--marker-set", metavar="NAME", help=f"shipped marker set or TOML file, or {AUTO} (of marker files)"
     )
+    shared.add_argument(
+        "--names", metavar="FILE", help="TOML file that says which label of marker files is which marker"
+    )
+    shared.add_argument("--use", metavar="N|NAME,...", help="solve marker takes with a few of a suit's markers")
     shared.add_argument("--up", choices=UPS, help="axis of marker files that points up (default: y)")
     shared.add_argument("--method", choices=METHODS, help="how poses are found (default best)")
     shared.add_argument("--smooth", type=float, metavar="HZ", help="low-pass markers before and motion after")

@@ -29,6 +29,8 @@ def test_what_takes_share_and_what_they_have_of_their_own(plan, tmp_path):
         subject = "own.toml"
         marker_set = "boxing"
         smooth = 6
+        names = "names.toml"
+        use = "9"
         [[take]]
         take = "day1/*.c3d"
         [[take]]
@@ -50,6 +52,8 @@ def test_what_takes_share_and_what_they_have_of_their_own(plan, tmp_path):
         "--subject": str(tmp_path / "own.toml"),
         "--marker-set": "boxing",
         "--smooth": "8.0",
+        "--names": str(tmp_path / "names.toml"),
+        "--use": "9",
     }
     assert run.options_of("retarget") == []
     assert day1.options == run.options
@@ -81,10 +85,11 @@ def test_videos_are_tracked(plan, tmp_path):
 
 
 def test_what_is_shared_is_asked_of_none_that_has_no_use_for_it(plan, tmp_path):
-    text = 'cameras = "rig.toml"\nup = "z"\n[[take]]\ntake = "night.perftake"\n[[take]]\ntake = "walk.c3d"'
+    shared = 'cameras = "rig.toml"\nup = "z"\nuse = "9"\nnames = "n.toml"\n'
+    text = f'{shared}[[take]]\ntake = "night.perftake"\n[[take]]\ntake = "walk.c3d"'
     recorded, markers = plan(text).takes
     assert recorded.options_of("solve") == ["--cameras", str(tmp_path / "rig.toml")]
-    assert markers.options_of("solve") == ["--up", "z"]
+    assert _pairs(markers.options_of("solve")) == {"--up": "z", "--use": "9", "--names": str(tmp_path / "n.toml")}
 
 
 def test_names_depend_on_no_order(plan, tmp_path):
