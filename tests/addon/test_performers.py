@@ -1,6 +1,7 @@
 """Several performers: each moves a character of their own, which stand to each other as the performers do."""
 
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -9,17 +10,28 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from clicked import run_job
 from perfanim.core import rotations as rot
 from perfanim.core.assets import MOTION
 from perfanim.core.database.build import build_database
+from perfanim.core.formats.bvh import read_bvh
+from perfanim.core.marker_frame import MarkerFrame
 from perfanim.core.marker_set import Subject, load_marker_set, save_subject
+from perfanim.core.pose_bytes import SolvedPose
+from perfanim.core.pose_frame import PoseFrame
 from perfanim.core.product_skeleton import default_skeleton
-from played import key_times, played_poses
+from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.source import open_simulated
+from perfanim.core.take_file.reading import read_take_file
+from perfanim.core.take_file.setup import TakeNotes, TakeSetup
+from perfanim.core.take_file.whole import write_whole_take
+from played import curves_of, key_times, played_poses
 
 PATIENCE_S = 600.0
 FIRST, SECOND = default_skeleton(1.75), default_skeleton(1.60)
 SUBJECTS = (Subject("Ben", SECOND, load_marker_set("boxing")),)
 SEEN = 4  # the pose in which the second performer is first seen
+PLACE_M = 0.05  # of hips, as far as markers lie from the bones; the other performer stands 1.2 m aside
 EXACT_M = 1e-5  # float32, as Blender keeps it
 
 
@@ -58,21 +70,23 @@ def turned(skeleton: Any, number: int, heading_deg: float) -> np.ndarray:
     return result
 
 
-def moments(count: int) -> list[Any]:
+def pose_of(
+    number: int, rotations: np.ndarray, root_m: tuple[float, ...], sure: float, *others: PoseFrame
+) -> PoseFrame:
+    none = np.full((9, 3), np.nan)
+    single = np.full(9, -1)
+    return PoseFrame(
+        number, number / 60, rotations, np.array(root_m), sure, none, none, single, np.nan, others=tuple(others)
+    )
+
+
+def moments(count: int) -> list[PoseFrame]:
     """Poses of two who walk about, 60 a second; nothing is known of the second until the fifth."""
     found = []
     for n in range(count):
-        other = SimpleNamespace(
-            rotations=turned(SECOND, n, 30.0 - n),
-            root_position_m=np.array([1.2 + 0.004 * n, 0.85, 0.1 + 0.01 * n]),
-            confidence=0.9 if n >= SEEN else 0.0,
-        )
-        own = np.array([-0.6, 0.93, 0.005 * n])
-        found.append(
-            SimpleNamespace(
-                number=n, time_s=n / 60, rotations=turned(FIRST, n, n), root_position_m=own, props=(), others=(other,)
-            )
-        )
+        place = (1.2 + 0.004 * n, 0.85, 0.1 + 0.01 * n)
+        other = pose_of(n, turned(SECOND, n, 30.0 - n), place, 0.9 if n >= SEEN else 0.0)
+        found.append(pose_of(n, turned(FIRST, n, n), (-0.6, 0.93, 0.005 * n), 0.9, other))
     return found
 
 
@@ -166,7 +180,7 @@ def test_a_new_character_stands_beside_the_first_as_the_performers_do(part: Any,
     text = capture.keep(bpy.context)
     assert text == "13 frames recorded in Capture, Capture Ben"
     assert len(bpy.data.actions) == 2
-    times = key_times(part("actions").curves_of(second))
+    times = key_times(curves_of(second))
     np.testing.assert_allclose(times, np.arange(1.0 + SEEN, 14.0), atol=1e-3)
     rotations, roots = played_poses(second.name, times, SECOND)
     kept = [pose.others[0] for pose in poses[SEEN:13]]
@@ -295,3 +309,113 @@ def test_bones_of_another_armature_than_the_first_are_found_and_kept(part: Any, 
         assert kept.joints["lradius"].bone == "lforearm"
     assert not first.perfanim_character.joints
     assert not posing.map_problem(first)
+
+
+def taken(part: Any, name: str) -> Path:
+    """A take of the two, 20 frames."""
+    anna = Subject("Anna", FIRST, load_marker_set("boxing"))
+    database = {"path": "C:/data/walks.perfdb"}
+    setup = TakeSetup.of(default_rig(), anna, {"method": "lwr"}, database, {}, performers=SUBJECTS)
+    poses = moments(20)
+    frames = [(0.0, MarkerFrame(pose.number, pose.time_s)) for pose in poses]
+    path = part("takes").folder() / f"{name}.perftake"
+    write_whole_take(path, setup, TakeNotes(name), frames, [SolvedPose(pose, 0.0) for pose in poses])
+    part("takes").forget()
+    return path
+
+
+def test_a_take_is_put_on_the_characters_that_are_meant(part: Any, shown: Any, ben: Any) -> None:
+    path, create = taken(part, "duel"), part("character").create_character
+    shown.entries.add()  # a prop
+    other = shown.entries.add()
+    other.kind = "PERFORMER"
+    shown.entries.move(0, 2)  # Ben is the last now
+    entries = {part("targets").title(entry): entry for entry in shown.entries}
+    meant = entries["Ben"].armature = bpy.data.objects[create(bpy.context, SECOND, "Meant")]
+    bpy.context.scene.render.fps = 60
+    bpy.context.scene.frame_set(11)
+    assert bpy.ops.perfanim.play_take(path=str(path)) == {"FINISHED"}
+    text, _ = part("running").message("takes")
+    assert text == "20 frames in duel, duel Ben on Performer"
+    times = key_times(curves_of(meant))
+    np.testing.assert_allclose(times, np.arange(11.0 + SEEN, 31.0), atol=1e-3)
+    character = bpy.context.scene.perfanim.armature
+    bpy.context.scene.frame_set(25)
+    apart = in_scene(meant)[0] - in_scene(character)[0]
+    pose = moments(20)[14]
+    np.testing.assert_allclose(apart, to_blender(pose.others[0].root_position_m - pose.root_position_m), atol=EXACT_M)
+    # where none is of that name, the first in the list; where there is none at all, a new character
+    entries["Ben"].subject = "gone.toml"
+    bpy.ops.perfanim.play_take(path=str(path))
+    first = entries["Simulated performer 2"].armature
+    assert (first.name, first.animation_data.action.name) == ("Ben", "duel Ben.001")
+    shown.entries.clear()
+    bpy.ops.perfanim.play_take(path=str(path))
+    assert bpy.data.objects["Ben.001"].animation_data.action.name == "duel Ben.002"
+
+
+def test_a_take_names_all_and_each_can_be_exported(part: Any, ben: Any, tmp_path: Path) -> None:
+    path = taken(part, "duel")
+    part("panel_takes")._fill()
+    (item,) = bpy.context.window_manager.perfanim_takes.entries
+    assert item.used == "Anna and Ben, boxing, lwr, database walks"
+    given = {"path": str(path), "kind": "BVH"}
+    with pytest.raises(RuntimeError, match="Ben: the performer has no character"):
+        bpy.ops.perfanim.export_take(**given, filepath=str(tmp_path / "b.bvh"), performer=2)
+    with pytest.raises(RuntimeError, match="has 2 performers"):
+        bpy.ops.perfanim.export_take(**given, filepath=str(tmp_path / "b.bvh"), performer=3)
+    bpy.ops.perfanim.play_take(path=str(path))
+    for performer, name in ((1, "Anna"), (2, "Ben")):
+        target = tmp_path / f"{name}.bvh"
+        bpy.ops.perfanim.export_take(**given, filepath=str(target), performer=performer)
+        on = bpy.context.scene.perfanim.armature if performer == 1 else ben.armature
+        assert part("running").message("takes")[0] == f"20 frames of duel ({name}) on {on.name} in {target}"
+        assert read_bvh(target).frames == 20
+    bpy.ops.perfanim.export_take(path=str(path), kind="ANGLES", filepath=str(tmp_path / "b.angles.csv"), performer=2)
+    assert part("running").message("takes")[0].startswith("20 frames of duel (Ben) in ")
+
+
+def test_two_before_the_cameras_live_and_solved_again(part: Any, shown: Any, tmp_path: Path) -> None:
+    live, scene = part("live"), bpy.context.scene
+    build_database([str(MOTION)], tmp_path / "two.perfdb", 10.0)
+    scene.perfanim.database, scene.perfanim.behaviour = str(tmp_path / "two.perfdb"), "kendo"
+    scene.render.fps = 60
+    scene.frame_set(1)
+    shown.entries.add().kind = "PERFORMER"
+    source = {"behaviour": "kendo", "height_m": 1.75, "partners": [{"behaviour": "boxing"}]}
+    truth = [one.motion for one in open_simulated(source).performance.everybody]
+    capture = live.Capture(None, [])
+    limit = time.monotonic() + PATIENCE_S
+
+    def tick_until(condition: Callable[[], bool]) -> None:
+        while not condition():
+            assert not capture.done, capture.run.error
+            assert time.monotonic() < limit, capture.line
+            capture.tick(bpy.context)
+            time.sleep(1 / 60)
+
+    try:
+        tick_until(lambda: capture.run is not None and len(capture.run.poses) >= 20)
+        capture.stop()
+        tick_until(lambda: capture.done)
+        text = capture.keep(bpy.context)
+    finally:
+        capture.close()
+    poses = capture.run.poses
+    assert "in Capture, Capture Simulated performer 2" in text
+    characters = scene.perfanim.armature, shown.entries[0].armature
+    for pose in (poses[len(poses) // 2], poses[-1]):
+        scene.frame_set(round(1 + 60 * (pose.time_s - poses[0].time_s)))
+        for armature, motion in zip(characters, truth, strict=True):
+            place = in_scene(armature)[0] - np.array(scene.perfanim.armature.location)
+            true = motion.root_positions_m[round(pose.number / 60 * motion.fps)]
+            assert np.linalg.norm(place - to_blender(true)) < PLACE_M
+    take = read_take_file(part("takes").listed()[0].path)
+    for solved, pose in zip(take.poses, poses, strict=True):
+        np.testing.assert_array_equal(solved.pose.others[0].rotations, pose.others[0].rotations)
+    chosen = {"database": "CHOSEN", "performer": "RECORDED", "cameras": "RECORDED", "put_on": True}
+    operator = part("operators.takes").PERFANIM_OT_solve_take
+    text = run_job(part, operator, SimpleNamespace(path=str(take.path), method="nearest", **chosen))
+    name = f"{take.notes.name} (nearest)"
+    assert text.startswith(f"{len(poses)} frames in {name}, {name} Simulated performer 2 on ")
+    assert part("takes").listed()[0].performers == ("Simulated performer 2",)
