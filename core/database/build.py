@@ -143,30 +143,48 @@ def build_database(
         if not collected.clips:
             raise _nothing_usable(sources, collected)
         step(_READ, "computing poses")
-        mean_rotations, poses = mean_and_poses(rotations)
-    clips = collected.clips
-    root_rotations = np.concatenate(collected.root_rotations)
-    root_positions_m = np.concatenate(collected.root_positions_m)
+        mean_rotations, motion = _joined(collected)
     if cull_deg > 0.0:
         step(_READ, "looking for near-duplicates")
-        culled = near_duplicates(poses.reshape(len(poses), -1), clips, fps, cull_deg)
-        clips = kept_clips(clips, culled, fps)
-        poses, root_rotations, root_positions_m = poses[~culled], root_rotations[~culled], root_positions_m[~culled]
+        motion = _without_duplicates(motion, fps, cull_deg)
     step(_CULLED, "joining neighbours and writing")
-    graph = GraphSettings() if len(poses) >= LARGE_DATABASE else None
-    culled_frames = len(rotations) - len(poses)
+    frames, culled_frames = len(motion.poses), len(rotations) - len(motion.poses)
     write_poses(
-        out, fps, mean_rotations, poses, root_rotations, root_positions_m, clips, collected.skeletons, graph,
-        culled_frames,
+        out, fps, mean_rotations, motion.poses, motion.root_rotations, motion.root_positions_m, motion.clips,
+        collected.skeletons, GraphSettings() if frames >= LARGE_DATABASE else None, culled_frames,
     )  # fmt: skip
     built = {
-        "frames": len(poses),
-        "clips": len(clips),
+        "frames": frames,
+        "clips": len(motion.clips),
         "fps": fps,
         "seconds": round(time.monotonic() - started, 2),
         "bytes": out.stat().st_size,
     }
-    return built | _contents(clips, culled_frames, collected)
+    return built | _contents(motion.clips, culled_frames, collected)
+
+
+@dataclass(frozen=True)
+class _Frames:
+    """What is written: clips, and their frames as `write_poses` takes them."""
+
+    clips: Sequence[Clip]
+    poses: FloatArray
+    root_rotations: FloatArray
+    root_positions_m: FloatArray
+
+
+def _joined(collected: _Collected) -> tuple[NDArray[np.float64], _Frames]:
+    """Return the mean rotations (J, 4) of all that was read, and its frames relative to them."""
+    mean_rotations, poses = mean_and_poses(collected.rotations)
+    root_rotations, root_positions_m = map(np.concatenate, (collected.root_rotations, collected.root_positions_m))
+    return mean_rotations, _Frames(collected.clips, poses, root_rotations, root_positions_m)
+
+
+def _without_duplicates(motion: _Frames, fps: float, cull_deg: float) -> _Frames:
+    """Return the motion without passages that an earlier clip holds (see `culling`)."""
+    culled = near_duplicates(motion.poses.reshape(len(motion.poses), -1), motion.clips, fps, cull_deg)
+    clips, frames = kept_clips(motion.clips, culled, fps), ~culled
+    return _Frames(clips, motion.poses[frames], motion.root_rotations[frames], motion.root_positions_m[frames])
 
 
 def _contents(clips: Sequence[Clip], culled_frames: int, collected: _Collected) -> dict[str, Any]:
