@@ -132,6 +132,13 @@ class Capture:
         """The recording that goes on, or its countdown."""
         return self.recordings[-1] if self.recordings and not self.recordings[-1].over else None
 
+    @property
+    def further(self) -> list[tuple[str, float]]:
+        """The further performers' names, and how sure the newest pose of each is."""
+        newest = self.run.poses[-1].others if self.run is not None and self.run.poses else ()
+        roles = self._others.roles if self._others is not None else []
+        return [(role.subject.name, pose.confidence) for role, pose in zip(roles, newest, strict=False)]
+
     def record(self, chosen: Any) -> None:
         """Begin a recording as the settings have it, or end the one that goes on."""
         going = self.recording

@@ -249,6 +249,8 @@ class PERFANIM_PT_capture(bpy.types.Panel):
         grid.label(text=f"{figures.lost} dropped")
         grid.label(text=f"{figures.not_shown} not drawn")
         draw_progress(layout, figures.confidence, f"Confidence {figures.confidence:.0%}")
+        for name, confidence in capture.further:
+            draw_progress(layout, confidence, f"{name} {confidence:.0%}")
         if figures.waiting > 1:
             layout.label(text=f"Solver {figures.waiting} frames behind", icon="SORTTIME")
         draw_text(context, layout, run.notice, "ERROR")
