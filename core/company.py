@@ -14,14 +14,16 @@ from scipy.optimize import linear_sum_assignment
 from .frame_parts import without_blobs, without_points
 from .labelling import assigned_blobs, assigned_points
 from .marker_frame import MarkerFrame
-from .session import Session
+from .session import Session, is_labelled
+from .start_labelling import MISSED_M
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _NOBODY = -1
 _PATIENCE_S = 1.0  # for which nobody is given a body that may be another's: all who are waited for may come into view
-_UNLIKE = 1e3  # what it counts to be given a body that one's markers do not fit
+_UNLIKE_M = 1e3  # what it counts to be given a body that one's markers do not fit,
+_ORDER_M = 0.015  # and another than that of one's place, against the distance to the closest example
 
 
 class Company:
@@ -39,7 +41,10 @@ class Company:
         self._waiting_since_s: float | None = None
 
     def shares(self, frame: MarkerFrame) -> list[MarkerFrame]:
-        """Return what each performer may take of the next frame."""
+        """Return what each performer may take of the next frame; labels that a source knows are the first one's."""
+        if is_labelled(frame):
+            nothing = MarkerFrame(frame.number, frame.time_s, notes=frame.notes)
+            return [frame] + [nothing] * (len(self._sessions) - 1)
         owners = self._owners(frame)
         shares = [self._share(frame, owners, index) for index in range(len(self._sessions))]
         waiting = [index for index, session in enumerate(self._sessions) if session.is_waiting]
@@ -89,30 +94,42 @@ class Company:
         in_order = [(row, row) for row in range(len(waiting))]
         if given != in_order and frame.time_s - self._waiting_since_s < _PATIENCE_S:
             given = []
-        owners = np.full(len(frame.points_m), len(waiting))  # what is no body is nobody's yet
+        owners = np.full(len(frame.points_m), _NOBODY)
         for row, column in given:
             owners[bodies[column]] = row
-        return [self._without(frame, owners != row) for row in range(len(waiting))]
+        known = {row for row, _ in given}
+        return [
+            # what is near to no body may be a limb of any
+            self._without(frame, ((owners != row) & (owners != _NOBODY)) | (row not in known))
+            for row in range(len(waiting))
+        ]
 
     def _found(self, frame: MarkerFrame, waiting: Sequence[int]) -> list[IntArray]:
         """Return the points of bodies from left to right, of as many as are waited for at most."""
-        left, bodies = np.arange(len(frame.points_m)), []
+        left, placed_m = np.arange(len(frame.points_m)), []
         for index in waiting:
             start = self._sessions[index].start(frame.points_m[left])
             if start is not None:
-                bodies.append(left[start.labels >= 0])
+                placed_m.append(start.placed_m)
                 left = left[start.labels < 0]
+        if not placed_m:
+            return []
+        # one who was found first may have been given what is nearer to another
+        markers, gates = np.concatenate(placed_m), np.full(sum(len(body) for body in placed_m), MISSED_M)
+        points, columns = assigned_points(frame.points_m, frame.covariances_m2, markers, gates)
+        whose = np.repeat(np.arange(len(placed_m)), [len(body) for body in placed_m])[columns]
+        bodies = [np.sort(points[whose == index]) for index in range(len(placed_m))]
         return sorted(bodies, key=lambda body: float(np.mean(frame.points_m[body, 0])))
 
     def _given(self, frame: MarkerFrame, waiting: Sequence[int], bodies: Sequence[IntArray]) -> list[tuple[int, int]]:
-        """Return who is given which body: whose markers fit, else from left to right."""
+        """Return who is given which body: whose markers fit better, else from left to right."""
         costs = np.zeros((len(waiting), len(bodies)))
         for row, index in enumerate(waiting):
             for column, body in enumerate(bodies):
                 start = self._sessions[index].start(frame.points_m[body])
-                costs[row, column] = abs(row - column) ** 2 if start is not None else _UNLIKE
+                costs[row, column] = _ORDER_M * abs(row - column) + (start.distance_m if start else _UNLIKE_M)
         rows, columns = linear_sum_assignment(costs)
-        return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if costs[r, c] < _UNLIKE]
+        return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if costs[r, c] < _UNLIKE_M]
 
     def _without(self, frame: MarkerFrame, taken: NDArray[np.bool_]) -> MarkerFrame:
         """Return the frame without some of its points, and without their blobs."""

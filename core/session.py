@@ -88,7 +88,7 @@ class Session:
 
     def step(self, frame: MarkerFrame) -> PoseFrame:
         """Return the pose of the next marker frame."""
-        if self._follower is None or _is_labelled(frame):
+        if self._follower is None or is_labelled(frame):
             observation, solution = self._followed(frame)
         else:
             observation, solution = self._followed_by_one_camera(frame, self._follower)
@@ -170,7 +170,7 @@ class Session:
         """Return what was seen of each marker."""
         predicted = self._solver.predicted_markers_m()
         count = len(self.subject.marker_set)
-        if _is_labelled(frame):
+        if is_labelled(frame):
             return self._known(frame)
         if predicted is None:
             start = self.start(frame.points_m)
@@ -298,7 +298,7 @@ class Session:
         again soon after, then ever more rarely.
         """
         now = result.time_s
-        if _is_labelled(frame) or self.is_waiting:
+        if is_labelled(frame) or self.is_waiting:
             return False
         if self._checked_s is None:
             self._checked_s = now
@@ -317,7 +317,7 @@ class Session:
         return bool(np.any(np.linalg.norm(named_m - result.observed_m, axis=1) > _ELSEWHERE_M))
 
 
-def _is_labelled(frame: MarkerFrame) -> bool:
+def is_labelled(frame: MarkerFrame) -> bool:
     """Whether the source knows which marker is which."""
     return bool(np.any(frame.labels >= 0) or np.any(frame.single_labels >= 0))
 

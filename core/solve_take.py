@@ -36,11 +36,13 @@ class SolvedTake:
         poses: one a frame.
         motion: the same as a motion.
         seconds: (F,) time that each frame took.
+        others: motions of the further performers, in their order.
     """
 
     poses: tuple[PoseFrame, ...]
     motion: Motion
     seconds: NDArray[np.float64]
+    others: tuple[Motion, ...] = ()
 
     def summary(self) -> dict[str, float | int]:
         """Return the figures of the `solve` command."""
@@ -101,7 +103,17 @@ def solve_recorded(
     name = take.notes.name
     poses, seconds = _solved(frames, session, f"solving {name}", progress)
     recorded = [pose for pose in poses if take.is_recorded(pose.number)]
-    return SolvedTake(tuple(poses), steady_motion(recorded, subject, name, str(take.path)), seconds)
+    motions = [
+        steady_motion(own, worn, name, str(take.path))
+        for own, worn in zip(by_performer(recorded), (subject, *performers), strict=True)
+    ]
+    return SolvedTake(tuple(poses), motions[0], seconds, tuple(motions[1:]))
+
+
+def by_performer(poses: Sequence[PoseFrame]) -> list[list[PoseFrame]]:
+    """Return the poses of the first performer, of the second, and so on."""
+    others = [list(row) for row in zip(*(pose.others for pose in poses), strict=True)]
+    return [list(poses), *others]
 
 
 def _solved(

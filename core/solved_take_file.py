@@ -62,6 +62,7 @@ def keep_solved_anew(
     settings: SolveSettings,
     solved: SolvedTake,
     props: Sequence[Prop],
+    performers: Sequence[Subject],
 ) -> None:
     """Write a recorded take with the poses of another solve; rating and notes go along, the name tells the method.
 
@@ -69,7 +70,7 @@ def keep_solved_anew(
         path: the recorded take to write, another than `take`'s.
         take: what was recorded.
         frames: its marker frames, as they were solved.
-        rig, subject, database, settings, props: by which they were solved.
+        rig, subject, database, settings, props, performers: by which they were solved.
         solved: their poses.
 
     Raises:
@@ -82,6 +83,7 @@ def keep_solved_anew(
         settings=_differing(settings),
         database=identity(database),
         props=tuple(prop_tables(prop) for prop in props),
+        performers=tuple(subject_tables(performer) for performer in performers),
     )
     name = take.notes.name.removesuffix(f" ({_method(take.setup.settings)})")
     rated = TakeNotes(f"{name} ({settings.method})", take.notes.notes, take.notes.rating)

@@ -40,10 +40,12 @@ class Start:
         labels: (N,) marker of each point, -1 for none.
         distance_m: RMS over the markers of the distance to the closest example; a missed marker counts 0.3 m, and so
             does facing away from the cameras.
+        placed_m: (M, 3) the markers of that example, where the body stands.
     """
 
     labels: IntArray
     distance_m: float
+    placed_m: Array
 
 
 class StartLabeller:
@@ -183,7 +185,7 @@ class StartLabeller:
         rows, columns = linear_sum_assignment(np.minimum(distances, MISSED_M) ** 2)
         near = distances[rows, columns] < MISSED_M
         labels[free[rows[near]]] = self._limbs[columns[near]]
-        return Start(labels, self._distance_m(points_m, labels, torso, example))
+        return Start(labels, self._distance_m(points_m, labels, torso, example), placed)
 
     def _distance_m(self, points_m: Array, labels: IntArray, torso: IntArray, example: int) -> float:
         """Return `Start.distance_m` of labels against one example laid on the chosen torso."""

@@ -24,7 +24,7 @@ from ..motion_files import read_skeleton
 from ..prop import Prop, load_prop
 from ..prop_csv import write_prop_csv
 from ..skeleton import marker_positions
-from ..solve_take import SolvedTake, solve_recorded, solve_take
+from ..solve_take import SolvedTake, by_performer, solve_recorded, solve_take
 from ..solved_take_file import keep_solved_anew
 from ..solver.settings import METHODS, SolveSettings
 from ..solver_store import SolverStore
@@ -97,6 +97,14 @@ def add_parser(subparsers: Any) -> None:
         help="hold feet in place: auto, those that stand; always, the lower one even if it glides (default off)",
     )
     parser.add_argument(
+        "--performer",
+        action="append",
+        default=[],
+        metavar="subject.toml",
+        help="of a .perftake: a further performer before the same cameras, whose motion is written beside MOTION "
+        "(repeatable; default: those that were recorded)",
+    )
+    parser.add_argument(
         "--out",
         required=True,
         metavar="MOTION.bvh",
@@ -126,6 +134,8 @@ def check(args: argparse.Namespace) -> None:
         args.wrong_usage("argument --cameras: only a .perftake holds what cameras saw")
     if not recorded and args.prop:
         args.wrong_usage("argument --prop: only a .perftake holds points that are nobody's yet")
+    if not recorded and args.performer:
+        args.wrong_usage("argument --performer: only a .perftake holds points that are nobody's yet")
     if recorded and args.up is not None:
         args.wrong_usage("argument --up: a .perftake has y up")
     if recorded and (args.names is not None or args.marker_set == AUTO):
@@ -155,13 +165,17 @@ def solve(
     """
     solve_kind = _solve_recorded if is_recorded(args.take) else _solve_markers
     solved, facts = solve_kind(args, progress, store)
+    motions = [solved.motion, *solved.others]
     if args.smooth is not None:
-        solved = replace(solved, motion=smoothed_motion(solved.motion, args.smooth))
+        motions = [smoothed_motion(motion, args.smooth) for motion in motions]
     if args.feet != "off":
-        solved = replace(solved, motion=with_feet_held(solved.motion, args.feet, _floor_m(args)))
+        floor_m = _floor_m(args)
+        motions = [with_feet_held(motion, args.feet, floor_m) for motion in motions]
     if not is_recorded(args.out):
-        facts["fps"] = write_motion(solved.motion, args.out, args.units, args.naming, args.rate).fps
-    return solved, facts
+        outs = [args.out, *(performer["out"] for performer in facts.get("performers", ()))]
+        for motion, out in zip(motions, outs, strict=True):
+            facts["fps"] = write_motion(motion, out, args.units, args.naming, args.rate).fps
+    return replace(solved, motion=motions[0], others=tuple(motions[1:])), facts
 
 
 def _floor_m(args: argparse.Namespace) -> float | None:
@@ -250,15 +264,18 @@ def _solve_recorded(
     if is_recorded(args.out) and Path(args.out).exists() and Path(args.out).samefile(args.take):
         raise TakeError("would be overwritten", where=str(args.out), advice="give another name")
     props = [load_prop(path) for path in args.prop] if args.prop else setup.carried_props()
-    solved = solve_recorded(take, frames, rig, subject, database, settings, progress, store.session, props)
+    performers = [load_subject(path) for path in args.performer] if args.performer else setup.further_subjects()
+    solved = solve_recorded(take, frames, rig, subject, database, settings, progress, store.session, props, performers)
     if is_recorded(args.out):
-        keep_solved_anew(args.out, take, frames, rig, subject, database, settings, solved, props)
+        keep_solved_anew(args.out, take, frames, rig, subject, database, settings, solved, props, performers)
     warnings = list(take.problems)
     if args.database is None and identity(database)["sha256"] != setup.database.get("sha256"):
         warnings.append(f"{path} has changed since the take was recorded")
     facts = {"method": settings.method, "warnings": warnings, "complete": take.complete}
     if props:
         facts["props"] = _props_found(args, take, solved, props)
+    if performers:
+        facts["performers"] = _performers_followed(args, take, solved, performers)
     return solved, facts
 
 
@@ -269,9 +286,30 @@ def _props_found(
     poses = [pose for pose in solved.poses if take.is_recorded(pose.number)]
     if not is_recorded(args.out):
         for index, prop in enumerate(props):
-            out, name = Path(args.out), "".join(c if c.isalnum() or c in "-_" else "-" for c in prop.name)
-            write_prop_csv(poses, index, prop.name, solved.motion.fps, out.with_name(f"{out.stem}.{name}.csv"))
+            write_prop_csv(poses, index, prop.name, solved.motion.fps, _beside(args.out, prop.name, ".csv"))
     return {prop.name: sum(pose.props[index].found for pose in poses) / len(poses) for index, prop in enumerate(props)}
+
+
+def _performers_followed(
+    args: argparse.Namespace, take: TakeFile, solved: SolvedTake, performers: Sequence[Subject]
+) -> list[dict[str, Any]]:
+    """Return name and mean confidence of each further performer, and the file for a motion beside the first's."""
+    facts = []
+    names = [subject.name for subject in performers]
+    own = by_performer([pose for pose in solved.poses if take.is_recorded(pose.number)])[1:]
+    for index, (name, poses) in enumerate(zip(names, own, strict=True)):
+        fact: dict[str, Any] = {"name": name, "confidence": float(np.mean([pose.confidence for pose in poses]))}
+        if not is_recorded(args.out):
+            unlike = name if names.count(name) == 1 else f"{name}-{index + 2}"
+            fact["out"] = str(_beside(args.out, unlike, Path(args.out).suffix))
+        facts.append(fact)
+    return facts
+
+
+def _beside(out: str, name: str, ending: str) -> Path:
+    """Return the file for a further target beside the performer's motion."""
+    plain = "".join(c if c.isalnum() or c in "-_" else "-" for c in name)
+    return Path(out).with_name(f"{Path(out).stem}.{plain}{ending}")
 
 
 def _differences(take: MarkerTake, subject: Subject) -> list[str]:

@@ -12,7 +12,7 @@ from ..formats.own_take import marker_take
 from ..formats.takes import WRITABLE, declared_frames, is_recorded, read_take, write_take
 from ..motion_export import MOTION_ENDINGS, is_motion, write_motion
 from ..prop_csv import write_prop_csv
-from ..solve_take import steady_motion
+from ..solve_take import by_performer, steady_motion
 from ..take_file.edit import recover
 from ..take_file.lock import is_locked
 from ..take_file.reading import ENDING, TakeFile, rate, read_take_file, take_name
@@ -48,6 +48,9 @@ def add_parser(subparsers: Any) -> None:
     add_motion_options(export)
     export.add_argument(
         "--prop", metavar="NAME", help="instead: where this prop was, as a table (.csv: metres, quaternion w first)"
+    )
+    export.add_argument(
+        "--performer", metavar="NAME", help="motion of this further performer (default: of the first performer)"
     )
     export.set_defaults(run=run_export)
 
@@ -85,6 +88,7 @@ def _recorded_info(take: TakeFile) -> dict[str, Any]:
         "marker_set": subject.marker_set.name,
         "database": setup.database.get("path", ""),
         "props": _props_found(take),
+        "performers": _performers_followed(take),
         "created": setup.created,
         "software": setup.software,
         "notes": take.notes.notes,
@@ -102,6 +106,15 @@ def _props_found(take: TakeFile) -> dict[str, float | None]:
     found = [[prop.found for prop in solved.pose.props] for solved in take.poses]
     names = [prop.name for prop in take.setup.carried_props()]
     return {name: float(np.mean([row[i] for row in found])) if found else None for i, name in enumerate(names)}
+
+
+def _performers_followed(take: TakeFile) -> list[dict[str, Any]]:
+    """Return name and mean confidence of each further performer."""
+    others = by_performer([solved.pose for solved in take.poses])[1:]
+    names = [subject.name for subject in take.setup.further_subjects()]
+    confidences = [float(np.mean([pose.confidence for pose in poses])) for poses in others]
+    known = confidences if take.poses else [None] * len(names)
+    return [{"name": name, "confidence": value} for name, value in zip(names, known, strict=True)]
 
 
 def _marker_info(path: str) -> dict[str, Any]:
@@ -161,8 +174,12 @@ def run_export(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         raise SettingsError(f"{out} does not end in .csv", advice="a prop's place is written as a table")
     progress(0.0, "reading")
     if not is_recorded(args.take):
-        if args.prop is not None:
-            raise FormatError("holds markers and no props", where=str(args.take), advice="only a .perftake has any")
+        if args.prop is not None or args.performer is not None:
+            raise FormatError(
+                "holds the markers of one performer and no props",
+                where=str(args.take),
+                advice="only a .perftake has further targets",
+            )
         markers = read_take(args.take)
         if is_motion(out):
             raise FormatError(
@@ -178,13 +195,29 @@ def run_export(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if args.prop is not None:
         return _export_prop(take, args.prop, out, warnings)
     if is_motion(out):
-        poses = [solved.pose for solved in take.recorded_poses]
-        motion = steady_motion(poses, take.setup.worn_subject(), take.notes.name, str(args.take))
+        index = _performer_index(take, args.performer)
+        subject = (take.setup.worn_subject(), *take.setup.further_subjects())[index]
+        everybody = by_performer([solved.pose for solved in take.recorded_poses])
+        poses = everybody[index] if index < len(everybody) else []
+        motion = steady_motion(poses, subject, take.notes.name, str(args.take))
         motion = write_motion(motion, out, args.units, args.naming, args.rate)
         return {"frames": motion.frames, "fps": motion.fps, "warnings": warnings, "out": str(out)}
+    if args.performer is not None:
+        raise SettingsError("a further performer's motion can be exported, not the markers", where=str(out))
     markers = marker_take(take)
     write_take(markers, out)
     return {"frames": markers.frames, "fps": markers.fps, "warnings": warnings, "out": str(out)}
+
+
+def _performer_index(take: TakeFile, name: str | None) -> int:
+    """Return which performer is meant, 0 for the first; TakeError when there is no such."""
+    if name is None:
+        return 0
+    names = [subject.name for subject in take.setup.further_subjects()]
+    if name in names:
+        return 1 + names.index(name)
+    told = f"they are: {', '.join(names)}" if names else "it was recorded with one; solve it with --performer"
+    raise TakeError(f"has no further performer {name!r}", where=str(take.path), advice=told)
 
 
 def _export_prop(take: TakeFile, name: str, out: Path, warnings: list[str]) -> dict[str, Any]:
