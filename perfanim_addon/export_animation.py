@@ -14,7 +14,8 @@ from ..core.errors import CharacterError, FormatError
 from ..core.files import atomic_path
 from ..core.formats.bvh_axes import moved_bvh
 from ..core.skeleton import Skeleton
-from .actions import play, played, scene_frames, write_action
+from .action_channels import play, played
+from .actions import scene_frames, write_action
 from .bone_names import named_for
 from .character import find_armature
 from .posing import bones_of

@@ -4,7 +4,8 @@ from typing import Any
 
 import bpy
 
-from .actions import KeyBounds, Onto, Placement
+from .action_placement import Onto, Placement
+from .keyframes import KeyBounds
 
 _ONTO = (
     (Onto.ACTION.name, "New Action", "A new action, which takes the place of the one in use; that is kept in the file"),

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from ..core.pose_frame import PoseFrame
 from ..core.prop import Prop, PropPose
 from . import targets
-from .actions import Onto, Placement, write_object_action
+from .action_placement import Onto, Placement
+from .actions import write_object_action
 from .held_actions import HeldActions
 from .room import Room
 

@@ -13,6 +13,18 @@ def points_from_blender(points) -> np.ndarray:
     return np.asarray(points, dtype=np.float64) @ _PRODUCT_FROM_BLENDER.T
 
 
+def curves_of(animated) -> list:
+    """The curves of the action that an object plays: the action's own up to Blender 4.3, its slot's from 4.4 on."""
+    animation = animated.animation_data
+    if animation is None or animation.action is None:
+        return []
+    if bpy.app.version < (4, 4, 0):
+        return list(animation.action.fcurves)
+    strips = [strip for layer in animation.action.layers for strip in layer.strips]
+    bags = [strip.channelbag(animation.action_slot) for strip in strips]
+    return [curve for bag in bags if bag is not None for curve in bag.fcurves]
+
+
 def played_poses(object_name: str, frames, skeleton: Skeleton) -> tuple[np.ndarray, np.ndarray]:
     """Rotations (F, J, 4) and root positions (F, 3) of a character of the product's own, as its bones stand."""
     found = [_pose_at(object_name, float(frame), skeleton) for frame in frames]

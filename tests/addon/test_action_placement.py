@@ -6,10 +6,11 @@ import pytest
 from perfanim.core import rotations as rot
 from perfanim.core.errors import CharacterError
 from perfanim.core.product_skeleton import default_skeleton
-from perfanim.perfanim_addon import actions, character
-from perfanim.perfanim_addon.actions import KeyBounds, Onto, Placement
+from perfanim.perfanim_addon import action_placement, actions, character
+from perfanim.perfanim_addon.action_placement import Onto, Placement
 from perfanim.perfanim_addon.armature_driver import ArmatureDriver
-from played import played_poses
+from perfanim.perfanim_addon.keyframes import KeyBounds
+from played import curves_of, played_poses
 
 SKELETON = default_skeleton(1.68)
 FLOAT32_DEG = 0.01
@@ -89,7 +90,7 @@ def test_a_layer_blends_in_and_out_over_what_was_played(performer):
     first, second = swinging(80, 1), swinging(40, 2)
     write(performer, np.arange(1, 81), (first[0], first[1]), Placement(), "walk")
     write(performer, np.arange(21, 61), (-second[0], second[1]), LAYER, "wave")  # q and -q are the same turn
-    blend = int(actions.BLEND_S * 24)
+    blend = int(action_placement.BLEND_S * 24)
     assert off_deg(performer, np.arange(1, 22), first[0][:21]) < 0.1
     assert off_deg(performer, np.arange(21 + blend, 61 - blend), second[0][blend : 40 - blend]) < FLOAT32_DEG
     assert off_deg(performer, np.arange(62, 81), first[0][61:]) < FLOAT32_DEG
@@ -111,7 +112,7 @@ def test_a_layer_that_turns_once_around_blends_back_the_short_way(performer, bou
     found, _ = played_poses(performer, np.arange(1, 90), SKELETON)
     wanted = np.tile(still, (89, 1, 1))
     wanted[10:70] = around
-    blend = int(actions.BLEND_S * 24)
+    blend = int(action_placement.BLEND_S * 24)
     assert np.degrees(rot.angle_between(found, wanted))[10 + blend : 70 - blend].max() < 0.2 + FLOAT32_DEG
     # in the blends the body stands between the turn, which is 37 degrees from its end there, and standing still
     assert np.degrees(rot.angle_between(found, wanted)).max() < 37.0
@@ -172,7 +173,7 @@ def test_fewer_keys_stay_within_the_bounds(performer):
     assert np.degrees(rot.angle_between(found, rotations)).max() <= bounds.rotation_deg + FLOAT32_DEG
     in_scene_mm = 1e3 * 2.0 * np.linalg.norm(moved - np.cumsum(roots, axis=0), axis=1)
     assert in_scene_mm.max() <= bounds.location_mm + 0.1
-    curves = actions.curves_of(obj)
+    curves = curves_of(obj)
     counts = {(curve.data_path): len(curve.keyframe_points) for curve in curves}
     assert sum(counts.values()) < 0.5 * len(counts) * 120
     for curve in curves:

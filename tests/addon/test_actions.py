@@ -8,7 +8,7 @@ from perfanim.core.errors import CharacterError
 from perfanim.core.product_skeleton import JOINT_NAMES, default_skeleton
 from perfanim.core.skeleton import forward_kinematics
 from perfanim.perfanim_addon import actions, character
-from played import key_times, played_poses, points_from_blender
+from played import curves_of, key_times, played_poses, points_from_blender
 
 SKELETON = default_skeleton(1.68)
 
@@ -46,7 +46,7 @@ def test_written_poses_are_read_back(performer):
     assert name == "walk-01"
     assert np.max(np.degrees(rot.angle_between(found, rotations))) < 0.01
     assert np.max(np.abs(found_roots - roots)) < 1e-4
-    assert np.allclose(key_times(actions.curves_of(bpy.data.objects[performer])), frames, atol=1e-4)
+    assert np.allclose(key_times(curves_of(bpy.data.objects[performer])), frames, atol=1e-4)
 
 
 def test_playing_the_action_moves_the_bones(performer):
@@ -63,7 +63,7 @@ def test_playing_the_action_moves_the_bones(performer):
 def test_quaternions_keep_to_one_hemisphere(performer):
     rotations, roots = smooth_motion(300)
     actions.write_action(performer, np.arange(300), rotations, roots, SKELETON)
-    curves = actions.curves_of(bpy.data.objects[performer])
+    curves = curves_of(bpy.data.objects[performer])
     path = 'pose.bones["root"].rotation_quaternion'
     keys = np.array([[key.co[1] for key in curve.keyframe_points] for curve in curves if curve.data_path == path]).T
     assert keys.shape == (300, 4)
@@ -78,7 +78,7 @@ def test_quaternions_keep_to_one_hemisphere(performer):
 def test_channels_are_grouped_by_bone_and_straight(performer):
     rotations, roots = smooth_motion(3)
     actions.write_action(performer, [1, 2, 3], rotations, roots, SKELETON)
-    curves = actions.curves_of(bpy.data.objects[performer])
+    curves = curves_of(bpy.data.objects[performer])
     assert len(curves) == 4 * 29 + 3
     for curve in curves:
         assert curve.data_path.startswith(f'pose.bones["{curve.group.name}"].')
@@ -88,7 +88,7 @@ def test_channels_are_grouped_by_bone_and_straight(performer):
 def test_sparse_keys_are_eased(performer):
     rotations, roots = smooth_motion(3)
     actions.write_action(performer, [1, 11, 21], rotations, roots, SKELETON)
-    curve = actions.curves_of(bpy.data.objects[performer])[0]
+    curve = curves_of(bpy.data.objects[performer])[0]
     assert {key.interpolation for key in curve.keyframe_points} == {"BEZIER"}
 
 

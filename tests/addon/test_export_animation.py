@@ -15,6 +15,7 @@ from perfanim.core.motion_files import read_motion
 from perfanim.core.product_skeleton import default_skeleton
 from perfanim.perfanim_addon import actions, character
 from perfanim.perfanim_addon.export_animation import ENDINGS, Form, export_poses
+from played import curves_of
 
 SAME_M = 0.001
 
@@ -59,7 +60,7 @@ def joints(obj: bpy.types.Object, first: float, count: int, names: list[str]) ->
 
 
 def first_key(obj: bpy.types.Object) -> float:
-    return min(key.co[0] for curve in actions.curves_of(obj) for key in curve.keyframe_points)
+    return min(key.co[0] for curve in curves_of(obj) for key in curve.keyframe_points)
 
 
 @pytest.mark.parametrize("root_motion", ["HIPS", "OBJECT"])
@@ -127,7 +128,7 @@ def test_scene_and_armature_are_left_as_they_were(performer, motion, tmp_path):
     scene.frame_start, scene.frame_end, scene.render.fps = 3, 77, 25
     scene.frame_set(4)
     bpy.ops.object.mode_set(mode="POSE")
-    curves = [[tuple(key.co) for key in curve.keyframe_points] for curve in actions.curves_of(obj)]
+    curves = [[tuple(key.co) for key in curve.keyframe_points] for curve in curves_of(obj)]
     action = obj.animation_data.action
     for kind, ending in ENDINGS.items():
         export(performer, tmp_path / f"run{ending}", kind, motion, meshes=False)
@@ -136,7 +137,7 @@ def test_scene_and_armature_are_left_as_they_were(performer, motion, tmp_path):
         np.testing.assert_allclose(bone.rotation_euler, (0.1, 0.2, 0.3), atol=1e-6)
         assert obj.animation_data.action == action
         assert [action.name for action in bpy.data.actions] == [action.name]
-        assert [[tuple(key.co) for key in c.keyframe_points] for c in actions.curves_of(obj)] == curves
+        assert [[tuple(key.co) for key in c.keyframe_points] for c in curves_of(obj)] == curves
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run.bvh", "run.fbx", "run.glb"]
 
 

@@ -14,7 +14,7 @@ from perfanim.core.camera import save_rig
 from perfanim.core.marker_set import save_subject
 from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.take_file.reading import read_take_file
-from played import key_times
+from played import curves_of, key_times
 
 PATIENCE_S = 600.0
 
@@ -70,11 +70,11 @@ def test_the_defaults_capture_a_new_character_into_one_action(part: Any) -> None
     for kept, pose in zip(take.poses, poses, strict=True):
         np.testing.assert_array_equal(kept.pose.rotations, pose.rotations)
     assert len(bpy.data.actions) == 1
-    times = key_times(part("actions").curves_of(character))
+    times = key_times(curves_of(character))
     seconds = np.array([pose.time_s for pose in poses])
     np.testing.assert_allclose(times, 11 + 24 * (seconds - seconds[0]), atol=1e-3)
     assert bpy.context.scene.frame_end >= times[-1]
-    for curve in part("actions").curves_of(character):
+    for curve in curves_of(character):
         assert curve.data_path.endswith(("rotation_quaternion", "location"))
         assert len(curve.keyframe_points) == len(poses)
 
@@ -147,7 +147,7 @@ def test_a_recording_of_a_length_says_which_part_of_the_take_it_is(part: Any, mo
     assert capture.keep(bpy.context).startswith("31 frames recorded")
     assert len(run.poses) == 44
     assert noted == [("a.perftake", 5, 35)]
-    times = key_times(part("actions").curves_of(bpy.context.scene.perfanim.armature))
+    times = key_times(curves_of(bpy.context.scene.perfanim.armature))
     np.testing.assert_allclose(times, np.arange(7.0, 38.0), atol=1e-3)
 
 
@@ -269,7 +269,7 @@ def test_what_is_recorded_is_kept_when_blender_takes_the_capture_down(part: Any,
         for action in bpy.data.actions:
             animated = next(obj for obj in bpy.data.objects if obj.animation_data and obj.animation_data.action)
             assert animated.animation_data.action is action
-            keys.extend({len(curve.keyframe_points) for curve in part("actions").curves_of(animated)})
+            keys.extend({len(curve.keyframe_points) for curve in curves_of(animated)})
 
     if way_out == "closed window":
         operator.cancel(SimpleNamespace(_capture=capture, bl_label="Capture"), bpy.context)

@@ -23,11 +23,12 @@ from perfanim.core.product_skeleton import default_skeleton, scaled
 from perfanim.core.retarget.transfer import RootMotion
 from perfanim.core.skeleton import forward_kinematics
 from perfanim.perfanim_addon import character
-from perfanim.perfanim_addon.actions import curves_of, write_action
+from perfanim.perfanim_addon.actions import write_action
 from perfanim.perfanim_addon.armature_driver import ArmatureDriver
 from perfanim.perfanim_addon.export_animation import Form
 from perfanim.perfanim_addon.retarget_file import main as retarget_main
 from perfanim.perfanim_addon.retarget_file import retarget_file
+from played import curves_of
 from retargeted import measured, played
 
 DIRECTION_DEG = 3.0

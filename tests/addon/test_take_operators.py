@@ -28,7 +28,7 @@ from perfanim.core.skeleton import marker_positions
 from perfanim.core.take_file.reading import read_take_file
 from perfanim.core.take_file.setup import TakeNotes, TakeSetup
 from perfanim.core.take_file.whole import write_whole_take
-from played import key_times
+from played import curves_of, key_times
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +106,7 @@ def test_marker_takes_are_imported_into_the_list_and_played(part: Any, walk: Sim
     bpy.context.scene.frame_set(7)
     assert bpy.ops.perfanim.play_take(path=item.path) == {"FINISHED"}
     armature = bpy.context.scene.perfanim.armature
-    np.testing.assert_allclose(key_times(part("actions").curves_of(armature)), np.arange(7, 27), atol=1e-3)
+    np.testing.assert_allclose(key_times(curves_of(armature)), np.arange(7, 27), atol=1e-3)
     assert shown(part)[0].used.endswith(f"on {armature.name}")
     bpy.context.scene.frame_set(15)  # half way through the walk the body stands upright there
     hips = armature.matrix_world @ armature.pose.bones["root"].head
@@ -162,7 +162,7 @@ def test_a_take_goes_where_is_chosen(part: Any, walk: SimpleNamespace) -> None:
     scene.frame_set(50)
     bpy.ops.perfanim.play_take(path=str(path))
     armature = scene.perfanim.armature
-    curves = part("actions").curves_of(armature)
+    curves = curves_of(armature)
     assert key_times(curves)[[0, -1]].tolist() == pytest.approx([1.0, 20.0])
     assert sum(len(curve.keyframe_points) for curve in curves) < 0.7 * 20 * len(curves)
     chosen.start, chosen.reduce, chosen.onto, chosen.only_selected = "PLAYHEAD", False, "LAYER", True
@@ -174,9 +174,9 @@ def test_a_take_goes_where_is_chosen(part: Any, walk: SimpleNamespace) -> None:
     assert [track.name for track in tracks] == ["walk", "walk.001"]
     assert (tracks[1].strips[0].frame_start, tracks[1].strips[0].blend_in > 0.0) == (pytest.approx(50.0), True)
     armature.animation_data.action = bpy.data.actions["walk.001"]
-    if part("actions").HAS_SLOTS:
+    if part("action_channels").HAS_SLOTS:
         armature.animation_data.action_slot = bpy.data.actions["walk.001"].slots[0]
-    assert {curve.group.name for curve in part("actions").curves_of(armature)} == {"lhumerus"}
+    assert {curve.group.name for curve in curves_of(armature)} == {"lhumerus"}
 
 
 def test_a_take_is_exported(part: Any, walk: SimpleNamespace, tmp_path: Path) -> None:

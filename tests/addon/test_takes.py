@@ -24,7 +24,7 @@ from perfanim.core.take_file.chunks import scan
 from perfanim.core.take_file.reading import read_take_file
 from perfanim.core.take_file.setup import TakeNotes, TakeSetup
 from perfanim.core.take_file.writer import TakeWriter
-from played import key_times
+from played import curves_of, key_times
 
 PATIENCE_S = 600.0
 
@@ -99,7 +99,7 @@ def test_a_worker_that_is_killed_leaves_a_take_that_can_be_recovered(part: Any) 
     for solved, pose in zip(whole.poses, capture.run.poses, strict=False):
         np.testing.assert_array_equal(solved.pose.rotations, pose.rotations)
     armature = bpy.context.scene.perfanim.armature
-    assert len(key_times(part("actions").curves_of(armature))) == len(whole.poses)
+    assert len(key_times(curves_of(armature))) == len(whole.poses)
     again = part("operators.takes").PERFANIM_OT_solve_take
     as_before = {"database": "RECORDED", "performer": "RECORDED", "cameras": "RECORDED", "put_on": True}
     text = run_job(part, again, SimpleNamespace(path=str(whole.path), method="lwr", **as_before))
@@ -152,7 +152,7 @@ def test_a_take_is_put_on_the_character(part: Any) -> None:
     text = part("operators.takes")._play(bpy.context, path)
     armature = bpy.context.scene.perfanim.armature
     assert text == f"20 frames in walk on {armature.name}; 10 more were not solved live: solve it again for them"
-    np.testing.assert_allclose(key_times(part("actions").curves_of(armature)), np.arange(11, 31), atol=1e-3)
+    np.testing.assert_allclose(key_times(curves_of(armature)), np.arange(11, 31), atol=1e-3)
     with pytest.raises(Exception, match="has no pose that was solved live"):
         part("operators.takes")._play(bpy.context, write_take(path.parent, "none", poses=0))
 

@@ -18,7 +18,7 @@ from perfanim.core.prop import load_prop, save_prop
 from perfanim.core.simulate.studio.carried import in_hand
 from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.take_file.reading import read_take_file
-from played import key_times
+from played import curves_of, key_times
 
 PATIENCE_S = 600.0
 POSES = 30
@@ -144,7 +144,7 @@ def test_a_sword_is_in_the_characters_hand_live_and_in_the_action(part: Any, sho
     assert "Capture sword" in text
     action = sword.animation_data.action
     assert action.name == "Capture sword"
-    times = key_times(part("actions").curves_of(sword))
+    times = key_times(curves_of(sword))
     np.testing.assert_allclose(times, [5 + 60 * (pose.time_s - poses[0].time_s) for pose in found], atol=1e-3)
     chosen = found[len(found) // 2]
     scene.frame_set(round(5 + 60 * (chosen.time_s - poses[0].time_s)))

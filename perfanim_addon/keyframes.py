@@ -1,0 +1,116 @@
+"""Values of many frames as keyframes: one in every frame, or as few as leave the curve where it was."""
+
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..core.key_reduction import location_keys, rotation_keys, slopes
+from .action_channels import new_channels, new_curve
+
+Array = NDArray[np.float64]
+
+_LINEAR = 1  # Keyframe.interpolation "LINEAR" as foreach_set takes it
+_ALIGNED = 3  # Keyframe.handle_left_type "ALIGNED" likewise
+_LINEAR_ROTATION_FRAMES = 2.0  # mean key distance up to which straight lines between keys show no corners
+
+
+@dataclass(frozen=True)
+class KeyBounds:
+    """How far curves with fewer keys may stray from what was recorded, in every recorded frame.
+
+    Args:
+        rotation_deg: of each bone, relative to its parent.
+        location_mm: of each bone that is moved, in the scene.
+    """
+
+    rotation_deg: float
+    location_mm: float
+
+
+class KeyWriter:
+    """Adds curves to a new action.
+
+    Args:
+        animated: the object that is going to play it.
+        action: without curves so far.
+        frames: (F,) scene frame of each value.
+        bounds: of the reduction, None for a key in every frame.
+    """
+
+    def __init__(
+        self, animated: bpy.types.Object, action: bpy.types.Action, frames: Array, bounds: KeyBounds | None
+    ) -> None:
+        self._channels = new_channels(action, animated)
+        self._frames = frames
+        self._bounds = bounds
+        self._straight = len(frames) < 2 or float(np.mean(np.diff(frames))) <= _LINEAR_ROTATION_FRAMES
+        scale = float(np.mean(np.abs(animated.matrix_world.to_scale())))
+        self._unit_mm = 1000.0 * bpy.context.scene.unit_settings.scale_length * max(scale, 1e-9)
+
+    def rotate(self, path: str, group: str, quaternions: Array, signs: ArrayLike = (1.0, 1.0)) -> None:
+        """Add the four curves of a rotation (F, 4), with these signs at its beginning and its end.
+
+        Where they differ, the sign changes half way, between two keys that nothing is drawn between.
+        """
+        first, last = np.asarray(signs, dtype=np.float64)
+        bounds, half = self._bounds, len(quaternions) // 2 if first != last else 0
+        pieces = [slice(0, half), slice(half, None)] if half else [slice(None)]
+        signed = np.concatenate((first * quaternions[:half], last * quaternions[half:]))
+        steep = np.concatenate([slopes(self._frames[piece], signed[piece]) for piece in pieces])
+        keys = None
+        if bounds:
+            bound = np.radians(bounds.rotation_deg)
+            found = [rotation_keys(self._frames[piece], signed[piece], bound) for piece in pieces]
+            keys = np.concatenate((found[0], *(half + more for more in found[1:])))
+        for curve in self._add(path, group, signed, steep, keys):
+            if half:
+                held = half if keys is None else int(np.searchsorted(keys, half))
+                curve.keyframe_points[held - 1].interpolation = "CONSTANT"
+
+    def move(self, path: str, group: str, locations: Array) -> None:
+        """Add the three curves of a location (F, 3) in the object's unit."""
+        bounds = self._bounds
+        keys = location_keys(self._frames, locations, bounds.location_mm / self._unit_mm) if bounds else None
+        self._add(path, group, locations, slopes(self._frames, locations), keys)
+
+    def _add(
+        self, path: str, group: str, values: Array, steep: Array, keys: NDArray[np.int64] | None
+    ) -> list[bpy.types.FCurve]:
+        curves = [new_curve(self._channels, path, component, group) for component in range(values.shape[1])]
+        for component, curve in enumerate(curves):
+            if keys is None:
+                fill(curve, self._frames, values[:, component], self._straight)
+            else:
+                _fill_eased(curve, self._frames[keys], values[keys, component], steep[keys, component])
+        return curves
+
+
+def fill(curve: bpy.types.FCurve, frames: Array, values: Array, straight: bool) -> None:
+    """Set a key in each frame; `straight` draws lines between them."""
+    points = curve.keyframe_points
+    points.add(len(frames))
+    points.foreach_set("co", np.stack((frames, values), axis=1).astype(np.float32).ravel())
+    if straight:
+        points.foreach_set("interpolation", np.full(len(frames), _LINEAR, dtype=np.int32))
+    curve.update()
+
+
+def _fill_eased(curve: bpy.types.FCurve, frames: Array, values: Array, steep: Array) -> None:
+    """Set keys with the curve's slope at each; handles reach a third of the way, which makes cubics of the curve."""
+    fill(curve, frames, values, straight=False)
+    gaps = np.diff(frames) / 3.0
+    before, after = np.append(gaps[:1], gaps), np.append(gaps, gaps[-1:])
+    points = curve.keyframe_points
+    for side, reach in (("left", -before), ("right", after)):
+        points.foreach_set(f"handle_{side}_type", np.full(len(frames), _ALIGNED, dtype=np.int32))
+        if len(gaps):
+            handles = np.stack((frames + reach, values + reach * steep), axis=1)
+            points.foreach_set(f"handle_{side}", handles.astype(np.float32).ravel())
+    curve.update()
+
+
+def bone_path(bone_name: str, channel: str) -> str:
+    """Return the data path of a property of a bone."""
+    return f'pose.bones["{bpy.utils.escape_identifier(bone_name)}"].{channel}'
