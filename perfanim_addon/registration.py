@@ -37,6 +37,7 @@ _REST = (
     "panel_targets",
     "panel_takes",
     "panel_batch",
+    "command_line",
     "running",  # last, so that it ends what runs while all that this needs is still there
 )
 _FALLBACK = ("panel_broken",)

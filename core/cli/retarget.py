@@ -3,6 +3,7 @@
 import argparse
 import importlib.util
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -12,6 +13,8 @@ from typing import Any
 from ..errors import CharacterError, FormatError
 from ..formats.naming import NAMINGS
 from ..retarget.transfer import RootMotion
+
+BLENDER_VARIABLE = "PERFANIM_BLENDER"  # of the environment: the program to retarget with where none is named
 
 _ADDON = Path(__file__).resolve().parents[2] / "perfanim_addon"
 _PREFIX = "retarget_file: "
@@ -84,6 +87,7 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
 
 def check_blender(blender: str | None) -> None:
     """Raise CharacterError when there is neither the Blender that is named nor, without one, its Python module."""
+    blender = _named(blender)
     if blender is None and importlib.util.find_spec("bpy") is None:
         raise CharacterError(
             "Blender's Python module is not here", advice="pip install bpy, of the same Python, or name a --blender"
@@ -92,8 +96,13 @@ def check_blender(blender: str | None) -> None:
         raise CharacterError("is no program", where=blender, advice="name the file of Blender's program")
 
 
+def _named(blender: str | None) -> str | None:
+    return blender or os.environ.get(BLENDER_VARIABLE) or None
+
+
 def _program(blender: str | None) -> list[str]:
     """Return the command line that retargets, but for its arguments."""
+    blender = _named(blender)
     if blender is None:
         package = (__package__ or "").rpartition(".core.")[0]
         return [sys.executable, "-m", f"{package}.perfanim_addon.retarget_file"]

@@ -191,7 +191,9 @@ def test_the_character_comes_out_for_another_program_under_its_names(mixamo_blen
         assert apart.max() < 0.001, bone
 
 
-def test_blender_itself_does_it_where_there_is_no_module(mixamo_blend: Path, tmp_path: Path) -> None:
+def test_blender_itself_does_it_where_there_is_no_module(
+    mixamo_blend: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Blender as a module plays the program: it runs the script that it is given, and talks."""
     blender = tmp_path / "blender"
     blender.write_text(
@@ -213,6 +215,10 @@ def test_blender_itself_does_it_where_there_is_no_module(mixamo_blend: Path, tmp
     assert (tmp_path / "out.glb").read_bytes().startswith(b"glTF")
     args.blender = str(tmp_path / "none")
     with pytest.raises(CharacterError, match="is no program"):
+        args.run(args, lambda fraction, text: None)
+    args.blender = None
+    monkeypatch.setenv("PERFANIM_BLENDER", str(tmp_path / "of the environment"))
+    with pytest.raises(CharacterError, match="of the environment: is no program"):
         args.run(args, lambda fraction, text: None)
 
 

@@ -1,0 +1,67 @@
+"""`blender --background --command perfanim ...`: the command line by an installed Blender, where no other Python is.
+
+Commands run in a process of their own, as the worker does: Blender has loaded numpy's libraries long before, set for
+its window.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from . import preferences
+
+NAME = "perfanim"
+
+_ROOT = Path(__file__).resolve().parents[1]
+_SCRIPT = Path(__file__).with_name("command_line_process.py")
+_handles: list[Any] = []
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run a command as `perfanim` does and return its exit status.
+
+    Args:
+        arguments: what stands behind the command's name.
+    """
+    from ..core.cli.retarget import BLENDER_VARIABLE
+    from ..core.worker.client import library_paths
+
+    python = preferences.worker_python(bpy.context) or sys.executable
+    # characters are retargeted by another Blender like this one, where it is a program
+    environment = {BLENDER_VARIABLE: bpy.app.binary_path, **os.environ}
+    start = {"root": str(_ROOT), "paths": library_paths()}
+    with subprocess.Popen([python, "-I", str(_SCRIPT), *arguments], stdin=subprocess.PIPE, env=environment) as process:
+        if process.stdin is not None:
+            process.stdin.write(json.dumps(start).encode() + b"\n")
+            process.stdin.flush()  # and stays open: at its end the process ends
+        while True:
+            try:
+                status = process.wait()
+            except KeyboardInterrupt:  # the process has got it as well, and cleans up
+                continue
+            return status if status >= 0 else 128 - status
+
+
+def _command(arguments: list[str]) -> int:
+    status = run(arguments)
+    # Blender's own lines, which it has not written yet, would stand behind the command's
+    with Path(os.devnull).open("wb") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+    return status
+
+
+def register() -> None:
+    """Have Blender know the command."""
+    _handles.append(bpy.utils.register_cli_command(NAME, _command))
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    while _handles:
+        bpy.utils.unregister_cli_command(_handles.pop())
