@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from .database.store import Database
 from .errors import MarkerSetError
 from .marker_set import Subject
+from .marker_take import MarkerTake
 from .skeleton import forward_kinematics
 from .solver.subject_model import ROOT_AT_REST, SubjectModel
+from .sources.take import is_unnamed
 
 Array = NDArray[np.float64]
 
@@ -97,6 +99,17 @@ def with_markers(subject: Subject, names: Sequence[str]) -> Subject:
             advice="markers: " + ", ".join(subject.marker_set.names),
         )
     return replace(subject, marker_set=subject.marker_set.subset(names))
+
+
+def worn_in(take: MarkerTake, subject: Subject) -> Subject:
+    """Return the subject with those markers that a take has: what was not worn is not hidden all the time.
+
+    The subject as it is where the markers have no names, or too few of the torso are among them.
+    """
+    kept = [marker for marker in subject.marker_set.markers if marker.name in take.names]
+    if is_unnamed(take) or sum(marker.torso for marker in kept) < _FEWEST_TORSO:
+        return subject
+    return with_markers(subject, [marker.name for marker in kept])
 
 
 def _covariance(subject: Subject, database: Database) -> Array:

@@ -13,7 +13,7 @@ from ..database.store import Database, identity
 from ..errors import FormatError, SubjectError, TakeError
 from ..foot_lock import FEET, floor_of, with_feet_held
 from ..formats.takes import is_recorded, read_take
-from ..marker_choice import choose_markers, with_markers
+from ..marker_choice import choose_markers, with_markers, worn_in
 from ..marker_filter import smoothed, smoothed_motion
 from ..marker_names import AUTO, best_match, load_names, match_names, named_by_hand
 from ..marker_set import MarkerSet, Subject, load_marker_set, load_subject
@@ -201,7 +201,7 @@ def _solve_markers(
     if args.smooth is not None:
         take = smoothed(take, args.smooth)
     settings, database = SolveSettings(method=args.method or "best"), store.database(args.database)
-    worn, facts = _few(args.use, take, subject, database) if args.use is not None else (subject, {})
+    worn, facts = _few(args.use, take, subject, database) if args.use is not None else (worn_in(take, subject), {})
     solved = solve_take(take, worn, database, settings, progress, store.session)
     if args.use is not None:
         facts["left_out_rms_mm"] = 1e3 * _left_out_rms_m(take, subject, worn, solved.motion)

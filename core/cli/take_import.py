@@ -9,6 +9,7 @@ from typing import Any
 from ..database.store import Database, open_database
 from ..errors import FormatError, MarkerSetError, PerfanimError, SettingsError, SubjectError, TakeError
 from ..formats.takes import READABLE, declared_frames, is_recorded, read_take
+from ..marker_choice import worn_in
 from ..marker_names import AUTO, best_match, load_names, named_by_hand
 from ..marker_set import MarkerSet, Subject, load_marker_set, load_subject
 from ..product_skeleton import default_skeleton
@@ -133,13 +134,13 @@ def _imported(
     out = unused_path(Path(args.out), take.name)
     take = replace(take, name=take_name(out))  # two of one name are told apart in a list, too
     capture = {"imported": str(path), "up": args.up}
-    solved = keep_markers(out, take, subject, database, SolveSettings(method=args.method), capture, progress)
+    worn, settings = worn_in(take, subject), SolveSettings(method=args.method)
+    solved = keep_markers(out, take, worn, database, settings, capture, progress)
     figures = solved.summary()
     if not figures["marker_rms_mm"] <= _DOUBTFUL_MM:
         off = f"{figures['marker_rms_mm']:.0f} mm off"
         warnings.append(f"no body explains the markers of {path.name} ({off}): check marker set and performer")
-    worn = subject.marker_set
-    matched = {"marker_set": worn.name, "markers": len(worn) - len(lacking)}
+    matched = {"marker_set": subject.marker_set.name, "markers": len(subject.marker_set) - len(lacking)}
     return {"take": path.name, "warnings": warnings, "out": str(out)} | matched | figures
 
 

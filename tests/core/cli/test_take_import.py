@@ -86,6 +86,24 @@ def test_a_bad_file_does_not_keep_the_others_out(bring, tmp_path, walk):
     assert sorted(path.name for path in (tmp_path / "takes").iterdir()) == ["a.perftake", "e.perftake"]
 
 
+def test_markers_that_were_not_worn_are_not_hidden_ones(bring, tmp_path, walk, subject_file, database_file, capsys):
+    """Of a suit's set few takes have all: who lacks some is told so, and is as sure of the others."""
+    kept = [at for at, name in enumerate(walk.names) if name != "LFOO"]
+    part = replace(walk, names=tuple(walk.names[at] for at in kept), positions_m=walk.positions_m[:, kept])
+    write_take(part, tmp_path / "part.csv")
+    (row,) = bring(tmp_path / "part.csv")["takes"]
+    assert row["warnings"] == ["not in part.csv: LFOO"]
+    take = read_take_file(row["out"])
+    assert take.setup.worn_subject().marker_set.names == part.names
+    assert not any("hidden" in note for kept in take.poses for note in kept.pose.notes)
+    line = ["batch", tmp_path / "part.csv", "--out", tmp_path / "solved", "--subject", subject_file]
+    assert main([*map(str, [*line, "--database", database_file]), "--jobs", "1", "--json"]) == 0
+    (told,) = json.loads(capsys.readouterr().out)["takes"]
+    assert told["warnings"] == ["not in the take: LFOO"]
+    assert told["figures"]["hidden"] == 0
+    assert told["figures"]["confidence"] == pytest.approx(row["confidence"], abs=1e-3)
+
+
 def test_markers_that_no_body_explains_are_told(bring, tmp_path, walk):
     exchanged = replace(walk, names=tuple(reversed(walk.names)))
     write_take(exchanged, tmp_path / "exchanged.csv")
@@ -183,8 +201,9 @@ def test_a_full_suit_of_another_system_is_solved_to_a_body(shared_dir, tmp_path,
     assert main([*map(str, line), "--json"]) == 0
     (row,) = json.loads(capsys.readouterr().out)["takes"]
     assert row["warnings"] == [f"not in {source.name}: LUPA, RUPA, LFRM, RFRM, SACR"]
-    pose = read_take_file(row["out"]).poses[-1].pose
-    names = load_marker_set("plug-in-gait").names
+    kept = read_take_file(row["out"])
+    pose, names = kept.poses[-1].pose, kept.setup.worn_subject().marker_set.names
+    assert len(names) == len(load_marker_set("plug-in-gait")) - 5
     solved = dict(zip(names, pose.markers_m, strict=True))
     seen = {n: p for n, p in zip(names, pose.observed_m, strict=True) if np.isfinite(p[0])}
     heights = [solved[name][1] for name in ("LTOE", "LKNE", "LASI", "CLAV", "LFHD")]
