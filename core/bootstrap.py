@@ -15,10 +15,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+SCRIPT = str(Path(__file__).resolve())
+
 
 def command(python: str) -> list[str]:
     """Return the command line of a helper process; the line that `order` returns goes to its standard input."""
-    return [python, "-I", str(Path(__file__).resolve())]
+    return [python, "-I", SCRIPT]
 
 
 def order(run: str, *arguments: Any, paths: Sequence[str] | None = None) -> str:
@@ -29,7 +31,7 @@ def order(run: str, *arguments: Any, paths: Sequence[str] | None = None) -> str:
         arguments: of the function, JSON-able.
         paths: where it finds what it imports, besides its own; those of this process if not given.
     """
-    root = str(Path(__file__).resolve().parents[1])
+    root = str(Path(SCRIPT).parents[1])
     return json.dumps(
         {"root": root, "paths": list(sys.path if paths is None else paths), "run": run, "arguments": arguments}
     )

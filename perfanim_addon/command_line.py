@@ -4,7 +4,6 @@ Commands run in a process of their own, as the worker does: Blender has loaded n
 its window.
 """
 
-import json
 import os
 import subprocess
 import sys
@@ -18,8 +17,6 @@ from . import preferences
 
 NAME = "perfanim"
 
-_ROOT = Path(__file__).resolve().parents[1]
-_SCRIPT = Path(__file__).with_name("command_line_process.py")
 _handles: list[Any] = []
 
 
@@ -29,16 +26,17 @@ def run(arguments: Sequence[str]) -> int:
     Args:
         arguments: what stands behind the command's name.
     """
+    from ..core import bootstrap
     from ..core.cli.retarget import BLENDER_VARIABLE
     from ..core.worker.client import library_paths
 
     python = preferences.worker_python(bpy.context) or sys.executable
     # characters are retargeted by another Blender like this one, where it is a program
     environment = {BLENDER_VARIABLE: bpy.app.binary_path, **os.environ}
-    start = {"root": str(_ROOT), "paths": library_paths()}
-    with subprocess.Popen([python, "-I", str(_SCRIPT), *arguments], stdin=subprocess.PIPE, env=environment) as process:
+    order = bootstrap.order("perfanim.core.cli.in_blender:run", list(arguments), paths=library_paths())
+    with subprocess.Popen(bootstrap.command(python), stdin=subprocess.PIPE, env=environment) as process:
         if process.stdin is not None:
-            process.stdin.write(json.dumps(start).encode() + b"\n")
+            process.stdin.write(order.encode() + b"\n")
             process.stdin.flush()  # and stays open: at its end the process ends
         while True:
             try:

@@ -6,17 +6,17 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from .. import bootstrap
 from ..errors import CharacterError, FormatError
 from ..formats.naming import NAMINGS
 from ..retarget.transfer import RootMotion
 
 BLENDER_VARIABLE = "PERFANIM_BLENDER"  # of the environment: the program to retarget with where none is named
 
-_ADDON = Path(__file__).resolve().parents[2] / "perfanim_addon"
 _PREFIX = "retarget_file: "
 _EXPORTED = (".fbx", ".glb", ".bvh")
 
@@ -66,14 +66,14 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
     if args.naming is not None and ending not in _EXPORTED:
         args.wrong_usage("argument --naming: a .blend keeps the character's own names")
     check_blender(args.blender)
-    command = [*_program(args.blender), args.motion, args.to, args.out]
+    arguments = [args.motion, args.to, args.out]
     for name in ("skeleton", "map", "render", "frame", "naming"):
         value = getattr(args, name)
         if value is not None:
-            command += [f"--{name}", str(value)]
-    command += ["--root-motion", args.root_motion.replace("-", "_")]
+            arguments += [f"--{name}", str(value)]
+    arguments += ["--root-motion", args.root_motion.replace("-", "_")]
     progress(0.0, "retargeting")
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run(_command(args.blender, arguments), capture_output=True, text=True, check=False)
     if done.returncode != 0:
         lines = [line for line in done.stderr.splitlines() if line.strip()] or ["it ended without a word"]
         said = next((line for line in lines if line.startswith(_PREFIX)), lines[-1])
@@ -100,13 +100,21 @@ def _named(blender: str | None) -> str | None:
     return blender or os.environ.get(BLENDER_VARIABLE) or None
 
 
-def _program(blender: str | None) -> list[str]:
-    """Return the command line that retargets, but for its arguments."""
+def _command(blender: str | None, arguments: Sequence[str]) -> list[str]:
+    """Return the command line that retargets."""
     blender = _named(blender)
     if blender is None:
         package = (__package__ or "").rpartition(".core.")[0]
-        return [sys.executable, "-m", f"{package}.perfanim_addon.retarget_file"]
-    start = json.dumps({"root": str(_ADDON.parent), "paths": sys.path})
-    script = str(_ADDON / "retarget_in_blender.py")
-    options = ["--background", "--factory-startup", "--python-exit-code", "1", "--python", script]
-    return [blender, *options, "--", start]
+        return [sys.executable, "-m", f"{package}.perfanim_addon.retarget_file", *arguments]
+    order = bootstrap.order("perfanim.perfanim_addon.retarget_file:main", arguments)
+    return [
+        blender,
+        "--background",
+        "--factory-startup",
+        "--python-exit-code",
+        "1",
+        "--python",
+        bootstrap.SCRIPT,
+        "--",
+        order,
+    ]

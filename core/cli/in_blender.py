@@ -1,0 +1,21 @@
+"""The command line for Blender, which runs it in a Python of its own (`perfanim_addon.command_line`)."""
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Sequence
+
+from .main import main
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run a command and return its exit status; when standard input ends, Blender is gone, and so is this."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    threading.Thread(target=_end_with_blender, daemon=True).start()
+    return main(arguments)
+
+
+def _end_with_blender() -> None:
+    sys.stdin.read()
+    os.kill(os.getpid(), signal.SIGTERM)
