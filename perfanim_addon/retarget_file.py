@@ -17,6 +17,7 @@ from typing import Any
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.errors import CharacterError, FormatError, PerfanimError
 from ..core.files import atomic_path
@@ -24,12 +25,14 @@ from ..core.motion import Motion
 from ..core.motion_files import read_motion
 from ..core.retarget.bone_map import BoneMap, State, checked_map
 from ..core.retarget.presets import named_bone_map
-from ..core.retarget.transfer import RootMotion
+from ..core.retarget.transfer import Retargeter, RootMotion
 from .actions import scene_frames, write_posing
 from .export_animation import ENDINGS, Form, write_played
 from .export_blend import add_stage, render, set_up_rendering, write_scene
 from .posing import find_map, retarget_posing
 from .retarget_rig import read_armature_rest
+
+Array = NDArray[np.float64]
 
 _SAMPLED_FRAMES = 24  # of the performance, to place floor and camera
 _GLTF = (".glb", ".gltf", ".vrm")
@@ -69,19 +72,14 @@ def retarget_file(
     shown = (motion.frames + 1) // 2 if frame is None else frame
     if not 1 <= shown <= motion.frames:
         raise CharacterError(f"frame {shown} is outside 1 to {motion.frames}", where=motion.name)
+    is_own_scene = character.suffix.lower() == ".blend"
     _open(character)
     scene = bpy.context.scene
-    is_own_scene = character.suffix.lower() == ".blend"
     if not is_own_scene:
         scene.render.fps = max(1, round(motion.fps))
         scene.render.fps_base = scene.render.fps / motion.fps
     armature_object, bone_map = _humanoid(character, preset)
-    release_pose(armature_object)
-    bpy.context.view_layer.update()  # the place in the scene of what an importer has parented
-    posing = retarget_posing(armature_object, motion.skeleton, bone_map, root_motion)
-    frames = scene_frames(np.arange(motion.frames) / motion.fps, scene)
-    write_posing(armature_object, frames, motion.rotations, motion.root_positions_m, posing, name=motion.name)
-    scene.frame_start, scene.frame_end = 1, int(np.ceil(frames[-1]))
+    posing, frames = _performed(armature_object, bone_map, motion, root_motion)
     kind = _KINDS.get(target.suffix.lower())
     if kind is not None:
         write_played(bpy.context, armature_object, target, kind, bone_map.bones, form or Form())
@@ -97,17 +95,41 @@ def retarget_file(
             set_up_rendering(scene)
             scene.frame_set(int(frames[shown - 1]))
             render(scene, still)
-    return {
-        "mapped": bone_map.bones,
-        "unmapped": {joint: bone_map.matches[joint].reason for joint in bone_map.of_state(State.MISSING)},
-        "doubtful": {joint: bone_map.matches[joint].reason for joint in bone_map.of_state(State.DOUBTFUL)},
-        "complete": bone_map.complete,
-        "found_by": bone_map.origin,
+    return _map_facts(bone_map) | {
         "armature": armature_object.name,
         "root_motion": posing.root_motion.value,
         "scale": posing.alignment.units_per_metre,
         "frames": motion.frames,
         "out": str(target),
+    }
+
+
+def _performed(
+    armature_object: bpy.types.Object, bone_map: BoneMap, motion: Motion, root_motion: RootMotion
+) -> tuple[Retargeter, Array]:
+    """Let a character play a motion, and the scene last as long; return how it is posed and the frames (F,)."""
+    scene = bpy.context.scene
+    release_pose(armature_object)
+    bpy.context.view_layer.update()  # the place in the scene of what an importer has parented
+    posing = retarget_posing(armature_object, motion.skeleton, bone_map, root_motion)
+    frames = scene_frames(np.arange(motion.frames) / motion.fps, scene)
+    write_posing(armature_object, frames, motion.rotations, motion.root_positions_m, posing, name=motion.name)
+    scene.frame_start, scene.frame_end = 1, int(np.ceil(frames[-1]))
+    return posing, frames
+
+
+def _map_facts(bone_map: BoneMap) -> dict[str, Any]:
+    """Return what is told of a bone map."""
+    unmapped, doubtful = (
+        {joint: bone_map.matches[joint].reason for joint in bone_map.of_state(state)}
+        for state in (State.MISSING, State.DOUBTFUL)
+    )
+    return {
+        "mapped": bone_map.bones,
+        "unmapped": unmapped,
+        "doubtful": doubtful,
+        "complete": bone_map.complete,
+        "found_by": bone_map.origin,
     }
 
 
