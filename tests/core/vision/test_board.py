@@ -2,7 +2,10 @@ import cv2
 import numpy as np
 import pytest
 from perfanim.core.errors import CalibrationError, SettingsError
-from perfanim.core.vision.board import Board, charuco_board, find_board, parse_board, seen_grid
+from perfanim.core.simulate.studio.boards import board_pictures
+from perfanim.core.simulate.studio.render import Renderer
+from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.vision.board import Board, charuco_board, find_board, glimpse_board, parse_board, seen_grid
 from perfanim.core.vision.board_pdf import write_board_pdf
 
 PIXELS_PER_SQUARE = 60
@@ -99,6 +102,18 @@ def test_corners_are_found_where_they_are(spec):
     turned = np.abs(view.pixels - truth[::-1][view.ids])  # a chessboard may be numbered from the other end
     assert min(straight.max(), turned.max()) < 0.35
     assert min(np.sqrt(np.mean(straight**2)), np.sqrt(np.mean(turned**2))) < 0.1
+
+
+def test_a_board_of_codes_is_glimpsed_where_it_can_be_found():
+    """Held three metres away: its codes are some twenty pixels wide."""
+    board = parse_board("charuco:7x5:120mm:90mm:DICT_4X4_50")
+    for picture in board_pictures(Renderer(default_rig()), board, count=3):
+        for image in picture.images:
+            found, glimpsed = find_board(image, board), glimpse_board(image, board)
+            assert found is not None and glimpsed is not None
+            _, ours, theirs = np.intersect1d(glimpsed.ids, found.ids, return_indices=True)
+            assert len(ours) >= 0.8 * len(found.ids)
+            assert np.median(np.linalg.norm(glimpsed.pixels[ours] - found.pixels[theirs], axis=1)) < 1.0
 
 
 def test_no_board_no_view():
