@@ -17,6 +17,7 @@ from .database.store import Database
 from .errors import SubjectError
 from .marker_set import MarkerSet, Subject
 from .marker_take import MarkerTake
+from .pose_frame import PoseFrame
 from .session import Session
 from .skeleton import Skeleton, forward_kinematics
 from .solver.settings import SolveSettings
@@ -26,8 +27,9 @@ Array = NDArray[np.float64]
 
 _ROUNDS = 4
 _MOST_FRAMES = 300  # of the take that are looked at; more tell little new about the body
-_LARGE_M = 0.06  # a frame with a larger marker error shows no pose to learn from
+_LARGE_M = 0.06  # a frame with a larger median marker error shows no pose to learn from
 _FEWEST_FRAMES = 20
+_TORSO = 3  # markers by which the root is found
 _SIZE_SIGMA = 0.08  # standard deviation of the whole body's size about the first estimate
 _PART_SIGMA = 0.04  # of a part's share in it
 _OFFSET_SIGMA_M = 0.02  # of a marker about its usual place on the body
@@ -83,13 +85,19 @@ def subject_from_motion(
         rotations, good = _poses(part, subject, database)
         used = int(good.sum())
         if used < _FEWEST_FRAMES:
-            raise SubjectError(
-                f"only {used} frames fit a body",
-                where=take.name,
-                advice="choose the marker set that was worn, or a database with such motion",
-            )
+            raise _refusal(used, observed[:, start.marker_set.torso], take.name)
         subject = _fitted(rotations[good], observed[good], start)
     return MotionFit(subject, used)
+
+
+def _refusal(used: int, torso: Array, name: str) -> SubjectError:
+    """Return what is wrong with a take of which no more than `used` frames fit; torso markers (F, T, 3)."""
+    shown = int(np.sum(np.sum(np.isfinite(torso[..., 0]), axis=1) >= _TORSO))
+    if shown < _FEWEST_FRAMES:
+        advice = "check them in the program that the take is from"
+        return SubjectError(f"only {shown} frames show {_TORSO} markers of the torso", where=name, advice=advice)
+    advice = "choose the marker set that was worn, or a database with such motion"
+    return SubjectError(f"only {used} frames fit a body", where=name, advice=advice)
 
 
 def frames_of(take: MarkerTake, frames: slice) -> MarkerTake:
@@ -116,7 +124,8 @@ def _poses(take: MarkerTake, subject: Subject, database: Database) -> tuple[Arra
     """Return joint rotations (F, J, 4) and which frames were solved well."""
     session = Session(subject, database, settings=SolveSettings())
     poses = [session.step(frame) for frame in take_frames(take, subject.marker_set)]
-    good = np.array([pose.marker_rms_m < _LARGE_M and pose.confidence > 0.0 for pose in poses])
+    # the median: a marker on a wand is as far from its usual place as no body explains, which is what is to be found
+    good = np.array([_median_m(pose) < _LARGE_M and pose.confidence > 0.0 for pose in poses])
     return np.array([pose.rotations for pose in poses]), good
 
 
@@ -199,3 +208,10 @@ def _sized(skeleton: Skeleton, parts: Array) -> Skeleton:
         ]
         tips[joint] = offsets[followers[0]] if followers else skeleton.tips_m[joint] * factors[joint]
     return replace(skeleton, offsets_m=offsets, tips_m=tips)
+
+
+def _median_m(pose: PoseFrame) -> float:
+    """Return the median distance between the markers on the pose and where they were seen, NaN when none was."""
+    distances = np.linalg.norm(pose.observed_m - pose.markers_m, axis=1)
+    seen = np.isfinite(distances)
+    return float(np.median(distances[seen])) if np.any(seen) else float("nan")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from perfanim.core.errors import SubjectError, TakeError
 from perfanim.core.marker_set import Subject, load_marker_set
+from perfanim.core.motion import sliced
 from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.subject_from_motion import frames_of, subject_from_motion
@@ -58,8 +59,28 @@ def test_hidden_markers_are_left_out(take, wrong_start, database):
     assert fit.subject.residual_m < 0.01
 
 
+def test_markers_on_wands_are_found_where_they_are(embedded_motion, database):
+    """Clinical suits have some a hand's breadth and more beside thigh and shank, where no usual place is."""
+    suit = load_marker_set("plug-in-gait")
+    hips, limbs = ("LASI", "RASI", "LPSI", "RPSI"), ("THI", "KNE", "TIB", "ANK", "HEE", "TOE")
+    suit = suit.subset((*hips, *(side + name for side in "LR" for name in limbs)))
+    offsets = suit.offsets_m.copy()
+    wands = [suit.names.index(name) for name in ("LTHI", "LTIB", "RTHI", "RTIB")]
+    offsets[wands] += [[0.15, 0.0, 0.0], [0.15, 0.0, 0.0], [-0.15, 0.0, 0.0], [-0.15, 0.0, 0.0]]
+    motion = sliced(embedded_motion["walking-02-energetic"], 0, 90)
+    take = simulate_markers(motion, suit.with_offsets(offsets), noise_mm=2.0, seed=5)[0]
+    fit = subject_from_motion(take, Subject("walker", motion.skeleton, suit), database)
+    assert fit.frames > 0.8 * take.frames
+    assert fit.subject.residual_m < 0.01
+    off = np.linalg.norm(fit.subject.marker_set.offsets_m - offsets, axis=1)
+    assert np.max(off[wands]) < 0.5 * 0.15  # drawn to the usual place, but less than halfway
+
+
 def test_takes_that_show_no_body_are_refused(take, wrong_start, database):
     with pytest.raises(SubjectError, match="only 5 frames"):
         subject_from_motion(frames_of(take, slice(0, 5)), wrong_start, database)
+    unseen = replace(take, positions_m=np.full_like(take.positions_m, np.nan))
+    with pytest.raises(SubjectError, match="only 0 frames show 3 markers of the torso"):
+        subject_from_motion(unseen, wrong_start, database)
     with pytest.raises(TakeError, match="torso markers"):
         subject_from_motion(replace(take, names=tuple(f"X{i}" for i in range(len(take.names)))), wrong_start, database)
