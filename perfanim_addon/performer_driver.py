@@ -101,11 +101,6 @@ class PerformerDriver:
         """Who performs, with the characters that move along by now."""
         return [follower.role for follower in self._followers]
 
-    def characters(self) -> list[bpy.types.Object]:
-        """Return the characters that are there by now."""
-        found = (role.character() for role in self.roles)
-        return [character for character in found if character is not None]
-
     def enter(self, context: bpy.types.Context, room: Room) -> None:
         """Go on in the room of the first performer's character; who has no character gets a new one."""
         for follower in self._followers:
