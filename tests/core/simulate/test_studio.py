@@ -15,7 +15,7 @@ from perfanim.core.simulate.studio.performance import Performance
 from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.simulate.studio.settings import StudioSettings
-from perfanim.core.simulate.studio.source import studio_settings
+from perfanim.core.simulate.studio.source import open_simulated, studio_settings
 from perfanim.core.skeleton import Skeleton
 
 FPS = 60.0
@@ -114,6 +114,40 @@ def test_body_hides_markers_of_the_far_side(scene: Any) -> None:
     assert not seen["LWAI"] and not seen["RWAI"] and not seen["HEAD"]
     free = Renderer(rig, replace(QUIET, occlusion=False))
     assert free.truth(away, 0.0, 0).visible.all()
+
+
+def test_partners_are_seen_and_hide_what_is_behind_them(scene: Any) -> None:
+    motion = scene.swinging()
+
+    def moved(x: float, z: float) -> Performance:
+        path = motion.root_positions_m + np.array([x, 0.0, z])
+        return scene.performed(replace(motion, root_positions_m=path), "locomotion")
+
+    renderer = Renderer(default_rig(), QUIET)
+    beside = replace(moved(-0.6, 0.0), partners=(moved(0.6, 0.0),))
+    truth = renderer.truth(beside, 0.0, 0)
+    assert truth.visible.shape == (2, 16) and truth.visible.all()
+    np.testing.assert_allclose(truth.markers_m[8:] - truth.markers_m[:8], [[1.2, 0.0, 0.0]] * 8, atol=1e-12)
+    assert np.all(truth.pixels[:, :8, 0].mean(axis=1) < truth.pixels[:, 8:, 0].mean(axis=1))
+    behind = renderer.truth(replace(moved(0.0, 0.0), partners=(moved(0.0, -0.5),)), 0.0, 0)
+    assert behind.visible[:, :8].all()
+    assert not behind.visible[:, 8:].all(axis=1).any()  # each camera misses some of the one at the back
+    alone = renderer.render(moved(-0.6, 0.0), 0.0, 0).images[0].astype(int)
+    added = np.abs(renderer.render(beside, 0.0, 0).images[0].astype(int) - alone).sum(axis=(0, 2))
+    assert added[:320].sum() < added[320:].sum()  # the second body is drawn, on the right
+
+
+def test_partners_perform_beside_the_first() -> None:
+    spec = {"behaviour": "boxing", "seconds": 2.0, "partners": [{"behaviour": "walking", "height_m": 1.6}, {}]}
+    source = open_simulated(spec)
+    first, second, third = source.performance.everybody
+    roots_m = [one.motion.root_positions_m[0, 0] for one in (first, second, third)]
+    np.testing.assert_allclose(np.diff(roots_m), [1.2, 1.2], atol=0.05)  # a T pose sways by less
+    assert second.motion.skeleton.offsets_m[1, 1] != first.motion.skeleton.offsets_m[1, 1]
+    assert not np.array_equal(third.motion.rotations, first.motion.rotations)  # not in step
+    assert source.truth(0).markers_m.shape == (27, 3)
+    with pytest.raises(SettingsError, match="unknown setting heigth_m"):
+        open_simulated({"partners": [{"heigth_m": 1.6}]})
 
 
 def test_sword_is_held_and_does_not_hide_its_own_marker(scene: Any) -> None:

@@ -30,6 +30,7 @@ from perfanim.core.worker.protocol import Message, MessageKind
 from perfanim.core.worker.seam import Seam
 
 PATIENCE_S = 180.0
+ROOT_M = 0.3  # a quarter of what two performers are apart: nobody is taken for the other
 
 
 @pytest.fixture(scope="module")
@@ -134,6 +135,26 @@ def test_stop_ends_the_chain_and_loses_nothing(request_files: dict[str, str], tm
     assert picture.shape == (240, 640, 3)
     ringed = (picture[..., 1] - picture[..., [0, 2]].max(axis=2) > 80).sum(axis=0)  # green: in both cameras' images
     assert ringed[:320].sum() > 20 and ringed[320:].sum() > 20
+
+
+def test_two_performers_are_followed_live(request_files: dict[str, str], tmp_path: Path) -> None:
+    path = tmp_path / "pair.perftake"
+    asked = request(request_files, loop=True, partners=[{"seed": 5}])
+    client = WorkerClient({**asked, "take": str(path), "performers": [request_files["subject"]]})
+    try:
+        messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= 8)
+        client.request_stop()
+        messages = collect(client, lambda _: client.ended, messages)
+    finally:
+        client.close()
+    take = read_take_file(path)
+    assert [worn.name for worn in take.setup.further_subjects()] == ["Sim"]
+    everybody = open_simulated(asked["cameras"]["source"]).performance.everybody
+    for message in of(MessageKind.POSE, messages):
+        pose = message.pose().pose
+        for one, true in zip((pose, *pose.others), everybody, strict=True):
+            root_m = true.motion.root_positions_m[pose.number]
+            assert np.linalg.norm(one.root_position_m - root_m) < ROOT_M
 
 
 def test_stop_while_the_background_is_learned_is_a_clean_end(request_files: dict[str, str]) -> None:
