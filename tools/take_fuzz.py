@@ -7,7 +7,8 @@ with the simulated performer. One of the three is killed, by turns; the two work
 
 - Blender killed: the take must have its end mark and hold all that was in the cameras' hands half a second before.
 - A worker killed or frozen: it must be replaced within two seconds, the capture must go on in the same take, which
-  marks one gap, and end as it should. All that was in the cameras' hands half a second before must have been kept.
+  marks one gap, and end as it should. All that was in the cameras' hands half a second before must have been kept. How
+  soon the next pose came is told as well.
 
 Always every frame before that must be as in a capture that nobody killed, every frame whose pose Blender had taken must
 be there, no number may be left out, and no process may be left. Linux only: it looks at /proc.
@@ -20,6 +21,7 @@ import random
 import secrets
 import select
 import signal
+import statistics
 import struct
 import subprocess
 import sys
@@ -90,6 +92,7 @@ def main() -> int:
         "lost_median_s": lost[len(lost) // 2],
         "lost_most_s": lost[-1],
         "replaced_most_s": max(row["replaced_s"] for row in rows),
+        "next_pose": _next_poses(rows),
         "failed": failed,
         "rows": rows,
     }
@@ -98,7 +101,18 @@ def main() -> int:
     sys.stdout.write(f"lost: median {report['lost_median_s']:.3f} s, most {report['lost_most_s']:.3f} s; ")
     sys.stdout.write(f"replaced within {report['replaced_most_s']:.2f} s; ")
     sys.stdout.write(f"{len(failed)} of {len(rows)} failed; seed {seed}\n")
+    for case, figures in report["next_pose"].items():
+        sys.stdout.write(f"next pose, {case}: median {figures['median_s']:.2f} s, most {figures['most_s']:.2f} s\n")
     return 1 if failed else 0
+
+
+def _next_poses(rows: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
+    """Return how long after the signal the next pose came, for each worker and signal."""
+    waits: dict[str, list[float]] = {}
+    for row in rows:
+        if row["victim"] != "Blender":
+            waits.setdefault(f"{row['victim']} {row['signal']}", []).append(row["next_pose_s"])
+    return {case: {"median_s": statistics.median(found), "most_s": max(found)} for case, found in waits.items()}
 
 
 def _request(folder: Path) -> dict[str, Any]:
@@ -113,25 +127,29 @@ def _request(folder: Path) -> dict[str, Any]:
 def _stand_in(request: dict[str, Any]) -> None:
     """Take poses as Blender does, 60 times a second.
 
-    Prints the worker's process id, a line at the first pose, the moment at which a worker was replaced, and a line when
-    the capture has gone on for a while after that; then it is stopped. How many poses were taken stands in a file, and
-    when the images of the last were in hand.
+    Prints the worker's process id, a line at the first pose, and the moments at which a worker was replaced and at
+    which the next pose came; a while after that, the capture is stopped. How many poses were taken stands in a file,
+    and when the images of the last were in hand.
     """
     run = CaptureRun(WorkerClient(request))
     _say(run._client._process.pid)
-    taken = replaced_at = 0
+    taken = mended_at = 0
+    was_mending = False
     with _count_file(request["take"]).open("wb", buffering=0) as count:
         while run.phase is not Phase.DONE:
-            was_replaced = run.notice.endswith("starting it again")
             run.tick()
             os.pwrite(count.fileno(), _SEEN.pack(len(run.poses), run._stamp), 0)
             if run.poses and not taken:
                 _say("capturing")
-            taken = len(run.poses)
-            if run.notice.endswith("starting it again") and not was_replaced:
+            is_mending = run.notice.endswith("starting it again")
+            if is_mending and not was_mending:
                 _say(time.perf_counter())
-                replaced_at = taken
-            if replaced_at and taken > replaced_at + GOES_ON and run.phase is Phase.RUNNING:
+            if was_mending and not is_mending and len(run.poses) > taken:
+                _say(time.perf_counter())
+                mended_at = len(run.poses)
+            was_mending = is_mending or (was_mending and not mended_at)
+            taken = len(run.poses)
+            if mended_at and taken > mended_at + GOES_ON and run.phase is Phase.RUNNING:
                 run.stop()
             time.sleep(1 / 60)
     run.close()
@@ -180,9 +198,10 @@ def _killed(
     killed_s = time.perf_counter()
     sent, seen_s = _SEEN.unpack(_count_file(str(path)).read_bytes())
     family = [solver, cameras]
-    replaced_s = 0.0
+    replaced_s = next_pose_s = 0.0
     if who != "Blender":
         replaced_s = float(_line(blender)) - killed_s
+        next_pose_s = float(_line(blender)) - killed_s
         family += [process_id for process_id in _descendants(blender.pid) if process_id not in family]
     blender.wait()
     wrong = []
@@ -217,6 +236,7 @@ def _killed(
         wrong.append("not recovered")
     return {"victim": who, "signal": signal.Signals(how).name, "after_s": round(after_s, 3), "sent": sent, "kept": kept,
             "frames": len(frames), "poses": len(take.poses), "replaced_s": round(replaced_s, 3),
+            "next_pose_s": round(next_pose_s, 3),
             "lost_s": round(lost_s, 4), "wrong": wrong}  # fmt: skip
 
 
