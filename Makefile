@@ -21,7 +21,7 @@ NUMPY_OF_4.5 := 1.26
 NUMPY_OF_5.0 := 1.26
 NUMPY_OF_5.2 := 2.3
 
-.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench take-fuzz batch-bench extension clean
+.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench take-fuzz batch-bench retarget-bench frame-bench extension clean
 
 # bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
 # the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
@@ -88,6 +88,15 @@ take-fuzz: $(STAMP)
 # 200 takes with faults through perfanim batch in all ways; takes a quarter of an hour. DATA holds cmu/ (ASF/AMC).
 batch-bench: $(STAMP)
 	$(BIN)/python tools/batch_bench.py --data $(DATA) --out out/batch-bench
+
+# A walk and boxing on all characters below DATA: bones found, where limbs point, twists, sliding feet. Needs bpy.
+retarget-bench: $(STAMP)
+	$(BIN)/python tools/retarget_bench.py --data $(DATA)
+
+# From a marker frame's packet to the bones of the character, with 395,399 frames. DATA holds cmu/ and bandai/; needs bpy.
+frame-bench: export OPENBLAS_NUM_THREADS := 1
+frame-bench: $(STAMP)
+	$(BIN)/python tools/frame_bench.py --data $(DATA)
 
 extension: $(STAMP)
 	$(BIN)/python tools/build_extension.py --out dist

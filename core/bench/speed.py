@@ -74,7 +74,7 @@ def speed(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, 
     progress(0.3, "importing motion")
     whole, imported = _import(data, out, workers, lambda f, text: progress(0.3 + 0.3 * f, text))
     rows += imported
-    database = _part(whole, out / "databases" / "speed.perfdb")
+    database = part_of(whole, out / "databases" / "speed.perfdb")
     truth = read_take(data, WALKING)
     progress(0.7, "solving")
     rows += _solving(truth, database)
@@ -208,7 +208,7 @@ def _import(data: Path, out: Path, workers: int, progress: Progress) -> tuple[Da
     return database, rows.rows
 
 
-def _part(whole: Database, path: Path) -> Database:
+def part_of(whole: Database, path: Path) -> Database:
     """Return as much of the database as is asked for, without the takes that are solved."""
     kept, left = [], _DATABASE_FRAMES
     clips = [clip for clip in whole.clips if clip.name not in (*LEFT_OUT, SPLIT)]

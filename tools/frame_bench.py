@@ -1,0 +1,135 @@
+"""How long the extension itself takes for a frame: from a marker frame's packet to the bones of the character.
+
+    python tools/frame_bench.py --data DIR [--database ALL.perfdb] [--character Xbot.glb]
+
+What the solver's process and Blender do with each frame of a live capture, in one process, one after the other: the
+packet taken apart, the take written, the pose solved, packed, sent as bytes and taken apart again, and put on the
+armature. Cameras, the sockets' waiting and Blender's own evaluation and drawing are not in it. The database is cut to
+as many frames as `perfanim bench speed` takes, without the takes that are solved. DIR holds cmu/ (and bandai/, if the
+database is to be built from both). Times are of the clock and of the processor; those of one exhaustive NumPy search
+stand beside them, as machines differ, and those of the solver alone. Run it with OPENBLAS_NUM_THREADS=1, as the worker
+is (`make frame-bench` does). The exit status is 1 where the median is above 4 ms or one in a hundred above 8.
+"""
+
+import argparse
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import bpy
+import numpy as np
+from perfanim.core.bench.data import BOXING, FPS, WALKING, read_take, whole_database
+from perfanim.core.bench.speed import part_of, reference_ms
+from perfanim.core.database.store import Database, identity, open_database
+from perfanim.core.marker_frame import pack_stamped, unpack_stamped
+from perfanim.core.marker_set import Subject, load_marker_set
+from perfanim.core.motion import Motion
+from perfanim.core.pose_bytes import SolvedPose, pack_solved
+from perfanim.core.session import Session
+from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.sources.take import take_frames
+from perfanim.core.take_file.setup import TakeSetup
+from perfanim.core.take_file.writer import TakeWriter
+from perfanim.core.worker.protocol import Decoder, MessageKind, encode
+from perfanim.perfanim_addon.armature_driver import ArmatureDriver
+from perfanim.perfanim_addon.character import create_character
+
+MEDIAN_MS, P99_MS = 4.0, 8.0
+PROCESSES = 2
+
+
+def main() -> int:
+    """Run; the exit status is 1 when it takes longer than is asked."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, required=True, help="folder that holds cmu (and bandai)")
+    parser.add_argument("--database", type=Path, help="all motion, already built (default: built from --data)")
+    parser.add_argument("--character", type=Path, help="a .glb character besides the product's own")
+    options = parser.parse_args()
+    missed = False
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        whole = (
+            open_database(options.database)
+            if options.database
+            else whole_database(options.data, folder, ("cmu", "bandai"), PROCESSES, lambda fraction, text: None)
+        )
+        database = part_of(whole, folder / "part.perfdb")
+        wall, processor = reference_ms()
+        _say(f"{database.frames:,} frames; one exhaustive search {wall:.1f} ms, {processor:.1f} of the processor")
+        for take in (WALKING, BOXING):
+            motion = read_take(options.data, take)
+            for title, character in _characters(motion, options.character):
+                taken = 1e3 * np.array(_taken(motion, database, character, folder / f"{take.trial} {title}.perftake"))
+                missed |= _told(f"{take.title}, {title}", taken, (wall, processor, wall))
+    return int(missed)
+
+
+def _characters(motion: Motion, file: Path | None) -> list[tuple[str, str]]:
+    """Return titles and armatures in an empty scene: the performer, and the character of a file."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    found = [("own character", create_character(bpy.context, motion.skeleton))]
+    if file is not None:
+        known = set(bpy.data.objects)
+        bpy.ops.import_scene.gltf(filepath=str(file))
+        armature = next(obj for obj in set(bpy.data.objects) - known if obj.type == "ARMATURE")
+        found.append((file.stem, armature.name))
+    return found
+
+
+def _taken(motion: Motion, database: Database, character: str, path: Path) -> list[tuple[float, float, float]]:
+    """Return the seconds of each frame, by the clock and by the processor, and the solver's of the clock."""
+    subject = Subject(motion.name, motion.skeleton, load_marker_set("boxing"))
+    frames = take_frames(simulate_markers(motion, subject)[0], subject.marker_set)
+    packets = [pack_stamped(number / FPS, frame) for number, frame in enumerate(frames)]
+    session, driver = Session(subject, database), ArmatureDriver(character, motion.skeleton)
+    setup = TakeSetup.of(default_rig(), subject, {}, identity(database), {"source": {"kind": "simulated"}}, [], [])
+    take, decoder = TakeWriter(path, setup), Decoder()
+    handle = _handled(session, driver, take, decoder)
+    taken = []
+    for packet in packets:
+        wall_s, processor_s = time.perf_counter(), time.process_time()
+        solver_s = handle(packet)
+        taken.append((time.perf_counter() - wall_s, time.process_time() - processor_s, solver_s))
+    take.close()
+    return taken
+
+
+def _handled(session: Session, driver: ArmatureDriver, take: TakeWriter, decoder: Decoder) -> Callable[[bytes], float]:
+    """Return what handles a packet and tells the solver's seconds."""
+
+    def handle(packet: bytes) -> float:
+        take.add_frame(packet)
+        stamp_s, frame = unpack_stamped(packet)
+        started_s = time.perf_counter()
+        pose = session.step(frame)
+        solver_s = time.perf_counter() - started_s
+        record = pack_solved(SolvedPose(pose, stamp_s, solver_s))
+        take.add_pose(record)
+        (message,) = decoder.feed(encode(MessageKind.POSE, record))
+        shown = message.pose().pose
+        driver.apply(shown.rotations, shown.root_position_m)
+        return solver_s
+
+    return handle
+
+
+def _told(title: str, taken: np.ndarray, reference: tuple[float, float, float]) -> bool:
+    """Say how long it took; return whether that is longer than is asked by the clock."""
+    _say(f"{title}, {len(taken)} frames:")
+    for what, milliseconds, search in zip(("clock", "processor", "the solver alone"), taken.T, reference, strict=True):
+        median, p99 = float(np.median(milliseconds)), float(np.percentile(milliseconds, 99))
+        ratios = f"{median / search:.3f}, {p99 / search:.3f} of the search"
+        _say(f"  {what}: median {median:.2f} ms, p99 {p99:.2f} ms ({ratios})")
+    return bool(np.median(taken[:, 0]) > MEDIAN_MS or np.percentile(taken[:, 0], 99) > P99_MS)
+
+
+def _say(line: str) -> None:
+    sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
