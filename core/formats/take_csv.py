@@ -65,7 +65,9 @@ def _motive(rows: list[list[str]], where: str) -> MarkerTake:
     rate = facts.get("Export Frame Rate") or facts.get("Capture Frame Rate") or "nan"
     fps = numbers_of([rate], f"{where}, line 1")[0]
     fps = fps if fps > 0.0 else rate_from_times(table[:, 1])
-    names = [labels["name"][i].split(":")[-1] for i in starts]
+    names = [labels["name"][i] for i in starts]
+    own = [name.split(":")[-1] for name in names]  # without the subject, unless several of them have a "Marker1"
+    names = own if len(set(own)) == len(own) else names
     return make_take(where, facts.get("Take Name") or Path(where).stem, fps, names, positions, table[:, 0], table[:, 1])
 
 

@@ -77,6 +77,11 @@ def test_motive_export(tmp_path: Path) -> None:
     np.testing.assert_array_equal(take.visible[1], [True, False])
 
 
+def test_markers_of_several_bodies_are_told_apart_in_a_motive_export(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(MOTIVE.replace("R:A", "Arm:Marker1").replace("R:B", "Leg:Marker1"))
+    assert read_take(tmp_path / "a.csv").names == ("Arm:Marker1", "Leg:Marker1")
+
+
 @pytest.mark.parametrize(
     ("more", "rows", "times_s"),
     [
