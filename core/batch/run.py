@@ -87,7 +87,7 @@ def _do(
     # takes of one performer after each other, who is prepared once; of these the long ones first, or the last process
     # would be busy with one while the others have nothing to do
     ordered = sorted(left, key=lambda take: (take.options_of("solve"), -weights[take.name], take.name))
-    total, finished, started = sum(weights.values()), 0, time.monotonic()
+    total, finished, solved, started = sum(weights.values()), 0, 0, time.monotonic()
     before, bad = len(done), sum(record.status == BAD for record in done.values())
     count = before + len(left)
     progress(0.0, f"{before} of {count} takes")
@@ -96,8 +96,12 @@ def _do(
             done[record.name] = record
             finished += weights[record.name]
             bad += record.status == BAD
-            left_s = (time.monotonic() - started) * (total - finished) / finished
-            progress(finished / total, f"{len(done)} of {count} takes, {bad} bad, {_duration(left_s)} left")
+            solved += weights[record.name] * (record.status != BAD)
+            line = f"{len(done)} of {count} takes, {bad} bad"
+            if solved:  # a file that is empty tells nothing of how long the others take
+                left_s = (time.monotonic() - started) * (total - finished) / solved
+                line += f", {_duration(left_s)} left"
+            progress(finished / total, line)
 
 
 def _weight(take: TakePlan) -> int:

@@ -174,6 +174,15 @@ def test_progress_tells_how_long_it_takes(inputs, tmp_path):
     fractions = [fraction for fraction, text in told if "takes" in text]
     assert fractions == sorted(fractions)
     assert told[-2][1] == "2 of 2 takes, 1 bad, 0 s left"
+    alone = []
+    plan = inputs.plan("empty.c3d", "a.c3d")
+    run_batch(plan, tmp_path / "alone", first_of(do_here), lambda f, text: alone.append(text))
+    assert "1 of 2 takes, 1 bad" in alone  # what an empty file took says nothing of the others
+
+
+def first_of(do_tasks):
+    """Do the bad take first, whatever comes first by its size."""
+    return lambda tasks: do_tasks(sorted(tasks, key=lambda task: task.take.name, reverse=True))
 
 
 def test_a_recorded_take_needs_nothing_else(inputs, subject, database, tmp_path):
