@@ -137,20 +137,21 @@ def jsonable(value: Any) -> Any:
 def summary_text(summary: dict[str, Any]) -> str:
     """Return the summary for a person: one line a figure; long lists and tables are counted, not printed.
 
-    Rows of a report (lists of dicts) get a line each, up to `_MOST_ROWS`.
+    Rows of a report (lists or tables of dicts) get a line each, up to `_MOST_ROWS`.
     """
     lines = []
     for key, value in jsonable(summary).items():
         label = key.replace("_", " ")
         if isinstance(value, float):
             lines.append(f"{label}: {value:.4g}")
+        elif isinstance(value, dict) and value and all(isinstance(row, dict) for row in value.values()):
+            lines.append(f"{label}:")
+            lines += _rows([f"{name}: {_short(row)}" for name, row in value.items()])
         elif isinstance(value, dict) and value:
             lines.append(f"{label}: " + ", ".join(f"{k} {_short(v)}" for k, v in list(value.items())[:40]))
         elif isinstance(value, list) and value and all(isinstance(row, dict) for row in value):
             lines.append(f"{label}: {len(value)}")
-            lines += ["  " + ", ".join(str(item) for item in row.values() if item) for row in value[:_MOST_ROWS]]
-            if len(value) > _MOST_ROWS:
-                lines.append(f"  and {len(value) - _MOST_ROWS} more, which --json tells")
+            lines += _rows([", ".join(_named(key, item) for key, item in row.items() if item) for row in value])
         elif isinstance(value, list):
             lines.append(f"{label}: {len(value)}" if len(value) > 12 else f"{label}: {', '.join(map(_short, value))}")
         else:
@@ -158,11 +159,21 @@ def summary_text(summary: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def _rows(rows: list[str]) -> list[str]:
+    told = [f"  {row}" for row in rows[:_MOST_ROWS]]
+    return [*told, f"  and {len(rows) - _MOST_ROWS} more, which --json tells"] if len(rows) > _MOST_ROWS else told
+
+
+def _named(key: str, value: Any) -> str:
+    """Return what stands in a row; a number with a fraction says of what it is."""
+    return f"{key.replace('_', ' ')} {_short(value)}" if isinstance(value, float) else str(value)
+
+
 def _short(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.4g}"
     if isinstance(value, dict):
-        return " ".join(f"{key}={_short(item)}" for key, item in value.items())
+        return " ".join(f"{key}={_short(item)}" for key, item in value.items() if item is not None)
     return str(value)
 
 

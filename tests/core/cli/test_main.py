@@ -215,5 +215,12 @@ def test_summary_text():
 def test_rows_of_a_report_get_a_line_each():
     rows = [{"file": "a.bvh", "line": 3, "reason": "cut off"}, {"file": "b.bvh", "line": None, "reason": "empty"}]
     assert summary_text({"skipped": rows}).splitlines() == ["skipped: 2", "  a.bvh, 3, cut off", "  b.bvh, empty"]
+    table = {"root": {"deg": 1.23456, "twist_deg": None}, "head": {"deg": 2.0, "twist_deg": 0.5}}
+    assert summary_text({"per_joint": table}).splitlines() == [
+        "per joint:",
+        "  root: deg=1.235",
+        "  head: deg=2 twist_deg=0.5",
+    ]
+    assert summary_text({"worst": [{"frame": 220, "error_mm": 51.42527}]}).splitlines()[1] == "  220, error mm 51.43"
     lines = summary_text({"skipped": rows * 100}).splitlines()
     assert (lines[0], lines[-1], len(lines)) == ("skipped: 200", "  and 140 more, which --json tells", 62)
