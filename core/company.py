@@ -22,6 +22,7 @@ IntArray = NDArray[np.int64]
 
 _NOBODY = -1
 _PATIENCE_S = 1.0  # for which nobody is given a body that may be another's: all who are waited for may come into view
+_LOOK_S = 0.1  # from one look for several bodies to the next, as each takes as long as solving some frames
 _UNLIKE_M = 1e3  # what it counts to be given a body that one's markers do not fit,
 _ORDER_M = 0.015  # and another than that of one's place, against the distance to the closest example
 
@@ -39,12 +40,12 @@ class Company:
         rig = sessions[0].rig
         self._cameras = rig.cameras if rig else ()
         self._waiting_since_s: float | None = None
+        self._looked_s = -np.inf
 
     def shares(self, frame: MarkerFrame) -> list[MarkerFrame]:
         """Return what each performer may take of the next frame; labels that a source knows are the first one's."""
         if is_labelled(frame):
-            nothing = MarkerFrame(frame.number, frame.time_s, notes=frame.notes)
-            return [frame] + [nothing] * (len(self._sessions) - 1)
+            return [frame] + [_nothing(frame)] * (len(self._sessions) - 1)
         owners = self._owners(frame)
         shares = [self._share(frame, owners, index) for index in range(len(self._sessions))]
         waiting = [index for index, session in enumerate(self._sessions) if session.is_waiting]
@@ -87,10 +88,13 @@ class Company:
 
     def _bodies(self, frame: MarkerFrame, waiting: Sequence[int]) -> list[MarkerFrame]:
         """Return the share of each performer that is waited for: one body, or nothing as long as there is doubt."""
-        bodies = self._found(frame, waiting)
-        given = self._given(frame, waiting, bodies)
         if self._waiting_since_s is None:
             self._waiting_since_s = frame.time_s
+        if frame.time_s - self._looked_s < _LOOK_S:
+            return [_nothing(frame)] * len(waiting)
+        self._looked_s = frame.time_s
+        bodies = self._found(frame, waiting)
+        given = self._given(frame, waiting, bodies)
         in_order = [(row, row) for row in range(len(waiting))]
         if given != in_order and frame.time_s - self._waiting_since_s < _PATIENCE_S:
             given = []
@@ -100,7 +104,7 @@ class Company:
         known = {row for row, _ in given}
         return [
             # what is near to no body may be a limb of any
-            self._without(frame, ((owners != row) & (owners != _NOBODY)) | (row not in known))
+            self._without(frame, (owners != row) & (owners != _NOBODY)) if row in known else _nothing(frame)
             for row in range(len(waiting))
         ]
 
@@ -141,3 +145,8 @@ class Company:
             for column, own in zip(frame.point_blobs[taken].T, kept, strict=True)
         ]
         return without_blobs(frame, gone)
+
+
+def _nothing(frame: MarkerFrame) -> MarkerFrame:
+    """Return a frame in which nothing is seen."""
+    return MarkerFrame(frame.number, frame.time_s, notes=frame.notes)
