@@ -116,7 +116,7 @@ class WorkerClient:
 
     def _send_start(self) -> None:
         run, port = "perfanim.core.worker.process:main", self._listener.getsockname()[1]
-        order = bootstrap.order(run, port, self._token, paths=library_paths())
+        order = bootstrap.order(run, port, self._token, str(self._request.get("job", "")), paths=library_paths())
         if self._process.stdin is not None:
             self._process.stdin.write(order.encode("utf-8") + b"\n")
             self._process.stdin.flush()

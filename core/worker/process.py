@@ -17,7 +17,6 @@ import importlib
 import signal
 import sys
 import traceback
-from collections.abc import Mapping
 from typing import Any
 
 from ..errors import CaptureError, PerfanimError
@@ -36,13 +35,13 @@ _JOBS = {
 }
 
 
-def main(port: int, token: str) -> int:
-    """Connect to Blender on `port`, do the job that it asks for, and end; returns the exit status."""
+def main(port: int, token: str, name: str) -> int:
+    """Connect to Blender on `port`, do the job of that name that it asks for, and end; returns the exit status."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that half-written files are removed
     channel = Channel(port, token)
     try:
-        request = channel.wait_request()
-        _job(request).run(request, channel)
+        job = _job(name)  # what it needs is loaded while the request is on its way
+        job.run(channel.wait_request(), channel)
     except PerfanimError as error:
         channel.send_error(error)
         return 1
@@ -61,8 +60,7 @@ def main(port: int, token: str) -> int:
     return 0
 
 
-def _job(request: Mapping[str, Any]) -> Any:
-    name = str(request.get("job", ""))
+def _job(name: str) -> Any:
     if name not in _JOBS:
         raise CaptureError(f"does not know the job {name!r}", where="worker", advice="restart Blender")
     # Imported here: a database is built without loading what images need, and the other way round.
