@@ -10,6 +10,7 @@ from ..core.errors import SettingsError
 from ..core.files import write_toml
 from ..core.formats.takes import is_recorded
 from . import preferences, states, takes
+from .hung import hung_on
 from .place import absolute
 from .properties import settings
 
@@ -124,13 +125,4 @@ def blender_program() -> str:
     return str(bpy.app.binary_path)
 
 
-def register() -> None:
-    """Register the settings and hang them on the scene."""
-    bpy.utils.register_class(PERFANIM_PG_batch)
-    bpy.types.Scene.perfanim_batch = bpy.props.PointerProperty(type=PERFANIM_PG_batch)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    del bpy.types.Scene.perfanim_batch
-    bpy.utils.unregister_class(PERFANIM_PG_batch)
+register, unregister = hung_on(bpy.types.Scene, "perfanim_batch", PERFANIM_PG_batch)

@@ -8,6 +8,7 @@ from ..core.errors import CharacterError
 from ..core.product_skeleton import JOINT_NAMES
 from ..core.retarget.bone_map import BoneMap, JointMatch, State, checked_map
 from ..core.retarget.transfer import RootMotion
+from .hung import hung_on
 from .retarget_rig import read_armature_rest
 
 JOINT_LABELS = {
@@ -147,18 +148,4 @@ def stored_root_motion(armature_object: bpy.types.Object) -> RootMotion:
     return RootMotion.HIPS if kept is None else RootMotion[kept.root_motion]
 
 
-_CLASSES = (PERFANIM_PG_joint, PERFANIM_PG_character)
-
-
-def register() -> None:
-    """Register the map and hang it on objects."""
-    for cls in _CLASSES:
-        bpy.utils.register_class(cls)
-    bpy.types.Object.perfanim_character = bpy.props.PointerProperty(type=PERFANIM_PG_character)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    del bpy.types.Object.perfanim_character
-    for cls in reversed(_CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = hung_on(bpy.types.Object, "perfanim_character", PERFANIM_PG_joint, PERFANIM_PG_character)

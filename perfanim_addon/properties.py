@@ -6,6 +6,7 @@ import bpy
 
 from ..core.marker_set import marker_set_names
 from . import running
+from .hung import hung_on
 from .posing import fill_map
 
 SOURCES = (
@@ -353,13 +354,4 @@ def settings(context: bpy.types.Context) -> PERFANIM_PG_settings:
     return context.scene.perfanim
 
 
-def register() -> None:
-    """Register the settings and hang them on the scene."""
-    bpy.utils.register_class(PERFANIM_PG_settings)
-    bpy.types.Scene.perfanim = bpy.props.PointerProperty(type=PERFANIM_PG_settings)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    del bpy.types.Scene.perfanim
-    bpy.utils.unregister_class(PERFANIM_PG_settings)
+register, unregister = hung_on(bpy.types.Scene, "perfanim", PERFANIM_PG_settings)

@@ -6,6 +6,7 @@ import bpy
 
 from ..core.vmc.ports import PERFORMER_PORT
 from . import sending
+from .hung import hung_on
 
 THIS_COMPUTER = "127.0.0.1"
 
@@ -42,13 +43,4 @@ def source(scene: bpy.types.Scene) -> dict[str, Any]:
     return {"kind": "vmc", "port": chosen.port, "sender": chosen.sender.strip()}
 
 
-def register() -> None:
-    """Register the settings and hang them on the scene."""
-    bpy.utils.register_class(PERFANIM_PG_receiving)
-    bpy.types.Scene.perfanim_receiving = bpy.props.PointerProperty(type=PERFANIM_PG_receiving)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    del bpy.types.Scene.perfanim_receiving
-    bpy.utils.unregister_class(PERFANIM_PG_receiving)
+register, unregister = hung_on(bpy.types.Scene, "perfanim_receiving", PERFANIM_PG_receiving)

@@ -6,6 +6,7 @@ from typing import Any
 import bpy
 
 from ..core.vmc.ports import MARIONETTE_PORT
+from .hung import hung_on
 
 
 class PERFANIM_PG_sending(bpy.types.PropertyGroup):
@@ -57,13 +58,4 @@ def target(scene: bpy.types.Scene) -> list[Any]:
     return [chosen.host.strip(), chosen.port] if chosen.on and not problem(chosen) else []
 
 
-def register() -> None:
-    """Register the settings and hang them on the scene."""
-    bpy.utils.register_class(PERFANIM_PG_sending)
-    bpy.types.Scene.perfanim_sending = bpy.props.PointerProperty(type=PERFANIM_PG_sending)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    del bpy.types.Scene.perfanim_sending
-    bpy.utils.unregister_class(PERFANIM_PG_sending)
+register, unregister = hung_on(bpy.types.Scene, "perfanim_sending", PERFANIM_PG_sending)
