@@ -36,15 +36,11 @@ class PERFANIM_OT_calibrate_cameras(JobOperator, bpy.types.Operator):
     panel = PANEL
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def lacks(cls, context: bpy.types.Context) -> str:
         """Needs a folder of each camera."""
-        if not super().poll(context):
-            return False
         chosen = settings(context)
-        if not (chosen.board_left and chosen.board_right):
-            cls.poll_message_set("Choose the folders with both cameras' images of the board")
-            return False
-        return True
+        both = chosen.board_left and chosen.board_right
+        return "" if both else "Choose the folders with both cameras' images of the board"
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         """Return the command."""
@@ -70,15 +66,11 @@ class _Watching(JobOperator):
     panel = PANEL
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def lacks(cls, context: bpy.types.Context) -> str:
         """Needs cameras."""
-        if not super().poll(context):
-            return False
-        chosen = settings(context)
-        if chosen.source not in ("CAMERAS", "SIMULATED"):
-            cls.poll_message_set("Needs cameras as the source; pictures of the board are calibrated from their folders")
-            return False
-        return True
+        if settings(context).source in ("CAMERAS", "SIMULATED"):
+            return ""
+        return "Needs cameras as the source; pictures of the board are calibrated from their folders"
 
 
 class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
@@ -128,14 +120,9 @@ class _FloorFinding(_Watching):
     title = "Finding the floor"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def lacks(cls, context: bpy.types.Context) -> str:
         """Needs a calibration."""
-        if not super().poll(context):
-            return False
-        state = states.cameras(settings(context))
-        if not state.ready:
-            cls.poll_message_set(state.problem)
-        return state.ready
+        return super().lacks(context) or states.cameras(settings(context)).problem
 
 
 class PERFANIM_OT_set_floor(_FloorFinding, bpy.types.Operator):
@@ -169,14 +156,10 @@ class PERFANIM_OT_set_floor_markers(_FloorFinding, bpy.types.Operator):
     bl_label = "Set Floor from Markers"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def lacks(cls, context: bpy.types.Context) -> str:
         """Needs two cameras."""
-        if not super().poll(context):
-            return False
-        if states.is_one_camera(settings(context)):
-            cls.poll_message_set("One camera alone finds the floor from the board")
-            return False
-        return True
+        alone = states.is_one_camera(settings(context))
+        return super().lacks(context) or ("One camera alone finds the floor from the board" if alone else "")
 
     def request(self, context: bpy.types.Context) -> dict[str, Any]:
         """Return what the worker is asked for."""

@@ -17,8 +17,8 @@ class JobOperator:
     """Base of the operators that let the worker do something.
 
     Subclasses say what with `title`, `panel`, `arguments` of a command or else `request` (both raise PerfanimError for
-    bad settings) and take the result in `done`, which returns the line to show. A job that is `finishable` may be asked
-    to end early with what it has.
+    bad settings) and take the result in `done`, which returns the line to show; `lacks` says what must be chosen
+    before. A job that is `finishable` may be asked to end early with what it has.
     """
 
     title = ""
@@ -27,8 +27,18 @@ class JobOperator:
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Only one thing at a time."""
-        return common.in_scene(cls, context) and common.idle(cls)
+        """Only one thing at a time, and only with what it needs."""
+        if not (common.in_scene(cls, context) and common.idle(cls)):
+            return False
+        missing = cls.lacks(context)
+        if missing:
+            cls.poll_message_set(missing)
+        return not missing
+
+    @classmethod
+    def lacks(cls, context: bpy.types.Context) -> str:
+        """Return what is to be done before, as the greyed button says it; "" when nothing is."""
+        return ""
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         """Return the command line's arguments."""

@@ -30,14 +30,9 @@ class PERFANIM_OT_calibrate_subject(JobOperator, bpy.types.Operator):
     panel = PANEL
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def lacks(cls, context: bpy.types.Context) -> str:
         """Needs a take."""
-        if not super().poll(context):
-            return False
-        if not settings(context).subject_take:
-            cls.poll_message_set("Choose a marker take that shows a T pose")
-            return False
-        return True
+        return "" if settings(context).subject_take else "Choose a marker take that shows a T pose"
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         """Return the command."""
@@ -62,18 +57,12 @@ class _Recording(JobOperator):
     panel = PANEL
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def lacks(cls, context: bpy.types.Context) -> str:
         """Needs calibrated cameras and a marker set."""
-        if not super().poll(context):
-            return False
         chosen = settings(context)
         if not states.has_cameras(chosen):
-            cls.poll_message_set("Needs cameras: record a capture with an average body, and calibrate from its take")
-            return False
-        problem = states.cameras(chosen).problem or states.markers(chosen).problem
-        if problem:
-            cls.poll_message_set(problem)
-        return not problem
+            return "Needs cameras: record a capture with an average body, and calibrate from its take"
+        return states.cameras(chosen).problem or states.markers(chosen).problem
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Poll the worker at each tick, and let the performer hear where it is."""
