@@ -1,10 +1,12 @@
 """The add-on as Blender loads it: from an extension repository, under the name bl_ext.user_default.perfanim."""
 
+import importlib
 import os
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -47,3 +49,35 @@ def addon(extension: str) -> Iterator[object]:
     addon_utils.disable(extension, default_set=True)
     # profiles, maps and takes a test has saved would be offered to the next one
     shutil.rmtree(Path(os.environ["BLENDER_USER_EXTENSIONS"]) / ".user", ignore_errors=True)
+
+
+@pytest.fixture
+def part(addon: object, extension: str) -> Callable[[str], Any]:
+    """Return a module of the add-on by its name."""
+    return lambda name: importlib.import_module(f"{extension}.perfanim_addon.{name}")
+
+
+@pytest.fixture
+def shown(addon: object) -> Any:
+    """The list of further targets."""
+    return bpy.context.scene.perfanim_targets
+
+
+@pytest.fixture(scope="module")
+def made() -> str:
+    """A character of the product's own, 1.68 m tall, in an empty scene."""
+    from perfanim.core.product_skeleton import default_skeleton
+    from perfanim.perfanim_addon.character import create_character
+
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    return create_character(bpy.context, default_skeleton(1.68))
+
+
+@pytest.fixture(scope="module")
+def mixamo_blend(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A .blend with a character, Hero, that has Mixamo's names."""
+    from heroes import save_hero
+
+    path = tmp_path_factory.mktemp("hero") / "hero.blend"
+    save_hero(path)
+    return path

@@ -6,7 +6,7 @@ import pytest
 from perfanim.core import rotations as rot
 from perfanim.core.errors import CharacterError
 from perfanim.core.product_skeleton import default_skeleton
-from perfanim.perfanim_addon import action_placement, actions, character
+from perfanim.perfanim_addon import action_placement, actions
 from perfanim.perfanim_addon.action_placement import Onto, Placement
 from perfanim.perfanim_addon.armature_driver import ArmatureDriver
 from perfanim.perfanim_addon.keyframes import KeyBounds
@@ -15,12 +15,6 @@ from played import curves_of, played_poses
 SKELETON = default_skeleton(1.68)
 FLOAT32_DEG = 0.01
 STRIP, LAYER = Placement(Onto.STRIP), Placement(Onto.LAYER)
-
-
-@pytest.fixture(scope="module")
-def made() -> str:
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    return character.create_character(bpy.context, SKELETON)
 
 
 @pytest.fixture

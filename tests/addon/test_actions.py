@@ -7,16 +7,10 @@ from perfanim.core import rotations as rot
 from perfanim.core.errors import CharacterError
 from perfanim.core.product_skeleton import JOINT_NAMES, default_skeleton
 from perfanim.core.skeleton import forward_kinematics
-from perfanim.perfanim_addon import actions, character
+from perfanim.perfanim_addon import actions
 from played import curves_of, key_times, played_poses, points_from_blender
 
 SKELETON = default_skeleton(1.68)
-
-
-@pytest.fixture(scope="module")
-def made() -> str:
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    return character.create_character(bpy.context, SKELETON)
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import sys
 import time
 import tomllib
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -47,11 +47,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def part(addon: ModuleType, extension: str, folder: Path) -> Any:
+def part(part: Any, folder: Path) -> Any:
+    """Return a module of the add-on by its name; performer, database and marker set are chosen."""
     chosen = bpy.context.scene.perfanim
     chosen.subject, chosen.database = str(folder / "anna.toml"), str(folder / "walk.perfdb")
     chosen.marker_set = "locomotion"
-    return lambda name: sys.modules[f"{extension}.perfanim_addon.{name}"]
+    return part
 
 
 def run_job(part: Any) -> tuple[str, list[str]]:

@@ -3,7 +3,7 @@
 import sys
 from itertools import pairwise
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -20,14 +20,6 @@ from perfanim.core.simulate.performer import perform
 from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, board_on_floor, board_pictures
 from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.rig import default_rig
-
-
-@pytest.fixture
-def part(addon: ModuleType, extension: str) -> Any:
-    def find(name: str) -> Any:
-        return sys.modules[f"{extension}.perfanim_addon.{name}"]
-
-    return find
 
 
 def test_motion_is_imported_and_used(part: Any, tmp_path: Path) -> None:

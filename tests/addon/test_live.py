@@ -1,9 +1,8 @@
 """A capture in Blender without a window: the real worker, session, armature and action; the test plays the timer."""
 
 import sys
-import time
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -15,27 +14,7 @@ from perfanim.core.marker_set import save_subject
 from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.take_file.reading import read_take_file
 from played import curves_of, key_times
-
-PATIENCE_S = 600.0
-
-
-@pytest.fixture
-def part(addon: ModuleType, extension: str) -> Any:
-    """Return a module of the add-on by its name."""
-
-    def find(name: str) -> Any:
-        return sys.modules[f"{extension}.perfanim_addon.{name}"]
-
-    return find
-
-
-def tick_until(capture: Any, condition: Any) -> None:
-    limit = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert not capture.done, capture.run.error
-        assert time.monotonic() < limit, capture.line
-        capture.tick(bpy.context)
-        time.sleep(1 / 60)
+from ticking import tick_until
 
 
 def test_the_defaults_capture_a_new_character_into_one_action(part: Any) -> None:

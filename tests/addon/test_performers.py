@@ -1,10 +1,9 @@
 """Several performers: each moves a character of their own, which stand to each other as the performers do."""
 
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -33,21 +32,6 @@ SUBJECTS = (Subject("Ben", SECOND, load_marker_set("boxing")),)
 SEEN = 4  # the pose in which the second performer is first seen
 PLACE_M = 0.05  # of hips, as far as markers lie from the bones; the other performer stands 1.2 m aside
 EXACT_M = 1e-5  # float32, as Blender keeps it
-
-
-@pytest.fixture
-def part(addon: ModuleType, extension: str) -> Any:
-    """Return a module of the add-on by its name."""
-
-    def find(name: str) -> Any:
-        return sys.modules[f"{extension}.perfanim_addon.{name}"]
-
-    return find
-
-
-@pytest.fixture
-def shown(addon: ModuleType) -> Any:
-    return bpy.context.scene.perfanim_targets
 
 
 @pytest.fixture

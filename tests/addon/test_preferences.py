@@ -1,6 +1,5 @@
 """What the preferences change, and that everything explains itself."""
 
-import importlib
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -8,14 +7,6 @@ from typing import Any
 
 import bpy
 import pytest
-
-
-@pytest.fixture
-def part(addon: ModuleType, extension: str) -> Any:
-    def find(name: str) -> Any:
-        return importlib.import_module(f"{extension}.perfanim_addon.{name}")
-
-    return find
 
 
 @pytest.fixture

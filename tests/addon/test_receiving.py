@@ -1,9 +1,7 @@
 """Trackers that another program sends by VMC in place of cameras: the settings, and a capture in Blender."""
 
-import sys
 import time
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import bpy
@@ -19,14 +17,6 @@ from perfanim.core.take_file.reading import read_take_file
 from trackers_sent import Program, free_port, tracker_packet
 
 PATIENCE_S = 300.0
-
-
-@pytest.fixture
-def part(addon: ModuleType, extension: str) -> Any:
-    def find(name: str) -> Any:
-        return sys.modules[f"{extension}.perfanim_addon.{name}"]
-
-    return find
 
 
 def test_only_programs_of_this_computer_without_online_access(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:

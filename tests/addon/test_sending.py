@@ -1,19 +1,9 @@
 """Where a capture sends the character to: nowhere until somebody switches it on."""
 
-import sys
-from types import ModuleType
 from typing import Any
 
 import bpy
 import pytest
-
-
-@pytest.fixture
-def part(addon: ModuleType, extension: str) -> Any:
-    def find(name: str) -> Any:
-        return sys.modules[f"{extension}.perfanim_addon.{name}"]
-
-    return find
 
 
 @pytest.fixture

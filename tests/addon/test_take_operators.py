@@ -1,11 +1,10 @@
 """What the Takes panel's buttons do: import, solve again, put on a character, export, delete, have back, clean up."""
 
 import shutil
-import sys
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -52,16 +51,14 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
 
 
 @pytest.fixture
-def part(addon: ModuleType, extension: str, walk: SimpleNamespace) -> Any:
-    def find(name: str) -> Any:
-        return sys.modules[f"{extension}.perfanim_addon.{name}"]
-
+def part(part: Any, walk: SimpleNamespace) -> Any:
+    """Return a module of the add-on by its name; what a capture needs is chosen, and there are no takes."""
     chosen = bpy.context.scene.perfanim
     chosen.subject, chosen.database = str(walk.folder / "anna.toml"), str(walk.folder / "walk.perfdb")
     chosen.marker_set = "locomotion"
-    shutil.rmtree(find("takes").folder())
-    find("takes").forget()
-    return find
+    shutil.rmtree(part("takes").folder())
+    part("takes").forget()
+    return part
 
 
 def recorded(part: Any, walk: SimpleNamespace, name: str, **notes: Any) -> Path:

@@ -3,11 +3,10 @@
 import os
 import shutil
 import signal
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -30,16 +29,15 @@ PATIENCE_S = 600.0
 
 
 @pytest.fixture
-def part(addon: ModuleType, extension: str) -> Iterator[Any]:
-    def find(name: str) -> Any:
-        return sys.modules[f"{extension}.perfanim_addon.{name}"]
+def part(part: Any) -> Iterator[Any]:
+    """Return a module of the add-on by its name; there are no takes before and after."""
 
     def clear() -> None:
-        shutil.rmtree(find("takes").folder())
-        find("takes").forget()
+        shutil.rmtree(part("takes").folder())
+        part("takes").forget()
 
     clear()
-    yield find
+    yield part
     clear()
 
 

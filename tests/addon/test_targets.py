@@ -1,14 +1,12 @@
 """Further targets: objects that follow props, live and from takes, in the hand of the character."""
 
 import sys
-import time
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
 import numpy as np
-import pytest
 from clicked import run_job
 from mathutils import Matrix, Quaternion, Vector
 from perfanim.core.assets import MOTION
@@ -19,35 +17,11 @@ from perfanim.core.simulate.studio.carried import in_hand
 from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.take_file.reading import read_take_file
 from played import curves_of, key_times
+from ticking import tick_until
 
-PATIENCE_S = 600.0
 POSES = 30
 # what test_prop_tracking allows, seen from farther off: 0.1 pixel is less than the simulated cameras' noise makes
 PLACE_M, TURN_DEG = 0.01, 3.0
-
-
-@pytest.fixture
-def part(addon: ModuleType, extension: str) -> Any:
-    """Return a module of the add-on by its name."""
-
-    def find(name: str) -> Any:
-        return sys.modules[f"{extension}.perfanim_addon.{name}"]
-
-    return find
-
-
-@pytest.fixture
-def shown(addon: ModuleType) -> Any:
-    return bpy.context.scene.perfanim_targets
-
-
-def tick_until(capture: Any, condition: Any) -> None:
-    limit = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert not capture.done, capture.run.error
-        assert time.monotonic() < limit, capture.line
-        capture.tick(bpy.context)
-        time.sleep(1 / 60)
 
 
 def test_the_list_says_what_is_wrong(part: Any, shown: Any, tmp_path: Path) -> None:

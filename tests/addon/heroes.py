@@ -1,0 +1,36 @@
+"""A character under another product's names, and motion to put on it."""
+
+from pathlib import Path
+
+import bpy
+from perfanim.core.assets import MOTION
+from perfanim.core.motion import Motion, sliced
+from perfanim.core.motion_files import read_motion
+from perfanim.core.product_skeleton import default_skeleton
+from perfanim.perfanim_addon.character import create_character
+
+MIXAMO = {
+    "root": "Hips", "lowerback": "Spine", "upperback": "Spine1", "thorax": "Spine2", "lowerneck": "Neck",
+    "upperneck": "Neck1", "head": "Head", "clavicle": "Shoulder", "humerus": "Arm", "radius": "ForeArm",
+    "hand": "Hand", "fingers": "HandMiddle1", "thumb": "HandThumb1", "femur": "UpLeg", "tibia": "Leg",
+    "foot": "Foot", "toes": "ToeBase",
+}  # fmt: skip
+
+
+def clip(name: str, frames: int = 60) -> Motion:
+    return sliced(read_motion(MOTION / f"{name}.bvh"), 0, frames)
+
+
+def at_24_fps(motion: Motion) -> Motion:
+    """A .blend keeps the rate of its scene: slower, each frame falls on one of the scene's."""
+    return Motion(motion.name, 24.0, motion.skeleton, motion.rotations, motion.root_positions_m)
+
+
+def save_hero(path: Path) -> None:
+    """Write the product's character, called Hero, with Mixamo's names to a .blend; what is open is lost."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    name = create_character(bpy.context, default_skeleton(), "Hero")
+    for bone in bpy.data.objects[name].data.bones:
+        side = {"l": "Left", "r": "Right"}.get(bone.name[0], "") if bone.name[1:] in MIXAMO else ""
+        bone.name = "mixamorig:" + side + MIXAMO.get(bone.name if not side else bone.name[1:], bone.name)
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
