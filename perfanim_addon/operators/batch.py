@@ -9,7 +9,6 @@ import bpy
 from .. import batch_settings, states
 from ..job import Job, command
 from ..properties import settings
-from . import common
 from .database import starter_arguments
 from .jobs import JobOperator
 
@@ -25,14 +24,10 @@ class PERFANIM_OT_run_batch(JobOperator, bpy.types.Operator):
     panel = PANEL
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Only with takes and a folder for the results."""
-        if not (common.in_scene(cls, context) and common.idle(cls)):
-            return False
+    def lacks(cls, context: bpy.types.Context) -> str:
+        """Needs takes and a folder for the results."""
         problem = batch_settings.problem(context.scene.perfanim_batch)
-        if problem:
-            cls.poll_message_set(problem[:1].upper() + problem[1:])
-        return not problem
+        return problem[:1].upper() + problem[1:]
 
     def begin(self, context: bpy.types.Context, python: str | None) -> Job:
         """Start the work, after the starter database where that is needed and missing."""

@@ -67,18 +67,14 @@ class PERFANIM_OT_measure_target(JobOperator, bpy.types.Operator):
     called: bpy.props.StringProperty(name="Name", description="What the prop is called", default="Prop")
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
+    def lacks(cls, context: bpy.types.Context) -> str:
         """Needs a take and a target."""
-        if not super().poll(context):
-            return False
         shown = context.scene.perfanim_targets
         if not 0 <= shown.active < len(shown.entries) or shown.entries[shown.active].kind != "PROP":
-            cls.poll_message_set("Add a prop first")
-            return False
+            return "Add a prop first"
         if not panel_takes.active_path(context):
-            cls.poll_message_set("Capture the prop lying before the cameras alone, and choose the take under Takes")
-            return False
-        return True
+            return "Capture the prop lying before the cameras alone, and choose the take under Takes"
+        return ""
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Ask for the name."""
