@@ -117,8 +117,8 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
     )
     further_devices: bpy.props.StringProperty(
         name="Further",
-        description="Device numbers of more cameras, e.g. 2, 3; Calibrate with Board takes the views in which all of them "
-        "see the board",
+        description="Device numbers of more cameras, e.g. 2, 3; Calibrate with Board takes the views in which all of "
+        "them see the board",
     )
     width: bpy.props.IntProperty(
         name="Width", description="Image width", default=640, min=160, max=4096, subtype="PIXEL"
