@@ -3,7 +3,7 @@
 Nothing is reckoned or kept where it is not switched on, and nothing is left once it is hidden.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -21,6 +21,7 @@ from . import viewport
 
 Array = NDArray[np.float64]
 Colour = tuple[float, float, float, float]
+Projection = Callable[[Array], Array]
 
 _DOT = 5.0  # its radius, in unscaled pixels, as all here
 _BONE, _RAY = 3.0, 1.0  # widths of lines
@@ -40,14 +41,12 @@ class Scene:
     """What stays the same in a capture.
 
     Args:
-        skeleton: the performer's.
-        names: (M) of the markers.
-        cameras_m: (C, 3) where the cameras are, in the performer's room.
+        performers: skeleton and names (M) of the markers of each, in the order of a pose and its `others`.
+        cameras_m: (C, 3) where the cameras are, in the performers' room.
         placed: turns points (N, 3) of that room into points of the scene.
     """
 
-    skeleton: Skeleton
-    names: tuple[str, ...]
+    performers: tuple[tuple[Skeleton, tuple[str, ...]], ...]
     cameras_m: Array
     placed: Callable[[Array], Array]
 
@@ -58,10 +57,11 @@ class Scene:
         Raises:
             PerfanimError: one of its files is gone or bad.
         """
-        subject, calibration = load_subject(request["subject"]), request["cameras"].get("rig")
+        subjects = [load_subject(path) for path in (request["subject"], *request.get("performers", ()))]
+        calibration = request["cameras"].get("rig")
         rig = load_rig(calibration) if calibration else default_rig()
         cameras_m = np.array([camera.centre_m for camera in rig.cameras])
-        return cls(subject.skeleton, subject.marker_set.names, cameras_m, placed)
+        return cls(tuple((subject.skeleton, subject.marker_set.names) for subject in subjects), cameras_m, placed)
 
 
 @dataclass
@@ -120,36 +120,48 @@ def confidence_colour(pose: PoseFrame) -> Colour:
 
 
 def shapes_of(
-    scene: Scene, pose: PoseFrame, parts: frozenset[str], on_screen: Callable[[Array], Array], scale: float
+    scene: Scene, pose: PoseFrame, parts: frozenset[str], on_screen: Projection, scale: float
 ) -> tuple["Shapes", list[tuple[str, Array]]]:
     """Return what is drawn of a pose, and the names of markers with their places (2,).
 
     Args:
         scene, pose, parts: as of `show`.
-        on_screen: turns points (N, 3) of the performer's room into places (N, 2) in pixels, NaN for those out of sight.
+        on_screen: turns points (N, 3) of the performers' room into places (N, 2) in pixels, NaN for those out of sight.
         scale: pixels to an unscaled one.
     """
     shapes, names = Shapes(), []
-    if "SKELETON" in parts:
-        joints = on_screen(forward_kinematics(scene.skeleton, pose.rotations, pose.root_position_m)[0])
-        for joint, parent in enumerate(scene.skeleton.parents.tolist()):
-            if parent >= 0:
-                shapes.line(joints[parent], joints[joint], _BONE * scale, confidence_colour(pose))
-    if "MARKERS" in parts:
-        located = np.isfinite(pose.observed_m).all(axis=1)
-        places = on_screen(np.where(located[:, None], pose.observed_m, pose.markers_m))
-        for index, (name, place, camera) in enumerate(
-            zip(scene.names, places, pose.single_cameras.tolist(), strict=True)
-        ):
-            colour = coloured(index * _HUES % 1.0)
-            if camera >= 0:
-                ray = pose.markers_m[index] + _PIECES * (scene.cameras_m[camera] - pose.markers_m[index])
-                for start, end in pairwise(on_screen(ray)):
-                    shapes.line(start, end, _RAY * scale, _RAY_COLOUR)
-            if np.isfinite(place).all():
-                (shapes.dot if located[index] else shapes.ring)(place, _DOT * scale, colour)
-                names.append((name, place + _BESIDE * scale))
+    for (skeleton, labels), body in zip(scene.performers, (pose, *pose.others), strict=False):
+        if "SKELETON" in parts:
+            _add_skeleton(shapes, skeleton, body, on_screen, scale)
+        if "MARKERS" in parts:
+            names += _add_markers(shapes, labels, scene.cameras_m, body, on_screen, scale)
     return shapes, names
+
+
+def _add_skeleton(shapes: "Shapes", skeleton: Skeleton, pose: PoseFrame, on_screen: Projection, scale: float) -> None:
+    joints = on_screen(forward_kinematics(skeleton, pose.rotations, pose.root_position_m)[0])
+    for joint, parent in enumerate(skeleton.parents.tolist()):
+        if parent >= 0:
+            shapes.line(joints[parent], joints[joint], _BONE * scale, confidence_colour(pose))
+
+
+def _add_markers(
+    shapes: "Shapes", labels: Sequence[str], cameras_m: Array, pose: PoseFrame, on_screen: Projection, scale: float
+) -> list[tuple[str, Array]]:
+    """Add markers and rays; return the names with their places."""
+    names = []
+    located = np.isfinite(pose.observed_m).all(axis=1)
+    places = on_screen(np.where(located[:, None], pose.observed_m, pose.markers_m))
+    for index, (name, place, camera) in enumerate(zip(labels, places, pose.single_cameras.tolist(), strict=True)):
+        colour = coloured(index * _HUES % 1.0)
+        if camera >= 0:
+            ray = pose.markers_m[index] + _PIECES * (cameras_m[camera] - pose.markers_m[index])
+            for start, end in pairwise(on_screen(ray)):
+                shapes.line(start, end, _RAY * scale, _RAY_COLOUR)
+        if np.isfinite(place).all():
+            (shapes.dot if located[index] else shapes.ring)(place, _DOT * scale, colour)
+            names.append((name, place + _BESIDE * scale))
+    return names
 
 
 def projected(matrix: Array, size: Array, points: Array) -> Array:

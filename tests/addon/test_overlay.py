@@ -1,5 +1,6 @@
 """Markers and skeleton over the viewport: what is drawn where."""
 
+from dataclasses import replace
 from types import ModuleType
 from typing import Any
 
@@ -37,7 +38,7 @@ def from_the_front(points_m: np.ndarray) -> np.ndarray:
 
 
 def drawn(parts: set[str], confidence: float = 1.0) -> Any:
-    scene = overlay.Scene(SKELETON, NAMES, CAMERAS_M, lambda points_m: points_m)
+    scene = overlay.Scene(((SKELETON, NAMES),), CAMERAS_M, lambda points_m: points_m)
     return overlay.shapes_of(scene, pose(confidence), frozenset(parts), from_the_front, 1.0)
 
 
@@ -72,6 +73,19 @@ def test_the_skeleton_is_green_where_it_is_sure_and_red_where_it_is_guessed() ->
             assert reached(shapes, place_m, 2.0)
 
 
+def test_all_performers_are_drawn() -> None:
+    aside_m = np.array([1.5, 0.0, 0.0])
+    other = replace(
+        pose(0.0), root_position_m=ROOT_M + aside_m, markers_m=MARKERS_M + aside_m, observed_m=MARKERS_M + aside_m
+    )
+    scene = overlay.Scene(((SKELETON, NAMES), (SKELETON, ("A", "B", "C"))), CAMERAS_M, lambda points_m: points_m)
+    both = replace(pose(), others=(other,))
+    shapes, names = overlay.shapes_of(scene, both, frozenset({"MARKERS", "SKELETON"}), from_the_front, 1.0)
+    assert [name for name, _ in names] == [*NAMES, "A", "B", "C"]
+    assert reached(shapes, ROOT_M, 2.0) and reached(shapes, ROOT_M + aside_m, 2.0)
+    assert {(0.0, 1.0, 0.0, 1.0), (1.0, 0.0, 0.0, 1.0)} <= set(shapes.colours)  # each as sure as it is
+
+
 def test_what_is_behind_the_viewer_is_not_in_sight() -> None:
     size = np.array([800.0, 600.0])
     lens = Matrix(((2.0, 0, 0, 0), (0, 2.0, 0, 0), (0, 0, -1.0, -0.2), (0, 0, -1.0, 0)))  # looks along -z
@@ -85,7 +99,7 @@ def test_what_is_behind_the_viewer_is_not_in_sight() -> None:
 
 
 def test_it_is_drawn_only_while_something_is_chosen(addon: ModuleType) -> None:
-    scene = overlay.Scene(SKELETON, NAMES, CAMERAS_M, lambda points_m: points_m)
+    scene = overlay.Scene(((SKELETON, NAMES),), CAMERAS_M, lambda points_m: points_m)
     overlay.show(scene, pose(), frozenset())
     assert overlay._state.handler is None
     overlay.show(scene, pose(), frozenset({"MARKERS"}))
@@ -105,6 +119,6 @@ def test_the_scene_is_that_of_the_capture(tmp_path: Any, calibrated: bool) -> No
     save_rig(CameraRig(rig.cameras[:1], rig.metadata), tmp_path / "one.toml")
     cameras = {"rig": str(tmp_path / "one.toml") if calibrated else None}
     scene = overlay.Scene.of({"subject": str(tmp_path / "anna.toml"), "cameras": cameras}, from_the_front)
-    assert scene.names == marker_set.names
+    assert scene.performers[0][1] == marker_set.names
     wanted = [camera.centre_m for camera in rig.cameras[: 1 if calibrated else 2]]
     np.testing.assert_allclose(scene.cameras_m, wanted, atol=1e-9)
