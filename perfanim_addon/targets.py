@@ -94,7 +94,7 @@ def found_subject(entry: PERFANIM_PG_target) -> Subject | PerfanimError:
     if isinstance(markers, PerfanimError):
         return markers
     number = of_kind(scene, "PERFORMER").index(entry) + 2
-    return Subject(f"Simulated performer {number}", default_skeleton(SIMULATED_HEIGHT_M), markers)
+    return Subject(f"Performer {number}", default_skeleton(SIMULATED_HEIGHT_M), markers)
 
 
 def title(entry: PERFANIM_PG_target) -> str:

@@ -121,7 +121,7 @@ def test_the_list_says_who_cannot_be_followed(part: Any, shown: Any, ben: Any, t
     ben.subject = str(tmp_path / "gone.toml")
     assert (targets.title(ben), "gone.toml" in targets.problem(scene)) == ("gone", True)
     ben.subject = ""
-    assert (targets.title(ben), targets.problem(scene)) == ("Simulated performer 2", "")
+    assert (targets.title(ben), targets.problem(scene)) == ("Performer 2", "")
     scene.perfanim.practise = True
     assert "not calibrated" in targets.problem(scene)
     ben.subject = str(tmp_path / "ben.toml")
@@ -331,7 +331,7 @@ def test_a_take_is_put_on_the_characters_that_are_meant(part: Any, shown: Any, b
     # where none is of that name, the first in the list; where there is none at all, a new character
     entries["Ben"].subject = "gone.toml"
     bpy.ops.perfanim.play_take(path=str(path))
-    first = entries["Simulated performer 2"].armature
+    first = entries["Performer 2"].armature
     assert (first.name, first.animation_data.action.name) == ("Ben", "duel Ben.001")
     shown.entries.clear()
     bpy.ops.perfanim.play_take(path=str(path))
@@ -386,7 +386,7 @@ def test_two_before_the_cameras_live_and_solved_again(part: Any, shown: Any, tmp
     finally:
         capture.close()
     poses = capture.run.poses
-    assert "in Capture, Capture Simulated performer 2" in text
+    assert "in Capture, Capture Performer 2" in text
     characters = scene.perfanim.armature, shown.entries[0].armature
     for pose in (poses[len(poses) // 2], poses[-1]):
         scene.frame_set(round(1 + 60 * (pose.time_s - poses[0].time_s)))
@@ -401,5 +401,5 @@ def test_two_before_the_cameras_live_and_solved_again(part: Any, shown: Any, tmp
     operator = part("operators.takes").PERFANIM_OT_solve_take
     text = run_job(part, operator, SimpleNamespace(path=str(take.path), method="nearest", **chosen))
     name = f"{take.notes.name} (nearest)"
-    assert text.startswith(f"{len(poses)} frames in {name}, {name} Simulated performer 2 on ")
-    assert part("takes").listed()[0].performers == ("Simulated performer 2",)
+    assert text.startswith(f"{len(poses)} frames in {name}, {name} Performer 2 on ")
+    assert part("takes").listed()[0].performers == ("Performer 2",)
