@@ -286,9 +286,10 @@ class _Relay:
             content = message.json()
             self._channel.send_status(str(content.get("activity", "")), content.get("fraction"))
         elif message.kind is MessageKind.WARNING:
-            text = str(message.json().get("text", ""))
-            self._channel.send_warning(text)
-            if self._kept is not None:
+            content = message.json()
+            text = str(content.get("text", ""))
+            self._channel.send_warning(text, standing=bool(content.get("standing")))
+            if self._kept is not None and text:
                 self._kept.add_event(text)
         elif message.kind is MessageKind.PREVIEW:
             self._channel.send_preview(self._labelled(message.preview()))

@@ -59,20 +59,24 @@ class _Silence:
         self._receiver, self._stream, self._channel = receiver, stream, channel
         self._from = f" from {sender}" if sender else ""
         self._told = ""
-        self._came = False
+        self._hears = self._came = False
         self._since_s = time.perf_counter()
 
     def look(self, now_s: float, came: bool) -> None:
         """Take note of whether markers have come."""
         if came:
-            if self._came and self._told:
+            if self._told:
+                self._channel.send_warning("", standing=True)
+            if self._told and self._came:
                 self._channel.send_warning(f"the trackers are back after {now_s - self._since_s:.1f} s")
             self._since_s, self._came, self._told = now_s, True, ""
+        elif not self._hears and self._stream.packets > self._stream.malformed:
+            self._hears, self._since_s = True, now_s  # what it sends is known when it has sent all of it once
         elif now_s - self._since_s > _SILENT_S:
             reason = self._reason()
             if reason != self._told:
                 self._told = reason
-                self._channel.send_warning(reason)
+                self._channel.send_warning(reason, standing=True)
 
     def _reason(self) -> str:
         where = f"on port {self._receiver.port}{self._from}"

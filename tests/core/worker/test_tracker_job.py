@@ -32,7 +32,7 @@ class Blender:
     def send_frame(self, stamp_s: float, frame: MarkerFrame) -> None:
         self.frames.append((stamp_s, frame))
 
-    def send_warning(self, text: str) -> None:
+    def send_warning(self, text: str, standing: bool = False) -> None:
         self.told.append(text)
 
     def send_status(self, text: str) -> None:
@@ -92,9 +92,11 @@ def test_each_reason_why_no_markers_come_is_told_and_that_they_are_back(subject:
         job.until_told(f"no trackers come any more {where}")
         number = job.blender.frames[-1][1].number
         job.until_told("the trackers are back after", lambda: program.send(tracker_packet(places)))
+        assert job.blender.told[-2] == ""  # what stood until then
         job.until_told("no trackers come any more")
     assert job.blender.told[0] == f"waiting for trackers on port {job.port}"
-    assert len(job.blender.told) == 8  # each once, not each time that it is looked at
+    assert job.blender.told[5] == ""  # taken back with the first markers
+    assert len(job.blender.told) == 10  # each once, not each time that it is looked at
     stamps, frames = zip(*job.blender.frames, strict=True)
     assert list(stamps) == sorted(stamps)
     after = next(frame for frame in frames if frame.number > number)
