@@ -61,6 +61,12 @@ def test_every_module_imports_without_blender() -> None:
     assert int(done.stdout) >= len([path for path in FILES if path.name not in ("__init__.py", "__main__.py")])
 
 
+def test_a_capture_starts_the_cameras_process_before_it_loads_what_is_slow() -> None:
+    code = "import sys, perfanim.core.worker.capture_job; print(*{'scipy', 'cv2'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd="/", check=True)
+    assert done.stdout.strip() == ""
+
+
 def test_core_imports_neither_blender_nor_itself_by_name() -> None:
     """Blender loads the package under another name: everything inside is imported relatively."""
     for path in FILES:
