@@ -37,7 +37,7 @@ from .options import add_motion_options
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
     parser = subparsers.add_parser("solve", help="full-body motion from a marker take")
-    parser.add_argument("take", metavar="TAKE", help="marker take: .take.npz, .c3d, .trc or .csv; or a .perftake")
+    parser.add_argument("take", metavar="TAKE", help="marker take: .take.npz, .c3d, .trc, .csv or .tsv; or a .perftake")
     parser.add_argument(
         "--database", metavar="DB", help="motion database (a .perftake knows the one it was recorded with)"
     )

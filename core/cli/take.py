@@ -27,7 +27,7 @@ def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser("take", help="recorded takes: what is in them, recover, export")
     group = parser.add_subparsers(metavar="WHAT", required=True)
     info = group.add_parser("info", help="what is in a take, and whether all of it is there")
-    info.add_argument("take", metavar="TAKE", help=f"{ENDING}, .c3d, .trc, .csv or .take.npz")
+    info.add_argument("take", metavar="TAKE", help=f"{ENDING}, .c3d, .trc, .csv, .tsv or .take.npz")
     info.set_defaults(run=run_info)
     mend = group.add_parser("recover", help="write what is intact of a take that was cut off or damaged as a whole one")
     mend.add_argument("take", metavar="TAKE", help=f"recorded take ({ENDING}); it stays as it is")
