@@ -12,6 +12,7 @@ import pytest
 from perfanim.core.camera import save_rig
 from perfanim.core.marker_set import save_subject
 from perfanim.core.simulate.studio.source import open_simulated
+from perfanim.core.skeleton import forward_kinematics
 from perfanim.core.take_file.reading import read_take_file
 from played import curves_of, key_times
 from ticking import tick_until
@@ -33,8 +34,13 @@ def test_the_defaults_capture_a_new_character_into_one_action(part: Any) -> None
         for frame in (40, 3, 90):  # the timeline is free to be played
             bpy.context.scene.frame_set(frame)
             np.testing.assert_array_equal(bone.rotation_quaternion, before)
+        overlay = part("overlay")
+        assert overlay._state.handler is None
+        bpy.context.scene.perfanim.overlay = {"SKELETON"}
         count = len(capture.run.poses)
         tick_until(capture, lambda: len(capture.run.poses) > count + 5)
+        check_drawn_over(character, overlay._state)
+        overlay.hide()
         capture.stop()
         tick_until(capture, lambda: capture.done)
         text = capture.keep(bpy.context)
@@ -56,6 +62,15 @@ def test_the_defaults_capture_a_new_character_into_one_action(part: Any) -> None
     for curve in curves_of(character):
         assert curve.data_path.endswith(("rotation_quaternion", "location"))
         assert len(curve.keyframe_points) == len(poses)
+
+
+def check_drawn_over(character: Any, drawn: Any) -> None:
+    """The skeleton lies on the bones of a character of the performer's own proportions."""
+    pose, skeleton = drawn.pose, drawn.scene.performers[0][0]
+    places = drawn.scene.placed(forward_kinematics(skeleton, pose.rotations, pose.root_position_m)[0])
+    bpy.context.view_layer.update()
+    heads = [character.matrix_world @ character.pose.bones[name].head for name in skeleton.names]
+    np.testing.assert_allclose(places, np.array(heads), atol=1e-4)
 
 
 def test_stop_before_the_first_frame_leaves_the_old_action(part: Any) -> None:

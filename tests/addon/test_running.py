@@ -1,7 +1,7 @@
 """Whatever runs is ended on every way out."""
 
 import sys
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import bpy
@@ -36,11 +36,14 @@ def activity(running: Any) -> PlayedActivity:
     assert running._state.timer is not None
     running.preview.show(np.zeros((4, 6, 3), np.uint8), "look here")
     assert running.preview.NAME in bpy.data.images
+    scene, pose = SimpleNamespace(), SimpleNamespace()
+    running.overlay.show(scene, pose, frozenset({"MARKERS"}))
     return activity
 
 
 def gone(running: Any, activity: PlayedActivity) -> bool:
     shown = running.preview._state.handler is not None or running.preview.NAME in bpy.data.images
+    shown = shown or running.overlay._state.handler is not None
     return activity.closed == 1 and running.current() is None and running._state.timer is None and not shown
 
 
