@@ -26,7 +26,7 @@ Progress = Callable[[float, str], None]
 def add_parser(group: Any) -> None:
     """Add `fill` to the `take` group."""
     parser = group.add_parser("fill", help="fill gaps of a marker take, and take noise out, by the body it shows")
-    parser.add_argument("take", metavar="TAKE", help="marker take: .c3d, .trc, .csv, .tsv, .take.npz; it stays the same")
+    parser.add_argument("take", metavar="TAKE", help="marker take: .c3d, .trc, .csv, .tsv, .take.npz; it is left alone")
     parser.add_argument(
         "--out",
         required=True,
