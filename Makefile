@@ -73,7 +73,8 @@ check: $(STAMP)
 window-test: $(STAMP)
 	$(BIN)/python -m pytest tests/window -m 'not benchmark and not walkthrough'
 
-# The same window: a take on all kinds of characters, by mouse and keyboard; the pictures are in out/window.
+# The same window, by mouse and keyboard: a take on all kinds of characters, a sword, and three cameras calibrated with a
+# ChArUco board and markers on the floor. The pictures are in out/window.
 window-walkthrough: $(STAMP)
 	$(BIN)/python -m pytest tests/window -m walkthrough
 

@@ -37,6 +37,12 @@ def order_set(order):
     return {}
 
 
+def order_preference(order):
+    """Change a setting of the add-on's preferences."""
+    setattr(bpy.context.preferences.addons[ADDON].preferences, order["name"], order["value"])
+    return {}
+
+
 def order_get(order):
     return {"value": getattr(bpy.context.scene.perfanim, order["name"])}
 
@@ -189,6 +195,7 @@ ORDERS = {
     "rates": order_rates,
     "last_run": order_last_run,
     "set": order_set,
+    "preference": order_preference,
     "get": order_get,
     "call": order_call,
     "draw_text": order_draw_text,

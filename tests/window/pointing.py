@@ -61,19 +61,24 @@ class Hand:
         for word in words:
             self.click(word, sidebar=False)
 
-    def click(self, word: str, sidebar: bool | None = None, beside: float = 0.0) -> None:
+    def click(self, word: str, sidebar: bool | None = None, beside: float = 0.0, lowest: bool = False) -> None:
         """Click on a word, or so many pixels to its right."""
-        place = self.find(word, sidebar)
+        place = self.find(word, sidebar, lowest)
         self._desktop.click(place.x + beside, place.y)
         time.sleep(0.3)
 
-    def type_over(self, word: str, text: str, beside: float = 0.0) -> None:
+    def type_over(self, word: str, text: str, beside: float = 0.0, sidebar: bool | None = None) -> None:
         """Put a text in place of what a field shows: the word, or what is so many pixels to its right."""
-        place = self.find(word)
+        place = self.find(word, sidebar)
         self._twice(replace(place, x=place.x + beside))
         self._desktop.key("ctrl+a")
         self._desktop.run("xdotool", "type", "--delay", "30", text)
         self._desktop.key("Return")
+
+    def escape(self) -> None:
+        """Close a menu that has been opened by mistake."""
+        self._desktop.key("Escape")
+        time.sleep(0.4)
 
     def choose_file(self, path: Path) -> None:
         """Go to the file's folder in the file browser, and open the file there with two clicks."""
@@ -87,8 +92,8 @@ class Hand:
         self._desktop.key("Return")
         self._wait_for_no_browser()
 
-    def find(self, word: str, sidebar: bool | None = None) -> Place:
-        """Return the place of a word that has stopped moving: the uppermost, where there are several.
+    def find(self, word: str, sidebar: bool | None = None, lowest: bool = False) -> Place:
+        """Return the place of a word that has stopped moving: the uppermost, or lowest, where there are several.
 
         Args:
             word: as Blender draws it.
@@ -100,7 +105,8 @@ class Hand:
             places = [place for place in self._places(word) if sidebar in (None, self._in_sidebar(place))]
             if places:
                 best = max(place.likeness for place in places)
-                found = min((place for place in places if place.likeness > best - AS_LIKE), key=lambda place: place.y)
+                alike = [place for place in places if place.likeness > best - AS_LIKE]
+                found = (max if lowest else min)(alike, key=lambda place: place.y)
                 if last is not None and abs(found.x - last.x) + abs(found.y - last.y) < 2.0:
                     return found
                 last = found
