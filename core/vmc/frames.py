@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from ..errors import FormatError
 from .packets import TRACKERS, Clock, Placed, read_packet
 
+MOST_PLACED = 1000  # bones and trackers of a frame; a program that makes up ever new names fills no memory
+
 Key = tuple[str, str]  # address and name
 
 
@@ -60,7 +62,7 @@ class FrameGathering:
         if isinstance(message, Clock):
             again = self._clock_s is not None
         else:
-            again = (message.address, message.name) in self._placed
+            again = (message.address, message.name) in self._placed or len(self._placed) == MOST_PLACED
         ended = self.end() if again else []
         if self._clock_s is None and not self._placed:
             self._arrival_s = arrival_s

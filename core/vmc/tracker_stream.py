@@ -7,7 +7,7 @@ from ..marker_frame import MarkerFrame
 from ..marker_names import match_names
 from ..marker_set import MarkerSet
 from ..sources.steady_clock import SteadyClock
-from .frames import FrameGathering, Key, VmcFrame, tracker_names
+from .frames import MOST_PLACED, FrameGathering, Key, VmcFrame, tracker_names
 from .packets import TRACKERS
 from .tracker_points import AXES, axis_names, axis_points
 
@@ -84,7 +84,8 @@ class TrackerStream:
 
     def _meet(self, keys: list[Key]) -> None:
         """Find out which markers trackers are of which some are new."""
-        known = tracker_names([*self._labels, *keys])
+        before = self._labels if len(self._labels) < MOST_PLACED else {}
+        known = tracker_names([*before, *keys])
         spelled = {key: (name, *axis_names(name)) for key, name in known.items()}
         match = match_names([name for names in spelled.values() for name in names], self._marker_set)
         index = {label: self._marker_set.names.index(marker) for marker, label in match.label_of.items()}

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from perfanim.core import rotations as rot
 from perfanim.core.marker_set import Marker, MarkerSet, load_marker_set
+from perfanim.core.vmc.frames import MOST_PLACED
 from perfanim.core.vmc.packets import TRACKERS
 from perfanim.core.vmc.tracker_stream import TrackerStream
 from trackers_sent import tracker_packet
@@ -89,3 +90,14 @@ def test_a_pause_leaves_numbers_out_and_crowded_packets_keep_their_order():
     assert numbers[60] == pytest.approx(60 + 2.0 * 50, abs=2)  # the rate is known as well as stamps tell it
     assert np.all(np.diff(times_s) > 0.0)
     assert np.abs(times_s - (arrivals_s - arrivals_s[0])).max() < 4 / 50  # never further off than what was held up
+
+
+def test_a_program_that_makes_up_names_fills_no_memory_and_hides_no_marker():
+    stream, most = TrackerStream(BOXING), 0
+    for at in range(40):
+        stream.add(tracker_packet({f"{at}-{i}": (0, 1, 0) for i in range(100)}), at / 60)
+        most = max(most, len(stream.trackers))
+    assert 0 < most <= 2 * MOST_PLACED
+    stream.add(tracker_packet(PLACES), 1.0)
+    (frame,) = stream.add(tracker_packet(PLACES), 1.1)[-1:]
+    assert len(frame.labels) == len(BOXING)
