@@ -16,6 +16,8 @@ from .properties import settings
 # Width of a character, and of what a line has beside its text (icon, margins, tabs), in unscaled pixels.
 CHARACTER_PX = 6.2
 MARGIN_PX = 90.0
+ICON_CHARACTERS = 4  # as wide as so many
+LEAST_SAID = 8  # characters of a state, however narrow the sidebar is
 
 
 class _Step:
@@ -37,7 +39,8 @@ class _Step:
         else:
             state = type(self).state(settings(context))
             row.alert = not state.ready
-            row.label(text=state.text, icon="CHECKMARK" if state.ready else "ERROR")
+            room = max(LEAST_SAID, characters(context) - len(self.bl_label) - ICON_CHARACTERS)
+            row.label(text=shortened(state.text, room), icon="CHECKMARK" if state.ready else "ERROR")
         row.separator()
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -313,11 +316,21 @@ def draw_job(layout: bpy.types.UILayout, panel: str) -> None:
 
 def draw_text(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str) -> None:
     """Draw a sentence over as many lines as it takes in a sidebar of this width; nothing for ""."""
-    unscaled_px = context.region.width / context.preferences.system.ui_scale
     column = layout.column(align=True)
     text = text[:1].upper() + text[1:]
-    for index, line in enumerate(wrapped(text, max(16, int((unscaled_px - MARGIN_PX) / CHARACTER_PX)))):
+    for index, line in enumerate(wrapped(text, characters(context))):
         column.label(text=line, icon=icon if index == 0 else "BLANK1")
+
+
+def characters(context: bpy.types.Context) -> int:
+    """Return how many characters a line of the sidebar has room for beside its icon and margins."""
+    unscaled_px = context.region.width / context.preferences.system.ui_scale
+    return max(16, int((unscaled_px - MARGIN_PX) / CHARACTER_PX))
+
+
+def shortened(text: str, width: int) -> str:
+    """Return the text, cut to at most `width` characters: a longer one would lie over what stands before it."""
+    return text if len(text) <= width else text[: width - 1].rstrip(" ,") + "…"
 
 
 def wrapped(text: str, width: int) -> list[str]:
