@@ -48,10 +48,10 @@ class PERFANIM_MT_bone_maps(bpy.types.Menu):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw."""
-        folder = user_folder(PRESETS_FOLDER)
+        folder, shown = user_folder(PRESETS_FOLDER), shown_armature(context)
         for name in sorted(preset_paths(folder)):
             button = self.layout.operator("perfanim.load_bone_map", text=name.replace("-", " ").title())
-            button.preset, button.armature = name, shown_armature(context).name
+            button.preset, button.armature = name, shown.name if shown is not None else ""
         self.layout.separator()
         self.layout.operator("wm.path_open", text="Open My Folder", icon="FILE_FOLDER").filepath = str(folder)
 
