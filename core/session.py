@@ -38,6 +38,7 @@ _BETTER = 0.7  # of the labels' distance to the examples: a new start that is cl
 _SURE_M = 0.04  # labels this near to an example are right: two limbs exchanged across a hand's breadth are further off
 _TELLING = 0.75  # share of the markers that must be located: some pose or other is near to fewer
 _ELSEWHERE_M = 0.03  # by this much a marker must be another point under a new start's labels
+_PROMISING = 0.6  # of the same distance: the closest example alone must be so near for a pose to be solved from it
 _NEARER = 0.5  # of the markers' distance to the closest example: a pose without a past that is nearer is the right one
 
 
@@ -137,6 +138,8 @@ class Session:
             return solution
         self._familiar_s, self._doubt_after_s = now, min(2.0 * self._doubt_after_s, _RARE_CHECK_S)
         anew = self._solver.without_past()
+        if not anew.closest_m(observation) < _PROMISING * solution.nearest_m:
+            return solution
         found = anew.step(observation, now)
         if found is None or not found.nearest_m < _NEARER * solution.nearest_m:
             return solution

@@ -155,6 +155,15 @@ class PoseSolver:
         result._root = self._root
         return result
 
+    def closest_m(self, observation: Observation) -> float:
+        """Return the RMS distance of observed markers to the closest example's, metres; NaN when the root is not seen.
+
+        It is what `step` would begin with; nothing is fitted, and the motion does not go on.
+        """
+        in_space = self._in_space(observation)
+        located = self._locate(in_space)
+        return self._nearest_distance(in_space, *located) if located is not None else float("nan")
+
     def surprise(self) -> float:
         """Return how unlikely the last frame's markers were after all before: minus the logarithm of their density.
 

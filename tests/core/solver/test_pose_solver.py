@@ -144,6 +144,23 @@ def test_nothing_is_solved_before_the_torso_is_seen(model, database, noisy):
     assert solver.predicted_markers_m() is None
 
 
+def test_the_closest_example_is_told_without_going_on(model, database, noisy):
+    solver = PoseSolver(model, database, SolveSettings(search="exhaustive"))
+    for row in noisy[:5]:
+        solver.step(Observation.of_points(row))
+    before = solver.predicted_markers_m()
+    frame = database.frames // 2  # another clip than the walk that is followed
+    seen = Observation.of_points(model.database_markers(database, np.array([frame]))[0].astype(np.float64))
+    known_m = solver.without_past().closest_m(seen)
+    assert known_m < 0.01  # the root lies where several examples' torsos have it, which differ by less
+    assert solver.without_past().closest_m(Observation.of_points(noisy[5])) > 2.0 * known_m  # not in the database
+    np.testing.assert_array_equal(solver.predicted_markers_m(), before)
+    hands_only = noisy[0].copy()
+    hands_only[model.torso] = np.nan
+    fresh = PoseSolver(model, database, SolveSettings())
+    assert np.isnan(fresh.closest_m(Observation.of_points(hands_only)))
+
+
 def test_reset_forgets_everything(model, database, noisy):
     solver = PoseSolver(model, database, SolveSettings())
     fresh = [solver.step(Observation.of_points(row)).pose for row in noisy[:4]]
