@@ -118,4 +118,5 @@ def run_receive(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         write_take(markers, out)
         lost = int(np.ptp(markers.frame_numbers)) + 1 - markers.frames
         facts = {"frames": markers.frames, "lost_frames": lost, "fps": markers.fps, "names": list(markers.names)}
-    return facts | {"packets": recording.packets, "malformed": recording.malformed, "out": str(out)}
+    came = recording.gathering
+    return facts | {"packets": came.packets, "malformed": came.malformed, "out": str(out)}

@@ -31,6 +31,9 @@ class FrameGathering:
 
     A frame ends where something that it has comes again, so it does not matter over how many packets a program spreads
     its frames, nor in which order.
+
+    Attributes:
+        packets, malformed: how many came, and how many of them were none.
     """
 
     def __init__(self) -> None:

@@ -170,5 +170,8 @@ def record(receiver: Receiver, seconds: float, progress: Progress) -> Recording:
             waiting = waiting - 1 if packet is not None else 0
         if packet is not None:
             recording.add(packet, time.perf_counter() - begun_s)
-        progress(min(1.0 - left_s / seconds, 1.0), f"listening on port {receiver.port}: {recording.packets} packets")
+        progress(
+            min(1.0 - left_s / seconds, 1.0),
+            f"listening on port {receiver.port}: {recording.gathering.packets} packets",
+        )
     return recording

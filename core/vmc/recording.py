@@ -23,25 +23,19 @@ _MOST_LOST = 100  # frames for each that came; more are no loss but a clock that
 
 
 class Recording:
-    """Frames of VMC packets, gathered as `FrameGathering` does."""
+    """Frames of VMC packets.
+
+    Attributes:
+        gathering: of the packets; counts them.
+    """
 
     def __init__(self) -> None:
-        self._gathering = FrameGathering()
+        self.gathering = FrameGathering()
         self._frames: list[VmcFrame] = []
-
-    @property
-    def packets(self) -> int:
-        """How many came."""
-        return self._gathering.packets
-
-    @property
-    def malformed(self) -> int:
-        """How many of them were none."""
-        return self._gathering.malformed
 
     def add(self, packet: bytes, arrival_s: float) -> None:
         """Take a packet in, as `FrameGathering.add` does."""
-        self._frames += self._gathering.add(packet, arrival_s)
+        self._frames += self.gathering.add(packet, arrival_s)
 
     def motion(self, name: str) -> tuple[Motion, int]:
         """Return the bones' motion at the sender's rate, and how many frames of it came.
@@ -89,7 +83,7 @@ class Recording:
 
     def _all(self) -> list[VmcFrame]:
         """Return all frames, the one that is still open with them."""
-        self._frames += self._gathering.end()
+        self._frames += self.gathering.end()
         return self._frames
 
     def _with(self, keys: Sequence[Key], name: str, what: str) -> tuple[list[VmcFrame], Array, float]:
@@ -97,7 +91,7 @@ class Recording:
         frames = [frame for frame in self._all() if any(key in frame.placed for key in keys)]
         if len(frames) < 2:
             raise TakeError(
-                f"{len(frames)} frames with {what} came in {self.packets} packets",
+                f"{len(frames)} frames with {what} came in {self.gathering.packets} packets",
                 where=name,
                 advice="let the other program send them to this computer and port",
             )

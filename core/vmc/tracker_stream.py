@@ -26,10 +26,13 @@ class TrackerStream:
     Args:
         marker_set: worn; of what comes, its markers alone count. Names agree as `match_names` says, those of
             `axis_points` among them.
+
+    Attributes:
+        gathering: of the packets; counts them.
     """
 
     def __init__(self, marker_set: MarkerSet) -> None:
-        self._gathering = FrameGathering()
+        self.gathering = FrameGathering()
         self._marker_set = marker_set
         self._labels: dict[Key, NDArray[np.int64]] = {}  # (4,) of each tracker and its axes' points, -1: no marker
         self._expected: frozenset[Key] = frozenset()
@@ -37,16 +40,6 @@ class TrackerStream:
         self._begun_s: float | None = None
         self._number = 0
         self._time_s = 0.0
-
-    @property
-    def packets(self) -> int:
-        """How many came."""
-        return self._gathering.packets
-
-    @property
-    def malformed(self) -> int:
-        """How many of them were none."""
-        return self._gathering.malformed
 
     @property
     def trackers(self) -> tuple[str, ...]:
@@ -60,9 +53,9 @@ class TrackerStream:
             packet: a UDP datagram.
             arrival_s: when it came, by a clock that only goes forwards.
         """
-        frames = [self._marked(frame) for frame in self._gathering.add(packet, arrival_s)]
-        if self._expected and self._gathering.has_all(self._expected):
-            frames += [self._marked(frame) for frame in self._gathering.end()]
+        frames = [self._marked(frame) for frame in self.gathering.add(packet, arrival_s)]
+        if self._expected and self.gathering.has_all(self._expected):
+            frames += [self._marked(frame) for frame in self.gathering.end()]
         return [frame for frame in frames if frame is not None]
 
     def _marked(self, frame: VmcFrame) -> MarkerFrame | None:

@@ -70,7 +70,7 @@ class _Silence:
             if self._told and self._came:
                 self._channel.send_warning(f"the trackers are back after {now_s - self._since_s:.1f} s")
             self._since_s, self._came, self._told = now_s, True, ""
-        elif not self._hears and self._stream.packets > self._stream.malformed:
+        elif not self._hears and self._stream.gathering.packets > self._stream.gathering.malformed:
             self._hears, self._since_s = True, now_s  # what it sends is known when it has sent all of it once
         elif now_s - self._since_s > _SILENT_S:
             reason = self._reason()
@@ -82,12 +82,12 @@ class _Silence:
         where = f"on port {self._receiver.port}{self._from}"
         if self._came:
             return f"no trackers come any more {where}: the capture goes on when they do"
-        if not self._stream.packets and self._receiver.strangers:
+        if not self._stream.gathering.packets and self._receiver.strangers:
             others = ", ".join(sorted(self._receiver.strangers))
             return f"nothing comes {where}, but from {others}: choose who sends under Cameras"
-        if not self._stream.packets:
+        if not self._stream.gathering.packets:
             return f"nothing comes {where}: let the other program send to this computer and port"
-        if self._stream.malformed == self._stream.packets:
+        if self._stream.gathering.malformed == self._stream.gathering.packets:
             return f"what comes {where} is not VMC: choose this protocol in the other program"
         if not self._stream.trackers:
             return f"no trackers come {where}: have the other program send them, not only bones"

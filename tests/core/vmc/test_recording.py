@@ -40,7 +40,7 @@ def test_a_motion_over_the_network_and_back(truth):
     for packet in packets:
         recording.add(packet, 0.0)
     again, received = recording.motion("again")
-    assert (received, recording.packets, recording.malformed) == (40, 40, 0)
+    assert (received, recording.gathering.packets, recording.gathering.malformed) == (40, 40, 0)
     assert (again.frames, again.fps) == (40, 120.0)
     expected, found = bone_poses(motion), bone_poses(again)
     forearms = [found.names.index(side + "LowerArm") for side in ("Left", "Right")]
@@ -59,7 +59,7 @@ def test_record_ends_by_itself_and_keeps_what_lies_in_the_buffer(truth):
         play(sliced(truth, 0, 5), "127.0.0.1", receiver.port, QUIET)
         told = []
         recording = record(receiver, 0.01, lambda fraction, text: told.append((fraction, text)))
-    assert recording.packets == len(packets)
+    assert recording.gathering.packets == len(packets)
     assert told[0] == (0.0, f"listening on port {receiver.port}")
 
 
@@ -78,7 +78,7 @@ def test_lost_and_malformed_packets(truth):
             recording.add(packet, 0.0)
         recording.add(b"noise", 0.0)
     again, received = recording.motion("again")
-    assert (received, recording.malformed, again.frames) == (10, 12, 12)
+    assert (received, recording.gathering.malformed, again.frames) == (10, 12, 12)
     kept = [at for at in range(12) if at not in (4, 5)]
     expected = motion_of_bones(bone_poses(motion), "all", motion.fps)
     assert rot.angle_between(again.rotations[kept], expected.rotations[kept]).max() < 1e-5

@@ -50,7 +50,7 @@ def test_a_frame_spread_over_packets_waits_for_all_of_them_and_not_for_one_that_
     assert stream.add(bones, 0.5) == []
     assert stream.trackers == ("head", "waist")  # of the frame that is open still nothing is known
     assert stream.add(b"noise", 0.6) == []
-    assert (stream.packets, stream.malformed) == (9, 1)
+    assert (stream.gathering.packets, stream.gathering.malformed) == (9, 1)
 
 
 def test_names_agree_as_those_of_takes_and_others_are_left_out():
