@@ -1,8 +1,8 @@
 """Where the files shipped with the product lie."""
 
-from pathlib import Path
+from . import PACKAGE_ROOT
 
-ASSETS = Path(__file__).resolve().parent.parent / "assets"
+ASSETS = PACKAGE_ROOT / "assets"
 MARKER_SETS = ASSETS / "marker_sets"
 MOTION = ASSETS / "motion"
 PROPS = ASSETS / "props"

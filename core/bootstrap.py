@@ -11,7 +11,7 @@ import importlib.util
 import json
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,15 +23,21 @@ def command(python: str) -> list[str]:
     return [python, "-I", SCRIPT]
 
 
-def order(run: str, *arguments: Any, paths: Sequence[str] | None = None) -> str:
-    """Return what a helper process is told, one line of JSON without its end.
+def order(run: Callable[..., Any] | str, *arguments: Any, paths: Sequence[str] | None = None) -> str:
+    """Return the order for a helper process: one line of JSON without its end.
 
     Args:
-        run: function as "module:name", the package being called `perfanim`; what it returns is the exit status.
+        run: function at the top level of a module; its return value becomes the exit status. A string
+            ("module:name", with `perfanim` for the package) names one that cannot be imported in this process.
         arguments: of the function, JSON-able.
-        paths: where it finds what it imports, besides its own; those of this process if not given.
+        paths: the process' import path; the one of this process if not given.
     """
-    root = str(Path(SCRIPT).parents[1])
+    package = __name__.partition(".core.")[0]
+    if not isinstance(run, str):
+        module = run.__module__
+        inside = module == package or module.startswith(f"{package}.")
+        run = f"{'perfanim' + module[len(package) :] if inside else module}:{run.__qualname__}"
+    root = str(Path(next(iter(sys.modules[package].__path__))).resolve())
     return json.dumps(
         {"root": root, "paths": list(sys.path if paths is None else paths), "run": run, "arguments": arguments}
     )

@@ -4,17 +4,15 @@ import bpy
 
 from . import panels, preferences, running
 from .live import Capture
+from .sidebar_tab import SidebarPanel, register_panels, unregister_panels
 
 KEY = "batch"
 
 
-class PERFANIM_PT_batch(bpy.types.Panel):
+class PERFANIM_PT_batch(SidebarPanel, bpy.types.Panel):
     """Many takes solved and written at once."""
 
     bl_label = "Batch"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = preferences.DEFAULT_TAB
     bl_options = {"DEFAULT_CLOSED"}
     bl_order = 101
 
@@ -38,19 +36,11 @@ class PERFANIM_PT_batch(bpy.types.Panel):
             panels.draw_text(context, layout, *running.message(KEY))
 
 
-def move_to_tab(name: str) -> None:
-    """Show the panel in another tab of the sidebar."""
-    bpy.utils.unregister_class(PERFANIM_PT_batch)
-    PERFANIM_PT_batch.bl_category = name
-    bpy.utils.register_class(PERFANIM_PT_batch)
-
-
 def register() -> None:
     """Register the panel."""
-    PERFANIM_PT_batch.bl_category = preferences.tab(bpy.context)
-    bpy.utils.register_class(PERFANIM_PT_batch)
+    register_panels(preferences.tab(bpy.context), PERFANIM_PT_batch)
 
 
 def unregister() -> None:
     """Undo `register`."""
-    bpy.utils.unregister_class(PERFANIM_PT_batch)
+    unregister_panels(PERFANIM_PT_batch)

@@ -2,17 +2,15 @@
 
 import bpy
 
-from . import diagnostics, preferences
+from . import diagnostics
+from .sidebar_tab import SidebarPanel
 
 
-class PERFANIM_PT_broken(bpy.types.Panel):
+class PERFANIM_PT_broken(SidebarPanel, bpy.types.Panel):
     """Says what is wrong and what to do."""
 
     bl_idname = "PERFANIM_PT_broken"
     bl_label = "Perfanim cannot run"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = preferences.DEFAULT_TAB
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw."""

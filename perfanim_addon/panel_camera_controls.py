@@ -5,15 +5,13 @@ import bpy
 from . import preferences
 from .place import ADDON
 from .properties import settings
+from .sidebar_tab import SidebarPanel
 
 
-class PERFANIM_PT_camera_controls(bpy.types.Panel):
+class PERFANIM_PT_camera_controls(SidebarPanel, bpy.types.Panel):
     """What the cameras are told; kept in the preferences."""
 
     bl_label = "Exposure, Gain, Focus"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = preferences.DEFAULT_TAB
     bl_parent_id = "PERFANIM_PT_cameras"
     bl_options = {"DEFAULT_CLOSED"}
 

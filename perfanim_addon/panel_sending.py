@@ -2,16 +2,14 @@
 
 import bpy
 
-from . import preferences, running, sending
+from . import running, sending
+from .sidebar_tab import SidebarPanel
 
 
-class PERFANIM_PT_sending(bpy.types.Panel):
+class PERFANIM_PT_sending(SidebarPanel, bpy.types.Panel):
     """The live character in other programs."""
 
     bl_label = "Send by VMC"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = preferences.DEFAULT_TAB
     bl_parent_id = "PERFANIM_PT_capture"
     bl_options = {"DEFAULT_CLOSED"}
 

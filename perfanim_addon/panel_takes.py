@@ -15,6 +15,7 @@ from ..core.take_file.reading import TakeSummary, summarise
 from ..core.take_file.setup import MOST_STARS
 from . import panels, preferences, result, running, takes
 from .live import Capture
+from .sidebar_tab import SidebarPanel, register_panels, unregister_panels
 
 KEY = "takes"
 ROWS = 4
@@ -85,13 +86,10 @@ class PERFANIM_UL_takes(bpy.types.UIList):
         facts.label(text=f"{'★' * item.rating}  {item.length}" if item.complete else "cut off")
 
 
-class PERFANIM_PT_takes(bpy.types.Panel):
+class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
     """What was recorded."""
 
     bl_label = "Takes"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = preferences.DEFAULT_TAB
     bl_options = {"DEFAULT_CLOSED"}
     bl_order = 100
 
@@ -234,13 +232,6 @@ def _not_by_the_user() -> Iterator[None]:
         _filling[0] = False
 
 
-def move_to_tab(name: str) -> None:
-    """Show the panel in another tab of the sidebar."""
-    bpy.utils.unregister_class(PERFANIM_PT_takes)
-    PERFANIM_PT_takes.bl_category = name
-    bpy.utils.register_class(PERFANIM_PT_takes)
-
-
 _CLASSES = (PERFANIM_PG_take, PERFANIM_PG_takes, PERFANIM_UL_takes)
 
 
@@ -249,8 +240,7 @@ def register() -> None:
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.WindowManager.perfanim_takes = bpy.props.PointerProperty(type=PERFANIM_PG_takes)
-    PERFANIM_PT_takes.bl_category = preferences.tab(bpy.context)
-    bpy.utils.register_class(PERFANIM_PT_takes)
+    register_panels(preferences.tab(bpy.context), PERFANIM_PT_takes)
     panels.PERFANIM_PT_capture.append(draw_offer)
 
 
@@ -259,7 +249,7 @@ def unregister() -> None:
     panels.PERFANIM_PT_capture.remove(draw_offer)
     if bpy.app.timers.is_registered(_fill):
         bpy.app.timers.unregister(_fill)
-    bpy.utils.unregister_class(PERFANIM_PT_takes)
+    unregister_panels(PERFANIM_PT_takes)
     del bpy.types.WindowManager.perfanim_takes
     for cls in reversed(_CLASSES):
         bpy.utils.unregister_class(cls)

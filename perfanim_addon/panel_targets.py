@@ -6,6 +6,7 @@ import bpy
 
 from . import panel_character, panels, preferences, running, targets
 from .live import Capture
+from .sidebar_tab import SidebarPanel, register_panels, unregister_panels
 
 KEY = "targets"
 _ROWS = 2
@@ -34,13 +35,10 @@ class PERFANIM_UL_targets(bpy.types.UIList):
         split.label(text=moved.name if moved else "new at start")
 
 
-class PERFANIM_PT_targets(bpy.types.Panel):
+class PERFANIM_PT_targets(SidebarPanel, bpy.types.Panel):
     """Props and further performers, who are followed besides the first."""
 
     bl_label = "Further Targets"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = preferences.DEFAULT_TAB
     bl_options = {"DEFAULT_CLOSED"}
     bl_order = 50
 
@@ -88,21 +86,13 @@ def _draw_fields(layout: bpy.types.UILayout, entry: targets.PERFANIM_PG_target, 
     panel_character.draw_bones(layout, entry.armature, KEY)
 
 
-def move_to_tab(name: str) -> None:
-    """Show the panel in another tab of the sidebar."""
-    bpy.utils.unregister_class(PERFANIM_PT_targets)
-    PERFANIM_PT_targets.bl_category = name
-    bpy.utils.register_class(PERFANIM_PT_targets)
-
-
 def register() -> None:
     """Register list and panel."""
     bpy.utils.register_class(PERFANIM_UL_targets)
-    PERFANIM_PT_targets.bl_category = preferences.tab(bpy.context)
-    bpy.utils.register_class(PERFANIM_PT_targets)
+    register_panels(preferences.tab(bpy.context), PERFANIM_PT_targets)
 
 
 def unregister() -> None:
     """Undo `register`."""
-    bpy.utils.unregister_class(PERFANIM_PT_targets)
+    unregister_panels(PERFANIM_PT_targets)
     bpy.utils.unregister_class(PERFANIM_UL_targets)

@@ -12,6 +12,7 @@ from .live import Capture
 from .panel_camera_controls import PERFANIM_PT_camera_controls
 from .panel_sending import PERFANIM_PT_sending
 from .properties import settings
+from .sidebar_tab import SidebarPanel, register_panels, unregister_panels
 
 # Width of a character, and of what a line has beside its text (icon, margins, tabs), in unscaled pixels.
 CHARACTER_PX = 6.2
@@ -20,12 +21,9 @@ ICON_CHARACTERS = 4  # as wide as so many
 LEAST_SAID = 8  # characters of a state, however narrow the sidebar is
 
 
-class _Step:
+class _Step(SidebarPanel):
     """What the sub-panels share."""
 
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = preferences.DEFAULT_TAB
     bl_options = {"DEFAULT_CLOSED"}
     state: Callable[[Any], states.State]
     key = ""
@@ -194,13 +192,10 @@ class PERFANIM_PT_character(_Step, bpy.types.Panel):
         panel_character.draw_bones(layout, chosen.armature)
 
 
-class PERFANIM_PT_capture(bpy.types.Panel):
+class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
     """Start, stop, and how it goes."""
 
     bl_label = "Capture"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = preferences.DEFAULT_TAB
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
         """Draw the state at the right of the header line."""
@@ -259,13 +254,10 @@ class PERFANIM_PT_capture(bpy.types.Panel):
         draw_text(context, layout, run.notice, "ERROR")
 
 
-class PERFANIM_PT_capture_settings(bpy.types.Panel):
+class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
     """How it is recorded, and what is done to the motion."""
 
     bl_label = "Recording"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = preferences.DEFAULT_TAB
     bl_parent_id = "PERFANIM_PT_capture"
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -359,24 +351,13 @@ _CLASSES = (
 )
 
 
-def move_to_tab(name: str) -> None:
-    """Show the panels in another tab of the sidebar."""
-    unregister()
-    _register_in(name)
-
-
 def register() -> None:
     """Register the panels in the tab that the preferences name."""
-    _register_in(preferences.tab(bpy.context))
-
-
-def _register_in(tab: str) -> None:
     for order, cls in enumerate(_CLASSES):
-        cls.bl_category, cls.bl_order = tab, order
-        bpy.utils.register_class(cls)
+        cls.bl_order = order
+    register_panels(preferences.tab(bpy.context), *_CLASSES)
 
 
 def unregister() -> None:
     """Undo `register`."""
-    for cls in reversed(_CLASSES):
-        bpy.utils.unregister_class(cls)
+    unregister_panels(*_CLASSES)

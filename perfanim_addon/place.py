@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 
 # Root package: "bl_ext.<repository>.perfanim" in Blender; preferences are filed under this name.
-ADDON = __package__.rpartition(".")[0]
+ADDON = __package__.partition(".perfanim_addon")[0]
 
 
 # Folders that the user may choose in the preferences: first part of `user_folder` -> name of the preference.

@@ -1,16 +1,15 @@
 """Preferences: the sidebar's tab, folders, defaults, the worker, the cameras' exposure, gain and focus, diagnostics."""
 
-import sys
 from collections.abc import Iterator
 from typing import Any
 
 import bpy
 
 from ..core.solver.settings import METHODS
-from . import diagnostics, diagnostics_ui
+from . import diagnostics_ui, sidebar_tab
 from .place import ADDON, CHOSEN_FOLDERS, folder_problem
+from .sidebar_tab import DEFAULT_TAB
 
-DEFAULT_TAB = "Perfanim"
 _METHOD_TEXTS = {
     "best": "The most accurate",
     "local-pca": "A local model of pose with the settings of the published method",
@@ -20,10 +19,7 @@ _METHOD_TEXTS = {
 
 
 def _tab_changed(preferences: "PERFANIM_AP_preferences", context: bpy.types.Context) -> None:
-    for name in ("panels", "panel_targets", "panel_takes", "panel_batch"):
-        panels = sys.modules.get(f"{__package__}.{name}")
-        if panels is not None and not diagnostics.problem:
-            panels.move_to_tab(preferences.tab or DEFAULT_TAB)
+    sidebar_tab.move_to_tab(preferences.tab or DEFAULT_TAB)
 
 
 def _marker_sets(_self: object, _context: object, typed: str) -> Iterator[str]:

@@ -5,60 +5,97 @@ library; then the rest, which needs numpy and the bundled scipy. If that fails, 
 says what is wrong.
 """
 
-import importlib
 import traceback
+from collections.abc import Sequence
 from types import ModuleType
 
 from . import diagnostics
 
-_FIRST = ("translations", "preferences", "diagnostics_ui")
-_REST = (
-    "bone_list",
-    "properties",
-    "targets",
-    "sending",
-    "receiving",
-    "result",
-    "batch_settings",
-    "operators.jobs",
-    "operators.cameras",
-    "operators.subject",
-    "operators.database",
-    "operators.character",
-    "operators.capture",
-    "operators.takes",
-    "operators.take_files",
-    "operators.targets",
-    "operators.batch",
-    "operators.self_test",
-    "defaults",
-    "panel_character",
-    "panels",
-    "panel_targets",
-    "panel_takes",
-    "panel_batch",
-    "command_line",
-    "running",  # last, so that it ends what runs while all that this needs is still there
-)
-_FALLBACK = ("panel_broken",)
+
+def _first_modules() -> Sequence[ModuleType]:
+    """Import what is registered before any library is needed."""
+    from . import diagnostics_ui, preferences, translations
+
+    return translations, preferences, diagnostics_ui
+
+
+def _other_modules() -> Sequence[ModuleType]:
+    """Import the rest, in the order in which it is registered."""
+    import scipy  # noqa: F401  # fails here if its wheel is broken, before anything is registered
+
+    from . import (
+        batch_settings,
+        bone_list,
+        command_line,
+        defaults,
+        panel_batch,
+        panel_character,
+        panel_takes,
+        panel_targets,
+        panels,
+        properties,
+        receiving,
+        result,
+        running,
+        sending,
+        targets,
+    )
+    from .operators import batch, cameras, capture, character, database, jobs, self_test, subject, take_files, takes
+    from .operators import targets as target_operators
+
+    return (
+        bone_list,
+        properties,
+        targets,
+        sending,
+        receiving,
+        result,
+        batch_settings,
+        jobs,
+        cameras,
+        subject,
+        database,
+        character,
+        capture,
+        takes,
+        take_files,
+        target_operators,
+        batch,
+        self_test,
+        defaults,
+        panel_character,
+        panels,
+        panel_targets,
+        panel_takes,
+        panel_batch,
+        command_line,
+        running,  # last, so that it ends what runs while all that this needs is still there
+    )
+
+
+def _fallback_modules() -> Sequence[ModuleType]:
+    """Import what is registered in place of the rest if a library is broken."""
+    from . import panel_broken
+
+    return (panel_broken,)
+
 
 _registered: list[ModuleType] = []
 
 
 def register() -> None:
     """Register what can be registered; a failing library leaves preferences and diagnostics usable."""
-    _add_all(_FIRST)
+    _add_all(_first_modules())
     diagnostics.problem = ""
     count = len(_registered)
     try:
-        importlib.import_module("scipy")
-        _add_all(_REST)
+        _add_all(_other_modules())
     except Exception as error:  # a broken library may raise anything
         traceback.print_exc()
         _remove_down_to(count)
         name = error.name if isinstance(error, ImportError) else None
         diagnostics.problem = f"{name or 'a library'} cannot be loaded: {error}"
-        _add_all(_FALLBACK)
+        _add_all(_fallback_modules())
 
 
 def unregister() -> None:
@@ -66,9 +103,8 @@ def unregister() -> None:
     _remove_down_to(0)
 
 
-def _add_all(names: tuple[str, ...]) -> None:
-    for name in names:
-        module = importlib.import_module(f".{name}", __package__)
+def _add_all(modules: Sequence[ModuleType]) -> None:
+    for module in modules:
         module.register()
         _registered.append(module)
 

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import threading
 from collections import deque
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
 
 from .. import bootstrap
@@ -16,11 +16,11 @@ from .record import Record, Task, failed
 _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
-def in_processes(serve: str, jobs: int, tasks: Sequence[Task]) -> Generator[Record, None, None]:
+def in_processes(serve: Callable[[], None], jobs: int, tasks: Sequence[Task]) -> Generator[Record, None, None]:
     """Yield what comes of tasks, as it comes.
 
     Args:
-        serve: function ("module:name", see `bootstrap.order`) that serves tasks: a line of JSON each on standard
+        serve: function at the top level of a module that serves tasks: a line of JSON each on standard
             input, a line of JSON each as answer.
         jobs: processes; one that dies is replaced, and its take is bad.
         tasks: in the order in which they are begun, but for those of one performer, which a process keeps.
@@ -89,7 +89,7 @@ def _kind(task: Task) -> tuple[str, ...]:
 class _Worker:
     """A process that does one task after another; when it dies, another takes its place."""
 
-    def __init__(self, serve: str) -> None:
+    def __init__(self, serve: Callable[[], None]) -> None:
         self._serve = serve
         self._lock = threading.Lock()
         self._process: subprocess.Popen[str] | None = None

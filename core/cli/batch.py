@@ -121,7 +121,7 @@ def _plan(args: argparse.Namespace) -> Plan:
 
 def _doer(args: argparse.Namespace) -> DoTasks:
     if args.scheduler is None:
-        return partial(in_processes, batch_worker.SERVE, args.jobs or os.cpu_count() or 1)
+        return partial(in_processes, batch_worker.serve, args.jobs or os.cpu_count() or 1)
     from ..batch.cluster import on_cluster  # Dask is slow to load, and not needed without a cluster
 
     return partial(on_cluster, args.scheduler, batch_worker.serve_task)

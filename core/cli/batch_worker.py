@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
     from ..solve_take import SolvedTake
 
-SERVE = "perfanim.core.cli.batch_worker:serve"
-
 _local = threading.local()
 
 

@@ -6,11 +6,11 @@ import sys
 import threading
 from collections.abc import Sequence
 
-from .main import main
-
 
 def run(arguments: Sequence[str]) -> int:
     """Run a command and return its exit status; when standard input ends, Blender is gone, and so is this."""
+    from .main import main  # settings of its libraries are made for a process, not for Blender
+
     signal.signal(signal.SIGINT, signal.default_int_handler)
     threading.Thread(target=_end_with_blender, daemon=True).start()
     return main(arguments)

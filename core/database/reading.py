@@ -118,7 +118,7 @@ class _Reader:
         self._process = subprocess.Popen(
             bootstrap.command(sys.executable), stdin=subprocess.PIPE, stdout=subprocess.PIPE
         )
-        self._send(bootstrap.order("perfanim.core.database.reading:serve"))
+        self._send(bootstrap.order(serve))
 
     def _send(self, line: str) -> None:
         assert self._process.stdin is not None  # noqa: S101  # it was asked for

@@ -24,6 +24,7 @@ from typing import IO, Any
 from .. import bootstrap
 from ..errors import CaptureError
 from ..libraries import LIBRARIES
+from . import process
 from .protocol import Decoder, Message, MessageKind, encode, encode_json
 
 START_LIMIT_S = 60.0
@@ -115,8 +116,10 @@ class WorkerClient:
         )
 
     def _send_start(self) -> None:
-        run, port = "perfanim.core.worker.process:main", self._listener.getsockname()[1]
-        order = bootstrap.order(run, port, self._token, str(self._request.get("job", "")), paths=library_paths())
+        port = self._listener.getsockname()[1]
+        order = bootstrap.order(
+            process.main, port, self._token, str(self._request.get("job", "")), paths=library_paths()
+        )
         if self._process.stdin is not None:
             self._process.stdin.write(order.encode("utf-8") + b"\n")
             self._process.stdin.flush()

@@ -13,26 +13,13 @@ Requests (JSON):
         its summary as RESULT, so that long work never freezes Blender.
 """
 
-import importlib
 import signal
 import sys
 import traceback
-from typing import Any
+from types import ModuleType
 
 from ..errors import CaptureError, PerfanimError
 from .channel import Channel
-
-_JOBS = {
-    "capture": ".capture_job",
-    "cameras": ".camera_job",
-    "trackers": ".tracker_job",
-    "command": ".command_job",
-    "record board": ".record_board",
-    "record floor": ".record_floor",
-    "record floor markers": ".record_floor_markers",
-    "record pose": ".record_pose",
-    "calibrate performer": ".calibrate_performer",
-}
 
 
 def main(port: int, token: str, name: str) -> int:
@@ -60,8 +47,47 @@ def main(port: int, token: str, name: str) -> int:
     return 0
 
 
-def _job(name: str) -> Any:
-    if name not in _JOBS:
-        raise CaptureError(f"does not know the job {name!r}", where="worker", advice="restart Blender")
-    # Imported here: a database is built without loading what images need, and the other way round.
-    return importlib.import_module(_JOBS[name], __package__)
+def _job(name: str) -> ModuleType:
+    """Import and return the module of the job of this name.
+
+    Imported here: a database is built without loading what images need, and the other way round.
+    """
+    match name:
+        case "capture":
+            from . import capture_job
+
+            return capture_job
+        case "cameras":
+            from . import camera_job
+
+            return camera_job
+        case "trackers":
+            from . import tracker_job
+
+            return tracker_job
+        case "command":
+            from . import command_job
+
+            return command_job
+        case "record board":
+            from . import record_board
+
+            return record_board
+        case "record floor":
+            from . import record_floor
+
+            return record_floor
+        case "record floor markers":
+            from . import record_floor_markers
+
+            return record_floor_markers
+        case "record pose":
+            from . import record_pose
+
+            return record_pose
+        case "calibrate performer":
+            from . import calibrate_performer
+
+            return calibrate_performer
+        case _:
+            raise CaptureError(f"does not know the job {name!r}", where="worker", advice="restart Blender")

@@ -1,5 +1,8 @@
 """The way into helper processes."""
 
+import ast
+import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -8,6 +11,7 @@ import perfanim
 import pytest
 from perfanim.core import bootstrap
 
+ROOT = Path(perfanim.__file__).parent
 ASKED = """
 import signal, sys
 import perfanim
@@ -17,6 +21,31 @@ def asked(*words):
     print(perfanim.__file__, ignored, *map(ascii, words), sys.stdin.readline(), sep="|")
     return 7
 """
+
+
+def entry_points() -> list[tuple[Path, str]]:
+    """Return where a function is named by a string, "perfanim.module:function", and the string."""
+    found = []
+    for path in sorted([*(ROOT / "core").rglob("*.py"), *(ROOT / "perfanim_addon").rglob("*.py")]):
+        texts = [node.value for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Constant)]
+        found += [(path, text) for text in texts if re.fullmatch(r"perfanim[\w.]*:\w+", str(text))]
+    return found
+
+
+@pytest.mark.parametrize(("path", "text"), entry_points())
+def test_a_function_that_a_string_names_is_there(path: Path, text: str) -> None:
+    module, _, name = text.partition(":")
+    file = ROOT.joinpath(*module.split(".")[1:]).with_suffix(".py")
+    functions = [node.name for node in ast.parse(file.read_text()).body if isinstance(node, ast.FunctionDef)]
+    assert name in functions, path
+
+
+def test_a_function_is_told_by_its_own_module() -> None:
+    from perfanim.core.worker import process
+
+    told = json.loads(bootstrap.order(process.main, 1, "token", "capture"))
+    assert told["run"] == f"{process.__name__}:main"
+    assert (Path(told["root"]) / "blender_manifest.toml").is_file()
 
 
 @pytest.mark.parametrize("is_blender", [False, True])
