@@ -4,20 +4,20 @@ Exit status: 0 done; 1 bad input or failed work (one line on stderr); 2 wrong us
 """
 
 import argparse
-import importlib
 import json
 import math
 import os
 import signal
 import sys
 from collections.abc import Sequence
+from types import ModuleType
 from typing import Any
 
 from .. import __version__
 from ..errors import PerfanimError
 from .outcome import Outcome
 
-# Each module offers add_parser(subparsers), which sets `run`: (args, progress) -> summary, or an `Outcome`.
+# Each command's module offers add_parser(subparsers), which sets `run`: (args, progress) -> summary, or an `Outcome`.
 COMMANDS = (
     "demo",
     "calibrate",
@@ -76,9 +76,68 @@ def build_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"perfanim {__version__}")
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for name in commands:
-        importlib.import_module(f".{name}", __package__).add_parser(subparsers)
+        _command(name).add_parser(subparsers)
     _add_json_option(parser)
     return parser
+
+
+def _command(name: str) -> ModuleType:
+    """Import and return the module of a command; the others' take a second to load."""
+    match name:
+        case "demo":
+            from . import demo
+
+            return demo
+        case "calibrate":
+            from . import calibrate
+
+            return calibrate
+        case "track":
+            from . import track
+
+            return track
+        case "take":
+            from . import take
+
+            return take
+        case "database":
+            from . import database
+
+            return database
+        case "solve":
+            from . import solve
+
+            return solve
+        case "evaluate":
+            from . import evaluate
+
+            return evaluate
+        case "retarget":
+            from . import retarget
+
+            return retarget
+        case "vmc":
+            from . import vmc
+
+            return vmc
+        case "batch":
+            from . import batch
+
+            return batch
+        case "simulate":
+            from . import simulate
+
+            return simulate
+        case "bench":
+            from . import bench
+
+            return bench
+        case "diagnose":
+            from . import diagnose
+
+            return diagnose
+        case _:
+            raise ValueError(f"no command {name!r}")
 
 
 def _add_json_option(parser: argparse.ArgumentParser) -> None:
@@ -94,7 +153,6 @@ def _add_json_option(parser: argparse.ArgumentParser) -> None:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
     given = sys.argv[1:] if argv is None else argv
-    # the other commands' modules take a second to load
     args = build_parser(given[:1] if given and given[0] in COMMANDS else COMMANDS).parse_args(given)
     progress = Progress()
     # a polite end by the system is an end like any other: what is half written is removed on the way out
