@@ -24,7 +24,7 @@ from perfanim.core.motion import Motion, sliced
 from perfanim.core.motion_files import read_motion
 from perfanim.perfanim_addon.retarget_file import retarget_file
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "tests" / "addon"))
+sys.path.append(str(Path(__file__).resolve().parents[1] / "tests" / "helpers"))
 
 from retargeted import Played, measured
 

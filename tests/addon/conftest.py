@@ -10,8 +10,6 @@ from typing import Any
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))  # the tests share played.py
-
 ROOT = Path(__file__).resolve().parents[2]
 MODULE = "bl_ext.user_default.perfanim"
 

@@ -1,8 +1,6 @@
 """Performers side by side before the same cameras: each is followed as if alone."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,9 +12,6 @@ from perfanim.core.prop import load_prop
 from perfanim.core.session import Session
 from perfanim.core.simulate.studio.carried import in_hand
 from perfanim.core.skeleton import marker_positions
-
-sys.path.insert(0, str(Path(__file__).parent))  # tests share props.py and performers.py
-
 from performers import APART_M, side_by_side
 from props import Film, markers_of
 

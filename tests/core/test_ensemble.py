@@ -1,8 +1,5 @@
 """A performer with a prop in the hand: each keeps what is its own."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from perfanim.core import rotations as rot
@@ -11,9 +8,6 @@ from perfanim.core.errors import PropError
 from perfanim.core.prop import load_prop
 from perfanim.core.session import Session
 from perfanim.core.simulate.studio.carried import in_hand
-
-sys.path.insert(0, str(Path(__file__).parent))  # tests share props.py
-
 from props import Film, markers_of
 
 MARKER_M = 0.02  # labels that are right are nearer than this: five times what the blobs' noise makes of a point

@@ -1,9 +1,7 @@
 """Props measured from takes of them."""
 
 import json
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,9 +13,6 @@ from perfanim.core.prop import load_prop
 from perfanim.core.prop_calibration import calibrate_prop
 from perfanim.core.take_file.setup import TakeNotes, TakeSetup
 from perfanim.core.take_file.whole import write_whole_take
-
-sys.path.insert(0, str(Path(__file__).parent))  # tests share props.py
-
 from props import FPS, Film, markers_of, swung
 
 NOISE_M = 0.001

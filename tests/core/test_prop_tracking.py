@@ -1,16 +1,10 @@
 """A prop found by its distances, followed, lost and found again, with and without images."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from perfanim.core import rotations as rot
 from perfanim.core.prop import Prop, load_prop
 from perfanim.core.prop_tracking import PropTracker
-
-sys.path.insert(0, str(Path(__file__).parent))  # tests share props.py
-
 from props import FPS, Film, markers_of, swung
 
 FRAMES = 90

@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import perfanim
 import pytest
 from perfanim.core.evaluate import evaluate
 from perfanim.core.formats.bvh import write_bvh
@@ -12,7 +13,7 @@ from perfanim.core.motion import sliced
 from perfanim.core.motion_files import read_motion
 from perfanim.core.simulate.markers import simulate_markers
 
-GUIDE = Path(__file__).resolve().parents[2] / "docs" / "scripting.md"
+GUIDE = Path(perfanim.__file__).parent / "docs" / "scripting.md"
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from pathlib import Path
 import bpy
 
 sys.path.append(str(Path(__file__).resolve().parent))
-sys.path.append(str(Path(__file__).resolve().parents[1] / "addon"))
+sys.path.append(str(Path(__file__).resolve().parents[1] / "helpers"))
 
 import observer_orders
 import observer_rates

@@ -1,8 +1,6 @@
 """Takes of two performers: both solved, kept, exported."""
 
 import json
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,9 +13,6 @@ from perfanim.core.motion_files import read_motion
 from perfanim.core.take_file.reading import read_take_file
 from perfanim.core.take_file.setup import TakeNotes, TakeSetup
 from perfanim.core.take_file.whole import write_whole_take
-
-sys.path.insert(0, str(Path(__file__).parents[1]))  # tests share props.py and performers.py
-
 from performers import AHEAD, side_by_side
 from props import FPS, Film
 

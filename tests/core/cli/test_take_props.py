@@ -2,8 +2,6 @@
 
 import csv
 import json
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,9 +13,6 @@ from perfanim.core.simulate.studio.carried import in_hand
 from perfanim.core.take_file.reading import read_take_file
 from perfanim.core.take_file.setup import TakeNotes, TakeSetup
 from perfanim.core.take_file.whole import write_whole_take
-
-sys.path.insert(0, str(Path(__file__).parents[1]))  # tests share props.py
-
 from props import FPS, Film, markers_of
 
 FRAMES = 20

@@ -1,6 +1,5 @@
 """A small take with everything in it."""
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,9 +10,6 @@ from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.take_file import writer as writer_module
 from perfanim.core.take_file.setup import TakeNotes, TakeSetup
 from perfanim.core.take_file.writer import TakeWriter
-
-sys.path.insert(0, str(Path(__file__).parent))  # the tests share records.py
-
 from records import frame_record, pose_record
 
 

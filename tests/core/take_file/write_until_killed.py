@@ -17,7 +17,7 @@ from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.take_file.setup import TakeSetup
 from perfanim.core.take_file.writer import TakeWriter
 
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[2] / "helpers"))
 
 from records import frame_record, pose_record
 

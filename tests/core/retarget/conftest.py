@@ -1,6 +1,0 @@
-"""The tests share figures.py and measures.py."""
-
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parent))
