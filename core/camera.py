@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import rotations as rot
 from .errors import CalibrationError
-from .files import read_bytes, read_toml, write_toml
 from .foreign_rigs import caliscope_rows, level_from_world, qualisys_rows
+from .system.files import read_bytes, read_toml, write_toml
 
 Array = NDArray[np.float64]
 

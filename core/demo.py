@@ -12,13 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .assets import MOTION, SKELETONS
 from .calibration_pose import CALIBRATION
 from .camera import CameraRig, save_rig
 from .database.build import build_database
 from .database.store import Database, open_database
 from .evaluate import evaluate
-from .files import atomic_path
 from .formats.bvh import write_bvh
 from .marker_frame import MarkerFrame
 from .marker_set import Subject, load_marker_set, save_subject
@@ -47,6 +45,8 @@ from .solve_take import motion_of
 from .solver.settings import SolveSettings
 from .studio_setup import calibrate_studio, studio_on_floor
 from .subject_from_recording import subject_from_recording
+from .system.assets import MOTION, SKELETONS
+from .system.files import atomic_path
 from .vision.pipeline import MarkerPipeline
 
 Array = NDArray[np.float64]

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .assets import MARKER_SETS
 from .errors import MarkerSetError, SubjectError
-from .files import read_toml, write_toml
 from .skeleton import Skeleton
+from .system.assets import MARKER_SETS
+from .system.files import read_toml, write_toml
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .camera import Camera, CameraRig
 from .errors import CalibrationError, TakeError
-from .files import atomic_path
+from .system.files import atomic_path
 
 Array = NDArray[np.float64]
 

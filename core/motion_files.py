@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from .defects import Defect
 from .errors import FormatError
-from .files import read_bytes
 from .formats.amc import CMU_FPS, amc_motion, parse_amc_values
 from .formats.archive import skeleton_name
 from .formats.asf import AsfFile, read_asf, read_asf_file
@@ -19,6 +18,7 @@ from .mapping import map_motion
 from .motion import Motion
 from .product_skeleton import JOINT_NAMES
 from .skeleton import Skeleton
+from .system.files import read_bytes
 
 _NOT_FINITE = "numbers that are not finite"
 

@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from .camera import Camera
 from .errors import CaptureError
-from .files import atomic_path
 from .simulate.studio.body import Body, make_body
 from .simulate.studio.figure import FigurePainter
 from .simulate.studio.lens import undistorted_grid
@@ -23,6 +22,7 @@ from .simulate.studio.limbs import outlines
 from .simulate.studio.rig import looking_at
 from .simulate.studio.video import write_video
 from .skeleton import Skeleton
+from .system.files import atomic_path
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .assets import PROPS
 from .errors import PropError
-from .files import read_toml, write_toml
 from .rigid_matching import laid_on, rigid_ways, thickness_m
+from .system.assets import PROPS
+from .system.files import read_toml, write_toml
 
 Array = NDArray[np.float64]
 

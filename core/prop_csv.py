@@ -4,8 +4,8 @@ import csv
 from collections.abc import Sequence
 from pathlib import Path
 
-from .files import atomic_path
 from .pose_frame import PoseFrame
+from .system.files import atomic_path
 
 HEADER = ("frame", "time_s", "x", "y", "z", "qw", "qx", "qy", "qz", "rms_mm", "markers")
 

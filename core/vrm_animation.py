@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from . import __version__
 from . import rotations as rot
 from .calibration_pose import t_pose
-from .files import atomic_path
 from .motion import Motion
 from .skeleton import Skeleton, forward_kinematics
+from .system.files import atomic_path
 from .vmc.humanoid import BONES, bone_poses
 
 Array = NDArray[np.float64]

@@ -26,16 +26,16 @@ def run(arguments: Sequence[str]) -> int:
     Args:
         arguments: what stands behind the command's name.
     """
-    from ..core import bootstrap
     from ..core.cli import in_blender
     from ..core.cli.retarget import BLENDER_VARIABLE
+    from ..core.system import helper_process
     from ..core.worker.client import library_paths
 
     python = preferences.worker_python(bpy.context) or sys.executable
     # characters are retargeted by another Blender like this one, where it is a program
     environment = {BLENDER_VARIABLE: bpy.app.binary_path, **os.environ}
-    order = bootstrap.order(in_blender.run, list(arguments), paths=library_paths())
-    with subprocess.Popen(bootstrap.command(python), stdin=subprocess.PIPE, env=environment) as process:
+    order = helper_process.order(in_blender.run, list(arguments), paths=library_paths())
+    with subprocess.Popen(helper_process.command(python), stdin=subprocess.PIPE, env=environment) as process:
         if process.stdin is not None:
             process.stdin.write(order.encode() + b"\n")
             process.stdin.flush()  # and stays open: at its end the process ends

@@ -16,10 +16,10 @@ from mathutils import Vector
 from numpy.typing import NDArray
 
 from ..core.errors import CharacterError, PerfanimError
-from ..core.files import atomic_path
 from ..core.motion import Motion
 from ..core.motion_files import read_motion
 from ..core.skeleton import forward_kinematics
+from ..core.system.files import atomic_path
 from . import axes
 from .actions import write_action
 from .character import create_character

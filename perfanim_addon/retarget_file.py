@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import CharacterError, FormatError, PerfanimError
-from ..core.files import atomic_path
 from ..core.motion import Motion
 from ..core.motion_files import read_motion
 from ..core.retarget.bone_map import BoneMap, State, checked_map
 from ..core.retarget.presets import named_bone_map
 from ..core.retarget.transfer import Retargeter, RootMotion
+from ..core.system.files import atomic_path
 from .actions import scene_frames, write_posing
 from .export_animation import ENDINGS, Form, write_played
 from .export_blend import add_stage, render, set_up_rendering, write_scene

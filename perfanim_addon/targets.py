@@ -8,11 +8,11 @@ from typing import Any
 
 import bpy
 
-from ..core.assets import PROPS
 from ..core.errors import CharacterError, PerfanimError, SettingsError, SubjectError
 from ..core.marker_set import MarkerSet, Subject
 from ..core.product_skeleton import default_skeleton
 from ..core.prop import Prop, check_together
+from ..core.system.assets import PROPS
 from . import states
 from .place import absolute
 from .posing import map_problem

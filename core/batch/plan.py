@@ -14,9 +14,9 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from ..errors import SettingsError
-from ..files import read_toml
 from ..formats.takes import READABLE, is_recorded
 from ..motion_export import ANGLES, BVH, MOTION_ENDINGS
+from ..system.files import read_toml
 
 Value = str | float | bool | list[str]
 

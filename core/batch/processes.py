@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
 
-from .. import bootstrap
+from ..system import helper_process
 from .record import Record, Task, failed
 
 # sums of several threads differ in their last bits, and the results of a batch must not
@@ -133,9 +133,9 @@ class _Worker:
                 raise BrokenPipeError
             if self._process is None:
                 self._process = subprocess.Popen(
-                    bootstrap.command(sys.executable), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+                    helper_process.command(sys.executable), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
                     encoding="utf-8", env={**os.environ, **_ONE_THREAD},
                 )  # fmt: skip
                 if self._process.stdin is not None:
-                    self._process.stdin.write(bootstrap.order(self._serve) + "\n")
+                    self._process.stdin.write(helper_process.order(self._serve) + "\n")
             return self._process

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..assets import SKELETONS
 from ..calibration_pose import CALIBRATION
 from ..camera import CameraRig
 from ..database.store import Database
@@ -32,6 +31,7 @@ from ..solver.settings import SolveSettings
 from ..studio_setup import calibrate_studio, studio_on_floor
 from ..subject_from_frames import subject_from_frames
 from ..subject_from_recording import subject_from_recording
+from ..system.assets import SKELETONS
 from ..vision.pipeline import MarkerPipeline
 from .data import BOXING, CMU, WALKING, Progress, read_take, whole_database, without_tests
 from .report import write_json, write_rows

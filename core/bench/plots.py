@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SettingsError
-from ..files import atomic_path
+from ..system.files import atomic_path
 
 _COLOURS = ("#2a9d3a", "#1f5fd0", "#d02a2a", "#8a4fbf", "#111111")
 

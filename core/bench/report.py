@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..files import atomic_path
+from ..system.files import atomic_path
 
 
 def write_json(path: Path, figures: dict[str, Any]) -> None:

@@ -10,7 +10,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..assets import MOTION
 from ..database.build import build_database
 from ..database.store import Database, open_database
 from ..database.subset import write_subset
@@ -24,6 +23,7 @@ from ..solver.search import IntArray, Query, Search
 from ..solver.settings import SolveSettings
 from ..solver.subject_model import SubjectModel
 from ..sources.take import take_frames
+from ..system.assets import MOTION
 from ..vision.background import learn_backgrounds
 from ..vision.detect import Detector
 from .data import BANDAI, CMU, FPS, LEFT_OUT, SPLIT, WALKING, Progress, data_folders, read_take

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..assets import MOTION
 from ..camera import Camera, CameraRig
 from ..database.build import build_database
 from ..database.store import Database, open_database
@@ -20,6 +19,7 @@ from ..simulate.studio.rig import default_rig
 from ..simulate.studio.settings import StudioSettings
 from ..simulate.studio.source import SimulatedSource, simulated_source
 from ..studio_setup import calibrate_studio
+from ..system.assets import MOTION
 from ..vision.detect import Detector
 from ..vision.pipeline import MarkerPipeline
 from .data import Progress

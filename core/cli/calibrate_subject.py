@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from ..assets import SKELETONS
 from ..calibration_pose import CALIBRATION, POSES
 from ..database.store import open_database
 from ..errors import SettingsError
@@ -25,6 +24,7 @@ from ..subject_calibration import (
     pose_points,
 )
 from ..subject_from_motion import frames_of, subject_from_motion
+from ..system.assets import SKELETONS
 
 _DOUBTFUL_M = 0.015  # a body that explains the motion's markers no better is not to be trusted
 

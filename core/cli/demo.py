@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import CharacterError, SettingsError
-from ..files import atomic_path
+from ..system.files import atomic_path
 from .main import jsonable
 from .options import seed
 

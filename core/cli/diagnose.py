@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
-from ..libraries import LIBRARIES
+from ..system.libraries import LIBRARIES
 
 
 def add_parser(subparsers: Any) -> None:

@@ -10,10 +10,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from .. import bootstrap
 from ..errors import CharacterError, FormatError
 from ..formats.naming import NAMINGS
 from ..retarget.transfer import RootMotion
+from ..system import helper_process
 
 BLENDER_VARIABLE = "PERFANIM_BLENDER"  # of the environment: the program to retarget with where none is named
 
@@ -106,7 +106,7 @@ def _command(blender: str | None, arguments: Sequence[str]) -> list[str]:
     if blender is None:
         package = (__package__ or "").rpartition(".core.")[0]
         return [sys.executable, "-m", f"{package}.perfanim_addon.retarget_file", *arguments]
-    order = bootstrap.order("perfanim.perfanim_addon.retarget_file:main", arguments)
+    order = helper_process.order("perfanim.perfanim_addon.retarget_file:main", arguments)
     return [
         blender,
         "--background",
@@ -114,7 +114,7 @@ def _command(blender: str | None, arguments: Sequence[str]) -> list[str]:
         "--python-exit-code",
         "1",
         "--python",
-        bootstrap.SCRIPT,
+        helper_process.SCRIPT,
         "--",
         order,
     ]

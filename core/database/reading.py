@@ -21,7 +21,6 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import bootstrap
 from .. import rotations as rot
 from ..defects import Defect, clean
 from ..errors import DatabaseError, PerfanimError
@@ -29,6 +28,7 @@ from ..formats.archive import MotionFile
 from ..motion import resampled
 from ..motion_files import read_motion_parts
 from ..skeleton import Skeleton
+from ..system import helper_process
 
 _LENGTH = struct.Struct("<I")
 _SKELETON_ARRAYS = ("parents", "offsets_m", "tips_m", "angle_axes")
@@ -116,9 +116,9 @@ class _Reader:
     def __init__(self) -> None:
         self._skeletons: list[Skeleton] = []
         self._process = subprocess.Popen(
-            bootstrap.command(sys.executable), stdin=subprocess.PIPE, stdout=subprocess.PIPE
+            helper_process.command(sys.executable), stdin=subprocess.PIPE, stdout=subprocess.PIPE
         )
-        self._send(bootstrap.order(serve))
+        self._send(helper_process.order(serve))
 
     def _send(self, line: str) -> None:
         assert self._process.stdin is not None  # noqa: S101  # it was asked for

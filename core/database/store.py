@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from .. import rotations as rot
 from ..errors import DatabaseError
-from ..files import atomic_path
 from ..product_skeleton import JOINT_NAMES
 from ..skeleton import Skeleton
+from ..system.files import atomic_path
 from .frame_file import FrameFile
 from .graph import GraphSettings, NeighbourGraph, build_graph
 

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from .. import rotations as rot
-from ..files import atomic_path
 from ..motion import Motion
+from ..system.files import atomic_path
 from .euler_form import steady_angles
 
 _ORDER = "ZXY"

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from .. import rotations as rot
 from ..errors import FormatError
-from ..files import read_bytes
 from ..product_skeleton import JOINT_NAMES
 from ..skeleton import Skeleton
+from ..system.files import read_bytes
 
 Array = NDArray[np.float64]
 

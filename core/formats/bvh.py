@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from .. import rotations as rot
 from ..errors import FormatError
-from ..files import atomic_path, read_bytes
 from ..motion import Motion
 from ..skeleton import Skeleton
+from ..system.files import atomic_path, read_bytes
 from .numbers import parse_numbers
 from .source_motion import SourceMotion
 

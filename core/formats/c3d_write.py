@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import FormatError
-from ..files import atomic_path
 from ..marker_take import MarkerTake
+from ..system.files import atomic_path
 
 _BLOCK = 512
 _INTEL = 84

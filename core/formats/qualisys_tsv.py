@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import FormatError
-from ..files import read_bytes
 from ..marker_take import MarkerTake
+from ..system.files import read_bytes
 from .take_parts import make_take, numbers_of
 
 Array = NDArray[np.float64]

@@ -11,10 +11,10 @@ Shipped ones exist only for rigs whose names alone would mislead; all others are
 
 from pathlib import Path
 
-from ..assets import ASSETS
 from ..errors import CharacterError, FormatError
-from ..files import read_toml, write_toml
 from ..product_skeleton import JOINT_NAMES
+from ..system.assets import ASSETS
+from ..system.files import read_toml, write_toml
 
 BONE_MAPS = ASSETS / "bone_maps"
 _ENDING = ".toml"

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..system.steady_clock import SteadyClock
 from .image_set import Image, ImageSet, camera_title, next_number
-from .steady_clock import SteadyClock
 from .watch import CameraWatch
 
 _TOGETHER = 0.75  # periods: images further apart in time are of two moments

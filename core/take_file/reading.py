@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import CaptureError, TakeError
-from ..files import read_bytes
 from ..marker_frame import MarkerFrame, unpack_stamped
 from ..pose_bytes import SolvedPose, unpack_solved
+from ..system.files import read_bytes
 from .chunks import (
     HEADER_BYTES,
     PREAMBLE_BYTES,

@@ -4,9 +4,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..files import atomic_path
 from ..marker_frame import MarkerFrame, pack_stamped
 from ..pose_bytes import SolvedPose, pack_solved
+from ..system.files import atomic_path
 from .chunks import ChunkKind, encode_chunk, join_records, preamble
 from .footer import Footer
 from .setup import TakeNotes, TakeSetup

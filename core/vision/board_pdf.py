@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import CalibrationError
-from ..files import atomic_path
+from ..system.files import atomic_path
 from .board import Board, charuco_board
 
 _PAPERS_MM = {

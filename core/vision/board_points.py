@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import CalibrationError
-from ..files import read_bytes
+from ..system.files import read_bytes
 from .board import BoardView
 from .rig_fit import CameraViews
 

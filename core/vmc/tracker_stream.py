@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from ..marker_frame import MarkerFrame
 from ..marker_names import match_names
 from ..marker_set import MarkerSet
-from ..sources.steady_clock import SteadyClock
+from ..system.steady_clock import SteadyClock
 from .frames import MOST_PLACED, FrameGathering, Key, VmcFrame, tracker_names
 from .packets import TRACKERS
 from .tracker_points import AXES, axis_names, axis_points

@@ -7,10 +7,10 @@ that of `record_pose` with "subject" (the file), "residual_mm", "verdict" and "a
 from collections.abc import Mapping
 from typing import Any
 
-from ..assets import SKELETONS
 from ..marker_set import load_marker_set, save_subject
 from ..simulate.performer.bodies import load_bodies
 from ..subject_calibration import calibrate_subject, pose_points
+from ..system.assets import SKELETONS
 from .camera_job import Stopped
 from .channel import Channel
 from .record_pose import recorded

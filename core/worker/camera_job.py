@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from ..camera import CameraRig, load_rig
 from ..errors import CaptureError
-from ..files import atomic_path
 from ..sources.spec import ImageSetLike, ImageSource, open_source
+from ..system.files import atomic_path
 from ..vision.background import Background
 from ..vision.blob_preview import draw_blobs
 from ..vision.live import live_frames, live_settings

@@ -21,9 +21,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
-from .. import bootstrap
 from ..errors import CaptureError
-from ..libraries import LIBRARIES
+from ..system import helper_process
+from ..system.libraries import LIBRARIES
 from . import process
 from .protocol import Decoder, Message, MessageKind, encode, encode_json
 
@@ -107,7 +107,7 @@ class WorkerClient:
     def _start(self, python: str) -> "subprocess.Popen[bytes]":
         environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
         return subprocess.Popen(
-            bootstrap.command(python),
+            helper_process.command(python),
             stdin=subprocess.PIPE,
             stdout=self._log,
             stderr=self._log,
@@ -117,7 +117,7 @@ class WorkerClient:
 
     def _send_start(self) -> None:
         port = self._listener.getsockname()[1]
-        order = bootstrap.order(
+        order = helper_process.order(
             process.main, port, self._token, str(self._request.get("job", "")), paths=library_paths()
         )
         if self._process.stdin is not None:

@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 from ..camera import rig_tables
 from ..cli.calibrate import summary_of
 from ..errors import CaptureError
-from ..files import atomic_path
 from ..simulate.studio.boards import CarriedBoard, board_poses
 from ..simulate.studio.render import Renderer
 from ..simulate.studio.rig import default_rig
 from ..sources.image_set import camera_title, moment_of, usable_images
 from ..sources.spec import ImageSetLike, ImageSource, open_source
+from ..system.files import atomic_path
 from ..vision.board import Board, parse_board
 from ..vision.board_preview import draw_corners, draw_coverage, draw_taken, draw_wanted
 from ..vision.board_session import BoardSession, Sight

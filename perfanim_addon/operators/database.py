@@ -6,8 +6,8 @@ from typing import Any
 import bpy
 from bpy_extras.io_utils import ImportHelper
 
-from ...core.assets import MOTION
 from ...core.errors import DatabaseError
+from ...core.system.assets import MOTION
 from .. import preferences, running, states
 from ..place import user_folder
 from ..properties import settings

@@ -13,7 +13,7 @@ import addon_utils
 import bpy
 import numpy as np
 import pytest
-from perfanim.core.assets import MOTION
+from perfanim.core.system.assets import MOTION
 
 PATIENCE_S = 300.0
 

@@ -6,13 +6,13 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from perfanim.core.assets import MOTION
 from perfanim.core.errors import CharacterError, FormatError
 from perfanim.core.formats.bvh import read_bvh
 from perfanim.core.formats.naming import NAMINGS
 from perfanim.core.motion import Motion, sliced
 from perfanim.core.motion_files import read_motion
 from perfanim.core.product_skeleton import default_skeleton
+from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon import actions, character
 from perfanim.perfanim_addon.export_animation import ENDINGS, Form, export_poses
 from played import curves_of

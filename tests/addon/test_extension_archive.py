@@ -7,7 +7,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from perfanim.core.libraries import LIBRARIES
+from perfanim.core.system.libraries import LIBRARIES
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -51,7 +51,7 @@ def test_the_manifest_names_platform_and_wheels(archive: zipfile.ZipFile) -> Non
 
 def test_the_addon_is_whole_and_nothing_else_is_in(archive: zipfile.ZipFile) -> None:
     names = set(archive.namelist())
-    for needed in ("__init__.py", "perfanim_addon/panels.py", "core/bootstrap.py", "core/session.py"):
+    for needed in ("__init__.py", "perfanim_addon/panels.py", "core/system/helper_process.py", "core/session.py"):
         assert needed in names
     assert any(name.startswith("assets/motion/") for name in names)
     assert any(name.startswith("assets/marker_sets/") for name in names)

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from clicked import run_job
 from perfanim.core import rotations as rot
-from perfanim.core.assets import MOTION
 from perfanim.core.database.build import build_database
 from perfanim.core.formats.bvh import read_bvh
 from perfanim.core.marker_frame import MarkerFrame
@@ -21,6 +20,7 @@ from perfanim.core.pose_frame import PoseFrame
 from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.simulate.studio.source import open_simulated
+from perfanim.core.system.assets import MOTION
 from perfanim.core.take_file.reading import read_take_file
 from perfanim.core.take_file.setup import TakeNotes, TakeSetup
 from perfanim.core.take_file.whole import write_whole_take

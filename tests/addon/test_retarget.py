@@ -11,7 +11,6 @@ import bpy
 import numpy as np
 import pytest
 from heroes import at_24_fps, clip
-from perfanim.core.assets import MOTION
 from perfanim.core.cli.main import build_parser
 from perfanim.core.errors import CharacterError
 from perfanim.core.formats.bvh import write_bvh
@@ -20,6 +19,7 @@ from perfanim.core.motion import Motion
 from perfanim.core.product_skeleton import scaled
 from perfanim.core.retarget.transfer import RootMotion
 from perfanim.core.skeleton import forward_kinematics
+from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon import character
 from perfanim.perfanim_addon.armature_driver import ArmatureDriver
 from perfanim.perfanim_addon.export_animation import Form

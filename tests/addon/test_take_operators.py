@@ -11,7 +11,6 @@ import bpy
 import numpy as np
 import pytest
 from clicked import run_job
-from perfanim.core.assets import MOTION
 from perfanim.core.cli.main import main
 from perfanim.core.formats.bvh import read_bvh, write_bvh
 from perfanim.core.formats.takes import write_take
@@ -24,6 +23,7 @@ from perfanim.core.pose_bytes import SolvedPose
 from perfanim.core.pose_frame import PoseFrame
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.skeleton import marker_positions
+from perfanim.core.system.assets import MOTION
 from perfanim.core.take_file.reading import read_take_file
 from perfanim.core.take_file.setup import TakeNotes, TakeSetup
 from perfanim.core.take_file.whole import write_whole_take

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from perfanim.core.assets import MOTION
 from perfanim.core.camera import WORLD_FROM_CAMERA, Camera, CameraRig
 from perfanim.core.database.labels import behaviour_of
 from perfanim.core.database.store import Clip, Database, open_database, write_database
@@ -16,6 +15,7 @@ from perfanim.core.motion import Motion, resampled, sliced
 from perfanim.core.motion_files import read_motion
 from perfanim.core.skeleton import marker_positions
 from perfanim.core.solver.subject_model import SubjectModel
+from perfanim.core.system.assets import MOTION
 
 FPS = 30.0
 HELD_OUT = "walking-02-energetic"

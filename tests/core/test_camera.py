@@ -7,7 +7,7 @@ import pytest
 from perfanim.core import rotations as rot
 from perfanim.core.camera import Camera, CameraRig, load_rig, save_rig, undistort_all
 from perfanim.core.errors import CalibrationError, FormatError, PerfanimError
-from perfanim.core.files import read_toml, write_toml
+from perfanim.core.system.files import read_toml, write_toml
 
 MATRIX = np.array([[812.0, 0.0, 641.5], [0.0, 808.0, 355.2], [0.0, 0.0, 1.0]])
 SIZED = "[cam_0]\nsize = [4, 4]\nmatrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n"

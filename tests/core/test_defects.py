@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from perfanim.core import rotations as rot
-from perfanim.core.assets import MOTION
 from perfanim.core.calibration_pose import t_pose
 from perfanim.core.defects import Cleaned, clean
 from perfanim.core.motion import Motion, resampled
 from perfanim.core.motion_files import read_motion
 from perfanim.core.product_skeleton import JOINT_NAMES
+from perfanim.core.system.assets import MOTION
 
 RATES = (30.0, 60.0, 120.0)
 AT = 40  # frame of the fault

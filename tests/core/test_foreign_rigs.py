@@ -7,7 +7,7 @@ import pytest
 from perfanim.core import rotations as rot
 from perfanim.core.camera import Camera, CameraRig, load_rig
 from perfanim.core.errors import PerfanimError
-from perfanim.core.files import write_toml
+from perfanim.core.system.files import write_toml
 
 LENS = np.array([-0.2, 0.05, 0.001, -0.002, 0.01])
 

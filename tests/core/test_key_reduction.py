@@ -5,9 +5,9 @@ import itertools
 import numpy as np
 import pytest
 from perfanim.core import rotations as rot
-from perfanim.core.assets import MOTION
 from perfanim.core.key_reduction import location_keys, rotation_keys, slopes
 from perfanim.core.motion_files import read_motion
+from perfanim.core.system.assets import MOTION
 
 
 def cubic(at, first, last, left, right, steep_left, steep_right):

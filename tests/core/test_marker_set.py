@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from perfanim.core.angle_frames import with_angle_frames
 from perfanim.core.errors import FormatError, MarkerSetError, PerfanimError, SkeletonError, SubjectError
-from perfanim.core.files import read_toml, write_toml
 from perfanim.core.marker_set import (
     Marker,
     MarkerSet,
@@ -18,6 +17,7 @@ from perfanim.core.marker_set import (
     save_subject,
 )
 from perfanim.core.product_skeleton import default_skeleton, scaled
+from perfanim.core.system.files import read_toml, write_toml
 
 HEADER = 'kind = "perfanim subject"\nversion = 1\nname = "a"\nresidual_m = 0.0\n'
 

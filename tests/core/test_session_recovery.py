@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core import rotations as rot
-from perfanim.core.assets import MOTION
 from perfanim.core.labelling import Labeller
 from perfanim.core.marker_frame import MarkerFrame
 from perfanim.core.motion import resampled
@@ -17,6 +16,7 @@ from perfanim.core.simulate.studio.performance import make_performance
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.skeleton import marker_positions
 from perfanim.core.solver.pose_solver import PoseSolver
+from perfanim.core.system.assets import MOTION
 
 FPS = 30.0
 NOISE_M = 0.002

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 from perfanim.core import rotations as rot
-from perfanim.core.assets import SKELETONS
 from perfanim.core.calibration_pose import CALIBRATION, POSES, motorcycle, standing, t_pose
 from perfanim.core.errors import SubjectError
 from perfanim.core.marker_frame import MarkerFrame
@@ -20,6 +19,7 @@ from perfanim.core.subject_calibration import (
 )
 from perfanim.core.subject_from_frames import subject_from_frames
 from perfanim.core.subject_from_recording import subject_from_recording
+from perfanim.core.system.assets import SKELETONS
 
 PROTOTYPES = load_bodies(SKELETONS)
 BOXING = load_marker_set("boxing")

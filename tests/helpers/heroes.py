@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import bpy
-from perfanim.core.assets import MOTION
 from perfanim.core.motion import Motion, sliced
 from perfanim.core.motion_files import read_motion
 from perfanim.core.product_skeleton import default_skeleton
+from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon.character import create_character
 
 MIXAMO = {

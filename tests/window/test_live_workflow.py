@@ -43,7 +43,7 @@ def workers(ancestor: int = 1) -> set[int]:
     found = set()
     for command in Path("/proc").glob("[0-9]*/cmdline"):
         try:
-            is_worker = b"core/bootstrap.py" in command.read_bytes()
+            is_worker = b"core/system/helper_process.py" in command.read_bytes()
         except OSError:
             continue
         above = [int(command.parent.name)]

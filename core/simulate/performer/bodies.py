@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import SettingsError, SkeletonError
-from ...files import atomic_path
 from ...product_skeleton import JOINT_NAMES, default_skeleton, scaled
 from ...skeleton import Skeleton
+from ...system.files import atomic_path
 from .frame import Body
 
 Array = NDArray[np.float64]

@@ -15,10 +15,10 @@ import numpy as np
 
 from ...camera import save_rig
 from ...errors import CaptureError
-from ...files import atomic_path
 from ...formats.bvh import write_bvh
 from ...marker_set import save_subject
 from ...marker_take import MarkerTake, save_take
+from ...system.files import atomic_path
 from .boards import DEFAULT_BOARD, board_pictures
 from .render import FrameTruth
 from .source import SimulatedSource

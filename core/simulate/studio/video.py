@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import CaptureError
-from ...files import atomic_path
+from ...system.files import atomic_path
 
 Image = NDArray[np.uint8]
 

@@ -6,8 +6,7 @@ import pytest
 from perfanim.core.batch.cluster import on_cluster
 from perfanim.core.cli.batch_worker import serve_task
 from perfanim.core.errors import SettingsError
-
-from .conftest import files, run
+from perfanim.tests.core.batch.conftest import files, run
 
 distributed = pytest.importorskip("distributed")
 

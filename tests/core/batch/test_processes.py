@@ -6,8 +6,7 @@ from functools import partial
 import pytest
 from perfanim.core.batch.processes import in_processes
 from perfanim.core.batch.record import BAD
-
-from .conftest import run
+from perfanim.tests.core.batch.conftest import run
 
 # answers every task but that of c.csv, on which it dies
 MORTAL = """

@@ -18,8 +18,7 @@ from perfanim.core.motion_files import read_motion
 from perfanim.core.solved_take_file import keep_markers
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.take_file.lock import lock
-
-from .conftest import FRAMES, do_here, files, in_others, run
+from perfanim.tests.core.batch.conftest import FRAMES, do_here, files, in_others, run
 
 REASONS = {
     "blank": "no frame shows the markers of the torso",

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from perfanim.core.camera import Camera, CameraRig, save_rig
 from perfanim.core.cli.main import main
-from perfanim.core.files import write_toml
 from perfanim.core.marker_set import load_marker_set, marker_set_table, save_subject
 from perfanim.core.marker_take import MarkerTake, save_take
 from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.system.files import write_toml
 
 SIZE = (64, 48)
 MATRIX = np.array([[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]])

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from perfanim.core import rotations as rot
-from perfanim.core.assets import ASSETS, MOTION
 from perfanim.core.calibration_pose import t_pose
 from perfanim.core.errors import SettingsError, SkeletonError
 from perfanim.core.motion import Motion
@@ -27,6 +26,7 @@ from perfanim.core.simulate.performer.limbs import arm_rest, hanging_arm, leg_re
 from perfanim.core.simulate.performer.make_assets import clips, motion_of, write_clip
 from perfanim.core.simulate.performer.sword import gripping, sword_axes
 from perfanim.core.skeleton import forward_kinematics
+from perfanim.core.system.assets import ASSETS, MOTION
 
 SECONDS = 9.0
 FPS = 60.0

@@ -1,7 +1,7 @@
 """Time stamps that come late by chance."""
 
 import numpy as np
-from perfanim.core.sources.steady_clock import SteadyClock
+from perfanim.core.system.steady_clock import SteadyClock
 
 
 def test_chance_delays_are_evened_out_and_lost_frames_kept() -> None:

@@ -1,6 +1,6 @@
 """Where the files shipped with the product lie."""
 
-from . import PACKAGE_ROOT
+from .. import PACKAGE_ROOT
 
 ASSETS = PACKAGE_ROOT / "assets"
 MARKER_SETS = ASSETS / "marker_sets"

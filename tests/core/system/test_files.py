@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from perfanim.core.errors import FormatError
-from perfanim.core.files import atomic_path, read_bytes, read_toml, write_toml
+from perfanim.core.system.files import atomic_path, read_bytes, read_toml, write_toml
 
 
 def test_a_file_appears_whole_in_a_new_folder(tmp_path: Path) -> None:

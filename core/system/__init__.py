@@ -1,0 +1,1 @@
+"""Files, shipped assets, libraries, clocks and helper processes."""
