@@ -31,7 +31,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from . import rotations as rot
+from .geometry import rotations as rot
 from .motion import Motion, sliced
 from .product_skeleton import JOINT_NAMES
 from .skeleton import forward_kinematics

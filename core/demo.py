@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .calibration_pose import CALIBRATION
-from .camera import CameraRig, save_rig
 from .database.build import build_database
 from .database.store import Database, open_database
 from .evaluate import evaluate
 from .formats.bvh import write_bvh
+from .geometry.camera import CameraRig
+from .geometry.rig_file import save_rig
 from .marker_frame import MarkerFrame
 from .marker_set import Subject, load_marker_set, save_subject
 from .motion import Motion, sliced

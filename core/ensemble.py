@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
-from .camera import CameraRig
 from .company import Company
 from .errors import SettingsError
+from .geometry.camera import CameraRig
 from .marker_frame import MarkerFrame
 from .marker_set import Subject
 from .pose_frame import PoseFrame

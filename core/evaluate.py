@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import rotations as rot
 from .angle_frames import with_angle_frames
 from .errors import FormatError
+from .geometry import rotations as rot
 from .motion import Motion, resampled, sliced
 from .product_skeleton import JOINT_NAMES
 from .skeleton import Skeleton, forward_kinematics, joint_angles

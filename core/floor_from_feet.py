@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from . import rotations as rot
 from .calibration_pose import standing
-from .camera import CameraRig
 from .errors import TakeError
+from .geometry import rotations as rot
+from .geometry.camera import CameraRig
+from .geometry.rigid_transform import kabsch, transform
 from .marker_filter import smoothed
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
 from .product_skeleton import default_skeleton
-from .rigid import kabsch, transform
 from .skeleton import Skeleton, forward_kinematics
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from . import rotations as rot
+from .geometry import rotations as rot
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
 from .motion import Motion

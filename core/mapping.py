@@ -13,10 +13,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from . import rotations as rot
 from .angle_frames import with_angle_frames
 from .formats.naming import NAMINGS
 from .formats.source_motion import SourceMotion, source_kinematics
+from .geometry import rotations as rot
 from .joint_names import match_joints
 from .motion import Motion
 from .product_skeleton import JOINT_NAMES, default_skeleton

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from . import rotations as rot
 from .errors import SettingsError
+from .geometry import rotations as rot
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
 from .motion import Motion

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .camera import Camera, CameraRig
 from .errors import CalibrationError, TakeError
+from .geometry.camera import Camera, CameraRig
 from .system.files import atomic_path
 
 Array = NDArray[np.float64]

@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .camera import Camera
 from .errors import CaptureError
+from .geometry.camera import Camera
 from .simulate.studio.body import Body, make_body
 from .simulate.studio.figure import FigurePainter
 from .simulate.studio.lens import undistorted_grid

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import PropError
-from .rigid_matching import laid_on, rigid_ways, thickness_m
+from .geometry.point_patterns import laid_on, rigid_ways, thickness_m
 from .system.assets import PROPS
 from .system.files import read_toml, write_toml
 

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from . import rotations as rot
-from .camera import Camera, undistort_all
+from .geometry import rotations as rot
+from .geometry.camera import Camera, undistort_all
+from .geometry.rigid_transform import transform
 from .marker_frame import MarkerFrame
 from .prop import Prop
-from .rigid import transform
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from . import rotations as rot
-from .camera import Camera
 from .frame_parts import without_blobs, without_points
+from .geometry import rotations as rot
+from .geometry.camera import Camera
+from .geometry.point_patterns import laid_on, rigid_ways, thickness_m
+from .geometry.rigid_transform import transform
 from .marker_frame import MarkerFrame
 from .prop import LEAST_THICKNESS_M, Prop, PropPose
 from .prop_images import Placed, PropImages
-from .rigid import transform
-from .rigid_matching import laid_on, rigid_ways, thickness_m
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

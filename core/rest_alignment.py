@@ -15,10 +15,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from . import rotations as rot
 from .angle_frames import angle_frame
 from .errors import SkeletonError
 from .formats.source_motion import SourceMotion, frame_range, source_kinematics, zero_pose_positions
+from .geometry import rotations as rot
 from .product_skeleton import JOINT_NAMES, default_skeleton
 
 Array = NDArray[np.float64]

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from . import rotations as rot
 from .calibration_pose import standing, t_pose
-from .camera import CameraRig
 from .database.store import Database
+from .geometry import rotations as rot
+from .geometry.camera import CameraRig
 from .labelling import Labeller
 from .marker_frame import MarkerFrame
 from .marker_set import Subject

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .camera import Camera
+from .geometry.camera import Camera
 from .marker_frame import MarkerFrame
 from .single_view_labelling import SingleViewLabeller
 from .single_view_start import SingleViewStart, label_near, label_single_view

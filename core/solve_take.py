@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from . import rotations as rot
-from .camera import CameraRig
 from .database.store import Database
 from .ensemble import Stepper, followed
 from .errors import TakeError
+from .geometry import rotations as rot
+from .geometry.camera import CameraRig
 from .marker_frame import MarkerFrame
 from .marker_set import Subject
 from .marker_take import MarkerTake

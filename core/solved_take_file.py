@@ -5,8 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from .camera import CameraRig, rig_tables
 from .database.store import Database, identity
+from .geometry.camera import CameraRig
+from .geometry.rig_file import rig_tables
 from .marker_frame import MarkerFrame
 from .marker_set import Subject, subject_tables
 from .marker_take import MarkerTake

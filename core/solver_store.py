@@ -3,8 +3,8 @@
 from collections import OrderedDict
 from pathlib import Path
 
-from .camera import CameraRig
 from .database.store import Database, open_database
+from .geometry.camera import CameraRig
 from .marker_set import Subject, subject_tables
 from .session import Session
 from .solver.settings import SolveSettings

@@ -4,15 +4,15 @@ from typing import Any
 
 import numpy as np
 
-from .camera import CameraRig
 from .errors import CaptureError
+from .geometry.camera import CameraRig
+from .geometry.triangulation import triangulate
 from .simulate.studio.boards import DEFAULT_BOARD, board_on_floor, board_pictures, draw_board
 from .simulate.studio.source import SimulatedSource
 from .vision.board import find_board
 from .vision.calibrate import CalibrationResult, calibrate_from_points
 from .vision.floor import rig_on_floor
 from .vision.rig_fit import CameraViews
-from .vision.triangulate import triangulate
 
 _BOARD_VIEWS = 24
 

@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from . import rotations as rot
 from .calibration_pose import CALIBRATION, POSES
 from .errors import SubjectError
+from .geometry import rotations as rot
+from .geometry.rigid_transform import kabsch, transform
 from .marker_set import MarkerSet, Subject
 from .marker_take import MarkerTake
 from .product_skeleton import default_skeleton
-from .rigid import kabsch, transform
 from .skeleton import Skeleton, forward_kinematics, marker_positions
 from .subject_fit import BodyFit, fit_body, usual_offsets
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from . import rotations as rot
+from .geometry import rotations as rot
+from .geometry.rigid_transform import kabsch
 from .marker_set import MarkerSet
 from .product_skeleton import mirrored_name
-from .rigid import kabsch
 from .skeleton import Skeleton, forward_kinematics
 
 Array = NDArray[np.float64]

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from . import rotations as rot
 from .database.store import Database
 from .errors import SubjectError
+from .geometry import rotations as rot
 from .marker_set import MarkerSet, Subject
 from .marker_take import MarkerTake
 from .pose_frame import PoseFrame

@@ -6,16 +6,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from . import rotations as rot
 from .calibration_pose import standing
-from .camera import CameraRig
 from .errors import TakeError
 from .floor_from_feet import floor_points, upright_rotation
+from .geometry import rotations as rot
+from .geometry.camera import CameraRig
+from .geometry.rigid_transform import transform
 from .marker_names import listed, match_names
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
 from .product_skeleton import default_skeleton
-from .rigid import transform
 from .sources.take import is_unnamed
 from .tracking_names import named_take
 

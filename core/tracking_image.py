@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .camera import CameraRig
 from .errors import TakeError
+from .geometry.camera import CameraRig
 from .marker_frame import MarkerFrame
 from .marker_take import MarkerTake, SingleViews
 from .vision.image_tracks import BlobLinker, image_tracks

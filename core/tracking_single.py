@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from .camera import CameraRig
+from .geometry.camera import CameraRig
 from .marker_frame import MarkerFrame
 from .marker_take import SingleViews
 from .tracking import Tracking

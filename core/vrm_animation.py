@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import __version__
-from . import rotations as rot
 from .calibration_pose import t_pose
+from .geometry import rotations as rot
 from .motion import Motion
 from .skeleton import Skeleton, forward_kinematics
 from .system.files import atomic_path

@@ -6,8 +6,8 @@ import bpy
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core import rotations as rot
 from ..core.errors import CharacterError
+from ..core.geometry import rotations as rot
 from ..core.skeleton import Skeleton
 from .action_placement import BLEND_S, Onto, Placement, new_action, put
 from .character import find_armature

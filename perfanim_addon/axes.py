@@ -11,8 +11,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core import rotations as rot
 from ..core.errors import CharacterError
+from ..core.geometry import rotations as rot
 from ..core.retarget.rest_align import facing
 from ..core.skeleton import Skeleton, forward_kinematics
 

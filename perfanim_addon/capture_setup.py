@@ -8,8 +8,9 @@ from typing import Any
 
 import bpy
 
-from ..core.camera import CameraRig, save_rig
 from ..core.errors import CaptureError, PerfanimError
+from ..core.geometry.camera import CameraRig
+from ..core.geometry.rig_file import save_rig
 from ..core.marker_set import Subject, save_subject
 from ..core.product_skeleton import default_skeleton
 from ..core.prop import Prop, check_together

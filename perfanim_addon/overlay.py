@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.camera import load_rig
+from ..core.geometry.rig_file import load_rig
 from ..core.marker_set import load_subject
 from ..core.pose_frame import PoseFrame
 from ..core.simulate.studio.rig import default_rig

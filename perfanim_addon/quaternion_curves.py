@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from mathutils import Euler, Quaternion
 
-from ..core import rotations as rot
+from ..core.geometry import rotations as rot
 from .action_channels import channels_of, new_curve, slot_of
 from .keyframes import bone_path, fill
 

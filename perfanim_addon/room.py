@@ -14,7 +14,7 @@ import numpy as np
 from mathutils import Matrix, Quaternion, Vector
 from numpy.typing import ArrayLike, NDArray
 
-from ..core import rotations as rot
+from ..core.geometry import rotations as rot
 from .axes import BLENDER_FROM_PRODUCT
 from .posing import Posing, ProductPosing
 

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..core.camera import CameraRig, load_rig
 from ..core.database.store import open_database
 from ..core.errors import CaptureError, PerfanimError, SubjectError
+from ..core.geometry.camera import CameraRig
+from ..core.geometry.rig_file import load_rig
 from ..core.marker_set import MarkerSet, Subject, load_marker_set, load_subject
 from ..core.prop import Prop, load_prop
 from . import receiving

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calibration_pose import CALIBRATION
-from ..camera import CameraRig
 from ..database.store import Database
 from ..evaluate import evaluate
+from ..geometry.camera import CameraRig
 from ..marker_frame import MarkerFrame
 from ..marker_set import Subject, load_marker_set
 from ..marker_take import MarkerTake

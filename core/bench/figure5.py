@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import rotations as rot
 from ..angle_frames import with_angle_frames
 from ..database.store import Clip, Database, rotations_from_pose
 from ..database.subset import write_subset
 from ..errors import DatabaseError
 from ..evaluate import angle_errors_deg
+from ..geometry import rotations as rot
 from ..product_skeleton import default_skeleton
 from .data import BANDAI, CMU, Progress, whole_database
 from .plots import Line, Panel, check_plots, write_plot

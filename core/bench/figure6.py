@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import rotations as rot
 from ..database.store import Database
 from ..evaluate import evaluate
+from ..geometry import rotations as rot
 from ..marker_set import Subject, load_marker_set
 from ..motion import Motion
 from ..simulate.markers import simulate_markers

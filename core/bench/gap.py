@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import rotations as rot
 from ..database.build import build_database
 from ..database.store import Clip, Database, open_database, pose_from_rotations, rotations_from_pose
 from ..evaluate import evaluate
+from ..geometry import rotations as rot
 from ..marker_set import Subject, load_marker_set
 from ..motion import Motion, sliced
 from ..solver import local_model

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import CameraRig
+from ..geometry.camera import CameraRig
 from ..marker_frame import MarkerFrame
 from ..simulate.performer import demo_performance, perform
 from ..simulate.studio.performance import Performance

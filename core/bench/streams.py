@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import CameraRig
 from ..database.store import Database
 from ..errors import CaptureError
+from ..geometry.camera import CameraRig
 from ..marker_frame import MarkerFrame, pack, unpack
 from ..marker_set import Subject
 from ..pose_frame import PoseFrame

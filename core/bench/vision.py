@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import Camera, CameraRig
 from ..database.build import build_database
 from ..database.store import Database, open_database
-from ..rigid import kabsch
+from ..geometry.camera import Camera, CameraRig
+from ..geometry.rigid_transform import kabsch
 from ..session import Session
 from ..simulate.performer import demo_performance
 from ..simulate.studio.discs import draw_disc

@@ -64,7 +64,7 @@ def _add_board(group: Any) -> None:
 
 def run_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Calibrate, write the rig, return the summary."""
-    from ..camera import save_rig
+    from ..geometry.rig_file import save_rig
     from ..vision.calibrate import calibrate_from_points
 
     if args.points:

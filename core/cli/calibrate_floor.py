@@ -41,8 +41,8 @@ def add_parser(group: Any) -> None:
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Find the floor, write the calibration in the world that has it at y = 0, return the summary."""
-    from ..camera import load_rig, save_rig
     from ..errors import CalibrationError
+    from ..geometry.rig_file import load_rig, save_rig
     from ..vision.floor import rig_on_floor
     from ..vision.floor_markers import scaled_to
 

@@ -31,8 +31,8 @@ def add_parser(group: Any) -> None:
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Refine, write the rig, return the summary."""
-    from ..camera import load_rig, save_rig
     from ..errors import CalibrationError
+    from ..geometry.rig_file import load_rig, save_rig
     from ..sources.spec import open_image_source
     from ..vision.pipeline import MarkerPipeline
     from ..vision.refine import refine_rig

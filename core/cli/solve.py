@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from ..camera import load_rig
 from ..database.store import Database, identity
 from ..errors import FormatError, SubjectError, TakeError
 from ..foot_lock import FEET, floor_of, with_feet_held
 from ..formats.takes import is_recorded, read_take
+from ..geometry.rig_file import load_rig
 from ..marker_choice import choose_markers, with_markers, worn_in
 from ..marker_filter import smoothed, smoothed_motion
 from ..marker_names import AUTO, best_match, load_names, match_names, named_by_hand

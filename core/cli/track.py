@@ -77,8 +77,8 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Track, write the take, return the summary."""
-    from ..camera import load_rig
     from ..formats.takes import write_take
+    from ..geometry.rig_file import load_rig
     from ..marker_set import load_marker_set
     from ..sources.spec import open_image_source
 
@@ -184,7 +184,7 @@ def _check(args: argparse.Namespace) -> None:
 
 def _in_use(args: argparse.Namespace, rig: Any) -> tuple[Any, list[str]]:
     """Return the cameras that there are sources for, and these."""
-    from ..camera import CameraRig
+    from ..geometry.camera import CameraRig
 
     names = [camera.name for camera in rig.cameras]
     given = [(index, str(source)) for index, source in enumerate((args.left, args.right)) if source is not None]
@@ -230,8 +230,8 @@ def _check_one_camera(args: argparse.Namespace) -> None:
 
 def _on_floor(args: argparse.Namespace, take: Any, rig: Any) -> Any:
     """Return the take in a world with its floor at y = 0, and write the calibration in it if wanted."""
-    from ..camera import save_rig
     from ..floor_from_feet import floor_points, moved_to_rig
+    from ..geometry.rig_file import save_rig
     from ..marker_set import load_marker_set
     from ..vision.floor import rig_on_floor
 

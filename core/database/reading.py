@@ -21,10 +21,10 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import rotations as rot
 from ..defects import Defect, clean
 from ..errors import DatabaseError, PerfanimError
 from ..formats.archive import MotionFile
+from ..geometry import rotations as rot
 from ..motion import resampled
 from ..motion_files import read_motion_parts
 from ..skeleton import Skeleton

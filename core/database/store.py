@@ -16,8 +16,8 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import rotations as rot
 from ..errors import DatabaseError
+from ..geometry import rotations as rot
 from ..product_skeleton import JOINT_NAMES
 from ..skeleton import Skeleton
 from ..system.files import atomic_path

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import rotations as rot
+from ..geometry import rotations as rot
 from ..motion import Motion
 from ..system.files import atomic_path
 from .euler_form import steady_angles

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import rotations as rot
 from ..errors import FormatError
+from ..geometry import rotations as rot
 from ..product_skeleton import JOINT_NAMES
 from ..skeleton import Skeleton
 from ..system.files import read_bytes

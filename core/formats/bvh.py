@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import rotations as rot
 from ..errors import FormatError
+from ..geometry import rotations as rot
 from ..motion import Motion
 from ..skeleton import Skeleton
 from ..system.files import atomic_path, read_bytes

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import rotations as rot
+from ..geometry import rotations as rot
 from .euler_form import steady_angles
 
 Array = NDArray[np.float64]

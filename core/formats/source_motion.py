@@ -6,8 +6,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import rotations as rot
 from ..errors import FormatError
+from ..geometry import rotations as rot
 from ..motion import Motion
 
 Array = NDArray[np.float64]

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from .. import rotations as rot
+from ..geometry import rotations as rot
 from ..skeleton import Skeleton
 from .armature_rest import ArmatureRest, Array, IntArray
 from .bone_names import parse_bone_name

@@ -12,8 +12,8 @@ from itertools import permutations, product
 
 import numpy as np
 
-from .. import rotations as rot
 from ..errors import CharacterError
+from ..geometry import rotations as rot
 from ..rest_alignment import BONE_ENDS
 from ..skeleton import Skeleton
 from .armature_rest import ArmatureRest, Array

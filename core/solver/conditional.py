@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, get_blas_funcs, solve_triangular
 from scipy.linalg.blas import dgemm
 
-from .. import rotations as rot
+from ..geometry import rotations as rot
 from .observation import Observation, control_jacobian, control_residual
 from .subject_model import RootPose, SubjectModel
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import sgemm
 
-from .. import rotations as rot
 from ..database.store import Database
+from ..geometry import rotations as rot
 from .subject_model import RootPose
 
 Array = NDArray[np.float64]

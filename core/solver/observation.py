@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import Camera
+from ..geometry.camera import Camera
 
 Array = NDArray[np.float64]
 

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import rotations as rot
-from ..rigid import kabsch
+from ..geometry import rotations as rot
+from ..geometry.rigid_transform import kabsch
 from .observation import Observation
 from .subject_model import RootPose
 

@@ -7,8 +7,9 @@ from datetime import UTC, datetime
 from typing import Any
 
 from .. import __version__
-from ..camera import CameraRig, rig_from, rig_tables
 from ..errors import PerfanimError, TakeError
+from ..geometry.camera import CameraRig
+from ..geometry.rig_file import rig_from, rig_tables
 from ..marker_set import Subject, subject_from, subject_tables
 from ..prop import Prop, prop_from, prop_tables
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import CameraRig
+from ..geometry.camera import CameraRig
 from ..marker_frame import MarkerFrame
 
 Array = NDArray[np.float64]

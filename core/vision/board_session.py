@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import Camera, CameraRig
 from ..errors import CalibrationError
+from ..geometry.camera import Camera, CameraRig
 from .board import Board, BoardView, find_board, glimpse_board, seen_grid
 from .board_quality import edge_widths
 from .board_watch import BoardWatch, Look, Place, place_of

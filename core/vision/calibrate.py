@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import WORLD_FROM_CAMERA, Camera, CameraRig
 from ..errors import CalibrationError
+from ..geometry.camera import WORLD_FROM_CAMERA, Camera, CameraRig
 from .board import Board, BoardView
 from .board_quality import Coverage, coverage
 from .bundle import Bundle, Sighting, adjust, intrinsics_of, matrix_of, rms, rms_by_moment

@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..camera import Camera, CameraRig
 from ..errors import CalibrationError
+from ..geometry.camera import Camera, CameraRig
+from ..geometry.triangulation import triangulate
 from .board import Board, BoardView
-from .triangulate import triangulate
 
 Array = NDArray[np.float64]
 

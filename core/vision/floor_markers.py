@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.distance import pdist
 
-from ..camera import CameraRig
 from ..errors import CalibrationError
+from ..geometry.camera import CameraRig
 
 Array = NDArray[np.float64]
 

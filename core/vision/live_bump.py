@@ -7,8 +7,8 @@ from concurrent.futures import Future
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import CameraRig
 from ..errors import CalibrationError
+from ..geometry.camera import CameraRig
 from ..marker_frame import MarkerFrame
 from .refine import Refinement, refine_rig
 from .stereo import StereoSettings

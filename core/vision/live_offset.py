@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 
-from ..camera import CameraRig
+from ..geometry.camera import CameraRig
 from ..marker_frame import MarkerFrame
 from .one_time import TimeAligner
 from .time_offset import TimeOffset, estimate_time_offsets

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ..camera import CameraRig
 from ..errors import TakeError
+from ..geometry.camera import CameraRig
 from ..marker_frame import MarkerFrame
 from .pipeline import MarkerPipeline
 from .synchronise import synchronised

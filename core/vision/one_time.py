@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import CameraRig
+from ..geometry.camera import CameraRig
 from .image_tracks import BlobLinker
 from .time_offset import TimeOffset
 

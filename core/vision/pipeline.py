@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import CameraRig
 from ..errors import CaptureError
+from ..geometry.camera import CameraRig
 from ..marker_frame import MarkerFrame
 from ..sources.image_set import usable_images
 from ..sources.spec import ImageSetLike

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from .. import rotations as rot
-from ..camera import Camera, CameraRig
 from ..errors import CalibrationError
+from ..geometry import rotations as rot
+from ..geometry.camera import Camera, CameraRig
+from ..geometry.triangulation import triangulate
 from .stereo import StereoMatcher, StereoSettings
-from .triangulate import triangulate
 
 Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]

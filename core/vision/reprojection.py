@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import CameraRig
+from ..geometry.camera import CameraRig
 from ..marker_frame import MarkerFrame
 
 

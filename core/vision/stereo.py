@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
-from ..camera import Camera, CameraRig, undistort_all
 from ..errors import SettingsError
-from .triangulate import depths, inverse_3x3, triangulate
+from ..geometry.camera import Camera, CameraRig, undistort_all
+from ..geometry.triangulation import depths, inverse_3x3, triangulate
 
 Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]

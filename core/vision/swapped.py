@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import CameraRig
+from ..geometry.camera import CameraRig
 from .stereo import Matches, StereoMatcher, StereoSettings
 
 Float32 = NDArray[np.float32]

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from ..camera import CameraRig
+from ..geometry.camera import CameraRig
 from ..marker_frame import MarkerFrame
 from .one_time import TimeAligner
 from .pipeline import MarkerPipeline, PipelineSettings

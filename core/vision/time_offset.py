@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import Camera, CameraRig
+from ..geometry.camera import Camera, CameraRig
 from ..marker_frame import MarkerFrame
 from .image_tracks import BlobLinker, ImageTracks, image_tracks
 from .stereo import essential_matrix

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import rotations as rot
 from ..calibration_pose import t_pose
 from ..errors import TakeError
 from ..formats.source_motion import SourceMotion
+from ..geometry import rotations as rot
 from ..joint_names import match_joints
 from ..mapping import map_motion
 from ..motion import Motion

@@ -18,8 +18,8 @@ from pythonosc.osc_message import OscMessage
 from pythonosc.osc_message_builder import OscMessageBuilder
 from pythonosc.parsing import osc_types
 
-from .. import rotations as rot
 from ..errors import FormatError
+from ..geometry import rotations as rot
 
 Array = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import rotations as rot
 from ..errors import TakeError
+from ..geometry import rotations as rot
 from ..marker_take import MarkerTake
 from ..motion import Motion
 from ..take_file.reading import rate

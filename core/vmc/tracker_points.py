@@ -7,7 +7,7 @@ would be lost.
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import rotations as rot
+from ..geometry import rotations as rot
 
 Array = NDArray[np.float64]
 

@@ -21,8 +21,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import CameraRig, load_rig
 from ..errors import CaptureError
+from ..geometry.camera import CameraRig
+from ..geometry.rig_file import load_rig
 from ..sources.spec import ImageSetLike, ImageSource, open_source
 from ..system.files import atomic_path
 from ..vision.background import Background

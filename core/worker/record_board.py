@@ -19,9 +19,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import rig_tables
 from ..cli.calibrate import summary_of
 from ..errors import CaptureError
+from ..geometry.rig_file import rig_tables
 from ..simulate.studio.boards import CarriedBoard, board_poses
 from ..simulate.studio.render import Renderer
 from ..simulate.studio.rig import default_rig

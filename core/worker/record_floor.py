@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import load_rig, rig_tables
 from ..errors import CalibrationError
+from ..geometry.rig_file import load_rig, rig_tables
 from ..simulate.studio.boards import CarriedBoard, board_on_floor
 from ..simulate.studio.render import Renderer
 from ..simulate.studio.rig import default_rig

@@ -12,8 +12,9 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
-from ..camera import CameraRig, load_rig, rig_tables
 from ..errors import CalibrationError
+from ..geometry.camera import CameraRig
+from ..geometry.rig_file import load_rig, rig_tables
 from ..simulate.studio.floor_markers import FloorMarkers
 from ..simulate.studio.rig import default_rig
 from ..sources.image_set import moment_of

@@ -14,10 +14,11 @@ from dataclasses import replace
 from typing import Any
 
 from ..calibration_pose import INSTRUCTIONS, POSES
-from ..camera import CameraRig, save_rig
 from ..errors import CalibrationError, CaptureError, TakeError
 from ..floor_from_feet import floor_points, moved_to_rig
 from ..formats.takes import write_take
+from ..geometry.camera import CameraRig
+from ..geometry.rig_file import save_rig
 from ..marker_frame import MarkerFrame
 from ..marker_set import MarkerSet, load_marker_set
 from ..marker_take import MarkerTake

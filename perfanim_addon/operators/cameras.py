@@ -6,8 +6,8 @@ from typing import Any
 import bpy
 from bpy_extras.io_utils import ExportHelper
 
-from ...core.camera import rig_from, save_rig
 from ...core.errors import CalibrationError
+from ...core.geometry.rig_file import rig_from, save_rig
 from .. import capture_setup, sound, states
 from ..place import absolute, user_folder
 from ..properties import PERFANIM_PG_settings, settings

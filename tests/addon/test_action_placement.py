@@ -3,8 +3,8 @@
 import bpy
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.errors import CharacterError
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.product_skeleton import default_skeleton
 from perfanim.perfanim_addon import action_placement, actions
 from perfanim.perfanim_addon.action_placement import Onto, Placement

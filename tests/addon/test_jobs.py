@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 import pytest
 from clicked import run_job
-from perfanim.core.camera import load_rig
 from perfanim.core.database.store import open_database
 from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.marker_set import load_subject
 from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.simulate.performer import perform

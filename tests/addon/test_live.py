@@ -9,7 +9,7 @@ import bpy
 import cv2
 import numpy as np
 import pytest
-from perfanim.core.camera import save_rig
+from perfanim.core.geometry.rig_file import save_rig
 from perfanim.core.marker_set import save_subject
 from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.skeleton import forward_kinematics

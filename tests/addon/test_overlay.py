@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
-from perfanim.core import rotations as rot
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.marker_set import Subject, load_marker_set, save_subject
 from perfanim.core.pose_frame import PoseFrame
 from perfanim.core.product_skeleton import default_skeleton
@@ -111,7 +111,8 @@ def test_it_is_drawn_only_while_something_is_chosen(addon: ModuleType) -> None:
 
 @pytest.mark.parametrize("calibrated", [False, True])
 def test_the_scene_is_that_of_the_capture(tmp_path: Any, calibrated: bool) -> None:
-    from perfanim.core.camera import CameraRig, save_rig
+    from perfanim.core.geometry.camera import CameraRig
+    from perfanim.core.geometry.rig_file import save_rig
 
     marker_set = load_marker_set("boxing")
     save_subject(Subject("Anna", SKELETON, marker_set), tmp_path / "anna.toml")

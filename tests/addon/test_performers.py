@@ -10,9 +10,9 @@ import bpy
 import numpy as np
 import pytest
 from clicked import run_job
-from perfanim.core import rotations as rot
 from perfanim.core.database.build import build_database
 from perfanim.core.formats.bvh import read_bvh
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.marker_frame import MarkerFrame
 from perfanim.core.marker_set import Subject, load_marker_set, save_subject
 from perfanim.core.pose_bytes import SolvedPose

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from perfanim.core.camera import WORLD_FROM_CAMERA, Camera, CameraRig
 from perfanim.core.database.labels import behaviour_of
 from perfanim.core.database.store import Clip, Database, open_database, write_database
+from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, Camera, CameraRig
 from perfanim.core.marker_frame import MarkerFrame
 from perfanim.core.marker_set import Subject, load_marker_set
 from perfanim.core.motion import Motion, resampled, sliced

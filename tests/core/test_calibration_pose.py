@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.calibration_pose import CALIBRATION, POSES, hanging, motorcycle, standing, t_pose
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.motion import Motion
 from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.simulate.performer.bodies import prototype_bodies

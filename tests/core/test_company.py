@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from perfanim.core.camera import CameraRig
 from perfanim.core.ensemble import Ensemble
 from perfanim.core.errors import SettingsError
+from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.marker_set import Subject, load_marker_set
 from perfanim.core.prop import load_prop
 from perfanim.core.session import Session

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.calibration_pose import t_pose
 from perfanim.core.defects import Cleaned, clean
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.motion import Motion, resampled
 from perfanim.core.motion_files import read_motion
 from perfanim.core.product_skeleton import JOINT_NAMES

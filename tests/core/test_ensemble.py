@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.ensemble import Ensemble, followed
 from perfanim.core.errors import PropError
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.prop import load_prop
 from perfanim.core.session import Session
 from perfanim.core.simulate.studio.carried import in_hand

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.angle_frames import angle_frame, with_angle_frames
 from perfanim.core.cli import evaluate as command
 from perfanim.core.errors import FormatError
 from perfanim.core.evaluate import evaluate
 from perfanim.core.formats.asf import read_asf
 from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.motion import Motion, resampled, sliced
 from perfanim.core.product_skeleton import JOINT_NAMES, default_skeleton
 from perfanim.core.skeleton import Skeleton

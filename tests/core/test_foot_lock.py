@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
-from perfanim.core.camera import CameraRig
 from perfanim.core.errors import SettingsError
 from perfanim.core.evaluate import evaluate
 from perfanim.core.foot_lock import FootLock, floor_of, with_feet_held
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.motion import Motion
 from perfanim.core.simulate.performer import perform
 from perfanim.core.simulate.studio.rig import default_rig

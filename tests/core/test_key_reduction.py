@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.key_reduction import location_keys, rotation_keys, slopes
 from perfanim.core.motion_files import read_motion
 from perfanim.core.system.assets import MOTION

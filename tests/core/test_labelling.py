@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.calibration_pose import t_pose
-from perfanim.core.camera import WORLD_FROM_CAMERA, Camera
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, Camera
 from perfanim.core.labelling import Labeller
 from perfanim.core.marker_frame import MarkerFrame
 from perfanim.core.marker_set import MarkerSet, load_marker_set

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from perfanim.core import rotations as rot
 from perfanim.core.errors import SkeletonError
 from perfanim.core.formats.bvh import read_bvh
 from perfanim.core.formats.source_motion import SourceMotion, source_kinematics
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.joint_names import match_joints, split_name
 from perfanim.core.mapping import map_motion
 from perfanim.core.motion import Motion

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.errors import SettingsError
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.marker_filter import smoothed, smoothed_motion
 from perfanim.core.marker_take import MarkerTake
 from perfanim.core.motion import Motion

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.errors import FormatError
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.motion import Motion, resampled, sliced
 from perfanim.core.product_skeleton import default_skeleton
 

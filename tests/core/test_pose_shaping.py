@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.errors import SettingsError
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.pose_frame import PoseFrame
 from perfanim.core.pose_shaping import PoseShaper, Shape, shaped
 from perfanim.core.pose_smoothing import PoseSmoother

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 from perfanim.core import preview
-from perfanim.core import rotations as rot
 from perfanim.core.calibration_pose import t_pose
 from perfanim.core.errors import CaptureError
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.simulate.studio.body import make_body
 from perfanim.core.simulate.studio.cones import first_hits

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.labelling import Labeller
 from perfanim.core.marker_frame import MarkerFrame
 from perfanim.core.motion import resampled

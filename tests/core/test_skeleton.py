@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.angle_frames import with_angle_frames
 from perfanim.core.errors import SkeletonError
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.skeleton import (
     Skeleton,

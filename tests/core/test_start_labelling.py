@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.start_labelling import MISSED_M, StartLabeller
 
 NOISE_M = 0.002

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.calibration_pose import CALIBRATION, POSES, motorcycle, standing, t_pose
 from perfanim.core.errors import SubjectError
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.marker_frame import MarkerFrame
 from perfanim.core.marker_set import Marker, MarkerSet, load_marker_set
 from perfanim.core.marker_take import MarkerTake

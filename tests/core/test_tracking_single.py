@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from perfanim.core.camera import Camera, CameraRig
+from perfanim.core.geometry.camera import Camera, CameraRig
 from perfanim.core.marker_frame import MarkerFrame
 from perfanim.core.marker_take import MarkerTake
 from perfanim.core.simulate.studio.rig import default_rig

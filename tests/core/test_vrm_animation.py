@@ -5,7 +5,7 @@ import struct
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.motion import resampled
 from perfanim.core.motion_export import write_motion
 from perfanim.core.skeleton import forward_kinematics

@@ -1,7 +1,7 @@
 """Armatures drawn by the tests: a stick figure in any rest pose, with any names, axes and unit."""
 
 import numpy as np
-from perfanim.core import rotations as rot
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.retarget.armature_rest import ArmatureRest
 
 # joint -> (parent, head in Blender's axes, metres, in a T pose)

@@ -1,8 +1,8 @@
 """What a retargeted character does, computed from its bones as Blender does, and compared with the performer."""
 
 import numpy as np
-from perfanim.core import rotations as rot
 from perfanim.core.evaluate import _CONTACT_HEIGHT_M, _CONTACT_SPEED_M_S, _lowest_within
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.motion import Motion
 from perfanim.core.rest_alignment import BONE_ENDS
 from perfanim.core.retarget.armature_rest import ArmatureRest

@@ -2,7 +2,7 @@
 
 import bpy
 import numpy as np
-from perfanim.core import rotations as rot
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.skeleton import Skeleton
 
 _PRODUCT_FROM_BLENDER = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from perfanim.core import rotations as rot
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.prop import Prop
 from perfanim.core.simulate.studio.rig import default_rig
 

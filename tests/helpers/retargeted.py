@@ -6,7 +6,7 @@ from typing import Any
 
 import bpy
 import numpy as np
-from perfanim.core import rotations as rot
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.motion import Motion
 from perfanim.core.skeleton import forward_kinematics
 from perfanim.perfanim_addon.axes import BLENDER_FROM_PRODUCT

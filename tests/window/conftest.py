@@ -48,7 +48,7 @@ def window(desktop: Desktop, user: Path, tmp_path: Path) -> Iterator[BlenderWind
 @pytest.fixture
 def calibration(tmp_path: Path) -> Path:
     """A valid calibration."""
-    from perfanim.core.camera import save_rig
+    from perfanim.core.geometry.rig_file import save_rig
     from perfanim.core.simulate.studio.rig import default_rig
 
     path = tmp_path / "cameras.toml"
@@ -87,7 +87,7 @@ def board(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Settings for image folders of both cameras, 180 moments at 60 Hz, with calibration and subject."""
     import cv2
-    from perfanim.core.camera import save_rig
+    from perfanim.core.geometry.rig_file import save_rig
     from perfanim.core.marker_set import save_subject
     from perfanim.core.simulate.studio.source import open_simulated
 

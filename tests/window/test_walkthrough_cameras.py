@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import pytest
 from desktop import DRAWING_S, BlenderWindow, Desktop
-from perfanim.core.camera import load_rig
+from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.marker_set import save_subject
 from perfanim.core.simulate.studio.boards import CarriedBoard, board_poses
 from perfanim.core.simulate.studio.floor_markers import FloorMarkers

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import rotations as rot
+from ...geometry import rotations as rot
 from .curves import Array, ease
 from .frame import Sole, about
 

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import rotations as rot
+from ...geometry import rotations as rot
 from ...skeleton import Skeleton
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ... import rotations as rot
+from ...geometry import rotations as rot
 from .curves import Array
 from .frame import about, outward
 

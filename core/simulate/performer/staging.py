@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
-from ... import rotations as rot
+from ...geometry import rotations as rot
 from ...motion import Motion
 from ...product_skeleton import SPINE_JOINTS
 from .curves import Array, ease, pendulum_filtered, smoothed, wander

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import rotations as rot
-from ...camera import Camera, CameraRig
 from ...errors import SettingsError
+from ...geometry import rotations as rot
+from ...geometry.camera import Camera, CameraRig
 from ...sources.image_set import ImageSet
 from ...vision.board import Board, charuco_board
 from .lens import undistorted_grid

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import rotations as rot
+from ...geometry import rotations as rot
 from ...product_skeleton import JOINT_NAMES, default_skeleton
 from ...skeleton import Skeleton, forward_kinematics
 from .cones import RoundCones, axis_distances

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import rotations as rot
+from ...geometry import rotations as rot
 from ...motion import Motion
 from ...prop import Prop
 from ...skeleton import Skeleton, forward_kinematics

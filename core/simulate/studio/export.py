@@ -13,9 +13,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...camera import save_rig
 from ...errors import CaptureError
 from ...formats.bvh import write_bvh
+from ...geometry.rig_file import save_rig
 from ...marker_set import save_subject
 from ...marker_take import MarkerTake, save_take
 from ...system.files import atomic_path

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...camera import Camera
+from ...geometry.camera import Camera
 from .cones import RoundCones
 from .lens import undistorted_grid
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ...camera import CameraRig
+from ...geometry.camera import CameraRig
 from ...motion import Motion
 from ...product_skeleton import default_skeleton
 from .performance import make_performance

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import RectBivariateSpline
 
-from ...camera import Camera
+from ...geometry.camera import Camera
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...camera import Camera
+from ...geometry.camera import Camera
 from .body import Body
 from .cones import RoundCones
 

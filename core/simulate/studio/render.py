@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...camera import Camera, CameraRig
+from ...geometry.camera import Camera, CameraRig
 from .cones import RoundCones, visible
 from .discs import draw_disc
 from .limbs import draw_body

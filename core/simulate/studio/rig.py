@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...camera import Camera, CameraRig
 from ...errors import SettingsError
+from ...geometry.camera import Camera, CameraRig
 
 Array = NDArray[np.float64]
 

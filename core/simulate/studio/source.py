@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import rotations as rot
-from ...camera import CameraRig
 from ...errors import SettingsError
+from ...geometry import rotations as rot
+from ...geometry.camera import CameraRig
 from ...marker_set import MarkerSet, Subject, load_marker_set
 from ...motion import Motion
 from ...product_skeleton import default_skeleton

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import rotations as rot
 from ...calibration_pose import POSES
+from ...geometry import rotations as rot
 from ...motion import Motion
 from .body import make_body
 

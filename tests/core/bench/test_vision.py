@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.bench.offset import offset_row
 from perfanim.core.bench.vision import centroid_row, in_world_of
-from perfanim.core.camera import CameraRig
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.simulate.studio.rig import default_rig
 
 

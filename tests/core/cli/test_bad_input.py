@@ -8,8 +8,9 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from perfanim.core.camera import Camera, CameraRig, save_rig
 from perfanim.core.cli.main import main
+from perfanim.core.geometry.camera import Camera, CameraRig
+from perfanim.core.geometry.rig_file import save_rig
 from perfanim.core.marker_set import load_marker_set, marker_set_table, save_subject
 from perfanim.core.marker_take import MarkerTake, save_take
 from perfanim.core.simulate.markers import simulate_markers

@@ -2,13 +2,13 @@ import json
 
 import numpy as np
 import pytest
-from perfanim.core.camera import load_rig
 from perfanim.core.cli.main import main
+from perfanim.core.geometry.rig_file import load_rig
 
 
 def board_file(path, noise: float = 0.05, moments: int = 12):
     """Board points as two cameras 0.3 m apart, 700 px focal length, see them."""
-    from perfanim.core import rotations as rot
+    from perfanim.core.geometry import rotations as rot
 
     rng = np.random.default_rng(0)
     grid = np.stack(np.meshgrid(np.arange(8) * 30.0, np.arange(6) * 30.0), axis=-1).reshape(-1, 2)

@@ -5,9 +5,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
-from perfanim.core.camera import WORLD_FROM_CAMERA, Camera, CameraRig, load_rig, save_rig
 from perfanim.core.cli.main import main
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, Camera, CameraRig
+from perfanim.core.geometry.rig_file import load_rig, save_rig
 
 SIZE = (640, 480)
 FRAMES = 60

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
-from perfanim.core.camera import save_rig
 from perfanim.core.cli.main import main
 from perfanim.core.database.store import identity
 from perfanim.core.formats.bvh import read_bvh
 from perfanim.core.formats.takes import read_take
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.geometry.rig_file import save_rig
 from perfanim.core.marker_frame import pack_stamped
 from perfanim.core.marker_take import MarkerTake, save_take
 from perfanim.core.motion_files import read_motion

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
-from perfanim.core.camera import CameraRig
 from perfanim.core.cli.main import main
 from perfanim.core.formats.takes import read_take, write_take
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.marker_set import load_marker_set, save_subject
 from perfanim.core.marker_take import MarkerTake, SingleViews
 from perfanim.core.solve_take import solve_take

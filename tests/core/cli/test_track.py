@@ -5,9 +5,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from perfanim.core.camera import WORLD_FROM_CAMERA, Camera, CameraRig, save_rig
 from perfanim.core.cli.main import main
 from perfanim.core.formats.takes import read_take
+from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, Camera, CameraRig
+from perfanim.core.geometry.rig_file import save_rig
 
 SIZE = (320, 240)
 BODY = np.array([[-0.3, 0.4, 0.0], [0.3, 0.35, 0.0], [0.0, 0.0, 0.1], [-0.2, -0.4, 0.0], [0.25, -0.45, 0.05]])

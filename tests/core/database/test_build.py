@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.cli.main import main
 from perfanim.core.database.build import build_database
 from perfanim.core.database.labels import behaviour_of, subject_of
@@ -19,6 +18,7 @@ from perfanim.core.database.store import open_database
 from perfanim.core.errors import DatabaseError, FormatError
 from perfanim.core.formats.archive import skeleton_name
 from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.motion import Motion, resampled
 from perfanim.core.product_skeleton import default_skeleton, scaled
 

@@ -1,5 +1,4 @@
 import numpy as np
-from perfanim.core import rotations as rot
 from perfanim.core.angle_frames import with_angle_frames
 from perfanim.core.database.mirror import (
     mirrored_behaviour,
@@ -7,6 +6,7 @@ from perfanim.core.database.mirror import (
     mirrored_rotations,
     mirrored_skeleton,
 )
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.product_skeleton import JOINT_NAMES, default_skeleton, mirrored_name
 from perfanim.core.skeleton import Skeleton, forward_kinematics, joint_angles
 

@@ -3,7 +3,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.angle_frames import with_angle_frames
 from perfanim.core.database.store import (
     Clip,
@@ -14,6 +13,7 @@ from perfanim.core.database.store import (
     write_database,
 )
 from perfanim.core.errors import DatabaseError
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.product_skeleton import JOINT_NAMES, default_skeleton, scaled
 
 FRAMES = 50

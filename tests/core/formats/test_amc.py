@@ -2,10 +2,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.errors import FormatError
 from perfanim.core.formats.amc import CMU_FPS, amc_motion, parse_amc_values
 from perfanim.core.formats.asf import AsfFile, parse_asf, read_asf
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.motion import Motion
 from perfanim.core.motion_files import read_motion
 from perfanim.core.product_skeleton import JOINT_NAMES

@@ -4,10 +4,10 @@ import csv
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.errors import FormatError
 from perfanim.core.formats.angles_csv import write_angles_csv
 from perfanim.core.formats.takes import read_take
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.motion import Motion
 from perfanim.core.product_skeleton import default_skeleton
 from scipy.spatial.transform import Rotation

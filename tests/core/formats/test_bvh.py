@@ -2,10 +2,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.errors import FormatError
 from perfanim.core.formats.bvh import UNITS, read_bvh, write_bvh
 from perfanim.core.formats.source_motion import source_kinematics
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.mapping import map_motion
 from perfanim.core.motion import Motion
 from perfanim.core.product_skeleton import default_skeleton

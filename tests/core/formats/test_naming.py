@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.errors import SettingsError
 from perfanim.core.formats.bvh import read_bvh, write_bvh
 from perfanim.core.formats.naming import NAMINGS, naming_of, renamed
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.motion_files import read_motion
 from perfanim.core.product_skeleton import JOINT_NAMES, mirrored_name
 from perfanim.core.skeleton import forward_kinematics

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from figures import PLAIN, figure
 from measures import direction_errors_deg, pose_bones, slides_cm_s, to_performer
-from perfanim.core import rotations as rot
 from perfanim.core.errors import CharacterError
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.motion import Motion, sliced
 from perfanim.core.motion_files import read_motion
 from perfanim.core.product_skeleton import scaled

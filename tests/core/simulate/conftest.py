@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.marker_set import load_marker_set
 from perfanim.core.motion import Motion
 from perfanim.core.product_skeleton import default_skeleton

@@ -3,11 +3,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.cli import simulate as command
 from perfanim.core.errors import FormatError, MarkerSetError, SettingsError, SkeletonError
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.formats.takes import read_take
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.marker_set import Marker, MarkerSet, Subject, load_marker_set
 from perfanim.core.motion import Motion
 from perfanim.core.motion_files import read_motion

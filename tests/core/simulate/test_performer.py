@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.calibration_pose import t_pose
 from perfanim.core.errors import SettingsError, SkeletonError
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.motion import Motion
 from perfanim.core.motion_files import read_motion
 from perfanim.core.product_skeleton import JOINT_NAMES, default_skeleton

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.errors import SettingsError
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.simulate.studio.body import make_body
 from perfanim.core.simulate.studio.cones import RoundCones, first_hits, visible

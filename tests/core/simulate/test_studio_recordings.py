@@ -7,12 +7,13 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.calibration_pose import motorcycle, t_pose
-from perfanim.core.camera import CameraRig, load_rig
 from perfanim.core.cli.main import build_parser
 from perfanim.core.errors import CaptureError, PerfanimError, SettingsError
 from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.geometry.camera import CameraRig
+from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.marker_set import load_subject
 from perfanim.core.marker_take import load_take
 from perfanim.core.motion import Motion, sliced

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.database.graph import GraphSettings, build_graph
 from perfanim.core.database.store import Database
 from perfanim.core.errors import SettingsError
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.solver.cell_search import CellSearch
 from perfanim.core.solver.choose_search import choose_search
 from perfanim.core.solver.graph_search import GraphSearch

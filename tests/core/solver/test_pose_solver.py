@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.errors import DatabaseError
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.marker_set import Subject, load_marker_set
 from perfanim.core.motion import sliced
 from perfanim.core.simulate.markers import simulate_markers

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.root import root_from_torso
 from perfanim.core.solver.subject_model import RootPose

@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from perfanim.core import rotations as rot
-from perfanim.core.camera import WORLD_FROM_CAMERA, Camera, CameraRig
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, Camera, CameraRig
 
 Array = NDArray[np.float64]
 SIZE = (640, 480)

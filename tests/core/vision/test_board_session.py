@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from perfanim.core.camera import CameraRig
 from perfanim.core.errors import CalibrationError
+from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, BoardPose, board_poses
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.vision import board_session

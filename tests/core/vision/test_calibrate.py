@@ -3,9 +3,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
-from perfanim.core.camera import CameraRig
 from perfanim.core.errors import CalibrationError, FormatError
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.vision.board import Board, BoardView
 from perfanim.core.vision.board_points import load_board_points
 from perfanim.core.vision.calibrate import calibrate_from_points

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
-from perfanim.core.camera import Camera, CameraRig
 from perfanim.core.errors import CalibrationError
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.geometry.camera import Camera, CameraRig
 from perfanim.core.vision.board import Board, BoardView
 from perfanim.core.vision.floor import board_in_space, rig_on_floor
 

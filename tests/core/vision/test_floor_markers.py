@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-from perfanim.core.camera import CameraRig
 from perfanim.core.errors import CalibrationError
+from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.vision.floor_markers import STILL_S, FloorWatch, scaled_to
 

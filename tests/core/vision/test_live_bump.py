@@ -3,8 +3,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
-from perfanim.core.camera import CameraRig
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.marker_frame import MarkerFrame
 from perfanim.core.vision.live_bump import LiveBumpWatch, meeting_error_px
 from perfanim.core.vision.pipeline import MarkerPipeline

@@ -4,8 +4,8 @@ import shutil
 
 import numpy as np
 import pytest
-from perfanim.core.camera import load_rig
 from perfanim.core.errors import CalibrationError
+from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.vision.board import parse_board
 from perfanim.core.vision.calibrate_images import calibrate_images
 from perfanim.core.vision.calibrate_videos import calibrate_videos

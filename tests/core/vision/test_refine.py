@@ -2,9 +2,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
-from perfanim.core.camera import CameraRig
 from perfanim.core.errors import CalibrationError
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.vision.refine import refine_rig
 
 NOISE_PX = 0.1

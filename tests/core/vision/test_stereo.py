@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from perfanim.core.camera import CameraRig
+from perfanim.core.geometry.camera import CameraRig
+from perfanim.core.geometry.triangulation import inverse_3x3, triangulate
 from perfanim.core.vision.stereo import StereoMatcher, epipolar_distances
-from perfanim.core.vision.triangulate import inverse_3x3, triangulate
 
 
 def body(seed: int = 0) -> np.ndarray:

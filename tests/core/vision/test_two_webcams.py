@@ -74,7 +74,7 @@ def test_no_label_is_exchanged(walk, calibration, folder):
 def test_points_are_the_published_ones_where_the_lens_is_treated_alike(walk, calibration, folder):
     from dataclasses import replace
 
-    from perfanim.core.vision.triangulate import triangulate
+    from perfanim.core.geometry.triangulation import triangulate
 
     frames, tracking = walk
     plain = [replace(camera, distortion=np.zeros(5)) for camera in calibration.rig.cameras]

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.calibration_pose import t_pose
 from perfanim.core.errors import SkeletonError, TakeError
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.motion import Motion
 from perfanim.core.product_skeleton import JOINT_NAMES, default_skeleton
 from perfanim.core.skeleton import forward_kinematics

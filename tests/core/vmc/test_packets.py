@@ -4,8 +4,8 @@ import logging
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.errors import FormatError
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.vmc.humanoid import BONES, bone_poses
 from perfanim.core.vmc.packets import BONE, ROOT, Clock, Placed, frame_packet, read_packet
 from pythonosc.osc_bundle import OscBundle

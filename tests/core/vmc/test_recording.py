@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
 from perfanim.core.errors import CaptureError, TakeError
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.motion import resampled, sliced
 from perfanim.core.vmc.humanoid import bone_poses, motion_of_bones
 from perfanim.core.vmc.link import Receiver, play, record

@@ -10,8 +10,9 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from perfanim.core.camera import Camera, CameraRig, rig_from, save_rig
 from perfanim.core.errors import CalibrationError, CaptureError
+from perfanim.core.geometry.camera import Camera, CameraRig
+from perfanim.core.geometry.rig_file import rig_from, save_rig
 from perfanim.core.simulate.studio.boards import board_on_floor
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.sources.files import read_image

@@ -9,9 +9,10 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from perfanim.core.camera import Camera, CameraRig, load_rig, rig_from, save_rig
 from perfanim.core.cli.main import main
 from perfanim.core.errors import CalibrationError
+from perfanim.core.geometry.camera import Camera, CameraRig
+from perfanim.core.geometry.rig_file import load_rig, rig_from, save_rig
 from perfanim.core.simulate.studio.floor_markers import MIDDLE_M, PLACES_M, SETTINGS, FloorMarkers
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.worker import record_floor_markers

@@ -1,17 +1,13 @@
 """Pinhole cameras with lens distortion (OpenCV's model and frame) and rigs of them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import rotations as rot
-from .errors import CalibrationError
-from .foreign_rigs import caliscope_rows, level_from_world, qualisys_rows
-from .system.files import read_bytes, read_toml, write_toml
+from ..errors import CalibrationError
 
 Array = NDArray[np.float64]
 
@@ -181,119 +177,3 @@ class CameraRig:
     def baseline_m(self, first: int = 0, second: int = 1) -> float:
         """Return the distance between two optical centres."""
         return float(np.linalg.norm(self.cameras[first].centre_m - self.cameras[second].centre_m))
-
-
-def save_rig(rig: CameraRig, path: str | Path) -> None:
-    """Write the rig in anipose's layout: one table a camera, rotation as a rotation vector."""
-    write_toml(path, rig_tables(rig))
-
-
-def rig_tables(rig: CameraRig) -> dict[str, Any]:
-    """Return the tables that `save_rig` writes."""
-    tables: dict[str, Any] = {}
-    for i, camera in enumerate(rig.cameras):
-        tables[f"cam_{i}"] = {
-            "name": camera.name,
-            "size": list(camera.image_size),
-            "matrix": camera.matrix,
-            "distortions": camera.distortion,
-            "rotation": rot.to_rotation_vector(rot.from_matrix(camera.rotation)),
-            "translation": camera.translation_m,
-        }
-    return tables | {"metadata": dict(rig.metadata) | {"length_unit": "m"}}
-
-
-def load_rig(path: str | Path) -> CameraRig:
-    """Return a rig from a calibration file: anipose's layout (`cam_N` tables), caliscope's TOML, or Qualisys' XML.
-
-    Files of other programs are brought to metres and to a world with y up. In anipose's layout a file without
-    `metadata.length_unit` is of another program: there anipose writes the unit of its board, millimetres, and a
-    baseline above 10 tells so.
-
-    Raises:
-        FormatError: the file cannot be read, or is no TOML.
-        CalibrationError: no cameras, incomplete ones, fisheye lenses, or a unit other than "m" and "mm".
-    """
-    raw = read_bytes(path)
-    if raw.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
-        return _levelled(_cameras_from(qualisys_rows(raw, str(path)), str(path)), {})
-    tables = read_toml(path)
-    if "cameras" in tables:
-        return _levelled(_cameras_from(caliscope_rows(tables, str(path)), str(path)), {})
-    return rig_from(tables, str(path))
-
-
-def rig_from(tables: Mapping[str, Any], where: str) -> CameraRig:
-    """Return the rig of tables in anipose's layout, `rig_tables`' inverse; errors as in `load_rig`."""
-    keys = [key for key in sorted(tables, key=_camera_order) if key.startswith("cam_")]
-    rows = [{"name": key} | tables[key] if isinstance(tables[key], Mapping) else tables[key] for key in keys]
-    cameras = _cameras_from(rows, where)
-    metadata = tables.get("metadata", {})
-    unit = metadata.get("length_unit", "unknown") if isinstance(metadata, Mapping) else None
-    if unit not in ("m", "mm", "unknown"):
-        raise CalibrationError("metadata is not understood", where=where, advice='length_unit is "m" or "mm"')
-    if unit == "mm" or (unit == "unknown" and _spread(cameras) > 10.0):
-        cameras = tuple(_scaled(camera, 1e-3) for camera in cameras)
-    return CameraRig(cameras, metadata) if unit != "unknown" else _levelled(cameras, metadata)
-
-
-def _cameras_from(rows: Sequence[Any], where: str) -> tuple[Camera, ...]:
-    if not rows:
-        raise CalibrationError(
-            "holds no cameras",
-            where=where,
-            advice="use a file of `perfanim calibrate cameras`, anipose, caliscope or Qualisys",
-        )
-    return tuple(_camera_from(row, where) for row in rows)
-
-
-def _levelled(cameras: Sequence[Camera], metadata: Mapping[str, Any]) -> CameraRig:
-    turn = level_from_world(np.array([camera.rotation for camera in cameras]))
-    return CameraRig(tuple(replace(camera, rotation=camera.rotation @ turn.T) for camera in cameras), metadata)
-
-
-def _camera_order(key: str) -> tuple[int, str]:
-    suffix = key.removeprefix("cam_")
-    return (int(suffix) if suffix.isdigit() else 10**9, key)
-
-
-def _camera_from(row: Mapping[str, Any], where: str) -> Camera:
-    try:
-        if row.get("fisheye", False):
-            raise CalibrationError(
-                "fisheye lenses are not supported", where=where, advice="calibrate with the standard lens model"
-            )
-        rotation = np.asarray(row["rotation"], dtype=np.float64)
-        if rotation.shape == (3, 3):
-            matrix = _nearest_rotation(rotation)  # other programs' have few digits, or come out of a bundle adjustment
-        else:
-            matrix = rot.to_matrix(rot.from_rotation_vector(rotation))
-        return Camera(
-            name=str(row.get("name", "camera")),
-            image_size=(int(row["size"][0]), int(row["size"][1])),
-            matrix=np.asarray(row["matrix"], dtype=np.float64),
-            distortion=np.asarray(row.get("distortions", [0.0] * 5), dtype=np.float64),
-            rotation=matrix,
-            translation_m=np.asarray(row["translation"], dtype=np.float64),
-        )
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-        raise CalibrationError(
-            f"a camera table is incomplete ({error})", where=where, advice="calibrate the cameras again"
-        ) from error
-
-
-def _nearest_rotation(matrix: Array) -> Array:
-    """Return the rotation nearest to a matrix (3, 3) that is almost one; others as they are."""
-    if not 1e-9 < np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-3:
-        return matrix
-    u, _, vt = np.linalg.svd(matrix)
-    return np.asarray(u @ vt)
-
-
-def _spread(cameras: Sequence[Camera]) -> float:
-    centres = np.array([camera.centre_m for camera in cameras])
-    return float(np.linalg.norm(centres - centres[0], axis=1).max())
-
-
-def _scaled(camera: Camera, factor: float) -> Camera:
-    return replace(camera, translation_m=camera.translation_m * factor)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import Camera
+from .camera import Camera
 
 Array = NDArray[np.float64]
 

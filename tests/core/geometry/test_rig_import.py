@@ -4,9 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
-from perfanim.core.camera import Camera, CameraRig, load_rig
 from perfanim.core.errors import PerfanimError
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.geometry.camera import Camera, CameraRig
+from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.system.files import write_toml
 
 LENS = np.array([-0.2, 0.05, 0.001, -0.002, 0.01])

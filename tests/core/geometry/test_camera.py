@@ -4,9 +4,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
-from perfanim.core.camera import Camera, CameraRig, load_rig, save_rig, undistort_all
 from perfanim.core.errors import CalibrationError, FormatError, PerfanimError
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.geometry.camera import Camera, CameraRig, undistort_all
+from perfanim.core.geometry.rig_file import load_rig, save_rig
 from perfanim.core.system.files import read_toml, write_toml
 
 MATRIX = np.array([[812.0, 0.0, 641.5], [0.0, 808.0, 355.2], [0.0, 0.0, 1.0]])

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from .rigid import kabsch, transform
+from .rigid_transform import kabsch, transform
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

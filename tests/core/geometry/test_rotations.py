@@ -2,7 +2,7 @@ import itertools
 
 import numpy as np
 import pytest
-from perfanim.core import rotations as rot
+from perfanim.core.geometry import rotations as rot
 from scipy.spatial.transform import Rotation
 
 Array = np.ndarray

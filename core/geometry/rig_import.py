@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import CalibrationError
+from ..errors import CalibrationError
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 import numpy as np
-from perfanim.core import rotations as rot
-from perfanim.core.rigid import kabsch, transform
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.geometry.rigid_transform import kabsch, transform
 
 
 def cloud(seed: int, count: int = 6) -> np.ndarray:

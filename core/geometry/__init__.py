@@ -1,0 +1,1 @@
+"""Rotations, rigid transforms, point patterns, cameras and triangulation."""
