@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .calibration_pose import CALIBRATION
+from .body.calibration_poses import CALIBRATION
+from .body.motion import Motion, sliced
+from .body.motion_metrics import evaluate
+from .body.pose_frame import PoseFrame
 from .database.build import build_database
 from .database.store import Database, open_database
-from .evaluate import evaluate
 from .formats.bvh import write_bvh
 from .geometry.camera import CameraRig
 from .geometry.rig_file import save_rig
 from .marker_frame import MarkerFrame
 from .marker_set import Subject, load_marker_set, save_subject
-from .motion import Motion, sliced
-from .pose_frame import PoseFrame
 from .preview import (
     TRUTH,
     CharacterPainter,

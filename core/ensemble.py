@@ -9,12 +9,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
+from .body.pose_frame import PoseFrame
 from .company import Company
 from .errors import SettingsError
 from .geometry.camera import CameraRig
 from .marker_frame import MarkerFrame
 from .marker_set import Subject
-from .pose_frame import PoseFrame
 from .prop import Prop, check_together
 from .prop_tracking import PropTracker
 from .session import Session

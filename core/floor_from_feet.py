@@ -6,7 +6,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .calibration_pose import standing
+from .body.calibration_poses import standing
+from .body.skeleton import Skeleton, forward_kinematics
+from .body.standard_skeleton import default_skeleton
 from .errors import TakeError
 from .geometry import rotations as rot
 from .geometry.camera import CameraRig
@@ -14,8 +16,6 @@ from .geometry.rigid_transform import kabsch, transform
 from .marker_filter import smoothed
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
-from .product_skeleton import default_skeleton
-from .skeleton import Skeleton, forward_kinematics
 
 Array = NDArray[np.float64]
 

@@ -13,15 +13,15 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from .angle_frames import with_angle_frames
+from .body.joint_angle_frames import with_angle_frames
+from .body.motion import Motion
+from .body.skeleton import Skeleton
+from .body.source_motion import SourceMotion, source_kinematics
+from .body.standard_skeleton import JOINT_NAMES, default_skeleton
 from .formats.naming import NAMINGS
-from .formats.source_motion import SourceMotion, source_kinematics
 from .geometry import rotations as rot
 from .joint_names import match_joints
-from .motion import Motion
-from .product_skeleton import JOINT_NAMES, default_skeleton
 from .rest_alignment import align_rest
-from .skeleton import Skeleton
 
 Array = NDArray[np.float64]
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .body.skeleton import forward_kinematics
 from .database.store import Database
 from .errors import MarkerSetError
 from .marker_set import Subject
 from .marker_take import MarkerTake
-from .skeleton import forward_kinematics
 from .solver.subject_model import ROOT_AT_REST, SubjectModel
 from .sources.take import is_unnamed
 

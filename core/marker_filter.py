@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .body.motion import Motion
+from .body.skeleton import forward_kinematics
 from .errors import SettingsError
 from .geometry import rotations as rot
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
-from .motion import Motion
-from .skeleton import forward_kinematics
 
 Array = NDArray[np.float64]
 

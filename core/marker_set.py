@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .body.skeleton import Skeleton
 from .errors import MarkerSetError, SubjectError
-from .skeleton import Skeleton
 from .system.assets import MARKER_SETS
 from .system.files import read_toml, write_toml
 

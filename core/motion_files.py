@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .defects import Defect
+from .body.motion import Motion
+from .body.motion_cleaning import Defect
+from .body.skeleton import Skeleton
+from .body.source_motion import frame_range, source_of_motion
+from .body.standard_skeleton import JOINT_NAMES
 from .errors import FormatError
 from .formats.amc import CMU_FPS, amc_motion, parse_amc_values
 from .formats.archive import skeleton_name
 from .formats.asf import AsfFile, read_asf, read_asf_file
 from .formats.bvh import read_bvh
-from .formats.source_motion import frame_range, source_of_motion
 from .mapping import map_motion
-from .motion import Motion
-from .product_skeleton import JOINT_NAMES
-from .skeleton import Skeleton
 from .system.files import read_bytes
 
 _NOT_FINITE = "numbers that are not finite"

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .body.pose_frame import PoseFrame
 from .errors import CaptureError
-from .pose_frame import PoseFrame
 from .prop import PropPose
 
 _MAGIC = b"PFPF"

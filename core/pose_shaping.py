@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from .foot_lock import FootLock
-from .pose_frame import PoseFrame
-from .pose_smoothing import PoseSmoother
+from .body.foot_lock import FootLock
+from .body.one_euro import PoseSmoother
+from .body.pose_frame import PoseFrame
+from .body.skeleton import Skeleton
 from .prop import PropPose
-from .skeleton import Skeleton
 
 
 @dataclass(frozen=True)

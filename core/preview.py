@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .body.skeleton import Skeleton
 from .errors import CaptureError
 from .geometry.camera import Camera
 from .simulate.studio.body import Body, make_body
@@ -21,7 +22,6 @@ from .simulate.studio.lens import undistorted_grid
 from .simulate.studio.limbs import outlines
 from .simulate.studio.rig import looking_at
 from .simulate.studio.video import write_video
-from .skeleton import Skeleton
 from .system.files import atomic_path
 
 Array = NDArray[np.float64]

@@ -4,7 +4,7 @@ import csv
 from collections.abc import Sequence
 from pathlib import Path
 
-from .pose_frame import PoseFrame
+from .body.pose_frame import PoseFrame
 from .system.files import atomic_path
 
 HEADER = ("frame", "time_s", "x", "y", "z", "qw", "qx", "qy", "qz", "rms_mm", "markers")

@@ -15,11 +15,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from .angle_frames import angle_frame
+from .body.joint_angle_frames import angle_frame
+from .body.source_motion import SourceMotion, frame_range, source_kinematics, zero_pose_positions
+from .body.standard_skeleton import JOINT_NAMES, default_skeleton
 from .errors import SkeletonError
-from .formats.source_motion import SourceMotion, frame_range, source_kinematics, zero_pose_positions
 from .geometry import rotations as rot
-from .product_skeleton import JOINT_NAMES, default_skeleton
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

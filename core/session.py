@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .calibration_pose import standing, t_pose
+from .body.calibration_poses import standing, t_pose
+from .body.pose_frame import PoseFrame
+from .body.skeleton import marker_positions
 from .database.store import Database
 from .geometry import rotations as rot
 from .geometry.camera import CameraRig
 from .labelling import Labeller
 from .marker_frame import MarkerFrame
 from .marker_set import Subject
-from .pose_frame import PoseFrame
 from .second_look import SecondLook
 from .single_view_following import SingleViewFollower
-from .skeleton import marker_positions
 from .solver.observation import Observation
 from .solver.pose_solver import PoseSolver, Solution
 from .solver.settings import SolveSettings

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .body.motion import Motion
+from .body.pose_frame import PoseFrame
 from .database.store import Database
 from .ensemble import Stepper, followed
 from .errors import TakeError
@@ -15,8 +17,6 @@ from .geometry.camera import CameraRig
 from .marker_frame import MarkerFrame
 from .marker_set import Subject
 from .marker_take import MarkerTake
-from .motion import Motion
-from .pose_frame import PoseFrame
 from .prop import Prop
 from .session import Session
 from .solver.settings import SolveSettings

@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .calibration_pose import CALIBRATION, POSES
+from .body.calibration_poses import CALIBRATION, POSES
+from .body.skeleton import Skeleton, forward_kinematics, marker_positions
+from .body.standard_skeleton import default_skeleton
 from .errors import SubjectError
 from .geometry import rotations as rot
 from .geometry.rigid_transform import kabsch, transform
 from .marker_set import MarkerSet, Subject
 from .marker_take import MarkerTake
-from .product_skeleton import default_skeleton
-from .skeleton import Skeleton, forward_kinematics, marker_positions
 from .subject_fit import BodyFit, fit_body, usual_offsets
 
 Array = NDArray[np.float64]

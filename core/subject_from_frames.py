@@ -5,13 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .calibration_pose import POSES
+from .body.calibration_poses import POSES
+from .body.skeleton import Skeleton, marker_positions
+from .body.standard_skeleton import default_skeleton
 from .errors import SubjectError
 from .labelling import Labeller
 from .marker_frame import MarkerFrame
 from .marker_set import MarkerSet
-from .product_skeleton import default_skeleton
-from .skeleton import Skeleton, marker_positions
 from .subject_calibration import SubjectCalibration, calibrate_subject
 
 Array = NDArray[np.float64]

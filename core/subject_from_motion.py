@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .body.pose_frame import PoseFrame
+from .body.skeleton import Skeleton, forward_kinematics
 from .database.store import Database
 from .errors import SubjectError
 from .geometry import rotations as rot
 from .marker_set import MarkerSet, Subject
 from .marker_take import MarkerTake
-from .pose_frame import PoseFrame
 from .session import Session
-from .skeleton import Skeleton, forward_kinematics
 from .solver.settings import SolveSettings
 from .sources.take import take_frames
 

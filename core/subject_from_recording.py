@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
+from .body.skeleton import Skeleton
 from .marker_frame import MarkerFrame
 from .marker_set import MarkerSet
-from .skeleton import Skeleton
 from .subject_calibration import SubjectCalibration, calibrate_subject, pose_points
 from .tracking import track_markers
 from .tracking_names import named_take

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .calibration_pose import standing
+from .body.calibration_poses import standing
+from .body.standard_skeleton import default_skeleton
 from .errors import TakeError
 from .floor_from_feet import floor_points, upright_rotation
 from .geometry import rotations as rot
@@ -15,7 +16,6 @@ from .geometry.rigid_transform import transform
 from .marker_names import listed, match_names
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
-from .product_skeleton import default_skeleton
 from .sources.take import is_unnamed
 from .tracking_names import named_take
 

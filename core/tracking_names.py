@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from .calibration_pose import standing, t_pose
+from .body.calibration_poses import standing, t_pose
+from .body.skeleton import marker_positions
+from .body.standard_skeleton import default_skeleton
 from .errors import TakeError
 from .labelling import Labeller
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
-from .product_skeleton import default_skeleton
-from .skeleton import marker_positions
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

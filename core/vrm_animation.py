@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import __version__
-from .calibration_pose import t_pose
+from .body.calibration_poses import t_pose
+from .body.motion import Motion
+from .body.skeleton import Skeleton, forward_kinematics
 from .geometry import rotations as rot
-from .motion import Motion
-from .skeleton import Skeleton, forward_kinematics
 from .system.files import atomic_path
 from .vmc.humanoid import BONES, bone_poses
 

@@ -6,9 +6,9 @@ import bpy
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.body.skeleton import Skeleton
 from ..core.errors import CharacterError
 from ..core.geometry import rotations as rot
-from ..core.skeleton import Skeleton
 from .action_placement import BLEND_S, Onto, Placement, new_action, put
 from .character import find_armature
 from .keyframes import KeyWriter, bone_path

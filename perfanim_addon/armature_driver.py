@@ -5,7 +5,7 @@ from collections.abc import Collection
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.skeleton import Skeleton
+from ..core.body.skeleton import Skeleton
 from .body_parts import PARTS, bones_of_parts
 from .character import find_armature
 from .posing import Posing, posing_of

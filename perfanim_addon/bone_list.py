@@ -4,8 +4,8 @@ from typing import Any
 
 import bpy
 
+from ..core.body.standard_skeleton import JOINT_NAMES
 from ..core.errors import CharacterError
-from ..core.product_skeleton import JOINT_NAMES
 from ..core.retarget.bone_map import BoneMap, JointMatch, State, checked_map
 from ..core.retarget.transfer import RootMotion
 from .hung import hung_on

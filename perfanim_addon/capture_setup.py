@@ -8,13 +8,13 @@ from typing import Any
 
 import bpy
 
+from ..core.body.skeleton import Skeleton
+from ..core.body.standard_skeleton import default_skeleton
 from ..core.errors import CaptureError, PerfanimError
 from ..core.geometry.camera import CameraRig
 from ..core.geometry.rig_file import save_rig
 from ..core.marker_set import Subject, save_subject
-from ..core.product_skeleton import default_skeleton
 from ..core.prop import Prop, check_together
-from ..core.skeleton import Skeleton
 from ..core.worker.client import WorkerClient
 from . import preferences, receiving, sending, states, takes, targets
 from .capture_state import CaptureRun

@@ -10,8 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.body.pose_frame import PoseFrame
 from ..core.errors import CaptureError, PerfanimError
-from ..core.pose_frame import PoseFrame
 from ..core.worker.protocol import Message, MessageKind
 from ..core.worker.seam import Seam
 

@@ -4,9 +4,9 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.body.skeleton import Skeleton
+from ..core.body.standard_skeleton import JOINT_NAMES
 from ..core.errors import CharacterError
-from ..core.product_skeleton import JOINT_NAMES
-from ..core.skeleton import Skeleton
 from . import axes
 from .character_mesh import add_body
 from .character_shapes import SOLE_BELOW_TOES_M, girth_scale

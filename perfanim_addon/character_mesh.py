@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.skeleton import Skeleton
+from ..core.body.skeleton import Skeleton
 from . import axes
 from .character_shapes import Figure, Part, parts_of
 from .character_surface import Array, Field, mesh_of, union

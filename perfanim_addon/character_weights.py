@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.skeleton import Skeleton
+from ..core.body.skeleton import Skeleton
 from .character_shapes import Figure
 from .character_surface import Array
 

@@ -10,9 +10,9 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.body.skeleton import Skeleton
 from ..core.errors import CharacterError, FormatError
 from ..core.formats.bvh_axes import moved_bvh
-from ..core.skeleton import Skeleton
 from ..core.system.files import atomic_path
 from .action_channels import play, played
 from .actions import scene_frames, write_action

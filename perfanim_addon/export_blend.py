@@ -15,10 +15,10 @@ import numpy as np
 from mathutils import Vector
 from numpy.typing import NDArray
 
+from ..core.body.motion import Motion
+from ..core.body.skeleton import forward_kinematics
 from ..core.errors import CharacterError, PerfanimError
-from ..core.motion import Motion
 from ..core.motion_files import read_motion
-from ..core.skeleton import forward_kinematics
 from ..core.system.files import atomic_path
 from . import axes
 from .actions import write_action

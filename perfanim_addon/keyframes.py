@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.key_reduction import location_keys, rotation_keys, slopes
+from ..core.body.keyframe_reduction import location_keys, rotation_keys, slopes
 from .action_channels import new_channels, new_curve
 
 Array = NDArray[np.float64]

@@ -8,11 +8,11 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.body.pose_frame import PoseFrame
+from ..core.body.skeleton import Skeleton
+from ..core.body.standard_skeleton import default_skeleton
 from ..core.errors import PerfanimError
 from ..core.geometry import rotations as rot
-from ..core.pose_frame import PoseFrame
-from ..core.product_skeleton import default_skeleton
-from ..core.skeleton import Skeleton
 from . import capture_setup, overlay, preview, running, sound, takes
 from .actions import scene_frames, write_action
 from .armature_driver import ArmatureDriver

@@ -6,10 +6,10 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.body.pose_frame import PoseFrame
+from ..core.body.skeleton import Skeleton
 from ..core.marker_set import Subject
-from ..core.pose_frame import PoseFrame
 from ..core.prop import Prop
-from ..core.skeleton import Skeleton
 from .character import find_armature
 from .performer_driver import PerformerDriver, Role, write_performer_actions
 from .posing import Posing, posing_of

@@ -12,11 +12,11 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.body.pose_frame import PoseFrame
+from ..core.body.skeleton import Skeleton, forward_kinematics
 from ..core.geometry.rig_file import load_rig
 from ..core.marker_set import load_subject
-from ..core.pose_frame import PoseFrame
 from ..core.simulate.studio.rig import default_rig
-from ..core.skeleton import Skeleton, forward_kinematics
 from . import viewport
 
 Array = NDArray[np.float64]

@@ -7,9 +7,9 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.body.pose_frame import PoseFrame
+from ..core.body.skeleton import forward_kinematics
 from ..core.marker_set import Subject
-from ..core.pose_frame import PoseFrame
-from ..core.skeleton import forward_kinematics
 from . import targets
 from .actions import write_posing
 from .armature_driver import ArmatureDriver

@@ -19,8 +19,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.body.motion import Motion
 from ..core.errors import CharacterError, FormatError, PerfanimError
-from ..core.motion import Motion
 from ..core.motion_files import read_motion
 from ..core.retarget.bone_map import BoneMap, State, checked_map
 from ..core.retarget.presets import named_bone_map

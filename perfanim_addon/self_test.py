@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from ..core.body.standard_skeleton import default_skeleton
 from ..core.errors import CaptureError
 from ..core.marker_set import Subject, load_marker_set, save_subject
-from ..core.product_skeleton import default_skeleton
 from ..core.worker.client import WorkerClient
 from .capture_state import CaptureRun, Phase
 from .job import Job, command

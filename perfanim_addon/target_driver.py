@@ -7,7 +7,7 @@ import numpy as np
 from mathutils import Quaternion, Vector
 from numpy.typing import NDArray
 
-from ..core.pose_frame import PoseFrame
+from ..core.body.pose_frame import PoseFrame
 from ..core.prop import Prop, PropPose
 from . import targets
 from .action_placement import Onto, Placement

@@ -8,9 +8,9 @@ from typing import Any
 
 import bpy
 
+from ..core.body.standard_skeleton import default_skeleton
 from ..core.errors import CharacterError, PerfanimError, SettingsError, SubjectError
 from ..core.marker_set import MarkerSet, Subject
-from ..core.product_skeleton import default_skeleton
 from ..core.prop import Prop, check_together
 from ..core.system.assets import PROPS
 from . import states

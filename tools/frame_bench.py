@@ -22,10 +22,10 @@ import bpy
 import numpy as np
 from perfanim.core.bench.data import BOXING, FPS, WALKING, read_take, whole_database
 from perfanim.core.bench.speed import part_of, reference_ms
+from perfanim.core.body.motion import Motion
 from perfanim.core.database.store import Database, identity, open_database
 from perfanim.core.marker_frame import pack_stamped, unpack_stamped
 from perfanim.core.marker_set import Subject, load_marker_set
-from perfanim.core.motion import Motion
 from perfanim.core.pose_bytes import SolvedPose, pack_solved
 from perfanim.core.session import Session
 from perfanim.core.simulate.markers import simulate_markers

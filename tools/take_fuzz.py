@@ -30,10 +30,10 @@ import time
 from pathlib import Path
 from typing import Any
 
+from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.build import build_database
 from perfanim.core.marker_frame import pack
 from perfanim.core.marker_set import Subject, load_marker_set, save_subject
-from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.system.assets import MOTION
 from perfanim.core.take_file.edit import recover
 from perfanim.core.take_file.reading import read_take_file

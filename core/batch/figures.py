@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..motion import Motion
-from ..pose_frame import PoseFrame
-from ..skeleton import forward_kinematics
+from ..body.motion import Motion
+from ..body.pose_frame import PoseFrame
+from ..body.skeleton import forward_kinematics
 
 if TYPE_CHECKING:
     from ..solve_take import SolvedTake

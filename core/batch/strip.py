@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..body.skeleton import forward_kinematics
 from ..errors import FormatError
 from ..preview import CharacterPainter, floor_image, preview_camera
-from ..skeleton import forward_kinematics
 from ..solve_take import SolvedTake
 from .figures import is_unsolved
 

@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Any
 
+from ..body.motion import sliced
+from ..body.motion_metrics import evaluate
 from ..database.labels import subject_of
 from ..database.store import Database
-from ..evaluate import evaluate
-from ..motion import sliced
 from .data import BOXING, CMU, WALKING, Progress, TestTake, read_take, whole_database, without_tests
 from .figure6 import describe, solved
 from .methods import METHODS

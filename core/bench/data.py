@@ -4,12 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..body.motion import Motion, resampled, sliced
 from ..database.build import build_database
 from ..database.store import Clip, Database, open_database
 from ..database.subset import write_subset
 from ..errors import FormatError
 from ..formats.archive import motion_files
-from ..motion import Motion, resampled, sliced
 from ..motion_files import read_motion
 
 Progress = Callable[[float, str], None]

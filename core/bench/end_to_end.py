@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration_pose import CALIBRATION
+from ..body.calibration_poses import CALIBRATION
+from ..body.motion import Motion, sliced
+from ..body.motion_metrics import evaluate
 from ..database.store import Database
-from ..evaluate import evaluate
 from ..geometry.camera import CameraRig
 from ..marker_frame import MarkerFrame
 from ..marker_set import Subject, load_marker_set
 from ..marker_take import MarkerTake
-from ..motion import Motion, sliced
 from ..session import Session
 from ..simulate.markers import simulate_markers
 from ..simulate.performer.bodies import load_bodies

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..angle_frames import with_angle_frames
+from ..body.joint_angle_frames import with_angle_frames
+from ..body.motion_metrics import angle_errors_deg
+from ..body.standard_skeleton import default_skeleton
 from ..database.store import Clip, Database, rotations_from_pose
 from ..database.subset import write_subset
 from ..errors import DatabaseError
-from ..evaluate import angle_errors_deg
 from ..geometry import rotations as rot
-from ..product_skeleton import default_skeleton
 from .data import BANDAI, CMU, Progress, whole_database
 from .plots import Line, Panel, check_plots, write_plot
 from .pose_models import gplvm, has_gplvm, linear, mixture

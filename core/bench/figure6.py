@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..body.motion import Motion
+from ..body.motion_metrics import evaluate
 from ..database.store import Database
-from ..evaluate import evaluate
 from ..geometry import rotations as rot
 from ..marker_set import Subject, load_marker_set
-from ..motion import Motion
 from ..simulate.markers import simulate_markers
 from ..solve_take import solve_take
 from ..solver.settings import SolveSettings

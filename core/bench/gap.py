@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..body.motion import Motion, sliced
+from ..body.motion_metrics import evaluate
 from ..database.build import build_database
 from ..database.store import Clip, Database, open_database, pose_from_rotations, rotations_from_pose
-from ..evaluate import evaluate
 from ..geometry import rotations as rot
 from ..marker_set import Subject, load_marker_set
-from ..motion import Motion, sliced
 from ..solver import local_model
 from ..solver.search import closest
 from ..solver.subject_model import SubjectModel

@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import Any
 
+from ..body.motion_metrics import evaluate
 from ..database.store import Clip
-from ..evaluate import evaluate
 from .data import CMU, WALKING, Progress, TestTake, read_take, whole_database, without_tests
 from .figure6 import describe, solved
 from .methods import METHODS

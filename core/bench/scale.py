@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from ..body.motion import Motion, sliced
+from ..body.motion_metrics import evaluate
 from ..database.build import build_database
 from ..database.store import Clip, Database, open_database
 from ..database.subset import write_subset
-from ..evaluate import evaluate
 from ..marker_set import Subject, load_marker_set
-from ..motion import Motion, sliced
 from ..session import Session
 from ..simulate.markers import simulate_markers
 from ..solve_take import motion_of

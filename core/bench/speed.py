@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..body.motion import Motion
 from ..database.build import build_database
 from ..database.store import Database, open_database
 from ..database.subset import write_subset
 from ..marker_set import Subject, load_marker_set
-from ..motion import Motion
 from ..session import Session
 from ..simulate.markers import simulate_markers
 from ..simulate.studio.discs import draw_disc

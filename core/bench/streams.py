@@ -12,12 +12,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..body.pose_frame import PoseFrame
 from ..database.store import Database
 from ..errors import CaptureError
 from ..geometry.camera import CameraRig
 from ..marker_frame import MarkerFrame, pack, unpack
 from ..marker_set import Subject
-from ..pose_frame import PoseFrame
 from ..session import Session
 from ..simulate.studio.source import open_simulated
 from ..sources.image_set import ImageSet

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from ..body.motion import Motion
 from ..database.store import Database
-from ..motion import Motion
 from ..solver.settings import SolveSettings
 from .data import CMU, DEVELOPMENT, Progress, read_take, whole_database, without_development
 from .figure6 import degrees_per_joint, solved

@@ -13,9 +13,9 @@ from ..batch.processes import in_processes
 from ..batch.record import BAD
 from ..batch.run import BatchResult, DoTasks, run_batch
 from ..batch.summary import counts, facts, text_table
+from ..body.foot_lock import FEET
 from ..database.store import open_database
 from ..errors import FormatError, PerfanimError, SettingsError
-from ..foot_lock import FEET
 from ..formats.takes import READABLE
 from ..geometry.rig_file import load_rig
 from ..marker_names import AUTO, load_names

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from ..calibration_pose import CALIBRATION, POSES
+from ..body.calibration_poses import CALIBRATION, POSES
+from ..body.standard_skeleton import default_skeleton
 from ..database.store import open_database
 from ..errors import SettingsError
 from ..formats.takes import read_take
 from ..marker_names import AUTO, best_match, load_names, match_names, named_by_hand
 from ..marker_set import MarkerSet, Subject, load_marker_set, load_subject, save_subject
 from ..marker_take import MarkerTake
-from ..product_skeleton import default_skeleton
 from ..simulate.performer.bodies import load_bodies
 from ..subject_calibration import (
     SubjectCalibration,

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..evaluate import evaluate
+from ..body.motion_metrics import evaluate
 from ..motion_files import read_motion, read_skeleton
 
 

@@ -4,8 +4,8 @@ import argparse
 from collections.abc import Callable
 from typing import Any
 
+from ..body.motion import resampled
 from ..errors import SettingsError
-from ..motion import resampled
 from ..motion_files import read_motion
 from ..simulate.studio.export import RecordingFiles, export_recording
 from ..simulate.studio.render import Renderer

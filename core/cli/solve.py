@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from ..body.foot_lock import FEET, floor_of, with_feet_held
+from ..body.motion import Motion
+from ..body.skeleton import marker_positions
 from ..database.store import Database, identity
 from ..errors import FormatError, SubjectError, TakeError
-from ..foot_lock import FEET, floor_of, with_feet_held
 from ..formats.takes import is_recorded, read_take
 from ..geometry.rig_file import load_rig
 from ..marker_choice import choose_markers, with_markers, worn_in
@@ -18,12 +20,10 @@ from ..marker_filter import smoothed, smoothed_motion
 from ..marker_names import AUTO, best_match, load_names, match_names, named_by_hand
 from ..marker_set import MarkerSet, Subject, load_marker_set, load_subject
 from ..marker_take import MarkerTake
-from ..motion import Motion
 from ..motion_export import MOTION_ENDINGS, is_motion, write_motion
 from ..motion_files import read_skeleton
 from ..prop import Prop, load_prop
 from ..prop_csv import write_prop_csv
-from ..skeleton import marker_positions
 from ..solve_take import SolvedTake, by_performer, solve_recorded, solve_take
 from ..solved_take_file import keep_solved_anew
 from ..solver.settings import METHODS, SolveSettings

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from ..body.standard_skeleton import default_skeleton
 from ..database.store import Database, open_database
 from ..errors import SettingsError, TakeError
 from ..formats.rewrite import rewrite_take
@@ -14,7 +15,6 @@ from ..marker_filter import smoothed_on_body
 from ..marker_names import AUTO, best_match, load_names, match_names, named_by_hand
 from ..marker_set import Subject, load_marker_set, load_subject
 from ..marker_take import MarkerTake
-from ..product_skeleton import default_skeleton
 from ..solve_take import solve_take
 from ..solver.settings import SolveSettings
 from ..sources.take import is_unnamed

@@ -6,13 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ..body.standard_skeleton import default_skeleton
 from ..database.store import Database, open_database
 from ..errors import FormatError, MarkerSetError, PerfanimError, SettingsError, SubjectError, TakeError
 from ..formats.takes import READABLE, declared_frames, is_recorded, read_take
 from ..marker_choice import worn_in
 from ..marker_names import AUTO, best_match, load_names, named_by_hand
 from ..marker_set import MarkerSet, Subject, load_marker_set, load_subject
-from ..product_skeleton import default_skeleton
 from ..solved_take_file import keep_markers
 from ..solver.settings import METHODS, SolveSettings
 from ..sources.take import is_unnamed

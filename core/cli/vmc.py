@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from ..body.motion import Motion, resampled
 from ..errors import FormatError
 from ..formats.takes import WRITABLE, is_recorded, write_take
-from ..motion import Motion, resampled
 from ..motion_export import MOTION_ENDINGS, is_motion, write_motion
 from ..motion_files import read_motion
 from ..solve_take import steady_motion

@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..body.mirroring import mirrored_behaviour, mirrored_points, mirrored_rotations, mirrored_skeleton
+from ..body.skeleton import Skeleton
+from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import DatabaseError, FormatError
 from ..formats.archive import MotionFile, motion_files
-from ..product_skeleton import JOINT_NAMES
-from ..skeleton import Skeleton
 from .culling import kept_clips, near_duplicates
 from .frame_file import FrameFile
 from .graph import LARGE_DATABASE, GraphSettings
 from .labels import behaviour_of, subject_of
-from .mirror import mirrored_behaviour, mirrored_points, mirrored_rotations, mirrored_skeleton
 from .reading import ReadClip, read_files
 from .selection import selected
 from .store import Clip, mean_and_poses, write_poses

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..angle_frames import angle_frame
-from ..product_skeleton import JOINT_NAMES, default_skeleton
+from ..body.joint_angle_frames import angle_frame
+from ..body.standard_skeleton import JOINT_NAMES, default_skeleton
 
 FloatArray = NDArray[np.float32]
 IntArray = NDArray[np.int32]

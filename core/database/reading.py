@@ -21,13 +21,13 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..defects import Defect, clean
+from ..body.motion import resampled
+from ..body.motion_cleaning import Defect, clean
+from ..body.skeleton import Skeleton
 from ..errors import DatabaseError, PerfanimError
 from ..formats.archive import MotionFile
 from ..geometry import rotations as rot
-from ..motion import resampled
 from ..motion_files import read_motion_parts
-from ..skeleton import Skeleton
 from ..system import helper_process
 
 _LENGTH = struct.Struct("<I")

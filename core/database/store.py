@@ -16,10 +16,10 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from ..body.skeleton import Skeleton
+from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import DatabaseError
 from ..geometry import rotations as rot
-from ..product_skeleton import JOINT_NAMES
-from ..skeleton import Skeleton
 from ..system.files import atomic_path
 from .frame_file import FrameFile
 from .graph import GraphSettings, NeighbourGraph, build_graph

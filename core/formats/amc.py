@@ -11,9 +11,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ..body.motion import Motion
 from ..errors import FormatError
 from ..geometry import rotations as rot
-from ..motion import Motion
 from .asf import ROOT, AsfBone, AsfFile, fixed_axis_rotation
 from .numbers import parse_numbers
 

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ..body.motion import Motion
 from ..geometry import rotations as rot
-from ..motion import Motion
 from ..system.files import atomic_path
 from .euler_form import steady_angles
 

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..body.skeleton import Skeleton
+from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import FormatError
 from ..geometry import rotations as rot
-from ..product_skeleton import JOINT_NAMES
-from ..skeleton import Skeleton
 from ..system.files import read_bytes
 
 Array = NDArray[np.float64]

@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..body.motion import Motion
+from ..body.skeleton import Skeleton
+from ..body.source_motion import SourceMotion
 from ..errors import FormatError
 from ..geometry import rotations as rot
-from ..motion import Motion
-from ..skeleton import Skeleton
 from ..system.files import atomic_path, read_bytes
 from .numbers import parse_numbers
-from .source_motion import SourceMotion
 
 Array = NDArray[np.float64]
 

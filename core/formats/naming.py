@@ -8,9 +8,9 @@ and passes over that.
 from collections.abc import Mapping
 from dataclasses import replace
 
+from ..body.motion import Motion
+from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import SettingsError
-from ..motion import Motion
-from ..product_skeleton import JOINT_NAMES
 
 OWN = "cmu"  # the product's joints have the names of the CMU Motion Capture Database
 

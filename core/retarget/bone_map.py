@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import CharacterError
-from ..product_skeleton import JOINT_NAMES
 from .armature_rest import ArmatureRest, Array
 from .bone_names import HEAD_WORDS, HIPS_WORDS, LIMB_WORDS, parse_bone_name
 from .structure import Limbs, arm_joints, check_upright, cosine, find_limbs, leg_joints

@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..body.skeleton import Skeleton
 from ..geometry import rotations as rot
-from ..skeleton import Skeleton
 from .armature_rest import ArmatureRest, Array, IntArray
 from .bone_names import parse_bone_name
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..body.skeleton import Skeleton
 from ..geometry import quaternion_components as c
 from ..geometry import rotations as rot
-from ..skeleton import Skeleton
 from .armature_rest import Array
 from .rest_align import RestAlignment
 

@@ -11,8 +11,8 @@ Shipped ones exist only for rigs whose names alone would mislead; all others are
 
 from pathlib import Path
 
+from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import CharacterError, FormatError
-from ..product_skeleton import JOINT_NAMES
 from ..system.assets import ASSETS
 from ..system.files import read_toml, write_toml
 

@@ -12,10 +12,10 @@ from itertools import permutations, product
 
 import numpy as np
 
+from ..body.skeleton import Skeleton
 from ..errors import CharacterError
 from ..geometry import rotations as rot
 from ..rest_alignment import BONE_ENDS
-from ..skeleton import Skeleton
 from .armature_rest import ArmatureRest, Array
 from .bone_names import parse_bone_name
 from .structure import cosine

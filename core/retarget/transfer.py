@@ -14,9 +14,9 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..body.skeleton import Skeleton
 from ..geometry import quaternion_components as c
 from ..geometry import rotations as rot
-from ..skeleton import Skeleton
 from .armature_rest import ArmatureRest, Array, IntArray
 from .bone_map import BoneMap
 from .driven_bones import DrivenBone, driven_ancestors, driven_bones, root_bone

@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from ..body.motion import Motion
+from ..body.skeleton import marker_positions
 from ..errors import SettingsError
 from ..marker_set import MarkerSet, Subject
 from ..marker_take import MarkerTake
-from ..motion import Motion
-from ..skeleton import marker_positions
 
 _MEAN_GAP_S = 0.15  # how long a lost marker stays lost on average
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..skeleton import Skeleton
+from ..body.skeleton import Skeleton
 
 Array = NDArray[np.float64]
 _Components = tuple[Array, Array, Array]

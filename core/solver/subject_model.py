@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..body.skeleton import Skeleton, forward_kinematics_matrices, marker_jacobian, marker_positions
+from ..body.standard_skeleton import JOINT_NAMES
 from ..database.store import Database, rotations_from_pose
 from ..errors import SubjectError
 from ..geometry import rotations as rot
 from ..marker_set import Subject
-from ..product_skeleton import JOINT_NAMES
-from ..skeleton import Skeleton, forward_kinematics_matrices, marker_jacobian, marker_positions
 from .posed_markers import markers_at_rest
 
 Array = NDArray[np.float64]

@@ -10,16 +10,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration_pose import t_pose
+from ..body.calibration_poses import t_pose
+from ..body.motion import Motion
+from ..body.skeleton import Skeleton, forward_kinematics
+from ..body.source_motion import SourceMotion
+from ..body.standard_skeleton import JOINT_NAMES, default_skeleton
 from ..errors import TakeError
-from ..formats.source_motion import SourceMotion
 from ..geometry import rotations as rot
 from ..joint_names import match_joints
 from ..mapping import map_motion
-from ..motion import Motion
-from ..product_skeleton import JOINT_NAMES, default_skeleton
 from ..rest_alignment import align_rest
-from ..skeleton import Skeleton, forward_kinematics
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..body.motion import Motion
+from ..body.skeleton import Skeleton
 from ..errors import CaptureError
-from ..motion import Motion
-from ..skeleton import Skeleton
 from .humanoid import BONES, Humanoid
 from .packets import FramePackets
 from .recording import Recording

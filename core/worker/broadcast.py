@@ -2,10 +2,10 @@
 
 from collections.abc import Callable, Sequence
 
+from ..body.pose_frame import PoseFrame
+from ..body.skeleton import Skeleton
 from ..errors import CaptureError
-from ..pose_frame import PoseFrame
 from ..pose_shaping import PoseShaper, Shape
-from ..skeleton import Skeleton
 from ..vmc.link import Sender
 
 

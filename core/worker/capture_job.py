@@ -28,15 +28,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..body.foot_lock import floor_of
+from ..body.pose_frame import PoseFrame
 from ..database.store import Database, identity, open_database
 from ..errors import CaptureError, PerfanimError, SettingsError
-from ..foot_lock import floor_of
 from ..geometry.camera import CameraRig
 from ..geometry.rig_file import load_rig
 from ..marker_frame import MarkerFrame, pack_stamped, unpack_stamped
 from ..marker_set import load_subject
 from ..pose_bytes import SolvedPose, pack_solved
-from ..pose_frame import PoseFrame
 from ..pose_shaping import PoseShaper, Shape
 from ..prop import load_prop
 from ..simulate.studio.rig import default_rig

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from ..calibration_pose import INSTRUCTIONS, POSES
+from ..body.calibration_poses import INSTRUCTIONS, POSES
 from ..errors import CalibrationError, CaptureError, TakeError
 from ..floor_from_feet import floor_points, moved_to_rig
 from ..formats.takes import write_take

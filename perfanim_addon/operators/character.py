@@ -5,12 +5,12 @@ from collections.abc import Callable
 import bpy
 import numpy as np
 
-from ...core.calibration_pose import t_pose
+from ...core.body.calibration_poses import t_pose
+from ...core.body.skeleton import Skeleton, forward_kinematics
+from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import CharacterError, PerfanimError
-from ...core.product_skeleton import default_skeleton
 from ...core.retarget.bone_map import BoneMap, checked_map
 from ...core.retarget.presets import preset_paths, read_bone_map, write_bone_map
-from ...core.skeleton import Skeleton, forward_kinematics
 from .. import running, states
 from ..armature_driver import ArmatureDriver
 from ..bone_list import store_map

@@ -5,10 +5,10 @@ from typing import Any
 
 import bpy
 
-from ...core.calibration_pose import CALIBRATION
+from ...core.body.calibration_poses import CALIBRATION
+from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import SubjectError
 from ...core.marker_set import Subject, save_subject
-from ...core.product_skeleton import default_skeleton
 from .. import capture_setup, running, sound, states
 from ..place import absolute, user_folder
 from ..properties import settings

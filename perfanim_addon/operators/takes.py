@@ -7,8 +7,8 @@ import bpy
 import numpy as np
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
+from ...core.body.foot_lock import floor_of
 from ...core.errors import PerfanimError, SettingsError, TakeError
-from ...core.foot_lock import floor_of
 from ...core.formats.naming import OWN
 from ...core.formats.takes import READABLE
 from ...core.motion_export import ANGLES, VRMA, write_motion

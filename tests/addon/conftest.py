@@ -64,7 +64,7 @@ def shown(addon: object) -> Any:
 @pytest.fixture(scope="module")
 def made() -> str:
     """A character of the product's own, 1.68 m tall, in an empty scene."""
-    from perfanim.core.product_skeleton import default_skeleton
+    from perfanim.core.body.standard_skeleton import default_skeleton
     from perfanim.perfanim_addon.character import create_character
 
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)

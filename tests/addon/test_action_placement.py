@@ -3,9 +3,9 @@
 import bpy
 import numpy as np
 import pytest
+from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import CharacterError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.product_skeleton import default_skeleton
 from perfanim.perfanim_addon import action_placement, actions
 from perfanim.perfanim_addon.action_placement import Onto, Placement
 from perfanim.perfanim_addon.armature_driver import ArmatureDriver

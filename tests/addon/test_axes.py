@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from perfanim.core.body.skeleton import forward_kinematics
+from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import CharacterError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.product_skeleton import default_skeleton
-from perfanim.core.skeleton import forward_kinematics
 from perfanim.perfanim_addon import axes
 
 SKELETON = default_skeleton()

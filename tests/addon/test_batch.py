@@ -11,14 +11,14 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from perfanim.core.body.motion import resampled, sliced
+from perfanim.core.body.pose_frame import PoseFrame
 from perfanim.core.cli.main import main
 from perfanim.core.formats.bvh import read_bvh, write_bvh
 from perfanim.core.formats.takes import write_take
 from perfanim.core.marker_set import Subject, load_marker_set, save_subject
-from perfanim.core.motion import resampled, sliced
 from perfanim.core.motion_files import read_motion
 from perfanim.core.pose_bytes import SolvedPose
-from perfanim.core.pose_frame import PoseFrame
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.system.assets import MOTION

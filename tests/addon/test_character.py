@@ -4,10 +4,10 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix, Vector
+from perfanim.core.body.skeleton import Skeleton, forward_kinematics
+from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton, scaled
 from perfanim.core.errors import CharacterError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.product_skeleton import JOINT_NAMES, default_skeleton, scaled
-from perfanim.core.skeleton import Skeleton, forward_kinematics
 from perfanim.perfanim_addon import axes, character
 from perfanim.perfanim_addon.armature_driver import ArmatureDriver
 from perfanim.perfanim_addon.character_mesh import make_body

@@ -7,10 +7,10 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+from perfanim.core.body.motion import Motion
+from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.motion import Motion
-from perfanim.core.product_skeleton import default_skeleton
 from played import played_poses
 
 SKELETON = default_skeleton(1.7)

@@ -8,12 +8,12 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
+from perfanim.core.body.pose_frame import PoseFrame
+from perfanim.core.body.skeleton import forward_kinematics
+from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.marker_set import Subject, load_marker_set, save_subject
-from perfanim.core.pose_frame import PoseFrame
-from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.simulate.studio.rig import default_rig
-from perfanim.core.skeleton import forward_kinematics
 from perfanim.perfanim_addon import overlay
 
 SKELETON = default_skeleton()

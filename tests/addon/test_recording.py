@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from perfanim.core.pose_frame import PoseFrame
+from perfanim.core.body.pose_frame import PoseFrame
 from perfanim.perfanim_addon.recording import Cue, Recording
 
 

@@ -11,14 +11,14 @@ import bpy
 import numpy as np
 import pytest
 from heroes import at_24_fps, clip
+from perfanim.core.body.motion import Motion
+from perfanim.core.body.skeleton import forward_kinematics
+from perfanim.core.body.standard_skeleton import scaled
 from perfanim.core.cli.main import build_parser
 from perfanim.core.errors import CharacterError
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.formats.naming import NAMINGS
-from perfanim.core.motion import Motion
-from perfanim.core.product_skeleton import scaled
 from perfanim.core.retarget.transfer import RootMotion
-from perfanim.core.skeleton import forward_kinematics
 from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon import character
 from perfanim.perfanim_addon.armature_driver import ArmatureDriver

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from heroes import clip
 from mathutils import Matrix
+from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import CharacterError
-from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.retarget.transfer import RootMotion
 from perfanim.perfanim_addon import character
 from perfanim.perfanim_addon.actions import write_action

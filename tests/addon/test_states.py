@@ -8,12 +8,12 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.build import build_database
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.geometry.rig_file import load_rig, save_rig
 from perfanim.core.marker_set import Subject, load_marker_set, load_subject, save_subject
-from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.simulate.performer import perform
 from perfanim.core.simulate.studio.rig import default_rig
 

@@ -11,18 +11,18 @@ import bpy
 import numpy as np
 import pytest
 from clicked import run_job
+from perfanim.core.body.motion import resampled, sliced
+from perfanim.core.body.pose_frame import PoseFrame
+from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.cli.main import main
 from perfanim.core.formats.bvh import read_bvh, write_bvh
 from perfanim.core.formats.takes import write_take
 from perfanim.core.marker_frame import MarkerFrame
 from perfanim.core.marker_set import Subject, load_marker_set, save_subject
 from perfanim.core.marker_take import MarkerTake
-from perfanim.core.motion import resampled, sliced
 from perfanim.core.motion_files import read_motion
 from perfanim.core.pose_bytes import SolvedPose
-from perfanim.core.pose_frame import PoseFrame
 from perfanim.core.simulate.studio.rig import default_rig
-from perfanim.core.skeleton import marker_positions
 from perfanim.core.system.assets import MOTION
 from perfanim.core.take_file.reading import read_take_file
 from perfanim.core.take_file.setup import TakeNotes, TakeSetup

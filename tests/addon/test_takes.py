@@ -13,11 +13,11 @@ import bpy
 import numpy as np
 import pytest
 from clicked import run_job
+from perfanim.core.body.pose_frame import PoseFrame
+from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.marker_frame import MarkerFrame, pack_stamped
 from perfanim.core.marker_set import Subject, load_marker_set
 from perfanim.core.pose_bytes import SolvedPose, pack_solved
-from perfanim.core.pose_frame import PoseFrame
-from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.take_file.chunks import scan
 from perfanim.core.take_file.reading import read_take_file

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from perfanim.core.body.motion import Motion, resampled, sliced
+from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.database.labels import behaviour_of
 from perfanim.core.database.store import Clip, Database, open_database, write_database
 from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, Camera, CameraRig
 from perfanim.core.marker_frame import MarkerFrame
 from perfanim.core.marker_set import Subject, load_marker_set
-from perfanim.core.motion import Motion, resampled, sliced
 from perfanim.core.motion_files import read_motion
-from perfanim.core.skeleton import marker_positions
 from perfanim.core.solver.subject_model import SubjectModel
 from perfanim.core.system.assets import MOTION
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.ensemble import Ensemble
 from perfanim.core.errors import SettingsError
 from perfanim.core.geometry.camera import CameraRig
@@ -11,7 +12,6 @@ from perfanim.core.marker_set import Subject, load_marker_set
 from perfanim.core.prop import load_prop
 from perfanim.core.session import Session
 from perfanim.core.simulate.studio.carried import in_hand
-from perfanim.core.skeleton import marker_positions
 from performers import APART_M, side_by_side
 from props import Film, markers_of
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.cli.main import main
 from perfanim.core.formats.bvh import read_bvh
 from perfanim.core.mapping import map_motion
-from perfanim.core.skeleton import forward_kinematics
 
 
 @pytest.fixture(scope="module")

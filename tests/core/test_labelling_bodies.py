@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
-from perfanim.core.calibration_pose import standing, t_pose
+from perfanim.core.body.calibration_poses import standing, t_pose
+from perfanim.core.body.skeleton import marker_positions
+from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, Camera
 from perfanim.core.labelling import Labeller
 from perfanim.core.marker_frame import MarkerFrame
 from perfanim.core.marker_set import load_marker_set
-from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.simulate.performer.bodies import prototype_bodies
-from perfanim.core.skeleton import marker_positions
 
 NOISE_M = 0.005
 SET = load_marker_set("boxing")

@@ -6,16 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from perfanim.core.body.motion import Motion
+from perfanim.core.body.skeleton import forward_kinematics, joint_angles
+from perfanim.core.body.source_motion import SourceMotion, source_kinematics
+from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton
 from perfanim.core.errors import SkeletonError
 from perfanim.core.formats.bvh import read_bvh
-from perfanim.core.formats.source_motion import SourceMotion, source_kinematics
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.joint_names import match_joints, split_name
 from perfanim.core.mapping import map_motion
-from perfanim.core.motion import Motion
 from perfanim.core.motion_files import read_motion
-from perfanim.core.product_skeleton import JOINT_NAMES, default_skeleton
-from perfanim.core.skeleton import forward_kinematics, joint_angles
 
 Array = NDArray[np.float64]
 

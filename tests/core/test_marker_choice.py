@@ -4,12 +4,12 @@ import json
 
 import numpy as np
 import pytest
+from perfanim.core.body.motion import sliced
 from perfanim.core.cli.main import main
 from perfanim.core.errors import MarkerSetError
 from perfanim.core.formats.takes import write_take
 from perfanim.core.marker_choice import choose_markers, with_markers
 from perfanim.core.marker_set import Subject, load_marker_set, save_subject
-from perfanim.core.motion import sliced
 from perfanim.core.simulate.markers import simulate_markers
 
 NOISE_M = 0.001

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
+from perfanim.core.body.motion import Motion
+from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import SettingsError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.marker_filter import smoothed, smoothed_motion
 from perfanim.core.marker_take import MarkerTake
-from perfanim.core.motion import Motion
-from perfanim.core.product_skeleton import default_skeleton
 
 FPS = 60.0
 TIMES = np.arange(240) / FPS

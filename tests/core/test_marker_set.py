@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from perfanim.core.angle_frames import with_angle_frames
+from perfanim.core.body.joint_angle_frames import with_angle_frames
+from perfanim.core.body.standard_skeleton import default_skeleton, scaled
 from perfanim.core.errors import FormatError, MarkerSetError, PerfanimError, SkeletonError, SubjectError
 from perfanim.core.marker_set import (
     Marker,
@@ -16,7 +17,6 @@ from perfanim.core.marker_set import (
     marker_set_names,
     save_subject,
 )
-from perfanim.core.product_skeleton import default_skeleton, scaled
 from perfanim.core.system.files import read_toml, write_toml
 
 HEADER = 'kind = "perfanim subject"\nversion = 1\nname = "a"\nresidual_m = 0.0\n'

@@ -6,13 +6,13 @@ import cv2
 import numpy as np
 import pytest
 from perfanim.core import preview
-from perfanim.core.calibration_pose import t_pose
+from perfanim.core.body.calibration_poses import t_pose
+from perfanim.core.body.skeleton import forward_kinematics
+from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import CaptureError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.simulate.studio.body import make_body
 from perfanim.core.simulate.studio.cones import first_hits
-from perfanim.core.skeleton import forward_kinematics
 
 SKELETON = default_skeleton()
 ROOT = np.array([0.1, 0.98, 0.0])

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from perfanim.core.calibration_pose import standing, t_pose
+from perfanim.core.body.calibration_poses import standing, t_pose
+from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.marker_frame import MarkerFrame
 from perfanim.core.marker_set import Subject, load_marker_set
 from perfanim.core.session import Session
-from perfanim.core.skeleton import marker_positions
 from perfanim.core.solver.settings import METHODS, SolveSettings
 
 FPS = 30.0

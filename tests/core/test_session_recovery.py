@@ -4,17 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from perfanim.core.body.motion import resampled
+from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.labelling import Labeller
 from perfanim.core.marker_frame import MarkerFrame
-from perfanim.core.motion import resampled
 from perfanim.core.motion_files import read_motion
 from perfanim.core.session import Session
 from perfanim.core.simulate.performer.performance import performance
 from perfanim.core.simulate.studio.cones import visible
 from perfanim.core.simulate.studio.performance import make_performance
 from perfanim.core.simulate.studio.rig import default_rig
-from perfanim.core.skeleton import marker_positions
 from perfanim.core.solver.pose_solver import PoseSolver
 from perfanim.core.system.assets import MOTION
 

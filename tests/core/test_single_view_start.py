@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from perfanim.core.calibration_pose import standing, t_pose
+from perfanim.core.body.calibration_poses import standing, t_pose
+from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.marker_frame import MarkerFrame
@@ -14,7 +15,6 @@ from perfanim.core.simulate.performer.performance import performance
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.single_view_labelling import SingleViewLabeller
 from perfanim.core.single_view_start import label_near, label_single_view
-from perfanim.core.skeleton import marker_positions
 from perfanim.core.sources.take import take_frames
 from perfanim.core.tracking_image import image_take
 

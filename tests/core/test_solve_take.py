@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.errors import TakeError
-from perfanim.core.evaluate import evaluate
 from perfanim.core.marker_take import MarkerTake, SingleViews
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.solve_take import solve_take

@@ -1,16 +1,16 @@
 import numpy as np
 import pytest
-from perfanim.core.calibration_pose import CALIBRATION, POSES, motorcycle, standing, t_pose
+from perfanim.core.body.calibration_poses import CALIBRATION, POSES, motorcycle, standing, t_pose
+from perfanim.core.body.motion import Motion
+from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.errors import SubjectError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.marker_frame import MarkerFrame
 from perfanim.core.marker_set import Marker, MarkerSet, load_marker_set
 from perfanim.core.marker_take import MarkerTake
-from perfanim.core.motion import Motion
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.simulate.performer.bodies import body, load_bodies
 from perfanim.core.simulate.studio.staging import with_poses
-from perfanim.core.skeleton import marker_positions
 from perfanim.core.subject_calibration import (
     calibrate_markers,
     calibrate_subject,

@@ -2,10 +2,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from perfanim.core.body.motion import sliced
+from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import SubjectError, TakeError
 from perfanim.core.marker_set import Subject, load_marker_set
-from perfanim.core.motion import sliced
-from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.subject_from_motion import frames_of, subject_from_motion
 

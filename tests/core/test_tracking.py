@@ -109,9 +109,9 @@ def test_nothing_to_track_is_told():
 
 def standing_take(marker_set, seed: int = 0) -> tuple[MarkerTake, np.ndarray]:
     """A person of 1.68 m who stands and sways, markers in random order; and that order."""
-    from perfanim.core.calibration_pose import standing
-    from perfanim.core.product_skeleton import default_skeleton
-    from perfanim.core.skeleton import marker_positions
+    from perfanim.core.body.calibration_poses import standing
+    from perfanim.core.body.skeleton import marker_positions
+    from perfanim.core.body.standard_skeleton import default_skeleton
 
     rng = np.random.default_rng(seed)
     skeleton = default_skeleton(1.68)

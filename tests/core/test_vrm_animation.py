@@ -5,10 +5,10 @@ import struct
 
 import numpy as np
 import pytest
+from perfanim.core.body.motion import resampled
+from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.motion import resampled
 from perfanim.core.motion_export import write_motion
-from perfanim.core.skeleton import forward_kinematics
 from perfanim.core.vmc.humanoid import BONES
 
 # of https://github.com/vrm-c/vrm-specification, VRMC_vrm-1.0/humanoid.md

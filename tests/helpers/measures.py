@@ -1,14 +1,14 @@
 """What a retargeted character does, computed from its bones as Blender does, and compared with the performer."""
 
 import numpy as np
-from perfanim.core.evaluate import _CONTACT_HEIGHT_M, _CONTACT_SPEED_M_S, _lowest_within
+from perfanim.core.body.motion import Motion
+from perfanim.core.body.motion_metrics import _CONTACT_HEIGHT_M, _CONTACT_SPEED_M_S, _lowest_within
+from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.motion import Motion
 from perfanim.core.rest_alignment import BONE_ENDS
 from perfanim.core.retarget.armature_rest import ArmatureRest
 from perfanim.core.retarget.rest_align import bone_direction
 from perfanim.core.retarget.transfer import CharacterPose, Retargeter
-from perfanim.core.skeleton import forward_kinematics
 
 LIMBS = ("femur", "tibia", "humerus", "radius", "hand")
 

@@ -2,8 +2,8 @@
 
 import bpy
 import numpy as np
+from perfanim.core.body.skeleton import Skeleton
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.skeleton import Skeleton
 
 _PRODUCT_FROM_BLENDER = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 

@@ -1,9 +1,9 @@
 """Marker frames and poses of a take, made up."""
 
 import numpy as np
+from perfanim.core.body.pose_frame import PoseFrame
 from perfanim.core.marker_frame import MarkerFrame, pack_stamped
 from perfanim.core.pose_bytes import SolvedPose, pack_solved
-from perfanim.core.pose_frame import PoseFrame
 
 MARKERS = 9
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import bpy
 import numpy as np
+from perfanim.core.body.motion import Motion
+from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.motion import Motion
-from perfanim.core.skeleton import forward_kinematics
 from perfanim.perfanim_addon.axes import BLENDER_FROM_PRODUCT
 
 LIMBS = (("humerus", "radius"), ("radius", "hand"), ("hand", "fingers"), ("foot", "toes"))

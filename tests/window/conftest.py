@@ -59,8 +59,8 @@ def calibration(tmp_path: Path) -> Path:
 @pytest.fixture
 def subject(tmp_path: Path) -> Path:
     """A valid subject."""
+    from perfanim.core.body.standard_skeleton import default_skeleton
     from perfanim.core.marker_set import Subject, load_marker_set, save_subject
-    from perfanim.core.product_skeleton import default_skeleton
 
     path = tmp_path / "subject.toml"
     save_subject(Subject("Anna", default_skeleton(), load_marker_set("boxing"), 0.006), path)

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ...body.skeleton import Skeleton
+from ...body.standard_skeleton import JOINT_NAMES, default_skeleton, scaled
 from ...errors import SettingsError, SkeletonError
-from ...product_skeleton import JOINT_NAMES, default_skeleton, scaled
-from ...skeleton import Skeleton
 from ...system.files import atomic_path
 from .frame import Body
 

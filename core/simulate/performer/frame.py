@@ -6,8 +6,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ...body.skeleton import Skeleton
 from ...geometry import rotations as rot
-from ...skeleton import Skeleton
 
 Array = NDArray[np.float64]
 

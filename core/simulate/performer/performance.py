@@ -5,10 +5,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ...body.motion import Motion, sliced
+from ...body.skeleton import Skeleton
+from ...body.standard_skeleton import default_skeleton
 from ...errors import SettingsError
-from ...motion import Motion, sliced
-from ...product_skeleton import default_skeleton
-from ...skeleton import Skeleton
 from .bodies import body
 from .boxing import box
 from .frame import SIDES, Body

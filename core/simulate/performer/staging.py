@@ -3,9 +3,9 @@
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
+from ...body.motion import Motion
+from ...body.standard_skeleton import SPINE_JOINTS
 from ...geometry import rotations as rot
-from ...motion import Motion
-from ...product_skeleton import SPINE_JOINTS
 from .curves import Array, ease, pendulum_filtered, smoothed, wander
 from .feet import FootSamples, foot_pose, toe_bend
 from .frame import GRAVITY_M_S2, SIDES, about, outward, turned

@@ -11,9 +11,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ...body.skeleton import Skeleton, forward_kinematics
+from ...body.standard_skeleton import JOINT_NAMES, default_skeleton
 from ...geometry import rotations as rot
-from ...product_skeleton import JOINT_NAMES, default_skeleton
-from ...skeleton import Skeleton, forward_kinematics
 from .cones import RoundCones, axis_distances
 
 Array = NDArray[np.float64]

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ...body.motion import Motion
+from ...body.skeleton import Skeleton, forward_kinematics
 from ...geometry import rotations as rot
-from ...motion import Motion
 from ...prop import Prop
-from ...skeleton import Skeleton, forward_kinematics
 from .body import WOOD, Body
 
 Array = NDArray[np.float64]

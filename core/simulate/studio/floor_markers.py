@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from ...body.motion import Motion
+from ...body.standard_skeleton import default_skeleton
 from ...geometry.camera import CameraRig
-from ...motion import Motion
-from ...product_skeleton import default_skeleton
 from .performance import make_performance
 from .render import Renderer, StudioFrame
 from .rig import FPS

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...motion import Motion
-from ...skeleton import marker_positions
+from ...body.motion import Motion
+from ...body.skeleton import marker_positions
 from .body import Body, make_body, with_sticks
 from .carried import HAND, Carried, with_prop
 from .cones import RoundCones

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...body.motion import Motion
+from ...body.standard_skeleton import default_skeleton
 from ...errors import SettingsError
 from ...geometry import rotations as rot
 from ...geometry.camera import CameraRig
 from ...marker_set import MarkerSet, Subject, load_marker_set
-from ...motion import Motion
-from ...product_skeleton import default_skeleton
 from ...prop import load_prop
 from ..performer import BEHAVIOURS, STYLES, demo_performance, performance
 from .carried import Carried, in_hand

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...calibration_pose import POSES
+from ...body.calibration_poses import POSES
+from ...body.motion import Motion
 from ...geometry import rotations as rot
-from ...motion import Motion
 from .body import make_body
 
 Array = NDArray[np.float64]

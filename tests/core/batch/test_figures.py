@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core.batch.figures import figures_of, foot_skate_cm_s, why_bad, why_doubtful
-from perfanim.core.motion import Motion
-from perfanim.core.pose_frame import PoseFrame
+from perfanim.core.body.motion import Motion
+from perfanim.core.body.pose_frame import PoseFrame
 from perfanim.core.solve_take import SolvedTake
 
 FPS = 50.0

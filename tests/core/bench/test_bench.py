@@ -28,12 +28,12 @@ from perfanim.core.bench.scale import scale
 from perfanim.core.bench.speed import speed
 from perfanim.core.bench.streams import STAGES, Streams
 from perfanim.core.bench.table1 import searched, table1
+from perfanim.core.body.motion import sliced
 from perfanim.core.cli.main import main
 from perfanim.core.database.store import open_database
 from perfanim.core.database.subset import write_subset
 from perfanim.core.errors import DatabaseError, SettingsError
 from perfanim.core.formats.bvh import write_bvh
-from perfanim.core.motion import sliced
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.solver.pose_solver import PoseSolver
 

@@ -10,9 +10,9 @@ from perfanim.core.bench.gap import expressible, gap
 from perfanim.core.bench.heterogeneity import heterogeneity
 from perfanim.core.bench.methods import METHODS, PAPER_RANGE
 from perfanim.core.bench.tuning import tuning
+from perfanim.core.body.motion import sliced
 from perfanim.core.database.store import open_database
 from perfanim.core.formats.bvh import write_bvh
-from perfanim.core.motion import sliced
 
 TRIALS = {
     "16_16": "walking-02-energetic",

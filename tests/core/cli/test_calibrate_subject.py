@@ -3,13 +3,13 @@
 import json
 
 import numpy as np
-from perfanim.core.calibration_pose import CALIBRATION, t_pose
+from perfanim.core.body.calibration_poses import CALIBRATION, t_pose
+from perfanim.core.body.motion import sliced
+from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.cli.main import main
 from perfanim.core.marker_set import Subject, load_marker_set, load_subject, save_subject
 from perfanim.core.marker_take import MarkerTake, save_take
-from perfanim.core.motion import sliced
 from perfanim.core.simulate.studio.staging import with_poses
-from perfanim.core.skeleton import marker_positions
 
 
 def write_take(path, skeleton, marker_set, rotations, root_positions):

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.cli.main import main
 from perfanim.core.database.store import identity
 from perfanim.core.formats.bvh import read_bvh
@@ -16,7 +17,6 @@ from perfanim.core.marker_take import MarkerTake, save_take
 from perfanim.core.motion_files import read_motion
 from perfanim.core.pose_bytes import SolvedPose, pack_solved
 from perfanim.core.session import Session
-from perfanim.core.skeleton import forward_kinematics
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.take_file import writer as writer_module
 from perfanim.core.take_file.chunks import scan

@@ -5,14 +5,14 @@ import socket
 
 import numpy as np
 import pytest
+from perfanim.core.body.motion import sliced
+from perfanim.core.body.pose_frame import PoseFrame
 from perfanim.core.cli.main import build_parser, main
 from perfanim.core.database.store import identity
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.marker_take import load_take
-from perfanim.core.motion import sliced
 from perfanim.core.motion_files import read_motion
 from perfanim.core.pose_bytes import SolvedPose
-from perfanim.core.pose_frame import PoseFrame
 from perfanim.core.take_file.setup import TakeNotes, TakeSetup
 from perfanim.core.take_file.whole import write_whole_take
 from perfanim.core.vmc.link import Receiver

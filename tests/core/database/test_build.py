@@ -10,17 +10,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from perfanim.core.body.mirroring import mirrored_rotations
+from perfanim.core.body.motion import Motion, resampled
+from perfanim.core.body.standard_skeleton import default_skeleton, scaled
 from perfanim.core.cli.main import main
 from perfanim.core.database.build import build_database
 from perfanim.core.database.labels import behaviour_of, subject_of
-from perfanim.core.database.mirror import mirrored_rotations
 from perfanim.core.database.store import open_database
 from perfanim.core.errors import DatabaseError, FormatError
 from perfanim.core.formats.archive import skeleton_name
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.motion import Motion, resampled
-from perfanim.core.product_skeleton import default_skeleton, scaled
 
 
 def waving(name: str, frames: int = 31, fps: float = 30.0, height: float = 1.75) -> Motion:

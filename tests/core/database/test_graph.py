@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
+from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.graph import JOINT_ANGLES, GraphSettings, build_graph, l1_distance_deg
 from perfanim.core.database.store import Clip, open_database, write_database
 from perfanim.core.errors import DatabaseError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.product_skeleton import default_skeleton
 
 FPS = 60.0
 

@@ -3,7 +3,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from perfanim.core.angle_frames import with_angle_frames
+from perfanim.core.body.joint_angle_frames import with_angle_frames
+from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton, scaled
 from perfanim.core.database.store import (
     Clip,
     Database,
@@ -14,7 +15,6 @@ from perfanim.core.database.store import (
 )
 from perfanim.core.errors import DatabaseError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.product_skeleton import JOINT_NAMES, default_skeleton, scaled
 
 FRAMES = 50
 CLIPS = (Clip("a.bvh", "walk", "1", 120.0, 0, 30, 0), Clip("b.bvh", "run", "2", 60.0, 30, 50, 1))

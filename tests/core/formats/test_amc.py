@@ -2,14 +2,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from perfanim.core.body.motion import Motion
+from perfanim.core.body.skeleton import forward_kinematics, joint_angles
+from perfanim.core.body.standard_skeleton import JOINT_NAMES
 from perfanim.core.errors import FormatError
 from perfanim.core.formats.amc import CMU_FPS, amc_motion, parse_amc_values
 from perfanim.core.formats.asf import AsfFile, parse_asf, read_asf
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.motion import Motion
 from perfanim.core.motion_files import read_motion
-from perfanim.core.product_skeleton import JOINT_NAMES
-from perfanim.core.skeleton import forward_kinematics, joint_angles
 
 ASF = """# made for this test
 :version 1.10

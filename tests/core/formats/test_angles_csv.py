@@ -4,12 +4,12 @@ import csv
 
 import numpy as np
 import pytest
+from perfanim.core.body.motion import Motion
+from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import FormatError
 from perfanim.core.formats.angles_csv import write_angles_csv
 from perfanim.core.formats.takes import read_take
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.motion import Motion
-from perfanim.core.product_skeleton import default_skeleton
 from scipy.spatial.transform import Rotation
 
 DECIMALS = 1e-6

@@ -2,13 +2,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from perfanim.core.body.motion import Motion
+from perfanim.core.body.source_motion import source_kinematics
+from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import FormatError
 from perfanim.core.formats.bvh import UNITS, read_bvh, write_bvh
-from perfanim.core.formats.source_motion import source_kinematics
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.mapping import map_motion
-from perfanim.core.motion import Motion
-from perfanim.core.product_skeleton import default_skeleton
 
 SMALL = """HIERARCHY
 ROOT mixamorig:Hips

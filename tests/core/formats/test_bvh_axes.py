@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from perfanim.core.body.motion import sliced
+from perfanim.core.body.source_motion import source_kinematics
 from perfanim.core.formats.bvh import read_bvh, write_bvh
 from perfanim.core.formats.bvh_axes import moved_bvh
-from perfanim.core.formats.source_motion import source_kinematics
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.motion import sliced
 from perfanim.core.motion_files import read_motion
 from perfanim.core.system.assets import MOTION
 

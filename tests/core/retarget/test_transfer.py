@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from figures import PLAIN, figure
 from measures import direction_errors_deg, pose_bones, slides_cm_s, to_performer
+from perfanim.core.body.motion import Motion, sliced
+from perfanim.core.body.skeleton import forward_kinematics
+from perfanim.core.body.standard_skeleton import scaled
 from perfanim.core.errors import CharacterError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.motion import Motion, sliced
 from perfanim.core.motion_files import read_motion
-from perfanim.core.product_skeleton import scaled
 from perfanim.core.retarget.armature_rest import ArmatureRest
 from perfanim.core.retarget.bone_map import find_bone_map
 from perfanim.core.retarget.transfer import Retargeter, RootMotion
-from perfanim.core.skeleton import forward_kinematics
 from perfanim.core.system.assets import MOTION
 
 DIRECTION_DEG = 3.0  # required: median of hands and feet

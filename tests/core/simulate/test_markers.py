@@ -3,17 +3,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from perfanim.core.body.motion import Motion
+from perfanim.core.body.skeleton import forward_kinematics
+from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.cli import simulate as command
 from perfanim.core.errors import FormatError, MarkerSetError, SettingsError, SkeletonError
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.formats.takes import read_take
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.marker_set import Marker, MarkerSet, Subject, load_marker_set
-from perfanim.core.motion import Motion
 from perfanim.core.motion_files import read_motion
-from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.simulate.markers import simulate_markers
-from perfanim.core.skeleton import forward_kinematics
 
 SET = MarkerSet(
     "three", (Marker("A", "root", (0.1, 0.0, 0.0), True), Marker("B", "lhand", (0.0, 0.02, 0.0), True),

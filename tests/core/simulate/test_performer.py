@@ -4,12 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from perfanim.core.calibration_pose import t_pose
+from perfanim.core.body.calibration_poses import t_pose
+from perfanim.core.body.motion import Motion
+from perfanim.core.body.skeleton import forward_kinematics
+from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton
 from perfanim.core.errors import SettingsError, SkeletonError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.motion import Motion
 from perfanim.core.motion_files import read_motion
-from perfanim.core.product_skeleton import JOINT_NAMES, default_skeleton
 from perfanim.core.simulate.performer import (
     BEHAVIOURS,
     STYLES,
@@ -25,7 +26,6 @@ from perfanim.core.simulate.performer.frame import Body
 from perfanim.core.simulate.performer.limbs import arm_rest, hanging_arm, leg_rest, two_bones
 from perfanim.core.simulate.performer.make_assets import clips, motion_of, write_clip
 from perfanim.core.simulate.performer.sword import gripping, sword_axes
-from perfanim.core.skeleton import forward_kinematics
 from perfanim.core.system.assets import ASSETS, MOTION
 
 SECONDS = 9.0

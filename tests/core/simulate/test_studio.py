@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from perfanim.core.body.skeleton import Skeleton
+from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import SettingsError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.simulate.studio.body import make_body
 from perfanim.core.simulate.studio.cones import RoundCones, first_hits, visible
 from perfanim.core.simulate.studio.discs import disc_light, draw_disc
@@ -16,7 +17,6 @@ from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.simulate.studio.settings import StudioSettings
 from perfanim.core.simulate.studio.source import open_simulated, studio_settings
-from perfanim.core.skeleton import Skeleton
 
 FPS = 60.0
 QUIET = StudioSettings(noise_sigma=0.0, clutter=False)

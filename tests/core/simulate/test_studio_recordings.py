@@ -7,7 +7,8 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from perfanim.core.calibration_pose import motorcycle, t_pose
+from perfanim.core.body.calibration_poses import motorcycle, t_pose
+from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.cli.main import build_parser
 from perfanim.core.errors import CaptureError, PerfanimError, SettingsError
 from perfanim.core.formats.bvh import write_bvh
@@ -16,7 +17,6 @@ from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.marker_set import load_subject
 from perfanim.core.marker_take import load_take
-from perfanim.core.motion import Motion, sliced
 from perfanim.core.motion_files import read_motion
 from perfanim.core.simulate.studio import export
 from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, BoardPicture, board_pictures

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.skeleton import marker_positions
 from perfanim.core.solver.history import MarkerHistory, PoseHistory
 from perfanim.core.solver.subject_model import RootPose
 

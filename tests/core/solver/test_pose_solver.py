@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from perfanim.core.body.motion import sliced
 from perfanim.core.errors import DatabaseError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.marker_set import Subject, load_marker_set
-from perfanim.core.motion import sliced
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.pose_solver import PoseSolver

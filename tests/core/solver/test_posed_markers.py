@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
+from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.database.store import rotations_from_pose
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.skeleton import marker_positions
 from perfanim.core.solver.posed_markers import markers_at_rest
 
 

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
+from perfanim.core.body.skeleton import Skeleton, marker_positions
 from perfanim.core.database.store import pose_from_rotations
 from perfanim.core.errors import SubjectError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.marker_set import Subject
-from perfanim.core.skeleton import Skeleton, marker_positions
 from perfanim.core.solver.subject_model import RootPose, SubjectModel
 
 STEP = 1e-6

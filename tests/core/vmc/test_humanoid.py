@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from perfanim.core.calibration_pose import t_pose
+from perfanim.core.body.calibration_poses import t_pose
+from perfanim.core.body.motion import Motion
+from perfanim.core.body.skeleton import forward_kinematics
+from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton
 from perfanim.core.errors import SkeletonError, TakeError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.motion import Motion
-from perfanim.core.product_skeleton import JOINT_NAMES, default_skeleton
-from perfanim.core.skeleton import forward_kinematics
 from perfanim.core.vmc.humanoid import BONES, BonePoses, bone_poses, motion_of_bones
 
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from perfanim.core.body.motion import resampled, sliced
 from perfanim.core.errors import CaptureError, TakeError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.motion import resampled, sliced
 from perfanim.core.vmc.humanoid import bone_poses, motion_of_bones
 from perfanim.core.vmc.link import Receiver, play, record
 from perfanim.core.vmc.packets import BONE, ROOT, TIME, frame_packet

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from perfanim.core.pose_frame import PoseFrame
+from perfanim.core.body.pose_frame import PoseFrame
 from perfanim.core.pose_shaping import PoseShaper, Shape
 from perfanim.core.vmc.humanoid import bone_poses
 from perfanim.core.vmc.link import Receiver

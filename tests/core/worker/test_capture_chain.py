@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.build import build_database
 from perfanim.core.errors import CaptureError
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.marker_set import Subject, load_marker_set, save_subject
 from perfanim.core.pose_bytes import pack_solved
-from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.prop import load_prop
 from perfanim.core.simulate.performer import perform
 from perfanim.core.simulate.studio.carried import in_hand

@@ -4,7 +4,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from perfanim.core.calibration_pose import INSTRUCTIONS
+from perfanim.core.body.calibration_poses import INSTRUCTIONS
 from perfanim.core.formats.takes import read_take
 from perfanim.core.marker_set import load_marker_set
 from perfanim.core.subject_calibration import pose_points

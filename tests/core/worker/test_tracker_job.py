@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import CaptureError
 from perfanim.core.marker_frame import MarkerFrame
 from perfanim.core.marker_set import Subject, load_marker_set, save_subject
-from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.vmc.link import Receiver
 from perfanim.core.vmc.packets import BONE
 from perfanim.core.worker import tracker_job

@@ -8,7 +8,7 @@ calmed and what moves fast comes hardly later.
 import numpy as np
 from numpy.typing import NDArray
 
-from .geometry import rotations as rot
+from ..geometry import rotations as rot
 
 Array = NDArray[np.float64]
 

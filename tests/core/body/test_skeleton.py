@@ -1,10 +1,7 @@
 import numpy as np
 import pytest
-from perfanim.core.angle_frames import with_angle_frames
-from perfanim.core.errors import SkeletonError
-from perfanim.core.geometry import rotations as rot
-from perfanim.core.product_skeleton import default_skeleton
-from perfanim.core.skeleton import (
+from perfanim.core.body.joint_angle_frames import with_angle_frames
+from perfanim.core.body.skeleton import (
     Skeleton,
     forward_kinematics,
     forward_kinematics_matrices,
@@ -12,6 +9,9 @@ from perfanim.core.skeleton import (
     marker_jacobian,
     marker_positions,
 )
+from perfanim.core.body.standard_skeleton import default_skeleton
+from perfanim.core.errors import SkeletonError
+from perfanim.core.geometry import rotations as rot
 
 QUARTER_Z = rot.from_rotation_vector([0.0, 0.0, np.pi / 2.0])
 QUARTER_Y = rot.from_rotation_vector([0.0, np.pi / 2.0, 0.0])

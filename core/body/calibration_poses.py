@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from .geometry import rotations as rot
+from ..geometry import rotations as rot
 from .skeleton import Skeleton
 
 Array = NDArray[np.float64]

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..product_skeleton import JOINT_NAMES, mirrored_name
-from ..skeleton import Skeleton
+from .skeleton import Skeleton
+from .standard_skeleton import JOINT_NAMES, mirrored_name
 
 _OTHER_SIDE = np.array([JOINT_NAMES.index(mirrored_name(name)) for name in JOINT_NAMES])
 _QUATERNION_SIGNS = np.array([1.0, 1.0, -1.0, -1.0], dtype=np.float32)

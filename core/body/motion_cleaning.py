@@ -31,10 +31,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from .geometry import rotations as rot
+from ..geometry import rotations as rot
 from .motion import Motion, sliced
-from .product_skeleton import JOINT_NAMES
 from .skeleton import forward_kinematics
+from .standard_skeleton import JOINT_NAMES
 
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

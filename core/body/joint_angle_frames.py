@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .geometry import rotations as rot
+from ..geometry import rotations as rot
 from .skeleton import Skeleton
 
 Array = NDArray[np.float64]

@@ -4,16 +4,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from perfanim.core.angle_frames import angle_frame, with_angle_frames
+from perfanim.core.body.joint_angle_frames import angle_frame, with_angle_frames
+from perfanim.core.body.motion import Motion, resampled, sliced
+from perfanim.core.body.motion_metrics import evaluate
+from perfanim.core.body.skeleton import Skeleton
+from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton
 from perfanim.core.cli import evaluate as command
 from perfanim.core.errors import FormatError
-from perfanim.core.evaluate import evaluate
 from perfanim.core.formats.asf import read_asf
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.motion import Motion, resampled, sliced
-from perfanim.core.product_skeleton import JOINT_NAMES, default_skeleton
-from perfanim.core.skeleton import Skeleton
 
 
 def walking_on_the_spot(frames: int = 121, fps: float = 60.0) -> Motion:

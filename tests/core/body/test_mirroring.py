@@ -1,14 +1,9 @@
 import numpy as np
-from perfanim.core.angle_frames import with_angle_frames
-from perfanim.core.database.mirror import (
-    mirrored_behaviour,
-    mirrored_points,
-    mirrored_rotations,
-    mirrored_skeleton,
-)
+from perfanim.core.body.joint_angle_frames import with_angle_frames
+from perfanim.core.body.mirroring import mirrored_behaviour, mirrored_points, mirrored_rotations, mirrored_skeleton
+from perfanim.core.body.skeleton import Skeleton, forward_kinematics, joint_angles
+from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton, mirrored_name
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.product_skeleton import JOINT_NAMES, default_skeleton, mirrored_name
-from perfanim.core.skeleton import Skeleton, forward_kinematics, joint_angles
 
 OTHER = [JOINT_NAMES.index(mirrored_name(name)) for name in JOINT_NAMES]
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .geometry import rotations as rot
+from ..geometry import rotations as rot
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

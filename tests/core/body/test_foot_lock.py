@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from perfanim.core.body.foot_lock import FootLock, floor_of, with_feet_held
+from perfanim.core.body.motion import Motion
+from perfanim.core.body.motion_metrics import evaluate
+from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.errors import SettingsError
-from perfanim.core.evaluate import evaluate
-from perfanim.core.foot_lock import FootLock, floor_of, with_feet_held
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
-from perfanim.core.motion import Motion
 from perfanim.core.simulate.performer import perform
 from perfanim.core.simulate.studio.rig import default_rig
-from perfanim.core.skeleton import forward_kinematics
 
 SWAY_M = 0.02
 

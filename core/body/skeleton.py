@@ -10,8 +10,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import SkeletonError
-from .geometry import rotations as rot
+from ..errors import SkeletonError
+from ..geometry import rotations as rot
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -2,16 +2,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from perfanim.core.calibration_pose import CALIBRATION, POSES, hanging, motorcycle, standing, t_pose
+from perfanim.core.body.calibration_poses import CALIBRATION, POSES, hanging, motorcycle, standing, t_pose
+from perfanim.core.body.motion import Motion
+from perfanim.core.body.skeleton import Skeleton, forward_kinematics
+from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.motion import Motion
-from perfanim.core.product_skeleton import default_skeleton
 from perfanim.core.simulate.performer.bodies import prototype_bodies
 from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.simulate.studio.source import simulated_source
 from perfanim.core.simulate.studio.staging import lowest_point_m
-from perfanim.core.skeleton import Skeleton, forward_kinematics
 
 BODIES = [default_skeleton(), *prototype_bodies(6)]
 

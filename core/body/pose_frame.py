@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .prop import PropPose
+from ..prop import PropPose
 
 Array = NDArray[np.float64]
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .calibration_pose import standing
-from .errors import SettingsError
-from .geometry import rotations as rot
-from .geometry.camera import CameraRig
+from ..errors import SettingsError
+from ..geometry import rotations as rot
+from ..geometry.camera import CameraRig
+from .calibration_poses import standing
 from .motion import Motion
 from .skeleton import Skeleton, forward_kinematics
 

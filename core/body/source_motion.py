@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..errors import FormatError
 from ..geometry import rotations as rot
-from ..motion import Motion
+from .motion import Motion
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import FormatError
-from .geometry import rotations as rot
+from ..errors import FormatError
+from ..geometry import rotations as rot
 from .skeleton import Skeleton
 
 Array = NDArray[np.float64]

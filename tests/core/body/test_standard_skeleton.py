@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from perfanim.core.calibration_pose import t_pose
-from perfanim.core.product_skeleton import JOINT_NAMES, default_skeleton, mirrored_name, scaled
-from perfanim.core.skeleton import forward_kinematics
+from perfanim.core.body.calibration_poses import t_pose
+from perfanim.core.body.skeleton import forward_kinematics
+from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton, mirrored_name, scaled
 
 
 def test_joints_are_the_cmu_databases() -> None:

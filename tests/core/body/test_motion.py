@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
+from perfanim.core.body.motion import Motion, resampled, sliced
+from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import FormatError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.motion import Motion, resampled, sliced
-from perfanim.core.product_skeleton import default_skeleton
 
 
 def steady_turn(frames: int = 31, fps: float = 30.0) -> Motion:

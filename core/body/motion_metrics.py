@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .angle_frames import with_angle_frames
-from .errors import FormatError
-from .geometry import rotations as rot
+from ..errors import FormatError
+from ..geometry import rotations as rot
+from .joint_angle_frames import with_angle_frames
 from .motion import Motion, resampled, sliced
-from .product_skeleton import JOINT_NAMES
 from .skeleton import Skeleton, forward_kinematics, joint_angles
+from .standard_skeleton import JOINT_NAMES
 
 Array = NDArray[np.float64]
 
