@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from .frame_parts import without_blobs, without_points
 from .labelling import assigned_blobs, assigned_points
-from .marker_frame import MarkerFrame
+from .markers.marker_frame import MarkerFrame
+from .markers.marker_frame_subset import without_blobs, without_points
 from .session import Session, is_labelled
 from .start_labelling import MISSED_M
 

@@ -21,8 +21,9 @@ from .database.store import Database, open_database
 from .formats.bvh import write_bvh
 from .geometry.camera import CameraRig
 from .geometry.rig_file import save_rig
-from .marker_frame import MarkerFrame
-from .marker_set import Subject, load_marker_set, save_subject
+from .markers.marker_frame import MarkerFrame
+from .markers.marker_set import load_marker_set
+from .markers.subject import Subject, save_subject
 from .preview import (
     TRUTH,
     CharacterPainter,

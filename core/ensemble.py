@@ -13,9 +13,9 @@ from .body.pose_frame import PoseFrame
 from .company import Company
 from .errors import SettingsError
 from .geometry.camera import CameraRig
-from .marker_frame import MarkerFrame
-from .marker_set import Subject
-from .prop import Prop, check_together
+from .markers.marker_frame import MarkerFrame
+from .markers.prop import Prop, check_together
+from .markers.subject import Subject
 from .prop_tracking import PropTracker
 from .session import Session
 

@@ -13,7 +13,7 @@ from scipy.optimize import linear_sum_assignment
 
 from .geometry.camera import Camera, undistort_all
 from .geometry.triangulation import triangulate
-from .marker_frame import MarkerFrame
+from .markers.marker_frame import MarkerFrame
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from .body.skeleton import forward_kinematics
 from .database.store import Database
 from .errors import MarkerSetError
-from .marker_set import Subject
-from .marker_take import MarkerTake
+from .markers.marker_take import MarkerTake
+from .markers.subject import Subject
+from .markers.take_frames import is_unnamed
 from .solver.subject_model import ROOT_AT_REST, SubjectModel
-from .sources.take import is_unnamed
 
 Array = NDArray[np.float64]
 

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .body.pose_frame import PoseFrame
+from .body.pose_frame import PoseFrame, PropPose
 from .errors import CaptureError
-from .prop import PropPose
 
 _MAGIC = b"PFPF"
 _VERSION, _WITH_PROPS, _WITH_OTHERS = 1, 2, 3  # one without other targets is of version 1, as ever

@@ -6,9 +6,8 @@ from typing import Any
 
 from .body.foot_lock import FootLock
 from .body.one_euro import PoseSmoother
-from .body.pose_frame import PoseFrame
+from .body.pose_frame import PoseFrame, PropPose
 from .body.skeleton import Skeleton
-from .prop import PropPose
 
 
 @dataclass(frozen=True)

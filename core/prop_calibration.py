@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from .errors import PropError
 from .geometry.point_patterns import thickness_m
 from .geometry.rigid_transform import kabsch, transform
-from .marker_take import MarkerTake
-from .prop import FEWEST_MARKERS, MOST_MARKERS, Prop
+from .markers.marker_take import MarkerTake
+from .markers.prop import FEWEST_MARKERS, MOST_MARKERS, Prop
 
 Array = NDArray[np.float64]
 

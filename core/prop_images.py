@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from .geometry import rotations as rot
 from .geometry.camera import Camera, undistort_all
 from .geometry.rigid_transform import transform
-from .marker_frame import MarkerFrame
-from .prop import Prop
+from .markers.marker_frame import MarkerFrame
+from .markers.prop import Prop
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -12,8 +12,8 @@ from .database.store import Database
 from .geometry import rotations as rot
 from .geometry.camera import CameraRig
 from .labelling import Labeller
-from .marker_frame import MarkerFrame
-from .marker_set import Subject
+from .markers.marker_frame import MarkerFrame
+from .markers.subject import Subject
 from .second_look import SecondLook
 from .single_view_following import SingleViewFollower
 from .solver.observation import Observation

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .geometry.camera import Camera
-from .marker_frame import MarkerFrame
+from .markers.marker_frame import MarkerFrame
 from .single_view_labelling import SingleViewLabeller
 from .single_view_start import SingleViewStart, label_near, label_single_view
 from .solver.observation import Observation

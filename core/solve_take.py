@@ -14,13 +14,13 @@ from .ensemble import Stepper, followed
 from .errors import TakeError
 from .geometry import rotations as rot
 from .geometry.camera import CameraRig
-from .marker_frame import MarkerFrame
-from .marker_set import Subject
-from .marker_take import MarkerTake
-from .prop import Prop
+from .markers.marker_frame import MarkerFrame
+from .markers.marker_take import MarkerTake
+from .markers.prop import Prop
+from .markers.subject import Subject
+from .markers.take_frames import take_frames
 from .session import Session
 from .solver.settings import SolveSettings
-from .sources.take import take_frames
 from .take_file.reading import TakeFile, rate
 
 SessionMaker = Callable[[Subject, Database, CameraRig | None, SolveSettings], Session]

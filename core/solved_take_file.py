@@ -8,14 +8,14 @@ from typing import Any
 from .database.store import Database, identity
 from .geometry.camera import CameraRig
 from .geometry.rig_file import rig_tables
-from .marker_frame import MarkerFrame
-from .marker_set import Subject, subject_tables
-from .marker_take import MarkerTake
+from .markers.marker_frame import MarkerFrame
+from .markers.marker_take import MarkerTake
+from .markers.prop import Prop, prop_tables
+from .markers.subject import Subject, subject_tables
+from .markers.take_frames import take_frames
 from .pose_bytes import SolvedPose
-from .prop import Prop, prop_tables
 from .solve_take import SolvedTake, solve_take
 from .solver.settings import SolveSettings
-from .sources.take import take_frames
 from .take_file.chunks import ChunkKind
 from .take_file.reading import TakeFile
 from .take_file.setup import TakeNotes, TakeSetup

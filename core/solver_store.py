@@ -5,7 +5,7 @@ from pathlib import Path
 
 from .database.store import Database, open_database
 from .geometry.camera import CameraRig
-from .marker_set import Subject, subject_tables
+from .markers.subject import Subject, subject_tables
 from .session import Session
 from .solver.settings import SolveSettings
 

@@ -18,8 +18,9 @@ from .body.standard_skeleton import default_skeleton
 from .errors import SubjectError
 from .geometry import rotations as rot
 from .geometry.rigid_transform import kabsch, transform
-from .marker_set import MarkerSet, Subject
-from .marker_take import MarkerTake
+from .markers.marker_set import MarkerSet
+from .markers.marker_take import MarkerTake
+from .markers.subject import Subject
 from .subject_fit import BodyFit, fit_body, usual_offsets
 
 Array = NDArray[np.float64]

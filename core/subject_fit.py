@@ -16,7 +16,7 @@ from .body.skeleton import Skeleton, forward_kinematics
 from .body.standard_skeleton import mirrored_name
 from .geometry import rotations as rot
 from .geometry.rigid_transform import kabsch
-from .marker_set import MarkerSet
+from .markers.marker_set import MarkerSet
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

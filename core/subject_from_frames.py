@@ -10,8 +10,8 @@ from .body.skeleton import Skeleton, marker_positions
 from .body.standard_skeleton import default_skeleton
 from .errors import SubjectError
 from .labelling import Labeller
-from .marker_frame import MarkerFrame
-from .marker_set import MarkerSet
+from .markers.marker_frame import MarkerFrame
+from .markers.marker_set import MarkerSet
 from .subject_calibration import SubjectCalibration, calibrate_subject
 
 Array = NDArray[np.float64]

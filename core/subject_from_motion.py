@@ -17,11 +17,12 @@ from .body.skeleton import Skeleton, forward_kinematics
 from .database.store import Database
 from .errors import SubjectError
 from .geometry import rotations as rot
-from .marker_set import MarkerSet, Subject
-from .marker_take import MarkerTake
+from .markers.marker_set import MarkerSet
+from .markers.marker_take import MarkerTake
+from .markers.subject import Subject
+from .markers.take_frames import take_frames
 from .session import Session
 from .solver.settings import SolveSettings
-from .sources.take import take_frames
 
 Array = NDArray[np.float64]
 

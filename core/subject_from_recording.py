@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 from .body.skeleton import Skeleton
-from .marker_frame import MarkerFrame
-from .marker_set import MarkerSet
+from .markers.marker_frame import MarkerFrame
+from .markers.marker_set import MarkerSet
 from .subject_calibration import SubjectCalibration, calibrate_subject, pose_points
 from .tracking import track_markers
 from .tracking_names import named_take

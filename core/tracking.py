@@ -14,8 +14,8 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
 from .errors import TakeError
-from .marker_frame import MarkerFrame
-from .marker_take import MarkerTake
+from .markers.marker_frame import MarkerFrame
+from .markers.marker_take import MarkerTake
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -6,8 +6,8 @@ import numpy as np
 
 from .errors import TakeError
 from .geometry.camera import CameraRig
-from .marker_frame import MarkerFrame
-from .marker_take import MarkerTake, SingleViews
+from .markers.marker_frame import MarkerFrame
+from .markers.marker_take import MarkerTake, SingleViews
 from .vision.image_tracks import BlobLinker, image_tracks
 
 

@@ -11,8 +11,8 @@ from .body.skeleton import marker_positions
 from .body.standard_skeleton import default_skeleton
 from .errors import TakeError
 from .labelling import Labeller
-from .marker_set import MarkerSet
-from .marker_take import MarkerTake
+from .markers.marker_set import MarkerSet
+from .markers.marker_take import MarkerTake
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from .geometry.camera import CameraRig
-from .marker_frame import MarkerFrame
-from .marker_take import SingleViews
+from .markers.marker_frame import MarkerFrame
+from .markers.marker_take import SingleViews
 from .tracking import Tracking
 
 Array = NDArray[np.float64]

@@ -13,8 +13,8 @@ from ..core.body.standard_skeleton import default_skeleton
 from ..core.errors import CaptureError, PerfanimError
 from ..core.geometry.camera import CameraRig
 from ..core.geometry.rig_file import save_rig
-from ..core.marker_set import Subject, save_subject
-from ..core.prop import Prop, check_together
+from ..core.markers.prop import Prop, check_together
+from ..core.markers.subject import Subject, save_subject
 from ..core.worker.client import WorkerClient
 from . import preferences, receiving, sending, states, takes, targets
 from .capture_state import CaptureRun

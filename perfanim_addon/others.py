@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from ..core.body.pose_frame import PoseFrame
 from ..core.body.skeleton import Skeleton
-from ..core.marker_set import Subject
-from ..core.prop import Prop
+from ..core.markers.prop import Prop
+from ..core.markers.subject import Subject
 from .character import find_armature
 from .performer_driver import PerformerDriver, Role, write_performer_actions
 from .posing import Posing, posing_of

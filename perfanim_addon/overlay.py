@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..core.body.pose_frame import PoseFrame
 from ..core.body.skeleton import Skeleton, forward_kinematics
 from ..core.geometry.rig_file import load_rig
-from ..core.marker_set import load_subject
+from ..core.markers.subject import load_subject
 from ..core.simulate.studio.rig import default_rig
 from . import viewport
 

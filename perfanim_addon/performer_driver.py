@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..core.body.pose_frame import PoseFrame
 from ..core.body.skeleton import forward_kinematics
-from ..core.marker_set import Subject
+from ..core.markers.subject import Subject
 from . import targets
 from .actions import write_posing
 from .armature_driver import ArmatureDriver

@@ -23,7 +23,7 @@ def _tab_changed(preferences: "PERFANIM_AP_preferences", context: bpy.types.Cont
 
 
 def _marker_sets(_self: object, _context: object, typed: str) -> Iterator[str]:
-    from ..core.marker_set import marker_set_names  # needs numpy, which may be what is broken
+    from ..core.markers.marker_set import marker_set_names  # needs numpy, which may be what is broken
 
     return (name for name in marker_set_names() if typed in name)
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from ..core.marker_set import marker_set_names
+from ..core.markers.marker_set import marker_set_names
 from . import running
 from .hung import hung_on
 from .posing import fill_map

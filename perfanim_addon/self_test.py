@@ -7,7 +7,8 @@ from typing import Any
 
 from ..core.body.standard_skeleton import default_skeleton
 from ..core.errors import CaptureError
-from ..core.marker_set import Subject, load_marker_set, save_subject
+from ..core.markers.marker_set import load_marker_set
+from ..core.markers.subject import Subject, save_subject
 from ..core.worker.client import WorkerClient
 from .capture_state import CaptureRun, Phase
 from .job import Job, command

@@ -9,8 +9,9 @@ from ..core.database.store import open_database
 from ..core.errors import CaptureError, PerfanimError, SubjectError
 from ..core.geometry.camera import CameraRig
 from ..core.geometry.rig_file import load_rig
-from ..core.marker_set import MarkerSet, Subject, load_marker_set, load_subject
-from ..core.prop import Prop, load_prop
+from ..core.markers.marker_set import MarkerSet, load_marker_set
+from ..core.markers.prop import Prop, load_prop
+from ..core.markers.subject import Subject, load_subject
 from . import receiving
 from .place import absolute, user_folder
 from .posing import map_problem

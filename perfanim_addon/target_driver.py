@@ -7,8 +7,8 @@ import numpy as np
 from mathutils import Quaternion, Vector
 from numpy.typing import NDArray
 
-from ..core.body.pose_frame import PoseFrame
-from ..core.prop import Prop, PropPose
+from ..core.body.pose_frame import PoseFrame, PropPose
+from ..core.markers.prop import Prop
 from . import targets
 from .action_placement import Onto, Placement
 from .actions import write_object_action

@@ -10,8 +10,9 @@ import bpy
 
 from ..core.body.standard_skeleton import default_skeleton
 from ..core.errors import CharacterError, PerfanimError, SettingsError, SubjectError
-from ..core.marker_set import MarkerSet, Subject
-from ..core.prop import Prop, check_together
+from ..core.markers.marker_set import MarkerSet
+from ..core.markers.prop import Prop, check_together
+from ..core.markers.subject import Subject
 from ..core.system.assets import PROPS
 from . import states
 from .place import absolute

@@ -31,8 +31,8 @@ import numpy as np
 from perfanim.core.body.motion import resampled, sliced
 from perfanim.core.database.build import build_database
 from perfanim.core.formats.takes import write_take
-from perfanim.core.marker_set import load_marker_set
-from perfanim.core.marker_take import MarkerTake
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.motion_files import read_motion
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.system.files import write_toml

@@ -24,13 +24,14 @@ from perfanim.core.bench.data import BOXING, FPS, WALKING, read_take, whole_data
 from perfanim.core.bench.speed import part_of, reference_ms
 from perfanim.core.body.motion import Motion
 from perfanim.core.database.store import Database, identity, open_database
-from perfanim.core.marker_frame import pack_stamped, unpack_stamped
-from perfanim.core.marker_set import Subject, load_marker_set
+from perfanim.core.markers.marker_frame_codec import pack_stamped, unpack_stamped
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.subject import Subject
+from perfanim.core.markers.take_frames import take_frames
 from perfanim.core.pose_bytes import SolvedPose, pack_solved
 from perfanim.core.session import Session
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.simulate.studio.rig import default_rig
-from perfanim.core.sources.take import take_frames
 from perfanim.core.take_file.setup import TakeSetup
 from perfanim.core.take_file.writer import TakeWriter
 from perfanim.core.worker.protocol import Decoder, MessageKind, encode

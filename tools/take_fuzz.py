@@ -32,8 +32,9 @@ from typing import Any
 
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.build import build_database
-from perfanim.core.marker_frame import pack
-from perfanim.core.marker_set import Subject, load_marker_set, save_subject
+from perfanim.core.markers.marker_frame_codec import pack
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.system.assets import MOTION
 from perfanim.core.take_file.edit import recover
 from perfanim.core.take_file.reading import read_take_file

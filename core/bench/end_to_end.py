@@ -15,9 +15,10 @@ from ..body.motion import Motion, sliced
 from ..body.motion_metrics import evaluate
 from ..database.store import Database
 from ..geometry.camera import CameraRig
-from ..marker_frame import MarkerFrame
-from ..marker_set import Subject, load_marker_set
-from ..marker_take import MarkerTake
+from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_set import load_marker_set
+from ..markers.marker_take import MarkerTake
+from ..markers.subject import Subject
 from ..session import Session
 from ..simulate.markers import simulate_markers
 from ..simulate.performer.bodies import load_bodies

@@ -10,7 +10,8 @@ from ..body.motion import Motion
 from ..body.motion_metrics import evaluate
 from ..database.store import Database
 from ..geometry import rotations as rot
-from ..marker_set import Subject, load_marker_set
+from ..markers.marker_set import load_marker_set
+from ..markers.subject import Subject
 from ..simulate.markers import simulate_markers
 from ..solve_take import solve_take
 from ..solver.settings import SolveSettings

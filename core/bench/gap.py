@@ -13,7 +13,8 @@ from ..body.motion_metrics import evaluate
 from ..database.build import build_database
 from ..database.store import Clip, Database, open_database, pose_from_rotations, rotations_from_pose
 from ..geometry import rotations as rot
-from ..marker_set import Subject, load_marker_set
+from ..markers.marker_set import load_marker_set
+from ..markers.subject import Subject
 from ..solver import local_model
 from ..solver.search import closest
 from ..solver.subject_model import SubjectModel

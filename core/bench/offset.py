@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.camera import CameraRig
-from ..marker_frame import MarkerFrame
+from ..markers.marker_frame import MarkerFrame
 from ..simulate.performer import demo_performance, perform
 from ..simulate.studio.performance import Performance
 from ..simulate.studio.render import Renderer

@@ -11,11 +11,12 @@ from ..body.motion_metrics import evaluate
 from ..database.build import build_database
 from ..database.store import Clip, Database, open_database
 from ..database.subset import write_subset
-from ..marker_set import Subject, load_marker_set
+from ..markers.marker_set import load_marker_set
+from ..markers.subject import Subject
+from ..markers.take_frames import take_frames
 from ..session import Session
 from ..simulate.markers import simulate_markers
 from ..solve_take import motion_of
-from ..sources.take import take_frames
 from .data import BANDAI, CMU, FPS, LEFT_OUT, SPLIT, WALKING, Progress, data_folders, read_take
 from .figure6 import MARKER_SET
 from .plots import Line, Panel, check_plots, write_plot

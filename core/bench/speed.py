@@ -14,7 +14,9 @@ from ..body.motion import Motion
 from ..database.build import build_database
 from ..database.store import Database, open_database
 from ..database.subset import write_subset
-from ..marker_set import Subject, load_marker_set
+from ..markers.marker_set import load_marker_set
+from ..markers.subject import Subject
+from ..markers.take_frames import take_frames
 from ..session import Session
 from ..simulate.markers import simulate_markers
 from ..simulate.studio.discs import draw_disc
@@ -22,7 +24,6 @@ from ..solver.pose_solver import PoseSolver
 from ..solver.search import IntArray, Query, Search
 from ..solver.settings import SolveSettings
 from ..solver.subject_model import SubjectModel
-from ..sources.take import take_frames
 from ..system.assets import MOTION
 from ..vision.background import learn_backgrounds
 from ..vision.detect import Detector

@@ -16,8 +16,9 @@ from ..body.pose_frame import PoseFrame
 from ..database.store import Database
 from ..errors import CaptureError
 from ..geometry.camera import CameraRig
-from ..marker_frame import MarkerFrame, pack, unpack
-from ..marker_set import Subject
+from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_frame_codec import pack, unpack
+from ..markers.subject import Subject
 from ..session import Session
 from ..simulate.studio.source import open_simulated
 from ..sources.image_set import ImageSet

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from ..body.motion import Motion
 from ..database.store import Clip, Database, pose_from_rotations
 from ..geometry import rotations as rot
-from ..marker_set import Subject, load_marker_set
+from ..markers.marker_set import load_marker_set
+from ..markers.subject import Subject
 from ..simulate.markers import simulate_markers
 from ..solver.choose_search import choose_search
 from ..solver.observation import Observation

@@ -18,8 +18,9 @@ from ..database.store import open_database
 from ..errors import FormatError, PerfanimError, SettingsError
 from ..formats.takes import READABLE
 from ..geometry.rig_file import load_rig
-from ..marker_names import AUTO, load_names
-from ..marker_set import load_marker_set, load_subject
+from ..markers.label_matching import AUTO, load_names
+from ..markers.marker_set import load_marker_set
+from ..markers.subject import load_subject
 from ..motion_files import read_skeleton
 from ..retarget.transfer import RootMotion
 from ..solver.settings import METHODS

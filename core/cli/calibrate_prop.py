@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..formats.takes import is_recorded, read_take
-from ..marker_take import MarkerTake
-from ..prop import save_prop
+from ..markers.marker_take import MarkerTake
+from ..markers.prop import save_prop
 from ..prop_calibration import calibrate_prop
 from ..take_file.reading import rate, read_take_file
 from ..tracking import track_markers

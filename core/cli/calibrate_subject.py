@@ -12,9 +12,10 @@ from ..body.standard_skeleton import default_skeleton
 from ..database.store import open_database
 from ..errors import SettingsError
 from ..formats.takes import read_take
-from ..marker_names import AUTO, best_match, load_names, match_names, named_by_hand
-from ..marker_set import MarkerSet, Subject, load_marker_set, load_subject, save_subject
-from ..marker_take import MarkerTake
+from ..markers.label_matching import AUTO, best_match, load_names, match_names, named_by_hand
+from ..markers.marker_set import MarkerSet, load_marker_set
+from ..markers.marker_take import MarkerTake
+from ..markers.subject import Subject, load_subject, save_subject
 from ..simulate.performer.bodies import load_bodies
 from ..subject_calibration import (
     SubjectCalibration,

@@ -9,7 +9,7 @@ from ..body.motion import resampled
 from ..errors import SettingsError
 from ..formats.bvh import write_bvh
 from ..formats.takes import check_writable, write_take
-from ..marker_set import load_marker_set
+from ..markers.marker_set import load_marker_set
 from ..motion_files import read_motion
 from ..simulate.markers import simulate_markers
 from . import simulate_cameras

@@ -16,19 +16,20 @@ from ..errors import FormatError, SubjectError, TakeError
 from ..formats.takes import is_recorded, read_take
 from ..geometry.rig_file import load_rig
 from ..marker_choice import choose_markers, with_markers, worn_in
-from ..marker_filter import smoothed, smoothed_motion
-from ..marker_names import AUTO, best_match, load_names, match_names, named_by_hand
-from ..marker_set import MarkerSet, Subject, load_marker_set, load_subject
-from ..marker_take import MarkerTake
+from ..markers.filtering import smoothed, smoothed_motion
+from ..markers.label_matching import AUTO, best_match, load_names, match_names, named_by_hand
+from ..markers.marker_set import MarkerSet, load_marker_set
+from ..markers.marker_take import MarkerTake
+from ..markers.prop import Prop, load_prop
+from ..markers.subject import Subject, load_subject
+from ..markers.take_frames import is_unnamed
 from ..motion_export import MOTION_ENDINGS, is_motion, write_motion
 from ..motion_files import read_skeleton
-from ..prop import Prop, load_prop
 from ..prop_csv import write_prop_csv
 from ..solve_take import SolvedTake, by_performer, solve_recorded, solve_take
 from ..solved_take_file import keep_solved_anew
 from ..solver.settings import METHODS, SolveSettings
 from ..solver_store import SolverStore
-from ..sources.take import is_unnamed
 from ..take_file.reading import ENDING, TakeFile, read_take_file
 from ..take_import import UPS, brought_in
 from .options import add_motion_options

@@ -10,14 +10,15 @@ from ..database.store import Database, open_database
 from ..errors import SettingsError, TakeError
 from ..formats.rewrite import rewrite_take
 from ..formats.takes import WRITABLE, check_writable, is_recorded, read_take
-from ..gap_filling import gaps_of, with_gaps_filled, without_shoulders
-from ..marker_filter import smoothed_on_body
-from ..marker_names import AUTO, best_match, load_names, match_names, named_by_hand
-from ..marker_set import Subject, load_marker_set, load_subject
-from ..marker_take import MarkerTake
+from ..markers.filtering import smoothed_on_body
+from ..markers.gap_filling import gaps_of, with_gaps_filled, without_shoulders
+from ..markers.label_matching import AUTO, best_match, load_names, match_names, named_by_hand
+from ..markers.marker_set import load_marker_set
+from ..markers.marker_take import MarkerTake
+from ..markers.subject import Subject, load_subject
+from ..markers.take_frames import is_unnamed
 from ..solve_take import solve_take
 from ..solver.settings import SolveSettings
-from ..sources.take import is_unnamed
 from ..subject_from_motion import subject_from_motion
 
 Progress = Callable[[float, str], None]

@@ -11,11 +11,12 @@ from ..database.store import Database, open_database
 from ..errors import FormatError, MarkerSetError, PerfanimError, SettingsError, SubjectError, TakeError
 from ..formats.takes import READABLE, declared_frames, is_recorded, read_take
 from ..marker_choice import worn_in
-from ..marker_names import AUTO, best_match, load_names, named_by_hand
-from ..marker_set import MarkerSet, Subject, load_marker_set, load_subject
+from ..markers.label_matching import AUTO, best_match, load_names, named_by_hand
+from ..markers.marker_set import MarkerSet, load_marker_set
+from ..markers.subject import Subject, load_subject
+from ..markers.take_frames import is_unnamed
 from ..solved_take_file import keep_markers
 from ..solver.settings import METHODS, SolveSettings
-from ..sources.take import is_unnamed
 from ..take_file.edit import recover
 from ..take_file.reading import ENDING, read_take_file, take_name, unused_path
 from ..take_import import UPS, brought_in

@@ -79,7 +79,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Track, write the take, return the summary."""
     from ..formats.takes import write_take
     from ..geometry.rig_file import load_rig
-    from ..marker_set import load_marker_set
+    from ..markers.marker_set import load_marker_set
     from ..sources.spec import open_image_source
 
     marker_set = load_marker_set(args.marker_set) if args.marker_set else None
@@ -230,9 +230,9 @@ def _check_one_camera(args: argparse.Namespace) -> None:
 
 def _on_floor(args: argparse.Namespace, take: Any, rig: Any) -> Any:
     """Return the take in a world with its floor at y = 0, and write the calibration in it if wanted."""
-    from ..floor_from_feet import floor_points, moved_to_rig
     from ..geometry.rig_file import save_rig
-    from ..marker_set import load_marker_set
+    from ..markers.floor_from_feet import floor_points, moved_to_rig
+    from ..markers.marker_set import load_marker_set
     from ..vision.floor import rig_on_floor
 
     level = rig_on_floor(rig, floor_points(take, load_marker_set(args.marker_set)))

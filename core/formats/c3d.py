@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import FormatError
-from ..marker_take import MarkerTake
+from ..markers.marker_take import MarkerTake
 from ..system.files import read_bytes
 from .take_parts import make_take, metres_of
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import FormatError
-from ..marker_take import MarkerTake
+from ..markers.marker_take import MarkerTake
 from ..system.files import atomic_path
 
 _BLOCK = 512

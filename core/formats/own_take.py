@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import TakeError
-from ..marker_take import MarkerTake
+from ..markers.marker_take import MarkerTake
 from ..take_file.reading import TakeFile, rate, read_take_file
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import FormatError
-from ..marker_take import MarkerTake
+from ..markers.marker_take import MarkerTake
 from ..system.files import atomic_path, read_bytes
 from .c3d import Layout, layout_of
 from .takes import check_writable, read_take, write_take

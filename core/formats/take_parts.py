@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import FormatError, TakeError
-from ..marker_take import MarkerTake
+from ..markers.marker_take import MarkerTake
 
 Array = NDArray[np.float64]
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from ..errors import FormatError
-from ..marker_take import MarkerTake, load_take, save_take
+from ..markers.marker_take import MarkerTake, load_take, save_take
 from ..take_file.reading import ENDING
 from . import c3d, qualisys_tsv, trc
 from .c3d import read_c3d

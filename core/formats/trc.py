@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import FormatError
-from ..marker_take import MarkerTake
+from ..markers.marker_take import MarkerTake
 from ..system.files import atomic_path, read_bytes
 from .take_parts import make_take, metres_of, numbers_of, rate_from_times
 

@@ -6,8 +6,9 @@ from numpy.typing import NDArray
 from ..body.motion import Motion
 from ..body.skeleton import marker_positions
 from ..errors import SettingsError
-from ..marker_set import MarkerSet, Subject
-from ..marker_take import MarkerTake
+from ..markers.marker_set import MarkerSet
+from ..markers.marker_take import MarkerTake
+from ..markers.subject import Subject
 
 _MEAN_GAP_S = 0.15  # how long a lost marker stays lost on average
 

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import CaptureError, TakeError
-from ..marker_frame import MarkerFrame, unpack_stamped
+from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_frame_codec import unpack_stamped
 from ..pose_bytes import SolvedPose, unpack_solved
 from ..system.files import read_bytes
 from .chunks import (

@@ -10,8 +10,8 @@ from .. import __version__
 from ..errors import PerfanimError, TakeError
 from ..geometry.camera import CameraRig
 from ..geometry.rig_file import rig_from, rig_tables
-from ..marker_set import Subject, subject_from, subject_tables
-from ..prop import Prop, prop_from, prop_tables
+from ..markers.prop import Prop, prop_from, prop_tables
+from ..markers.subject import Subject, subject_from, subject_tables
 
 MOST_STARS = 5
 

@@ -4,7 +4,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..marker_frame import MarkerFrame, pack_stamped
+from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_frame_codec import pack_stamped
 from ..pose_bytes import SolvedPose, pack_solved
 from ..system.files import atomic_path
 from .chunks import ChunkKind, encode_chunk, join_records, preamble

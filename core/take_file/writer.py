@@ -18,7 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import TakeError
-from ..marker_frame import MarkerFrame, unpack_stamped
+from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_frame_codec import unpack_stamped
 from .chunks import HEADER_BYTES, ChunkKind, encode_chunk, join_records, preamble, scan, split_records
 from .footer import Footer
 from .lock import lock

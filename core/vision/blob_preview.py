@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.camera import CameraRig
-from ..marker_frame import MarkerFrame
+from ..markers.marker_frame import MarkerFrame
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 
-from ..marker_frame import MarkerFrame
+from ..markers.marker_frame import MarkerFrame
 from ..sources.spec import ImageSetLike
 from .detect import DetectionSettings
 from .live_bump import LiveBumpWatch

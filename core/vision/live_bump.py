@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..errors import CalibrationError
 from ..geometry.camera import CameraRig
-from ..marker_frame import MarkerFrame
+from ..markers.marker_frame import MarkerFrame
 from .refine import Refinement, refine_rig
 from .stereo import StereoSettings
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from ..errors import TakeError
 from ..geometry.camera import CameraRig
-from ..marker_frame import MarkerFrame
+from ..markers.marker_frame import MarkerFrame
 from .pipeline import MarkerPipeline
 from .synchronise import synchronised
 

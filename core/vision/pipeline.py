@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..errors import CaptureError
 from ..geometry.camera import CameraRig
-from ..marker_frame import MarkerFrame
+from ..markers.marker_frame import MarkerFrame
 from ..sources.image_set import usable_images
 from ..sources.spec import ImageSetLike
 from .background import Background, background_behind, learn_backgrounds

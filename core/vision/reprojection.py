@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.camera import CameraRig
-from ..marker_frame import MarkerFrame
+from ..markers.marker_frame import MarkerFrame
 
 
 def labelled_rms_px(rig: CameraRig, frames: Sequence[MarkerFrame], labels: Sequence[NDArray[np.int64]]) -> float:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from ..geometry.camera import CameraRig
-from ..marker_frame import MarkerFrame
+from ..markers.marker_frame import MarkerFrame
 from .one_time import TimeAligner
 from .pipeline import MarkerPipeline, PipelineSettings
 from .time_offset import TimeOffset, estimate_time_offsets

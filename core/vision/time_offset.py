@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.camera import Camera, CameraRig
-from ..marker_frame import MarkerFrame
+from ..markers.marker_frame import MarkerFrame
 from .image_tracks import BlobLinker, ImageTracks, image_tracks
 from .stereo import essential_matrix
 

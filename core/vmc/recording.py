@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..body.motion import Motion
 from ..errors import TakeError
 from ..geometry import rotations as rot
-from ..marker_take import MarkerTake
+from ..markers.marker_take import MarkerTake
 from ..take_file.reading import rate
 from .frames import FrameGathering, Key, VmcFrame, tracker_names
 from .humanoid import BONES, BonePoses, motion_of_bones

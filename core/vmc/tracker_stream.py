@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..marker_frame import MarkerFrame
-from ..marker_names import match_names
-from ..marker_set import MarkerSet
+from ..markers.label_matching import match_names
+from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_set import MarkerSet
 from ..system.steady_clock import SteadyClock
 from .frames import MOST_PLACED, FrameGathering, Key, VmcFrame, tracker_names
 from .packets import TRACKERS

@@ -7,7 +7,8 @@ that of `record_pose` with "subject" (the file), "residual_mm", "verdict" and "a
 from collections.abc import Mapping
 from typing import Any
 
-from ..marker_set import load_marker_set, save_subject
+from ..markers.marker_set import load_marker_set
+from ..markers.subject import save_subject
 from ..simulate.performer.bodies import load_bodies
 from ..subject_calibration import calibrate_subject, pose_points
 from ..system.assets import SKELETONS

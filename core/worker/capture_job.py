@@ -34,11 +34,12 @@ from ..database.store import Database, identity, open_database
 from ..errors import CaptureError, PerfanimError, SettingsError
 from ..geometry.camera import CameraRig
 from ..geometry.rig_file import load_rig
-from ..marker_frame import MarkerFrame, pack_stamped, unpack_stamped
-from ..marker_set import load_subject
+from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_frame_codec import pack_stamped, unpack_stamped
+from ..markers.prop import load_prop
+from ..markers.subject import load_subject
 from ..pose_bytes import SolvedPose, pack_solved
 from ..pose_shaping import PoseShaper, Shape
-from ..prop import load_prop
 from ..simulate.studio.rig import default_rig
 from ..solver.settings import SolveSettings
 from ..take_file.setup import TakeNotes, TakeSetup

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import PerfanimError
-from ..marker_frame import MarkerFrame
+from ..markers.marker_frame import MarkerFrame
 from .protocol import Decoder, Message, MessageKind, encode, encode_frame, encode_json, encode_preview
 
 HEARTBEAT_S = 0.5

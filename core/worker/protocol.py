@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import CaptureError
-from ..marker_frame import MarkerFrame, pack_stamped, unpack_stamped
+from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_frame_codec import pack_stamped, unpack_stamped
 from ..pose_bytes import SolvedPose, unpack_solved
 
 VERSION = 1

@@ -15,13 +15,13 @@ from typing import Any
 
 from ..body.calibration_poses import INSTRUCTIONS, POSES
 from ..errors import CalibrationError, CaptureError, TakeError
-from ..floor_from_feet import floor_points, moved_to_rig
 from ..formats.takes import write_take
 from ..geometry.camera import CameraRig
 from ..geometry.rig_file import save_rig
-from ..marker_frame import MarkerFrame
-from ..marker_set import MarkerSet, load_marker_set
-from ..marker_take import MarkerTake
+from ..markers.floor_from_feet import floor_points, moved_to_rig
+from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_set import MarkerSet, load_marker_set
+from ..markers.marker_take import MarkerTake
 from ..simulate.studio.staging import ARRIVAL_S
 from ..sources.spec import ImageSetLike, ImageSource
 from ..subject_calibration import check_poses

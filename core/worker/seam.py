@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from ..marker_frame import MarkerFrame
+from ..markers.marker_frame import MarkerFrame
 
 _USUAL_PERIOD_S = 1.0 / 60.0  # where a single frame tells no rate
 _TOLD_S = 0.05

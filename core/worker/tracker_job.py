@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..errors import CaptureError
-from ..marker_names import listed
-from ..marker_set import load_subject
+from ..markers.label_matching import listed
+from ..markers.subject import load_subject
 from ..vmc.link import Receiver
 from ..vmc.tracker_stream import TrackerStream
 from .channel import Channel

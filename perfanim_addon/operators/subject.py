@@ -8,7 +8,7 @@ import bpy
 from ...core.body.calibration_poses import CALIBRATION
 from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import SubjectError
-from ...core.marker_set import Subject, save_subject
+from ...core.markers.subject import Subject, save_subject
 from .. import capture_setup, running, sound, states
 from ..place import absolute, user_folder
 from ..properties import settings

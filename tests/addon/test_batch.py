@@ -16,7 +16,8 @@ from perfanim.core.body.pose_frame import PoseFrame
 from perfanim.core.cli.main import main
 from perfanim.core.formats.bvh import read_bvh, write_bvh
 from perfanim.core.formats.takes import write_take
-from perfanim.core.marker_set import Subject, load_marker_set, save_subject
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.motion_files import read_motion
 from perfanim.core.pose_bytes import SolvedPose
 from perfanim.core.simulate.markers import simulate_markers

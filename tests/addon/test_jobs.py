@@ -15,7 +15,7 @@ from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.store import open_database
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.geometry.rig_file import load_rig
-from perfanim.core.marker_set import load_subject
+from perfanim.core.markers.subject import load_subject
 from perfanim.core.simulate.performer import perform
 from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, board_on_floor, board_pictures
 from perfanim.core.simulate.studio.render import Renderer

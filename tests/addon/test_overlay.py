@@ -12,7 +12,8 @@ from perfanim.core.body.pose_frame import PoseFrame
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.marker_set import Subject, load_marker_set, save_subject
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.perfanim_addon import overlay
 

@@ -15,8 +15,9 @@ from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.build import build_database
 from perfanim.core.formats.bvh import read_bvh
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.marker_frame import MarkerFrame
-from perfanim.core.marker_set import Subject, load_marker_set, save_subject
+from perfanim.core.markers.marker_frame import MarkerFrame
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.pose_bytes import SolvedPose
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.simulate.studio.source import open_simulated

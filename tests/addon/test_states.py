@@ -13,7 +13,8 @@ from perfanim.core.database.build import build_database
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.geometry.rig_file import load_rig, save_rig
-from perfanim.core.marker_set import Subject, load_marker_set, load_subject, save_subject
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.subject import Subject, load_subject, save_subject
 from perfanim.core.simulate.performer import perform
 from perfanim.core.simulate.studio.rig import default_rig
 

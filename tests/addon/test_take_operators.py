@@ -17,9 +17,10 @@ from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.cli.main import main
 from perfanim.core.formats.bvh import read_bvh, write_bvh
 from perfanim.core.formats.takes import write_take
-from perfanim.core.marker_frame import MarkerFrame
-from perfanim.core.marker_set import Subject, load_marker_set, save_subject
-from perfanim.core.marker_take import MarkerTake
+from perfanim.core.markers.marker_frame import MarkerFrame
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.marker_take import MarkerTake
+from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.motion_files import read_motion
 from perfanim.core.pose_bytes import SolvedPose
 from perfanim.core.simulate.studio.rig import default_rig

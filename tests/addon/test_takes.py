@@ -15,8 +15,10 @@ import pytest
 from clicked import run_job
 from perfanim.core.body.pose_frame import PoseFrame
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.marker_frame import MarkerFrame, pack_stamped
-from perfanim.core.marker_set import Subject, load_marker_set
+from perfanim.core.markers.marker_frame import MarkerFrame
+from perfanim.core.markers.marker_frame_codec import pack_stamped
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.subject import Subject
 from perfanim.core.pose_bytes import SolvedPose, pack_solved
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.take_file.chunks import scan

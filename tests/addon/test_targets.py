@@ -10,8 +10,8 @@ import numpy as np
 from clicked import run_job
 from mathutils import Matrix, Quaternion, Vector
 from perfanim.core.database.build import build_database
-from perfanim.core.marker_take import MarkerTake, save_take
-from perfanim.core.prop import load_prop, save_prop
+from perfanim.core.markers.marker_take import MarkerTake, save_take
+from perfanim.core.markers.prop import load_prop, save_prop
 from perfanim.core.simulate.studio.carried import in_hand
 from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.system.assets import MOTION
@@ -150,7 +150,7 @@ def test_an_objects_own_action_is_given_back_when_nothing_is_kept(part: Any, sho
     cube.animation_data_create().action = old = bpy.data.actions.new("Old")
     room = part("room").Room(armature, part("posing").posing_of(armature, skeleton))
     following = driver.TargetDriver(bpy.context, [prop])
-    pose = sys.modules[f"{driver.__package__.rpartition('.')[0]}.core.prop"].PropPose
+    pose = sys.modules[f"{driver.__package__.rpartition('.')[0]}.core.markers.prop"].PropPose
     following.apply(bpy.context, [pose(np.array([1.0, 0, 0, 0]), np.zeros(3))], room)
     assert cube.animation_data.action is old  # not seen yet: it is left alone
     following.apply(bpy.context, [pose(np.array([1.0, 0, 0, 0]), np.array([0.0, 1.0, 0.5]), 0.001, 5)], room)

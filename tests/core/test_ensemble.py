@@ -5,7 +5,7 @@ import pytest
 from perfanim.core.ensemble import Ensemble, followed
 from perfanim.core.errors import PropError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.prop import load_prop
+from perfanim.core.markers.prop import load_prop
 from perfanim.core.session import Session
 from perfanim.core.simulate.studio.carried import in_hand
 from props import Film, markers_of

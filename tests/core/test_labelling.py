@@ -6,8 +6,8 @@ from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, Camera
 from perfanim.core.labelling import Labeller
-from perfanim.core.marker_frame import MarkerFrame
-from perfanim.core.marker_set import MarkerSet, load_marker_set
+from perfanim.core.markers.marker_frame import MarkerFrame
+from perfanim.core.markers.marker_set import MarkerSet, load_marker_set
 
 NOISE_M = 0.003
 

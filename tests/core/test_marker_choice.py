@@ -9,7 +9,8 @@ from perfanim.core.cli.main import main
 from perfanim.core.errors import MarkerSetError
 from perfanim.core.formats.takes import write_take
 from perfanim.core.marker_choice import choose_markers, with_markers
-from perfanim.core.marker_set import Subject, load_marker_set, save_subject
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.simulate.markers import simulate_markers
 
 NOISE_M = 0.001

@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core.body.one_euro import PoseSmoother
-from perfanim.core.body.pose_frame import PoseFrame
+from perfanim.core.body.pose_frame import PoseFrame, PropPose
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import SettingsError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.pose_shaping import PoseShaper, Shape, shaped
-from perfanim.core.prop import PropPose
 
 FPS = 60
 JOINTS = 29

@@ -9,7 +9,7 @@ from perfanim.core.body.motion import sliced
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.formats.takes import write_take
-from perfanim.core.marker_set import save_subject
+from perfanim.core.markers.subject import save_subject
 from perfanim.core.motion_files import read_motion
 from perfanim.core.simulate.markers import simulate_markers
 

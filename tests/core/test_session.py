@@ -7,8 +7,9 @@ import pytest
 from perfanim.core.body.calibration_poses import standing, t_pose
 from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.marker_frame import MarkerFrame
-from perfanim.core.marker_set import Subject, load_marker_set
+from perfanim.core.markers.marker_frame import MarkerFrame
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.subject import Subject
 from perfanim.core.session import Session
 from perfanim.core.solver.settings import METHODS, SolveSettings
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.errors import TakeError
-from perfanim.core.marker_take import MarkerTake, SingleViews
+from perfanim.core.markers.marker_take import MarkerTake, SingleViews
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.solve_take import solve_take
 from perfanim.core.solver.settings import SolveSettings

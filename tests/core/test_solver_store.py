@@ -1,7 +1,8 @@
 from dataclasses import replace
 
 import numpy as np
-from perfanim.core.marker_set import Subject, load_marker_set
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.subject import Subject
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.solve_take import solve_take
 from perfanim.core.solver.settings import SolveSettings

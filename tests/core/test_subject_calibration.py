@@ -5,9 +5,9 @@ from perfanim.core.body.motion import Motion
 from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.errors import SubjectError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.marker_frame import MarkerFrame
-from perfanim.core.marker_set import Marker, MarkerSet, load_marker_set
-from perfanim.core.marker_take import MarkerTake
+from perfanim.core.markers.marker_frame import MarkerFrame
+from perfanim.core.markers.marker_set import Marker, MarkerSet, load_marker_set
+from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.simulate.performer.bodies import body, load_bodies
 from perfanim.core.simulate.studio.staging import with_poses

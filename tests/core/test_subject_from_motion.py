@@ -5,7 +5,8 @@ import pytest
 from perfanim.core.body.motion import sliced
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import SubjectError, TakeError
-from perfanim.core.marker_set import Subject, load_marker_set
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.subject import Subject
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.subject_from_motion import frames_of, subject_from_motion
 

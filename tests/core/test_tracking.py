@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 from perfanim.core.errors import TakeError
-from perfanim.core.marker_frame import MarkerFrame
-from perfanim.core.marker_set import load_marker_set
-from perfanim.core.marker_take import MarkerTake
+from perfanim.core.markers.marker_frame import MarkerFrame
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.tracking import track_markers
 from perfanim.core.tracking_names import best_permutation, named_take
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core.geometry.camera import Camera, CameraRig
-from perfanim.core.marker_frame import MarkerFrame
-from perfanim.core.marker_take import MarkerTake
+from perfanim.core.markers.marker_frame import MarkerFrame
+from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.tracking import Tracking
 from perfanim.core.tracking_single import single_views

@@ -10,7 +10,7 @@ from perfanim.core.cli.main import main
 from perfanim.core.formats.takes import read_take
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.rig_file import load_rig
-from perfanim.core.marker_set import load_subject
+from perfanim.core.markers.subject import load_subject
 from perfanim.core.motion_files import read_motion
 
 MARKERS = "two-webcams"

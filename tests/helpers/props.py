@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.prop import Prop
+from perfanim.core.markers.prop import Prop
 from perfanim.core.simulate.studio.rig import default_rig
 
 FPS = 60.0

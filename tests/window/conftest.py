@@ -60,7 +60,8 @@ def calibration(tmp_path: Path) -> Path:
 def subject(tmp_path: Path) -> Path:
     """A valid subject."""
     from perfanim.core.body.standard_skeleton import default_skeleton
-    from perfanim.core.marker_set import Subject, load_marker_set, save_subject
+    from perfanim.core.markers.marker_set import load_marker_set
+    from perfanim.core.markers.subject import Subject, save_subject
 
     path = tmp_path / "subject.toml"
     save_subject(Subject("Anna", default_skeleton(), load_marker_set("boxing"), 0.006), path)
@@ -88,7 +89,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Settings for image folders of both cameras, 180 moments at 60 Hz, with calibration and subject."""
     import cv2
     from perfanim.core.geometry.rig_file import save_rig
-    from perfanim.core.marker_set import save_subject
+    from perfanim.core.markers.subject import save_subject
     from perfanim.core.simulate.studio.source import open_simulated
 
     folder = tmp_path_factory.mktemp("recorded")

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from desktop import DRAWING_S, BlenderWindow, Desktop
 from perfanim.core.geometry.rig_file import load_rig
-from perfanim.core.marker_set import save_subject
+from perfanim.core.markers.subject import save_subject
 from perfanim.core.simulate.studio.boards import CarriedBoard, board_poses
 from perfanim.core.simulate.studio.floor_markers import FloorMarkers
 from perfanim.core.simulate.studio.render import Renderer

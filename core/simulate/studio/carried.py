@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...body.motion import Motion
 from ...body.skeleton import Skeleton, forward_kinematics
 from ...geometry import rotations as rot
-from ...prop import Prop
+from ...markers.prop import Prop
 from .body import WOOD, Body
 
 Array = NDArray[np.float64]

@@ -16,8 +16,8 @@ import numpy as np
 from ...errors import CaptureError
 from ...formats.bvh import write_bvh
 from ...geometry.rig_file import save_rig
-from ...marker_set import save_subject
-from ...marker_take import MarkerTake, save_take
+from ...markers.marker_take import MarkerTake, save_take
+from ...markers.subject import save_subject
 from ...system.files import atomic_path
 from .boards import DEFAULT_BOARD, board_pictures
 from .render import FrameTruth

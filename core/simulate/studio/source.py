@@ -15,8 +15,9 @@ from ...body.standard_skeleton import default_skeleton
 from ...errors import SettingsError
 from ...geometry import rotations as rot
 from ...geometry.camera import CameraRig
-from ...marker_set import MarkerSet, Subject, load_marker_set
-from ...prop import load_prop
+from ...markers.marker_set import MarkerSet, load_marker_set
+from ...markers.prop import load_prop
+from ...markers.subject import Subject
 from ..performer import BEHAVIOURS, STYLES, demo_performance, performance
 from .carried import Carried, in_hand
 from .performance import Performance, make_performance

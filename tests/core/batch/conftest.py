@@ -13,8 +13,8 @@ from perfanim.core.batch.record import Record, Task
 from perfanim.core.batch.run import BatchResult, DoTasks, run_batch
 from perfanim.core.cli import batch_worker
 from perfanim.core.formats.takes import write_take
-from perfanim.core.marker_set import save_subject
-from perfanim.core.marker_take import MarkerTake
+from perfanim.core.markers.marker_take import MarkerTake
+from perfanim.core.markers.subject import save_subject
 from perfanim.core.simulate.markers import simulate_markers
 
 GOOD = ("a.c3d", "b.trc", "c.csv", "d.take.npz")

@@ -9,7 +9,7 @@ from perfanim.core.batch.record import BAD, Record, Task
 from perfanim.core.batch.take import run_task
 from perfanim.core.body.motion import resampled
 from perfanim.core.errors import CharacterError, TakeError
-from perfanim.core.marker_set import Subject
+from perfanim.core.markers.subject import Subject
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.solve_take import solve_take
 from perfanim.core.solver.settings import SolveSettings

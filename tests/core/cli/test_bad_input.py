@@ -11,8 +11,9 @@ import pytest
 from perfanim.core.cli.main import main
 from perfanim.core.geometry.camera import Camera, CameraRig
 from perfanim.core.geometry.rig_file import save_rig
-from perfanim.core.marker_set import load_marker_set, marker_set_table, save_subject
-from perfanim.core.marker_take import MarkerTake, save_take
+from perfanim.core.markers.marker_set import load_marker_set, marker_set_table
+from perfanim.core.markers.marker_take import MarkerTake, save_take
+from perfanim.core.markers.subject import save_subject
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.system.files import write_toml
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from perfanim.core.cli.main import main
 from perfanim.core.formats.takes import read_take, write_take
-from perfanim.core.marker_set import save_subject
-from perfanim.core.marker_take import MarkerTake
+from perfanim.core.markers.marker_take import MarkerTake
+from perfanim.core.markers.subject import save_subject
 from perfanim.core.motion_files import read_motion
 from perfanim.core.simulate.markers import simulate_markers
 

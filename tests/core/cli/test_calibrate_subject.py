@@ -7,8 +7,9 @@ from perfanim.core.body.calibration_poses import CALIBRATION, t_pose
 from perfanim.core.body.motion import sliced
 from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.cli.main import main
-from perfanim.core.marker_set import Subject, load_marker_set, load_subject, save_subject
-from perfanim.core.marker_take import MarkerTake, save_take
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.marker_take import MarkerTake, save_take
+from perfanim.core.markers.subject import Subject, load_subject, save_subject
 from perfanim.core.simulate.studio.staging import with_poses
 
 

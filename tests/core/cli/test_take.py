@@ -12,8 +12,8 @@ from perfanim.core.formats.bvh import read_bvh
 from perfanim.core.formats.takes import read_take
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.rig_file import save_rig
-from perfanim.core.marker_frame import pack_stamped
-from perfanim.core.marker_take import MarkerTake, save_take
+from perfanim.core.markers.marker_frame_codec import pack_stamped
+from perfanim.core.markers.marker_take import MarkerTake, save_take
 from perfanim.core.motion_files import read_motion
 from perfanim.core.pose_bytes import SolvedPose, pack_solved
 from perfanim.core.session import Session

@@ -9,8 +9,9 @@ from perfanim.core.cli.main import main
 from perfanim.core.formats.takes import read_take, write_take
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
-from perfanim.core.marker_set import load_marker_set, save_subject
-from perfanim.core.marker_take import MarkerTake, SingleViews
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.marker_take import MarkerTake, SingleViews
+from perfanim.core.markers.subject import save_subject
 from perfanim.core.solve_take import solve_take
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.take_file.reading import read_take_file

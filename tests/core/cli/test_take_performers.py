@@ -8,7 +8,7 @@ from perfanim.core.body.motion import sliced
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.cli.main import main
 from perfanim.core.database.store import identity
-from perfanim.core.marker_set import save_subject
+from perfanim.core.markers.subject import save_subject
 from perfanim.core.motion_files import read_motion
 from perfanim.core.take_file.reading import read_take_file
 from perfanim.core.take_file.setup import TakeNotes, TakeSetup

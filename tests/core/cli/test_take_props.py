@@ -8,7 +8,7 @@ import pytest
 from perfanim.core.cli.main import main
 from perfanim.core.database.store import identity
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.prop import load_prop, save_prop
+from perfanim.core.markers.prop import load_prop, save_prop
 from perfanim.core.simulate.studio.carried import in_hand
 from perfanim.core.take_file.reading import read_take_file
 from perfanim.core.take_file.setup import TakeNotes, TakeSetup

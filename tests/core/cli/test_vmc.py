@@ -10,7 +10,7 @@ from perfanim.core.body.pose_frame import PoseFrame
 from perfanim.core.cli.main import build_parser, main
 from perfanim.core.database.store import identity
 from perfanim.core.formats.bvh import write_bvh
-from perfanim.core.marker_take import load_take
+from perfanim.core.markers.marker_take import load_take
 from perfanim.core.motion_files import read_motion
 from perfanim.core.pose_bytes import SolvedPose
 from perfanim.core.take_file.setup import TakeNotes, TakeSetup

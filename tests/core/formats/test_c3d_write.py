@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from perfanim.core.errors import FormatError
 from perfanim.core.formats.takes import read_take, write_take
-from perfanim.core.marker_take import MarkerTake
+from perfanim.core.markers.marker_take import MarkerTake
 
 
 def a_take(frames: int, numbers: np.ndarray, names: tuple[str, ...] = ("HEAD", "L HAND", "Fuß")) -> MarkerTake:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from perfanim.core.errors import FormatError
 from perfanim.core.formats.takes import declared_frames, read_take
-from perfanim.core.marker_take import MarkerTake
+from perfanim.core.markers.marker_take import MarkerTake
 
 TOO_MUCH_FOR_EZC3D = ("bad_parameter_section.c3d",)  # it asks for gigabytes, and half a minute, and gives up
 METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "mete": 1.0, "meters": 1.0}

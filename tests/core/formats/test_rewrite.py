@@ -9,7 +9,7 @@ from perfanim.core.errors import FormatError
 from perfanim.core.formats.c3d import layout_of
 from perfanim.core.formats.rewrite import rewrite_take
 from perfanim.core.formats.takes import read_take, write_take
-from perfanim.core.marker_take import MarkerTake
+from perfanim.core.markers.marker_take import MarkerTake
 
 SAMPLES = Path("c3d/BTKData/c3d.org/sample02")
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from perfanim.core.errors import FormatError, PerfanimError
 from perfanim.core.formats.takes import declared_frames, read_take, write_take
-from perfanim.core.marker_take import MarkerTake
+from perfanim.core.markers.marker_take import MarkerTake
 
 TRC = (
     "PathFileType\t4\t(X/Y/Z)\ta.trc\n"

@@ -11,7 +11,8 @@ from perfanim.core.errors import FormatError, MarkerSetError, SettingsError, Ske
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.formats.takes import read_take
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.marker_set import Marker, MarkerSet, Subject, load_marker_set
+from perfanim.core.markers.marker_set import Marker, MarkerSet, load_marker_set
+from perfanim.core.markers.subject import Subject
 from perfanim.core.motion_files import read_motion
 from perfanim.core.simulate.markers import simulate_markers
 

@@ -15,8 +15,8 @@ from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.geometry.rig_file import load_rig
-from perfanim.core.marker_set import load_subject
-from perfanim.core.marker_take import load_take
+from perfanim.core.markers.marker_take import load_take
+from perfanim.core.markers.subject import load_subject
 from perfanim.core.motion_files import read_motion
 from perfanim.core.simulate.studio import export
 from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, BoardPicture, board_pictures

@@ -5,7 +5,8 @@ import pytest
 from perfanim.core.body.motion import sliced
 from perfanim.core.errors import DatabaseError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.marker_set import Subject, load_marker_set
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.subject import Subject
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.pose_solver import PoseSolver

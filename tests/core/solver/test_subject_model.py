@@ -4,7 +4,7 @@ from perfanim.core.body.skeleton import Skeleton, marker_positions
 from perfanim.core.database.store import pose_from_rotations
 from perfanim.core.errors import SubjectError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.marker_set import Subject
+from perfanim.core.markers.subject import Subject
 from perfanim.core.solver.subject_model import RootPose, SubjectModel
 
 STEP = 1e-6

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.marker_set import Subject, load_marker_set
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.subject import Subject
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.take_file import writer as writer_module
 from perfanim.core.take_file.setup import TakeNotes, TakeSetup

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from perfanim.core.marker_frame import pack_stamped
+from perfanim.core.markers.marker_frame_codec import pack_stamped
 from perfanim.core.pose_bytes import pack_solved
 from perfanim.core.take_file.edit import recover
 from perfanim.core.take_file.lock import is_locked

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from perfanim.core.errors import PerfanimError, PropError, SubjectError, TakeError
-from perfanim.core.marker_frame import pack_stamped
+from perfanim.core.markers.marker_frame_codec import pack_stamped
+from perfanim.core.markers.prop import load_prop, prop_tables
 from perfanim.core.pose_bytes import pack_solved
-from perfanim.core.prop import load_prop, prop_tables
 from perfanim.core.take_file import writer as writer_module
 from perfanim.core.take_file.chunks import HEADER_BYTES, PREAMBLE_BYTES, ChunkKind, encode_chunk, preamble, scan
 from perfanim.core.take_file.edit import append_notes, recover

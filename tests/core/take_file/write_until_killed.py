@@ -12,7 +12,8 @@ import time
 from pathlib import Path
 
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.marker_set import Subject, load_marker_set
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.subject import Subject
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.take_file.setup import TakeSetup
 from perfanim.core.take_file.writer import TakeWriter

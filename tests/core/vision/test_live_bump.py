@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
-from perfanim.core.marker_frame import MarkerFrame
+from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.vision.live_bump import LiveBumpWatch, meeting_error_px
 from perfanim.core.vision.pipeline import MarkerPipeline
 

@@ -3,7 +3,7 @@ import weakref
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
-from perfanim.core.marker_frame import pack, unpack
+from perfanim.core.markers.marker_frame_codec import pack, unpack
 from perfanim.core.sources.image_set import ImageSet
 from perfanim.core.vision.pipeline import MarkerPipeline
 from perfanim.core.vision.reprojection import labelled_rms_px

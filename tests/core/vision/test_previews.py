@@ -1,5 +1,5 @@
 import numpy as np
-from perfanim.core.marker_frame import MarkerFrame
+from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.vision.blob_preview import draw_blobs, draw_labels
 from perfanim.core.vision.board import BoardView

@@ -4,7 +4,7 @@ from concurrent.futures import Future
 
 import numpy as np
 import pytest
-from perfanim.core.marker_frame import MarkerFrame
+from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.vision.live_offset import LiveTimeOffsets
 from perfanim.core.vision.one_time import TimeAligner
 from perfanim.core.vision.pipeline import MarkerPipeline

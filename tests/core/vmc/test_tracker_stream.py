@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.marker_set import Marker, MarkerSet, load_marker_set
+from perfanim.core.markers.marker_set import Marker, MarkerSet, load_marker_set
 from perfanim.core.vmc.frames import MOST_PLACED
 from perfanim.core.vmc.packets import TRACKERS
 from perfanim.core.vmc.tracker_stream import TrackerStream

@@ -16,9 +16,10 @@ from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.build import build_database
 from perfanim.core.errors import CaptureError
 from perfanim.core.formats.bvh import write_bvh
-from perfanim.core.marker_set import Subject, load_marker_set, save_subject
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.prop import load_prop
+from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.pose_bytes import pack_solved
-from perfanim.core.prop import load_prop
 from perfanim.core.simulate.performer import perform
 from perfanim.core.simulate.studio.carried import in_hand
 from perfanim.core.simulate.studio.source import open_simulated

@@ -8,7 +8,7 @@ from perfanim.core.database.build import build_database
 from perfanim.core.formats.bvh import write_bvh
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.geometry.rig_file import save_rig
-from perfanim.core.marker_set import save_subject
+from perfanim.core.markers.subject import save_subject
 from perfanim.core.simulate.performer import performance
 from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.worker.client import WorkerClient

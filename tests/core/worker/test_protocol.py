@@ -2,11 +2,10 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from perfanim.core.body.pose_frame import PoseFrame
+from perfanim.core.body.pose_frame import PoseFrame, PropPose
 from perfanim.core.errors import CaptureError
-from perfanim.core.marker_frame import MarkerFrame
+from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.pose_bytes import SolvedPose, pack_pose, pack_solved, unpack_pose
-from perfanim.core.prop import PropPose
 from perfanim.core.worker.protocol import (
     Decoder,
     Message,

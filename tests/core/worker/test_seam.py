@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from perfanim.core.marker_frame import MarkerFrame
+from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.worker.seam import Seam, Shift, missing_text
 
 

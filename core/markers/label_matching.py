@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from .errors import MarkerSetError, TakeError
+from ..errors import MarkerSetError, TakeError
+from ..system.files import read_toml
 from .marker_set import MarkerSet, load_marker_set, marker_set_names
 from .marker_take import MarkerTake
-from .system.files import read_toml
 
 AUTO = "auto"
 

@@ -4,8 +4,8 @@ from perfanim.core.body.motion import Motion
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import SettingsError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.marker_filter import smoothed, smoothed_motion
-from perfanim.core.marker_take import MarkerTake
+from perfanim.core.markers.filtering import smoothed, smoothed_motion
+from perfanim.core.markers.marker_take import MarkerTake
 
 FPS = 60.0
 TIMES = np.arange(240) / FPS

@@ -6,7 +6,7 @@ from perfanim.core.errors import PropError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.point_patterns import rigid_ways
 from perfanim.core.geometry.rigid_transform import transform
-from perfanim.core.prop import Prop, check_together, load_prop, prop_from, prop_names, prop_tables, save_prop
+from perfanim.core.markers.prop import Prop, check_together, load_prop, prop_from, prop_names, prop_tables, save_prop
 
 TRIANGLE = np.array([[0.0, 0.0, 0.0], [0.30, 0.0, 0.0], [0.05, 0.20, 0.0]])
 

@@ -3,7 +3,8 @@ import struct
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
-from perfanim.core.marker_frame import MarkerFrame, pack, unpack
+from perfanim.core.markers.marker_frame import MarkerFrame
+from perfanim.core.markers.marker_frame_codec import pack, unpack
 
 ARRAYS = ("points_m", "covariances_m2", "labels", "point_blobs", "single_cameras", "single_blobs", "single_points",
           "single_labels")  # fmt: skip

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import PropError
-from .geometry.point_patterns import laid_on, rigid_ways, thickness_m
-from .system.assets import PROPS
-from .system.files import read_toml, write_toml
+from ..errors import PropError
+from ..geometry.point_patterns import laid_on, rigid_ways, thickness_m
+from ..system.assets import PROPS
+from ..system.files import read_toml, write_toml
 
 Array = NDArray[np.float64]
 
@@ -101,29 +101,6 @@ class Prop:
                     where=self._where,
                     advice="move one of them by 3 cm or more, so that no distance between two markers occurs twice",
                 )
-
-
-@dataclass(frozen=True)
-class PropPose:
-    """Where a prop is.
-
-    Args:
-        rotation: (4,) world-from-prop quaternion.
-        position_m: (3,) the prop's origin in the world.
-        rms_m: RMS distance between its markers as they were located and as the rigid prop has them; NaN when unseen.
-        seen: how many of its markers one camera or more showed; 0 when it was not found, and then it stands where it
-            was last, at the origin before it was ever found.
-    """
-
-    rotation: Array
-    position_m: Array
-    rms_m: float = float("nan")
-    seen: int = 0
-
-    @property
-    def found(self) -> bool:
-        """Whether the cameras showed where it is."""
-        return self.seen > 0
 
 
 def prop_names() -> tuple[str, ...]:

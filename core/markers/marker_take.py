@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import CalibrationError, TakeError
-from .geometry.camera import Camera, CameraRig
-from .system.files import atomic_path
+from ..errors import CalibrationError, TakeError
+from ..geometry.camera import Camera, CameraRig
+from ..system.files import atomic_path
 
 Array = NDArray[np.float64]
 

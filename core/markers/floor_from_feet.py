@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .body.calibration_poses import standing
-from .body.skeleton import Skeleton, forward_kinematics
-from .body.standard_skeleton import default_skeleton
-from .errors import TakeError
-from .geometry import rotations as rot
-from .geometry.camera import CameraRig
-from .geometry.rigid_transform import kabsch, transform
-from .marker_filter import smoothed
+from ..body.calibration_poses import standing
+from ..body.skeleton import Skeleton, forward_kinematics
+from ..body.standard_skeleton import default_skeleton
+from ..errors import TakeError
+from ..geometry import rotations as rot
+from ..geometry.camera import CameraRig
+from ..geometry.rigid_transform import kabsch, transform
+from .filtering import smoothed
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
 

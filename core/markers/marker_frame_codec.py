@@ -1,93 +1,20 @@
-"""What the cameras tell about one moment, and its bytes on the way to the solver's process and in takes."""
+"""Marker frames as bytes, for the worker's messages and for takes."""
 
 import math
 import struct
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import CaptureError
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from ..errors import CaptureError
+from .marker_frame import MarkerFrame
 
 _MAGIC = b"PFMF"
 _VERSION = 3  # takes hold these bytes: a newer version must read this one too
 _HEADER = struct.Struct("<4sHHqdIIII")  # magic, version, cameras, number, time, points, rays, note bytes, body bytes
 _STAMP = struct.Struct("<d")
 _NOT_MOVED = 0xFFFFFFFF  # in place of the count of a camera's detected blobs: they are its blobs
-
-
-def _no_points() -> Array:
-    return np.empty((0, 3))
-
-
-@dataclass(frozen=True)
-class MarkerFrame:
-    """Markers seen at one moment by C cameras.
-
-    Args:
-        number: frame number of the source.
-        time_s: capture time, seconds.
-        points_m: (N, 3) triangulated candidates in the world.
-        covariances_m2: (N, 3, 3) their uncertainty.
-        labels: (N,) index in the marker set where the source knows it, else -1.
-        blobs: per camera (n, 5): x, y (pixels, distorted), radius_px, brightness 0-255, hue 0-180.
-        detected: the blobs as the images show them, where `blobs` were moved to another time; default `blobs`.
-        point_blobs: (N, C) blob of each point in each camera, -1 where none.
-        single_cameras, single_blobs: (R,) camera and blob of markers seen by one camera only.
-        single_points: (R, 2) their undistorted normalised coordinates.
-        single_labels: (R,) as `labels`.
-        camera_times_s: (C,) time stamp of each camera's image, NaN where it gave none.
-        notes: what went wrong, in plain words (a frozen camera, ...).
-    """
-
-    number: int
-    time_s: float
-    points_m: Array = field(default_factory=_no_points)
-    covariances_m2: Array = field(default_factory=lambda: np.empty((0, 3, 3)))
-    labels: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    blobs: tuple[NDArray[np.float32], ...] = ()
-    detected: tuple[NDArray[np.float32], ...] = ()
-    point_blobs: IntArray = field(default_factory=lambda: np.empty((0, 0), dtype=np.int64))
-    single_cameras: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    single_blobs: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    single_points: Array = field(default_factory=lambda: np.empty((0, 2)))
-    single_labels: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    camera_times_s: Array = field(default_factory=lambda: np.empty(0))
-    notes: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        points, rays, cameras = len(self.points_m), len(self.single_cameras), len(self.blobs)
-        if len(self.detected) == 0:
-            object.__setattr__(self, "detected", self.blobs)
-        if len(self.detected) != cameras:
-            raise CaptureError(f"{len(self.detected)} images of {cameras} cameras", where=f"frame {self.number}")
-        if len(self.labels) == 0 and points:
-            object.__setattr__(self, "labels", np.full(points, -1, dtype=np.int64))
-        if len(self.single_labels) == 0 and rays:
-            object.__setattr__(self, "single_labels", np.full(rays, -1, dtype=np.int64))
-        if self.point_blobs.size == 0:
-            object.__setattr__(self, "point_blobs", np.full((points, cameras), -1, dtype=np.int64))
-        if len(self.camera_times_s) == 0:
-            object.__setattr__(self, "camera_times_s", np.full(cameras, self.time_s))
-        expected = {
-            "points_m": (points, 3),
-            "covariances_m2": (points, 3, 3),
-            "labels": (points,),
-            "point_blobs": (points, cameras),
-            "single_blobs": (rays,),
-            "single_points": (rays, 2),
-            "single_labels": (rays,),
-            "camera_times_s": (cameras,),
-        }
-        for name, shape in expected.items():
-            if getattr(self, name).shape != shape:
-                raise CaptureError(
-                    f"{name} has shape {getattr(self, name).shape}, not {shape}", where=f"frame {self.number}"
-                )
 
 
 def pack(frame: MarkerFrame) -> bytes:

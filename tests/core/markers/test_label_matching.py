@@ -10,9 +10,10 @@ from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.cli.main import main
 from perfanim.core.errors import MarkerSetError, TakeError
 from perfanim.core.formats.takes import read_take, write_take
-from perfanim.core.marker_names import best_match, load_names, match_names, named_by_hand
-from perfanim.core.marker_set import Subject, load_marker_set, load_subject, marker_set_names, save_subject
-from perfanim.core.marker_take import MarkerTake
+from perfanim.core.markers.label_matching import best_match, load_names, match_names, named_by_hand
+from perfanim.core.markers.marker_set import load_marker_set, marker_set_names
+from perfanim.core.markers.marker_take import MarkerTake
+from perfanim.core.markers.subject import Subject, load_subject, save_subject
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.solve_take import solve_take
 from perfanim.core.solver.settings import SolveSettings

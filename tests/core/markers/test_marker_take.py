@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from perfanim.core.errors import TakeError
-from perfanim.core.marker_take import MarkerTake, SingleViews, load_take, save_take
+from perfanim.core.markers.marker_take import MarkerTake, SingleViews, load_take, save_take
 from perfanim.core.simulate.studio.rig import default_rig
 
 

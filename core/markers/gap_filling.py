@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from .body.motion import Motion
-from .body.skeleton import forward_kinematics
-from .geometry import rotations as rot
+from ..body.motion import Motion
+from ..body.skeleton import forward_kinematics
+from ..geometry import rotations as rot
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
 

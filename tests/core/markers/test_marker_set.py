@@ -8,15 +8,8 @@ import pytest
 from perfanim.core.body.joint_angle_frames import with_angle_frames
 from perfanim.core.body.standard_skeleton import default_skeleton, scaled
 from perfanim.core.errors import FormatError, MarkerSetError, PerfanimError, SkeletonError, SubjectError
-from perfanim.core.marker_set import (
-    Marker,
-    MarkerSet,
-    Subject,
-    load_marker_set,
-    load_subject,
-    marker_set_names,
-    save_subject,
-)
+from perfanim.core.markers.marker_set import Marker, MarkerSet, load_marker_set, marker_set_names
+from perfanim.core.markers.subject import Subject, load_subject, save_subject
 from perfanim.core.system.files import read_toml, write_toml
 
 HEADER = 'kind = "perfanim subject"\nversion = 1\nname = "a"\nresidual_m = 0.0\n'

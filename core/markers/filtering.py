@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .body.motion import Motion
-from .body.skeleton import forward_kinematics
-from .errors import SettingsError
-from .geometry import rotations as rot
+from ..body.motion import Motion
+from ..body.skeleton import forward_kinematics
+from ..errors import SettingsError
+from ..geometry import rotations as rot
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
 

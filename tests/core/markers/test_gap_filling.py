@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from perfanim.core.cli.main import main
 from perfanim.core.formats.takes import read_take, write_take
-from perfanim.core.gap_filling import Gap, gaps_of, with_gaps_filled, without_shoulders
-from perfanim.core.marker_filter import smoothed, smoothed_on_body
-from perfanim.core.marker_set import Subject, load_marker_set, save_subject
-from perfanim.core.marker_take import MarkerTake
+from perfanim.core.markers.filtering import smoothed, smoothed_on_body
+from perfanim.core.markers.gap_filling import Gap, gaps_of, with_gaps_filled, without_shoulders
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.marker_take import MarkerTake
+from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.solve_take import solve_take
 from perfanim.core.solver.settings import SolveSettings

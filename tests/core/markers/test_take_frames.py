@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core.errors import TakeError
-from perfanim.core.marker_set import load_marker_set
-from perfanim.core.marker_take import MarkerTake, SingleViews
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.marker_take import MarkerTake, SingleViews
+from perfanim.core.markers.take_frames import take_frames
 from perfanim.core.simulate.studio.rig import default_rig
-from perfanim.core.sources.take import take_frames
 
 SET = load_marker_set("locomotion")
 

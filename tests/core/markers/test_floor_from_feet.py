@@ -3,11 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core.errors import TakeError
-from perfanim.core.floor_from_feet import floor_points, moved_to_rig
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.rigid_transform import transform
-from perfanim.core.marker_set import load_marker_set
-from perfanim.core.marker_take import MarkerTake
+from perfanim.core.markers.floor_from_feet import floor_points, moved_to_rig
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.vision.floor import rig_on_floor
 

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import TakeError
-from ..marker_frame import MarkerFrame
-from ..marker_set import MarkerSet
-from ..marker_take import MarkerTake
+from .marker_frame import MarkerFrame
+from .marker_set import MarkerSet
+from .marker_take import MarkerTake
 
 _SIGMA_M = 0.001  # uncertainty given to positions that come without one
 

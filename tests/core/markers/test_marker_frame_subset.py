@@ -1,7 +1,7 @@
 """What is left of a marker frame without some of its blobs or points."""
 
 import numpy as np
-from perfanim.core.frame_parts import without_blobs, without_points
+from perfanim.core.markers.marker_frame_subset import without_blobs, without_points
 
 
 def test_points_and_rays_of_blobs_that_are_taken_go_with_them(record, true_markers, stage_rig):

@@ -1,0 +1,1 @@
+"""Markers: sets, subjects, frames, takes, gaps and filters."""

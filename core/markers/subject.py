@@ -1,0 +1,92 @@
+"""Subject: the skeleton and the marker offsets of one person."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..body.skeleton import Skeleton
+from ..errors import SubjectError
+from ..system.files import read_toml, write_toml
+from .marker_set import MarkerSet, marker_set_from, marker_set_table
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A calibrated person: skeleton and marker offsets.
+
+    Args:
+        name: the person.
+        skeleton: bone lengths of the person.
+        marker_set: markers with offsets.
+        residual_m: RMS distance between seen and modelled markers of the calibration pose (0 when not calibrated).
+    """
+
+    name: str
+    skeleton: Skeleton
+    marker_set: MarkerSet
+    residual_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.marker_set.joint_indices(self.skeleton)
+        _ = self.marker_set.offsets_m
+
+
+def save_subject(subject: Subject, path: str | Path) -> None:
+    """Write a subject as TOML."""
+    write_toml(path, subject_tables(subject))
+
+
+def subject_tables(subject: Subject) -> dict[str, Any]:
+    """Return the tables of a subject file."""
+    skeleton = subject.skeleton
+    joints = [
+        {
+            "name": name,
+            "parent": skeleton.names[parent] if parent >= 0 else "",
+            "offset_m": skeleton.offsets_m[i],
+            "tip_m": skeleton.tips_m[i],
+            "angle_axes": skeleton.angle_axes[i],
+            "angle_order": skeleton.angle_orders[i],
+        }
+        for i, (name, parent) in enumerate(zip(skeleton.names, skeleton.parents, strict=True))
+    ]
+    return {
+        "kind": "perfanim subject",
+        "version": 1,
+        "name": subject.name,
+        "residual_m": float(subject.residual_m),
+        "marker_set": marker_set_table(subject.marker_set),
+        "joint": joints,
+    }
+
+
+def load_subject(path: str | Path) -> Subject:
+    """Return a subject from its TOML file."""
+    return subject_from(read_toml(path), str(path))
+
+
+def subject_from(table: Mapping[str, Any], where: str) -> Subject:
+    """Return the subject of a subject file's tables; SubjectError when they are not one of this version."""
+    if table.get("kind") != "perfanim subject" or table.get("version") != 1:
+        raise SubjectError("is not a subject file of this version", where=where, advice="calibrate the subject again")
+    try:
+        skeleton = _skeleton_from(table["joint"])
+        marker_set = marker_set_from(dict(table["marker_set"]), where=where)
+        return Subject(str(table["name"]), skeleton, marker_set, float(table["residual_m"]))
+    except (KeyError, TypeError, ValueError) as error:
+        raise SubjectError(f"is damaged ({error})", where=where, advice="calibrate the subject again") from error
+
+
+def _skeleton_from(joints: list[Mapping[str, Any]]) -> Skeleton:
+    names = tuple(str(joint["name"]) for joint in joints)
+    return Skeleton(
+        names=names,
+        parents=np.array([names.index(j["parent"]) if j["parent"] else -1 for j in joints]),
+        offsets_m=np.array([j["offset_m"] for j in joints]),
+        tips_m=np.array([j["tip_m"] for j in joints]),
+        angle_axes=np.array([j["angle_axes"] for j in joints]),
+        angle_orders=tuple(str(j["angle_order"]) for j in joints),
+    )
