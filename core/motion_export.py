@@ -6,7 +6,7 @@ from .body.motion import Motion, resampled
 from .errors import FormatError
 from .formats.angles_csv import write_angles_csv
 from .formats.bvh import write_bvh
-from .formats.naming import OWN, renamed
+from .retarget.joint_naming import OWN, renamed
 from .vrm_animation import write_vrma
 
 BVH, ANGLES, VRMA = ".bvh", ".angles.csv", ".vrma"

@@ -17,7 +17,7 @@ from .formats.amc import CMU_FPS, amc_motion, parse_amc_values
 from .formats.archive import skeleton_name
 from .formats.asf import AsfFile, read_asf, read_asf_file
 from .formats.bvh import read_bvh
-from .mapping import map_motion
+from .retarget.to_standard_skeleton import map_motion
 from .system.files import read_bytes
 
 _NOT_FINITE = "numbers that are not finite"

@@ -5,7 +5,7 @@ from typing import Any
 import bpy
 
 from ..core.retarget.bone_map import EXPECTED, State
-from ..core.retarget.presets import preset_paths
+from ..core.retarget.bone_map_files import preset_paths
 from .bone_list import joint_label
 from .character import check_armature
 from .place import user_folder

@@ -12,8 +12,8 @@ from ..core.body.skeleton import Skeleton
 from ..core.body.standard_skeleton import JOINT_NAMES
 from ..core.errors import CharacterError
 from ..core.retarget.bone_map import BoneMap, find_bone_map
-from ..core.retarget.presets import read_presets
-from ..core.retarget.transfer import CharacterPose, Retargeter, RootMotion
+from ..core.retarget.bone_map_files import read_presets
+from ..core.retarget.retargeter import CharacterPose, Retargeter, RootMotion
 from .axes import PoseMap
 from .bone_list import clear_map, store_map, store_problem, stored_map, stored_root_motion
 from .character import check_armature, read_rest

@@ -23,8 +23,8 @@ from ..core.body.motion import Motion
 from ..core.errors import CharacterError, FormatError, PerfanimError
 from ..core.motion_files import read_motion
 from ..core.retarget.bone_map import BoneMap, State, checked_map
-from ..core.retarget.presets import named_bone_map
-from ..core.retarget.transfer import Retargeter, RootMotion
+from ..core.retarget.bone_map_files import named_bone_map
+from ..core.retarget.retargeter import Retargeter, RootMotion
 from ..core.system.files import atomic_path
 from .actions import scene_frames, write_posing
 from .export_animation import ENDINGS, Form, write_played

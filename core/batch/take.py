@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ..errors import PerfanimError
-from ..formats.naming import OWN
 from ..formats.takes import declared_frames
 from ..motion_export import write_motion
+from ..retarget.joint_naming import OWN
 from ..solve_take import SolvedTake
 from .digest import file_digest
 from .figures import figures_of, why_bad, why_doubtful

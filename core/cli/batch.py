@@ -22,7 +22,7 @@ from ..markers.label_matching import AUTO, load_names
 from ..markers.marker_set import load_marker_set
 from ..markers.subject import load_subject
 from ..motion_files import read_skeleton
-from ..retarget.transfer import RootMotion
+from ..retarget.retargeter import RootMotion
 from ..solver.settings import METHODS
 from ..take_import import UPS
 from . import batch_worker

@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from ..formats.naming import NAMINGS, OWN
+from ..retarget.joint_naming import NAMINGS, OWN
 
 _MOST_HZ = 1000.0
 

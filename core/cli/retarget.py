@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import CharacterError, FormatError
-from ..formats.naming import NAMINGS
-from ..retarget.transfer import RootMotion
+from ..retarget.joint_naming import NAMINGS
+from ..retarget.retargeter import RootMotion
 from ..system import helper_process
 
 BLENDER_VARIABLE = "PERFANIM_BLENDER"  # of the environment: the program to retarget with where none is named

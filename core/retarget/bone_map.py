@@ -16,7 +16,7 @@ from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import CharacterError
 from .armature_rest import ArmatureRest, Array
 from .bone_names import HEAD_WORDS, HIPS_WORDS, LIMB_WORDS, parse_bone_name
-from .structure import Limbs, arm_joints, check_upright, cosine, find_limbs, leg_joints
+from .limb_detection import Limbs, arm_joints, check_upright, cosine, find_limbs, leg_joints
 
 NEEDED = ("root", "lfemur", "rfemur", "lhumerus", "rhumerus")  # without these nobody knows how the character stands
 EXPECTED = (

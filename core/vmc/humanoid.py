@@ -17,9 +17,9 @@ from ..body.source_motion import SourceMotion
 from ..body.standard_skeleton import JOINT_NAMES, default_skeleton
 from ..errors import TakeError
 from ..geometry import rotations as rot
-from ..joint_names import match_joints
-from ..mapping import map_motion
-from ..rest_alignment import align_rest
+from ..retarget.file_joints import match_joints
+from ..retarget.file_rest_pose import align_rest
+from ..retarget.to_standard_skeleton import map_motion
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from ...core.body.skeleton import Skeleton, forward_kinematics
 from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import CharacterError, PerfanimError
 from ...core.retarget.bone_map import BoneMap, checked_map
-from ...core.retarget.presets import preset_paths, read_bone_map, write_bone_map
+from ...core.retarget.bone_map_files import preset_paths, read_bone_map, write_bone_map
 from .. import running, states
 from ..armature_driver import ArmatureDriver
 from ..bone_list import store_map

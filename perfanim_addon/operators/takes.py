@@ -9,10 +9,10 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from ...core.body.foot_lock import floor_of
 from ...core.errors import PerfanimError, SettingsError, TakeError
-from ...core.formats.naming import OWN
 from ...core.formats.takes import READABLE
 from ...core.motion_export import ANGLES, VRMA, write_motion
 from ...core.pose_shaping import Shape, shaped
+from ...core.retarget.joint_naming import OWN
 from ...core.solver.settings import METHODS
 from ...core.take_file.reading import TakeFile, rate, read_take_file, summarise, take_name, unused_path
 from ...core.take_import import UPS

@@ -17,8 +17,8 @@ from perfanim.core.body.standard_skeleton import scaled
 from perfanim.core.cli.main import build_parser
 from perfanim.core.errors import CharacterError
 from perfanim.core.formats.bvh import write_bvh
-from perfanim.core.formats.naming import NAMINGS
-from perfanim.core.retarget.transfer import RootMotion
+from perfanim.core.retarget.joint_naming import NAMINGS
+from perfanim.core.retarget.retargeter import RootMotion
 from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon import character
 from perfanim.perfanim_addon.armature_driver import ArmatureDriver

@@ -11,7 +11,7 @@ from heroes import clip
 from mathutils import Matrix
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import CharacterError
-from perfanim.core.retarget.transfer import RootMotion
+from perfanim.core.retarget.retargeter import RootMotion
 from perfanim.perfanim_addon import character
 from perfanim.perfanim_addon.actions import write_action
 from perfanim.perfanim_addon.armature_driver import ArmatureDriver

@@ -9,7 +9,7 @@ import pytest
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.cli.main import main
 from perfanim.core.formats.bvh import read_bvh
-from perfanim.core.mapping import map_motion
+from perfanim.core.retarget.to_standard_skeleton import map_motion
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,10 @@ from perfanim.core.body.motion import Motion
 from perfanim.core.body.motion_metrics import _CONTACT_HEIGHT_M, _CONTACT_SPEED_M_S, _lowest_within
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.rest_alignment import BONE_ENDS
 from perfanim.core.retarget.armature_rest import ArmatureRest
-from perfanim.core.retarget.rest_align import bone_direction
-from perfanim.core.retarget.transfer import CharacterPose, Retargeter
+from perfanim.core.retarget.character_rest_pose import bone_direction
+from perfanim.core.retarget.file_rest_pose import BONE_ENDS
+from perfanim.core.retarget.retargeter import CharacterPose, Retargeter
 
 LIMBS = ("femur", "tibia", "humerus", "radius", "hand")
 

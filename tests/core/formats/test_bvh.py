@@ -8,7 +8,7 @@ from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import FormatError
 from perfanim.core.formats.bvh import UNITS, read_bvh, write_bvh
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.mapping import map_motion
+from perfanim.core.retarget.to_standard_skeleton import map_motion
 
 SMALL = """HIERARCHY
 ROOT mixamorig:Hips

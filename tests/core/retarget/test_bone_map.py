@@ -9,7 +9,7 @@ from figures import PLAIN, armature, figure
 from perfanim.core.errors import CharacterError
 from perfanim.core.retarget.armature_rest import ArmatureRest
 from perfanim.core.retarget.bone_map import State, checked_map, find_bone_map
-from perfanim.core.retarget.presets import read_presets
+from perfanim.core.retarget.bone_map_files import read_presets
 
 SPINE = ("root", "lowerback", "upperback", "thorax", "lowerneck", "head")
 SPINE_PLACES = ("hips", "spine", "belly", "chest", "neck", "head")

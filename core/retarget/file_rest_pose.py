@@ -15,11 +15,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from .body.joint_angle_frames import angle_frame
-from .body.source_motion import SourceMotion, frame_range, source_kinematics, zero_pose_positions
-from .body.standard_skeleton import JOINT_NAMES, default_skeleton
-from .errors import SkeletonError
-from .geometry import rotations as rot
+from ..body.joint_angle_frames import angle_frame
+from ..body.source_motion import SourceMotion, frame_range, source_kinematics, zero_pose_positions
+from ..body.standard_skeleton import JOINT_NAMES, default_skeleton
+from ..errors import SkeletonError
+from ..geometry import rotations as rot
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -9,7 +9,7 @@ from ..body.skeleton import Skeleton
 from ..geometry import quaternion_components as c
 from ..geometry import rotations as rot
 from .armature_rest import Array
-from .rest_align import RestAlignment
+from .character_rest_pose import RestAlignment
 
 _BALL_ABOVE_SOLE = 0.029  # height of the ball of a standing foot above the floor, in leg lengths
 _REACH = 0.9995  # of the leg's length: no knee is quite straight

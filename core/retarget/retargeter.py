@@ -19,9 +19,9 @@ from ..geometry import quaternion_components as c
 from ..geometry import rotations as rot
 from .armature_rest import ArmatureRest, Array, IntArray
 from .bone_map import BoneMap
+from .character_rest_pose import align_character
 from .driven_bones import DrivenBone, driven_ancestors, driven_bones, root_bone
-from .legs import Legs
-from .rest_align import align_character
+from .leg_ik import Legs
 
 _IDENTITY = rot.identity()
 

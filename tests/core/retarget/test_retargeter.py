@@ -16,7 +16,7 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.motion_files import read_motion
 from perfanim.core.retarget.armature_rest import ArmatureRest
 from perfanim.core.retarget.bone_map import find_bone_map
-from perfanim.core.retarget.transfer import Retargeter, RootMotion
+from perfanim.core.retarget.retargeter import Retargeter, RootMotion
 from perfanim.core.system.assets import MOTION
 
 DIRECTION_DEG = 3.0  # required: median of hands and feet

@@ -6,9 +6,9 @@ from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import JOINT_NAMES, mirrored_name
 from perfanim.core.errors import SettingsError
 from perfanim.core.formats.bvh import read_bvh, write_bvh
-from perfanim.core.formats.naming import NAMINGS, naming_of, renamed
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.motion_files import read_motion
+from perfanim.core.retarget.joint_naming import NAMINGS, naming_of, renamed
 from perfanim.core.vmc.humanoid import BONES
 
 

@@ -13,9 +13,9 @@ from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton
 from perfanim.core.errors import SkeletonError
 from perfanim.core.formats.bvh import read_bvh
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.joint_names import match_joints, split_name
-from perfanim.core.mapping import map_motion
 from perfanim.core.motion_files import read_motion
+from perfanim.core.retarget.file_joints import match_joints, split_name
+from perfanim.core.retarget.to_standard_skeleton import map_motion
 
 Array = NDArray[np.float64]
 

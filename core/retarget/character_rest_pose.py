@@ -15,10 +15,10 @@ import numpy as np
 from ..body.skeleton import Skeleton
 from ..errors import CharacterError
 from ..geometry import rotations as rot
-from ..rest_alignment import BONE_ENDS
 from .armature_rest import ArmatureRest, Array
 from .bone_names import parse_bone_name
-from .structure import cosine
+from .file_rest_pose import BONE_ENDS
+from .limb_detection import cosine
 
 # A rig whose rest pose stands within this angle of an axis-aligned frame is taken to be meant that way: its own lean
 # (hips before or behind the head) is posture and no turn of the rig.

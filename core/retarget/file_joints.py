@@ -12,9 +12,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from .body.source_motion import SourceMotion, zero_pose_positions
-from .body.standard_skeleton import JOINT_NAMES
-from .errors import SkeletonError
+from ..body.source_motion import SourceMotion, zero_pose_positions
+from ..body.standard_skeleton import JOINT_NAMES
+from ..errors import SkeletonError
 
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _PREFIX = re.compile(r"(?i)^(character|bip)\d*[ _]")

@@ -13,15 +13,15 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from .body.joint_angle_frames import with_angle_frames
-from .body.motion import Motion
-from .body.skeleton import Skeleton
-from .body.source_motion import SourceMotion, source_kinematics
-from .body.standard_skeleton import JOINT_NAMES, default_skeleton
-from .formats.naming import NAMINGS
-from .geometry import rotations as rot
-from .joint_names import match_joints
-from .rest_alignment import align_rest
+from ..body.joint_angle_frames import with_angle_frames
+from ..body.motion import Motion
+from ..body.skeleton import Skeleton
+from ..body.source_motion import SourceMotion, source_kinematics
+from ..body.standard_skeleton import JOINT_NAMES, default_skeleton
+from ..geometry import rotations as rot
+from .file_joints import match_joints
+from .file_rest_pose import align_rest
+from .joint_naming import NAMINGS
 
 Array = NDArray[np.float64]
 
