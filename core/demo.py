@@ -18,7 +18,7 @@ from .body.motion_metrics import evaluate
 from .body.pose_frame import PoseFrame
 from .database.build import build_database
 from .database.store import Database, open_database
-from .formats.bvh import write_bvh
+from .formats.motion.bvh import write_bvh
 from .geometry.camera import CameraRig
 from .geometry.rig_file import save_rig
 from .markers.marker_frame import MarkerFrame

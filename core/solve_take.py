@@ -12,6 +12,7 @@ from .body.pose_frame import PoseFrame
 from .database.store import Database
 from .ensemble import Stepper, followed
 from .errors import TakeError
+from .formats.take_file.reading import TakeFile, rate
 from .geometry import rotations as rot
 from .geometry.camera import CameraRig
 from .markers.marker_frame import MarkerFrame
@@ -21,7 +22,6 @@ from .markers.subject import Subject
 from .markers.take_frames import take_frames
 from .session import Session
 from .solver.settings import SolveSettings
-from .take_file.reading import TakeFile, rate
 
 SessionMaker = Callable[[Subject, Database, CameraRig | None, SolveSettings], Session]
 

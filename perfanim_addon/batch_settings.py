@@ -7,7 +7,7 @@ import bpy
 
 from ..core.batch.plan import plan_of
 from ..core.errors import SettingsError
-from ..core.formats.takes import is_recorded
+from ..core.formats.markers.marker_files import is_recorded
 from ..core.system.files import write_toml
 from . import preferences, states, takes
 from .hung import hung_on

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..core.body.skeleton import Skeleton
 from ..core.errors import CharacterError, FormatError
-from ..core.formats.bvh_axes import moved_bvh
+from ..core.formats.motion.bvh_axes import moved_bvh
 from ..core.system.files import atomic_path
 from .action_channels import play, played
 from .actions import scene_frames, write_action

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..core.body.motion import Motion
 from ..core.body.skeleton import forward_kinematics
 from ..core.errors import CharacterError, PerfanimError
-from ..core.motion_files import read_motion
+from ..core.formats.motion.read_motion import read_motion
 from ..core.system.files import atomic_path
 from . import axes
 from .actions import write_action

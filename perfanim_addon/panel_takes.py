@@ -9,10 +9,10 @@ from typing import Any
 import bpy
 
 from ..core.errors import PerfanimError
+from ..core.formats.take_file.edit import append_notes
+from ..core.formats.take_file.reading import TakeSummary, summarise
+from ..core.formats.take_file.setup import MOST_STARS
 from ..core.solver.settings import SolveSettings
-from ..core.take_file.edit import append_notes
-from ..core.take_file.reading import TakeSummary, summarise
-from ..core.take_file.setup import MOST_STARS
 from . import panels, preferences, result, running, takes
 from .live import Capture
 from .sidebar_tab import SidebarPanel, register_panels, unregister_panels

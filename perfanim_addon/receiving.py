@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from ..core.vmc.ports import PERFORMER_PORT
+from ..core.formats.vmc.ports import PERFORMER_PORT
 from . import sending
 from .hung import hung_on
 

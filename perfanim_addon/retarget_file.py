@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ..core.body.motion import Motion
 from ..core.errors import CharacterError, FormatError, PerfanimError
-from ..core.motion_files import read_motion
+from ..core.formats.motion.read_motion import read_motion
 from ..core.retarget.bone_map import BoneMap, State, checked_map
 from ..core.retarget.bone_map_files import named_bone_map
 from ..core.retarget.retargeter import Retargeter, RootMotion

@@ -5,7 +5,7 @@ from typing import Any
 
 import bpy
 
-from ..core.vmc.ports import MARIONETTE_PORT
+from ..core.formats.vmc.ports import MARIONETTE_PORT
 from .hung import hung_on
 
 

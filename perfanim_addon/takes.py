@@ -7,9 +7,9 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from ..core.errors import TakeError
-from ..core.take_file.edit import append_notes
-from ..core.take_file.lock import is_locked
-from ..core.take_file.reading import ENDING, TakeSummary, has_frames, summarise, take_name, unused_path
+from ..core.formats.take_file.edit import append_notes
+from ..core.formats.take_file.lock import is_locked
+from ..core.formats.take_file.reading import ENDING, TakeSummary, has_frames, summarise, take_name, unused_path
 from .place import user_folder
 
 SET_ASIDE = ".cut"  # behind the name of a file whose content has been recovered

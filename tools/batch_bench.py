@@ -30,10 +30,10 @@ from typing import Any
 import numpy as np
 from perfanim.core.body.motion import resampled, sliced
 from perfanim.core.database.build import build_database
-from perfanim.core.formats.takes import write_take
+from perfanim.core.formats.markers.marker_files import write_take
+from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
-from perfanim.core.motion_files import read_motion
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.system.files import write_toml
 

@@ -24,16 +24,16 @@ from perfanim.core.bench.data import BOXING, FPS, WALKING, read_take, whole_data
 from perfanim.core.bench.speed import part_of, reference_ms
 from perfanim.core.body.motion import Motion
 from perfanim.core.database.store import Database, identity, open_database
+from perfanim.core.formats.take_file.pose_codec import SolvedPose, pack_solved
+from perfanim.core.formats.take_file.setup import TakeSetup
+from perfanim.core.formats.take_file.writer import TakeWriter
 from perfanim.core.markers.marker_frame_codec import pack_stamped, unpack_stamped
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
 from perfanim.core.markers.take_frames import take_frames
-from perfanim.core.pose_bytes import SolvedPose, pack_solved
 from perfanim.core.session import Session
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.simulate.studio.rig import default_rig
-from perfanim.core.take_file.setup import TakeSetup
-from perfanim.core.take_file.writer import TakeWriter
 from perfanim.core.worker.protocol import Decoder, MessageKind, encode
 from perfanim.perfanim_addon.armature_driver import ArmatureDriver
 from perfanim.perfanim_addon.character import create_character

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.errors import PerfanimError
-from perfanim.core.motion_files import read_motion
+from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon.retarget_file import retarget_file
 

@@ -32,12 +32,12 @@ from typing import Any
 
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.build import build_database
+from perfanim.core.formats.take_file.edit import recover
+from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.markers.marker_frame_codec import pack
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.system.assets import MOTION
-from perfanim.core.take_file.edit import recover
-from perfanim.core.take_file.reading import read_take_file
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import MessageKind
 from perfanim.perfanim_addon.capture_state import CaptureRun, Phase

@@ -7,8 +7,8 @@ from typing import Any
 
 from .. import __version__
 from ..errors import PerfanimError
-from ..formats.takes import is_recorded
-from ..take_file.reading import read_take_file
+from ..formats.markers.marker_files import is_recorded
+from ..formats.take_file.reading import read_take_file
 from .plan import KEYS, Kind, TakePlan
 
 _VERSION = 1  # of what a batch makes of a take

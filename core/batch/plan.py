@@ -14,8 +14,8 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from ..errors import SettingsError
-from ..formats.takes import READABLE, is_recorded
-from ..motion_export import ANGLES, BVH, MOTION_ENDINGS
+from ..formats.markers.marker_files import READABLE, is_recorded
+from ..formats.motion.write_motion import ANGLES, BVH, MOTION_ENDINGS
 from ..system.files import read_toml
 
 Value = str | float | bool | list[str]

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..errors import FormatError, SettingsError
-from ..take_file.lock import lock
+from ..formats.take_file.lock import lock
 from .digest import ContentDigests, take_digest
 from .plan import TakePlan
 from .record import BAD, REPORT, Record, Task, finished_record, remove_old

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ..errors import PerfanimError
-from ..formats.takes import declared_frames
-from ..motion_export import write_motion
+from ..formats.markers.marker_files import declared_frames
+from ..formats.motion.write_motion import write_motion
 from ..retarget.joint_naming import OWN
 from ..solve_take import SolvedTake
 from .digest import file_digest

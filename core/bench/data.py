@@ -9,8 +9,8 @@ from ..database.build import build_database
 from ..database.store import Clip, Database, open_database
 from ..database.subset import write_subset
 from ..errors import FormatError
-from ..formats.archive import motion_files
-from ..motion_files import read_motion
+from ..formats.motion.motion_sources import motion_files
+from ..formats.motion.read_motion import read_motion
 
 Progress = Callable[[float, str], None]
 

@@ -16,12 +16,12 @@ from ..batch.summary import counts, facts, text_table
 from ..body.foot_lock import FEET
 from ..database.store import open_database
 from ..errors import FormatError, PerfanimError, SettingsError
-from ..formats.takes import READABLE
+from ..formats.markers.marker_files import READABLE
+from ..formats.motion.read_motion import read_skeleton
 from ..geometry.rig_file import load_rig
 from ..markers.label_matching import AUTO, load_names
 from ..markers.marker_set import load_marker_set
 from ..markers.subject import load_subject
-from ..motion_files import read_skeleton
 from ..retarget.retargeter import RootMotion
 from ..solver.settings import METHODS
 from ..take_import import UPS

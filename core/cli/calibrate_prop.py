@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from ..formats.takes import is_recorded, read_take
+from ..formats.markers.marker_files import is_recorded, read_take
+from ..formats.take_file.reading import rate, read_take_file
 from ..markers.marker_take import MarkerTake
 from ..markers.prop import save_prop
 from ..prop_calibration import calibrate_prop
-from ..take_file.reading import rate, read_take_file
 from ..tracking import track_markers
 from .calibrate_subject import part
 

@@ -11,7 +11,7 @@ from ..body.calibration_poses import CALIBRATION, POSES
 from ..body.standard_skeleton import default_skeleton
 from ..database.store import open_database
 from ..errors import SettingsError
-from ..formats.takes import read_take
+from ..formats.markers.marker_files import read_take
 from ..markers.label_matching import AUTO, best_match, load_names, match_names, named_by_hand
 from ..markers.marker_set import MarkerSet, load_marker_set
 from ..markers.marker_take import MarkerTake

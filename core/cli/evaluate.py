@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ..body.motion_metrics import evaluate
-from ..motion_files import read_motion, read_skeleton
+from ..formats.motion.read_motion import read_motion, read_skeleton
 
 
 def add_parser(subparsers: Any) -> None:

@@ -7,10 +7,10 @@ from typing import Any
 
 from ..body.motion import resampled
 from ..errors import SettingsError
-from ..formats.bvh import write_bvh
-from ..formats.takes import check_writable, write_take
+from ..formats.markers.marker_files import check_writable, write_take
+from ..formats.motion.bvh import write_bvh
+from ..formats.motion.read_motion import read_motion
 from ..markers.marker_set import load_marker_set
-from ..motion_files import read_motion
 from ..simulate.markers import simulate_markers
 from . import simulate_cameras
 from .options import seed

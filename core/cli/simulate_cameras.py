@@ -6,7 +6,7 @@ from typing import Any
 
 from ..body.motion import resampled
 from ..errors import SettingsError
-from ..motion_files import read_motion
+from ..formats.motion.read_motion import read_motion
 from ..simulate.studio.export import RecordingFiles, export_recording
 from ..simulate.studio.render import Renderer
 from ..simulate.studio.rig import FPS, default_rig

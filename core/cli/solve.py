@@ -13,7 +13,11 @@ from ..body.motion import Motion
 from ..body.skeleton import marker_positions
 from ..database.store import Database, identity
 from ..errors import FormatError, SubjectError, TakeError
-from ..formats.takes import is_recorded, read_take
+from ..formats.markers.marker_files import is_recorded, read_take
+from ..formats.markers.prop_csv import write_prop_csv
+from ..formats.motion.read_motion import read_skeleton
+from ..formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_motion
+from ..formats.take_file.reading import ENDING, TakeFile, read_take_file
 from ..geometry.rig_file import load_rig
 from ..marker_choice import choose_markers, with_markers, worn_in
 from ..markers.filtering import smoothed, smoothed_motion
@@ -23,14 +27,10 @@ from ..markers.marker_take import MarkerTake
 from ..markers.prop import Prop, load_prop
 from ..markers.subject import Subject, load_subject
 from ..markers.take_frames import is_unnamed
-from ..motion_export import MOTION_ENDINGS, is_motion, write_motion
-from ..motion_files import read_skeleton
-from ..prop_csv import write_prop_csv
 from ..solve_take import SolvedTake, by_performer, solve_recorded, solve_take
 from ..solved_take_file import keep_solved_anew
 from ..solver.settings import METHODS, SolveSettings
 from ..solver_store import SolverStore
-from ..take_file.reading import ENDING, TakeFile, read_take_file
 from ..take_import import UPS, brought_in
 from .options import add_motion_options
 

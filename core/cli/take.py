@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from ..errors import FormatError, SettingsError, TakeError
-from ..formats.own_take import marker_take
-from ..formats.takes import WRITABLE, declared_frames, is_recorded, read_take, write_take
-from ..motion_export import MOTION_ENDINGS, is_motion, write_motion
-from ..prop_csv import write_prop_csv
+from ..formats.markers.marker_files import WRITABLE, declared_frames, is_recorded, read_take, write_take
+from ..formats.markers.prop_csv import write_prop_csv
+from ..formats.markers.recorded_take import marker_take
+from ..formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_motion
+from ..formats.take_file.edit import recover
+from ..formats.take_file.lock import is_locked
+from ..formats.take_file.reading import ENDING, TakeFile, rate, read_take_file, take_name
 from ..solve_take import by_performer, steady_motion
-from ..take_file.edit import recover
-from ..take_file.lock import is_locked
-from ..take_file.reading import ENDING, TakeFile, rate, read_take_file, take_name
 from . import take_fill, take_import
 from .options import add_motion_options
 

@@ -8,8 +8,8 @@ from typing import Any
 from ..body.standard_skeleton import default_skeleton
 from ..database.store import Database, open_database
 from ..errors import SettingsError, TakeError
-from ..formats.rewrite import rewrite_take
-from ..formats.takes import WRITABLE, check_writable, is_recorded, read_take
+from ..formats.markers.marker_files import WRITABLE, check_writable, is_recorded, read_take
+from ..formats.markers.rewrite_take import rewrite_take
 from ..markers.filtering import smoothed_on_body
 from ..markers.gap_filling import gaps_of, with_gaps_filled, without_shoulders
 from ..markers.label_matching import AUTO, best_match, load_names, match_names, named_by_hand

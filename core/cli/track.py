@@ -77,7 +77,7 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Track, write the take, return the summary."""
-    from ..formats.takes import write_take
+    from ..formats.markers.marker_files import write_take
     from ..geometry.rig_file import load_rig
     from ..markers.marker_set import load_marker_set
     from ..sources.spec import open_image_source
@@ -167,7 +167,7 @@ def _of_one_camera(
 
 def _check(args: argparse.Namespace) -> None:
     """Raise SettingsError for options that cannot be meant, before any work."""
-    from ..formats.takes import check_writable
+    from ..formats.markers.marker_files import check_writable
 
     if args.markers is not None and not 1 <= args.markers <= 200:
         raise SettingsError(f"--markers {args.markers} cannot be", advice="use 1 to 200")
@@ -304,7 +304,7 @@ def _without_distortion(rig: Any) -> Any:
 
 def _compared(take: Any, path: str) -> dict[str, Any]:
     """Distance to trajectories of the same cameras, paired marker by marker to fit best over the whole take."""
-    from ..formats.takes import read_take
+    from ..formats.markers.marker_files import read_take
     from ..tracking_names import best_permutation
 
     truth = read_take(path)

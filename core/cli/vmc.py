@@ -9,14 +9,14 @@ import numpy as np
 
 from ..body.motion import Motion, resampled
 from ..errors import FormatError
-from ..formats.takes import WRITABLE, is_recorded, write_take
-from ..motion_export import MOTION_ENDINGS, is_motion, write_motion
-from ..motion_files import read_motion
+from ..formats.markers.marker_files import WRITABLE, is_recorded, write_take
+from ..formats.motion.read_motion import read_motion
+from ..formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_motion
+from ..formats.take_file.reading import ENDING, read_take_file
+from ..formats.vmc.humanoid import BONES
+from ..formats.vmc.link import Receiver, play, record
+from ..formats.vmc.ports import MARIONETTE_PORT, PERFORMER_PORT
 from ..solve_take import steady_motion
-from ..take_file.reading import ENDING, read_take_file
-from ..vmc.humanoid import BONES
-from ..vmc.link import Receiver, play, record
-from ..vmc.ports import MARIONETTE_PORT, PERFORMER_PORT
 from .options import positive, rate_hz
 
 Progress = Callable[[float, str], None]

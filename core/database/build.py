@@ -16,7 +16,7 @@ from ..body.mirroring import mirrored_behaviour, mirrored_points, mirrored_rotat
 from ..body.skeleton import Skeleton
 from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import DatabaseError, FormatError
-from ..formats.archive import MotionFile, motion_files
+from ..formats.motion.motion_sources import MotionFile, motion_files
 from .culling import kept_clips, near_duplicates
 from .frame_file import FrameFile
 from .graph import LARGE_DATABASE, GraphSettings

@@ -25,9 +25,9 @@ from ..body.motion import resampled
 from ..body.motion_cleaning import Defect, clean
 from ..body.skeleton import Skeleton
 from ..errors import DatabaseError, PerfanimError
-from ..formats.archive import MotionFile
+from ..formats.motion.motion_sources import MotionFile
+from ..formats.motion.read_motion import read_motion_parts
 from ..geometry import rotations as rot
-from ..motion_files import read_motion_parts
 from ..system import helper_process
 
 _LENGTH = struct.Struct("<I")

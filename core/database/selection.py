@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import PurePosixPath
 
 from ..errors import DatabaseError
-from ..formats.archive import MotionFile
+from ..formats.motion.motion_sources import MotionFile
 from .labels import behaviour_of
 
 

@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 from ..body.pose_frame import PoseFrame
 from ..body.skeleton import Skeleton
 from ..errors import CaptureError
+from ..formats.vmc.link import Sender
 from ..pose_shaping import PoseShaper, Shape
-from ..vmc.link import Sender
 
 
 class BroadcastShaper(PoseShaper):

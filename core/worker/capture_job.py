@@ -32,18 +32,18 @@ from ..body.foot_lock import floor_of
 from ..body.pose_frame import PoseFrame
 from ..database.store import Database, identity, open_database
 from ..errors import CaptureError, PerfanimError, SettingsError
+from ..formats.take_file.pose_codec import SolvedPose, pack_solved
+from ..formats.take_file.setup import TakeNotes, TakeSetup
+from ..formats.take_file.writer import TakeWriter
 from ..geometry.camera import CameraRig
 from ..geometry.rig_file import load_rig
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_frame_codec import pack_stamped, unpack_stamped
 from ..markers.prop import load_prop
 from ..markers.subject import load_subject
-from ..pose_bytes import SolvedPose, pack_solved
 from ..pose_shaping import PoseShaper, Shape
 from ..simulate.studio.rig import default_rig
 from ..solver.settings import SolveSettings
-from ..take_file.setup import TakeNotes, TakeSetup
-from ..take_file.writer import TakeWriter
 from .channel import Channel
 from .client import WorkerClient
 from .protocol import Message, MessageKind

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import CaptureError
+from ..formats.take_file.pose_codec import SolvedPose, unpack_solved
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_frame_codec import pack_stamped, unpack_stamped
-from ..pose_bytes import SolvedPose, unpack_solved
 
 VERSION = 1
 MAX_PAYLOAD = 64 * 1024 * 1024

@@ -15,7 +15,7 @@ from typing import Any
 
 from ..body.calibration_poses import INSTRUCTIONS, POSES
 from ..errors import CalibrationError, CaptureError, TakeError
-from ..formats.takes import write_take
+from ..formats.markers.marker_files import write_take
 from ..geometry.camera import CameraRig
 from ..geometry.rig_file import save_rig
 from ..markers.floor_from_feet import floor_points, moved_to_rig

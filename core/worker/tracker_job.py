@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..errors import CaptureError
+from ..formats.vmc.link import Receiver
+from ..formats.vmc.tracker_stream import TrackerStream
 from ..markers.label_matching import listed
 from ..markers.subject import load_subject
-from ..vmc.link import Receiver
-from ..vmc.tracker_stream import TrackerStream
 from .channel import Channel
 
 _LOOK_S = 0.1

@@ -5,8 +5,8 @@ from pathlib import Path
 import bpy
 
 from ...core.errors import PerfanimError, TakeError
-from ...core.take_file.reading import summarise
-from ...core.take_file.setup import MOST_STARS
+from ...core.formats.take_file.reading import summarise
+from ...core.formats.take_file.setup import MOST_STARS
 from .. import running, takes
 from ..panel_takes import KEY as PANEL
 from . import common

@@ -9,8 +9,8 @@ import pytest
 from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import CharacterError, FormatError
-from perfanim.core.formats.bvh import read_bvh
-from perfanim.core.motion_files import read_motion
+from perfanim.core.formats.motion.bvh import read_bvh
+from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.retarget.joint_naming import NAMINGS
 from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon import actions, character

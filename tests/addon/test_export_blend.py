@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry import rotations as rot
 from played import played_poses
 

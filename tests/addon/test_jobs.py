@@ -13,7 +13,7 @@ import pytest
 from clicked import run_job
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.store import open_database
-from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.markers.subject import load_subject
 from perfanim.core.simulate.performer import perform

@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 import pytest
 from perfanim.core.body.skeleton import forward_kinematics
+from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.geometry.rig_file import save_rig
 from perfanim.core.markers.subject import save_subject
 from perfanim.core.simulate.studio.source import open_simulated
-from perfanim.core.take_file.reading import read_take_file
 from played import curves_of, key_times
 from ticking import tick_until
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.body.skeleton import forward_kinematics
-from perfanim.core.motion_export import write_motion
-from perfanim.core.motion_files import read_motion
+from perfanim.core.formats.motion.read_motion import read_motion
+from perfanim.core.formats.motion.write_motion import write_motion
+from perfanim.core.formats.vmc.humanoid import BONES
 from perfanim.core.retarget.joint_naming import NAMINGS
 from perfanim.core.system.assets import MOTION
-from perfanim.core.vmc.humanoid import BONES
 from perfanim.perfanim_addon.axes import BLENDER_FROM_PRODUCT
 
 SAME_M = 0.001

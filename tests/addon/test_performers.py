@@ -13,18 +13,18 @@ from clicked import run_job
 from perfanim.core.body.pose_frame import PoseFrame
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.build import build_database
-from perfanim.core.formats.bvh import read_bvh
+from perfanim.core.formats.motion.bvh import read_bvh
+from perfanim.core.formats.take_file.pose_codec import SolvedPose
+from perfanim.core.formats.take_file.reading import read_take_file
+from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.whole import write_whole_take
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, save_subject
-from perfanim.core.pose_bytes import SolvedPose
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.system.assets import MOTION
-from perfanim.core.take_file.reading import read_take_file
-from perfanim.core.take_file.setup import TakeNotes, TakeSetup
-from perfanim.core.take_file.whole import write_whole_take
 from played import curves_of, key_times, played_poses
 
 PATIENCE_S = 600.0

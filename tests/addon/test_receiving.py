@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.database.build import build_database
-from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.formats.motion.bvh import write_bvh
+from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.simulate.performer import perform
-from perfanim.core.take_file.reading import read_take_file
 from trackers_sent import Program, free_port, tracker_packet
 
 PATIENCE_S = 300.0

@@ -16,7 +16,7 @@ from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import scaled
 from perfanim.core.cli.main import build_parser
 from perfanim.core.errors import CharacterError
-from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.retarget.joint_naming import NAMINGS
 from perfanim.core.retarget.retargeter import RootMotion
 from perfanim.core.system.assets import MOTION

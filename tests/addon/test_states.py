@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.build import build_database
-from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.geometry.rig_file import load_rig, save_rig
 from perfanim.core.markers.marker_set import load_marker_set

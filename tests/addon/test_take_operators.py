@@ -15,19 +15,19 @@ from perfanim.core.body.motion import resampled, sliced
 from perfanim.core.body.pose_frame import PoseFrame
 from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.cli.main import main
-from perfanim.core.formats.bvh import read_bvh, write_bvh
-from perfanim.core.formats.takes import write_take
+from perfanim.core.formats.markers.marker_files import write_take
+from perfanim.core.formats.motion.bvh import read_bvh, write_bvh
+from perfanim.core.formats.motion.read_motion import read_motion
+from perfanim.core.formats.take_file.pose_codec import SolvedPose
+from perfanim.core.formats.take_file.reading import read_take_file
+from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.whole import write_whole_take
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import Subject, save_subject
-from perfanim.core.motion_files import read_motion
-from perfanim.core.pose_bytes import SolvedPose
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.system.assets import MOTION
-from perfanim.core.take_file.reading import read_take_file
-from perfanim.core.take_file.setup import TakeNotes, TakeSetup
-from perfanim.core.take_file.whole import write_whole_take
 from played import curves_of, key_times
 
 

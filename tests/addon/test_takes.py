@@ -15,16 +15,16 @@ import pytest
 from clicked import run_job
 from perfanim.core.body.pose_frame import PoseFrame
 from perfanim.core.body.standard_skeleton import default_skeleton
+from perfanim.core.formats.take_file.chunks import scan
+from perfanim.core.formats.take_file.pose_codec import SolvedPose, pack_solved
+from perfanim.core.formats.take_file.reading import read_take_file
+from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.writer import TakeWriter
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_frame_codec import pack_stamped
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
-from perfanim.core.pose_bytes import SolvedPose, pack_solved
 from perfanim.core.simulate.studio.rig import default_rig
-from perfanim.core.take_file.chunks import scan
-from perfanim.core.take_file.reading import read_take_file
-from perfanim.core.take_file.setup import TakeNotes, TakeSetup
-from perfanim.core.take_file.writer import TakeWriter
 from played import curves_of, key_times
 
 PATIENCE_S = 600.0

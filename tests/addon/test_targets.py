@@ -10,12 +10,12 @@ import numpy as np
 from clicked import run_job
 from mathutils import Matrix, Quaternion, Vector
 from perfanim.core.database.build import build_database
+from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.markers.marker_take import MarkerTake, save_take
 from perfanim.core.markers.prop import load_prop, save_prop
 from perfanim.core.simulate.studio.carried import in_hand
 from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.system.assets import MOTION
-from perfanim.core.take_file.reading import read_take_file
 from played import curves_of, key_times
 from ticking import tick_until
 

@@ -10,11 +10,11 @@ from perfanim.core.body.motion import Motion, resampled, sliced
 from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.database.labels import behaviour_of
 from perfanim.core.database.store import Clip, Database, open_database, write_database
+from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, Camera, CameraRig
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
-from perfanim.core.motion_files import read_motion
 from perfanim.core.solver.subject_model import SubjectModel
 from perfanim.core.system.assets import MOTION
 

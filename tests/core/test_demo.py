@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.cli.main import main
-from perfanim.core.formats.bvh import read_bvh
+from perfanim.core.formats.motion.bvh import read_bvh
 from perfanim.core.retarget.to_standard_skeleton import map_motion
 
 

@@ -7,7 +7,7 @@ import pytest
 from perfanim.core.body.motion import sliced
 from perfanim.core.cli.main import main
 from perfanim.core.errors import MarkerSetError
-from perfanim.core.formats.takes import write_take
+from perfanim.core.formats.markers.marker_files import write_take
 from perfanim.core.marker_choice import choose_markers, with_markers
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, save_subject

@@ -7,10 +7,10 @@ import perfanim
 import pytest
 from perfanim.core.body.motion import sliced
 from perfanim.core.body.motion_metrics import evaluate
-from perfanim.core.formats.bvh import write_bvh
-from perfanim.core.formats.takes import write_take
+from perfanim.core.formats.markers.marker_files import write_take
+from perfanim.core.formats.motion.bvh import write_bvh
+from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.markers.subject import save_subject
-from perfanim.core.motion_files import read_motion
 from perfanim.core.simulate.markers import simulate_markers
 
 GUIDE = Path(perfanim.__file__).parent / "docs" / "scripting.md"

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from perfanim.core.body.skeleton import forward_kinematics, marker_positions
 from perfanim.core.cli.main import main
-from perfanim.core.formats.takes import read_take
+from perfanim.core.formats.markers.marker_files import read_take
+from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.markers.subject import load_subject
-from perfanim.core.motion_files import read_motion
 
 MARKERS = "two-webcams"
 FIRST, LAST = 1700, 1850  # pairs of the fourth sequence by their numbers: 5 s, several steps away from the cameras

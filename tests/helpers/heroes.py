@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.motion_files import read_motion
+from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon.character import create_character
 

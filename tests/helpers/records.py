@@ -2,9 +2,9 @@
 
 import numpy as np
 from perfanim.core.body.pose_frame import PoseFrame
+from perfanim.core.formats.take_file.pose_codec import SolvedPose, pack_solved
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_frame_codec import pack_stamped
-from perfanim.core.pose_bytes import SolvedPose, pack_solved
 
 MARKERS = 9
 

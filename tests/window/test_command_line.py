@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from perfanim.core.body.motion import sliced
 from perfanim.core.database.build import build_database
-from perfanim.core.formats.bvh import write_bvh
-from perfanim.core.formats.takes import write_take
+from perfanim.core.formats.markers.marker_files import write_take
+from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.simulate.performer import perform

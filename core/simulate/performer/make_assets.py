@@ -13,7 +13,7 @@ import numpy as np
 
 from ...body.motion import Motion, sliced
 from ...errors import PerfanimError
-from ...formats.bvh import write_bvh
+from ...formats.motion.bvh import write_bvh
 from .bodies import body, prototype_bodies, save_bodies
 from .performance import T_POSE_S, perform, performance
 from .style import STYLES

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from ...errors import CaptureError
-from ...formats.bvh import write_bvh
+from ...formats.motion.bvh import write_bvh
 from ...geometry.rig_file import save_rig
 from ...markers.marker_take import MarkerTake, save_take
 from ...markers.subject import save_subject

@@ -12,7 +12,7 @@ from perfanim.core.batch.processes import in_processes
 from perfanim.core.batch.record import Record, Task
 from perfanim.core.batch.run import BatchResult, DoTasks, run_batch
 from perfanim.core.cli import batch_worker
-from perfanim.core.formats.takes import write_take
+from perfanim.core.formats.markers.marker_files import write_take
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import save_subject
 from perfanim.core.simulate.markers import simulate_markers

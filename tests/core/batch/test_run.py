@@ -13,11 +13,11 @@ from perfanim.core.batch.plan import plan_of
 from perfanim.core.batch.record import BAD, DOUBTFUL, GOOD, failed
 from perfanim.core.batch.run import run_batch
 from perfanim.core.errors import FormatError, SettingsError
-from perfanim.core.formats.takes import read_take
-from perfanim.core.motion_files import read_motion
+from perfanim.core.formats.markers.marker_files import read_take
+from perfanim.core.formats.motion.read_motion import read_motion
+from perfanim.core.formats.take_file.lock import lock
 from perfanim.core.solved_take_file import keep_markers
 from perfanim.core.solver.settings import SolveSettings
-from perfanim.core.take_file.lock import lock
 from perfanim.tests.core.batch.conftest import FRAMES, do_here, files, in_others, run
 
 REASONS = {

@@ -33,7 +33,7 @@ from perfanim.core.cli.main import main
 from perfanim.core.database.store import open_database
 from perfanim.core.database.subset import write_subset
 from perfanim.core.errors import DatabaseError, SettingsError
-from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.solver.pose_solver import PoseSolver
 

@@ -12,7 +12,7 @@ from perfanim.core.bench.methods import METHODS, PAPER_RANGE
 from perfanim.core.bench.tuning import tuning
 from perfanim.core.body.motion import sliced
 from perfanim.core.database.store import open_database
-from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.formats.motion.bvh import write_bvh
 
 TRIALS = {
     "16_16": "walking-02-energetic",

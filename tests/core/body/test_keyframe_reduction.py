@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 from perfanim.core.body.keyframe_reduction import location_keys, rotation_keys, slopes
+from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.motion_files import read_motion
 from perfanim.core.system.assets import MOTION
 
 

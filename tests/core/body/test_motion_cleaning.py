@@ -9,8 +9,8 @@ from perfanim.core.body.calibration_poses import t_pose
 from perfanim.core.body.motion import Motion, resampled
 from perfanim.core.body.motion_cleaning import Cleaned, clean
 from perfanim.core.body.standard_skeleton import JOINT_NAMES
+from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.motion_files import read_motion
 from perfanim.core.system.assets import MOTION
 
 RATES = (30.0, 60.0, 120.0)

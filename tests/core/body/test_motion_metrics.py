@@ -11,8 +11,8 @@ from perfanim.core.body.skeleton import Skeleton
 from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton
 from perfanim.core.cli import evaluate as command
 from perfanim.core.errors import FormatError
-from perfanim.core.formats.asf import read_asf
-from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.formats.motion.asf import read_asf
+from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry import rotations as rot
 
 

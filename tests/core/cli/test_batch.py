@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from perfanim.core.cli.main import main
-from perfanim.core.formats.takes import read_take, write_take
+from perfanim.core.formats.markers.marker_files import read_take, write_take
+from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import save_subject
-from perfanim.core.motion_files import read_motion
 from perfanim.core.simulate.markers import simulate_markers
 
 FRAMES = 8

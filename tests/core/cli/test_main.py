@@ -11,9 +11,9 @@ import pytest
 from perfanim.core import __version__
 from perfanim.core.cli import main as cli
 from perfanim.core.cli.main import COMMANDS, build_parser, main, summary_text
+from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.markers.marker_take import MarkerTake, save_take
 from perfanim.core.markers.subject import save_subject
-from perfanim.core.motion_files import read_motion
 from perfanim.core.simulate.markers import simulate_markers
 
 

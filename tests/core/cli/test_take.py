@@ -8,22 +8,22 @@ import pytest
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.cli.main import main
 from perfanim.core.database.store import identity
-from perfanim.core.formats.bvh import read_bvh
-from perfanim.core.formats.takes import read_take
+from perfanim.core.formats.markers.marker_files import read_take
+from perfanim.core.formats.motion.bvh import read_bvh
+from perfanim.core.formats.motion.read_motion import read_motion
+from perfanim.core.formats.take_file import writer as writer_module
+from perfanim.core.formats.take_file.chunks import scan
+from perfanim.core.formats.take_file.edit import append_notes
+from perfanim.core.formats.take_file.pose_codec import SolvedPose, pack_solved
+from perfanim.core.formats.take_file.reading import read_take_file, summarise
+from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.writer import TakeWriter
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.rig_file import save_rig
 from perfanim.core.markers.marker_frame_codec import pack_stamped
 from perfanim.core.markers.marker_take import MarkerTake, save_take
-from perfanim.core.motion_files import read_motion
-from perfanim.core.pose_bytes import SolvedPose, pack_solved
 from perfanim.core.session import Session
 from perfanim.core.solver.settings import SolveSettings
-from perfanim.core.take_file import writer as writer_module
-from perfanim.core.take_file.chunks import scan
-from perfanim.core.take_file.edit import append_notes
-from perfanim.core.take_file.reading import read_take_file, summarise
-from perfanim.core.take_file.setup import TakeNotes, TakeSetup
-from perfanim.core.take_file.writer import TakeWriter
 
 LOST = (20, 21, 22)  # frames that the cameras left out
 FPS = 30.0

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core.cli.main import main
-from perfanim.core.formats.takes import read_take, write_take
+from perfanim.core.formats.markers.marker_files import read_take, write_take
+from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.markers.marker_set import load_marker_set
@@ -14,7 +15,6 @@ from perfanim.core.markers.marker_take import MarkerTake, SingleViews
 from perfanim.core.markers.subject import save_subject
 from perfanim.core.solve_take import solve_take
 from perfanim.core.solver.settings import SolveSettings
-from perfanim.core.take_file.reading import read_take_file
 from perfanim.core.take_import import brought_in
 
 FPS = 30.0

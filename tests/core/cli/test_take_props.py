@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from perfanim.core.cli.main import main
 from perfanim.core.database.store import identity
+from perfanim.core.formats.take_file.reading import read_take_file
+from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.whole import write_whole_take
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.prop import load_prop, save_prop
 from perfanim.core.simulate.studio.carried import in_hand
-from perfanim.core.take_file.reading import read_take_file
-from perfanim.core.take_file.setup import TakeNotes, TakeSetup
-from perfanim.core.take_file.whole import write_whole_take
 from props import FPS, Film, markers_of
 
 FRAMES = 20

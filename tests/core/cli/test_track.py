@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from perfanim.core.cli.main import main
-from perfanim.core.formats.takes import read_take
+from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, Camera, CameraRig
 from perfanim.core.geometry.rig_file import save_rig
 

@@ -9,14 +9,14 @@ from perfanim.core.body.motion import sliced
 from perfanim.core.body.pose_frame import PoseFrame
 from perfanim.core.cli.main import build_parser, main
 from perfanim.core.database.store import identity
-from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.formats.motion.bvh import write_bvh
+from perfanim.core.formats.motion.read_motion import read_motion
+from perfanim.core.formats.take_file.pose_codec import SolvedPose
+from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.whole import write_whole_take
+from perfanim.core.formats.vmc.link import Receiver
+from perfanim.core.formats.vmc.packets import read_packet
 from perfanim.core.markers.marker_take import load_take
-from perfanim.core.motion_files import read_motion
-from perfanim.core.pose_bytes import SolvedPose
-from perfanim.core.take_file.setup import TakeNotes, TakeSetup
-from perfanim.core.take_file.whole import write_whole_take
-from perfanim.core.vmc.link import Receiver
-from perfanim.core.vmc.packets import read_packet
 from pythonosc.osc_message_builder import OscMessageBuilder
 
 

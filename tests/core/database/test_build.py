@@ -18,8 +18,8 @@ from perfanim.core.database.build import build_database
 from perfanim.core.database.labels import behaviour_of, subject_of
 from perfanim.core.database.store import open_database
 from perfanim.core.errors import DatabaseError, FormatError
-from perfanim.core.formats.archive import skeleton_name
-from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.formats.motion.bvh import write_bvh
+from perfanim.core.formats.motion.motion_sources import skeleton_name
 from perfanim.core.geometry import rotations as rot
 
 

@@ -3,8 +3,8 @@ from perfanim.core.body.motion import resampled
 from perfanim.core.database.culling import kept_clips, near_duplicates
 from perfanim.core.database.graph import JOINT_ANGLES
 from perfanim.core.database.store import Clip
+from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.motion_files import read_motion
 from perfanim.core.system.assets import MOTION
 
 FPS = 60.0

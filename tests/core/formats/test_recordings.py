@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from perfanim.core.errors import FormatError
-from perfanim.core.formats.takes import declared_frames, read_take
+from perfanim.core.formats.markers.marker_files import declared_frames, read_take
 from perfanim.core.markers.marker_take import MarkerTake
 
 TOO_MUCH_FOR_EZC3D = ("bad_parameter_section.c3d",)  # it asks for gigabytes, and half a minute, and gives up

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core.cli.main import main
-from perfanim.core.formats.takes import read_take, write_take
+from perfanim.core.formats.markers.marker_files import read_take, write_take
 from perfanim.core.markers.filtering import smoothed, smoothed_on_body
 from perfanim.core.markers.gap_filling import Gap, gaps_of, with_gaps_filled, without_shoulders
 from perfanim.core.markers.marker_set import load_marker_set

@@ -5,11 +5,11 @@ import pytest
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import JOINT_NAMES, mirrored_name
 from perfanim.core.errors import SettingsError
-from perfanim.core.formats.bvh import read_bvh, write_bvh
+from perfanim.core.formats.motion.bvh import read_bvh, write_bvh
+from perfanim.core.formats.motion.read_motion import read_motion
+from perfanim.core.formats.vmc.humanoid import BONES
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.motion_files import read_motion
 from perfanim.core.retarget.joint_naming import NAMINGS, naming_of, renamed
-from perfanim.core.vmc.humanoid import BONES
 
 
 @pytest.mark.parametrize("naming", NAMINGS)

@@ -12,8 +12,8 @@ from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import scaled
 from perfanim.core.errors import CharacterError
+from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.motion_files import read_motion
 from perfanim.core.retarget.armature_rest import ArmatureRest
 from perfanim.core.retarget.bone_map import find_bone_map
 from perfanim.core.retarget.retargeter import Retargeter, RootMotion

@@ -11,9 +11,9 @@ from perfanim.core.body.skeleton import forward_kinematics, joint_angles
 from perfanim.core.body.source_motion import SourceMotion, source_kinematics
 from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton
 from perfanim.core.errors import SkeletonError
-from perfanim.core.formats.bvh import read_bvh
+from perfanim.core.formats.motion.bvh import read_bvh
+from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.motion_files import read_motion
 from perfanim.core.retarget.file_joints import match_joints, split_name
 from perfanim.core.retarget.to_standard_skeleton import map_motion
 

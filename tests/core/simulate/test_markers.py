@@ -8,12 +8,12 @@ from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.cli import simulate as command
 from perfanim.core.errors import FormatError, MarkerSetError, SettingsError, SkeletonError
-from perfanim.core.formats.bvh import write_bvh
-from perfanim.core.formats.takes import read_take
+from perfanim.core.formats.markers.marker_files import read_take
+from perfanim.core.formats.motion.bvh import write_bvh
+from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.marker_set import Marker, MarkerSet, load_marker_set
 from perfanim.core.markers.subject import Subject
-from perfanim.core.motion_files import read_motion
 from perfanim.core.simulate.markers import simulate_markers
 
 SET = MarkerSet(

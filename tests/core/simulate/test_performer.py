@@ -9,8 +9,8 @@ from perfanim.core.body.motion import Motion
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton
 from perfanim.core.errors import SettingsError, SkeletonError
+from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.motion_files import read_motion
 from perfanim.core.simulate.performer import (
     BEHAVIOURS,
     STYLES,

@@ -11,13 +11,13 @@ from perfanim.core.body.calibration_poses import motorcycle, t_pose
 from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.cli.main import build_parser
 from perfanim.core.errors import CaptureError, PerfanimError, SettingsError
-from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.formats.motion.bvh import write_bvh
+from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.markers.marker_take import load_take
 from perfanim.core.markers.subject import load_subject
-from perfanim.core.motion_files import read_motion
 from perfanim.core.simulate.studio import export
 from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, BoardPicture, board_pictures
 from perfanim.core.simulate.studio.lens import undistorted_grid

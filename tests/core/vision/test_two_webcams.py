@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from perfanim.core.formats.takes import read_take
+from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.sources.images import ImageFileSource
 from perfanim.core.tracking import track_markers

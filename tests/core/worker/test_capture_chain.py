@@ -15,17 +15,17 @@ import pytest
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.build import build_database
 from perfanim.core.errors import CaptureError
-from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.formats.motion.bvh import write_bvh
+from perfanim.core.formats.take_file.pose_codec import pack_solved
+from perfanim.core.formats.take_file.reading import read_take_file, summarise
+from perfanim.core.formats.vmc.link import Receiver
+from perfanim.core.formats.vmc.packets import Clock, read_packet
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.prop import load_prop
 from perfanim.core.markers.subject import Subject, save_subject
-from perfanim.core.pose_bytes import pack_solved
 from perfanim.core.simulate.performer import perform
 from perfanim.core.simulate.studio.carried import in_hand
 from perfanim.core.simulate.studio.source import open_simulated
-from perfanim.core.take_file.reading import read_take_file, summarise
-from perfanim.core.vmc.link import Receiver
-from perfanim.core.vmc.packets import Clock, read_packet
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import Message, MessageKind
 from perfanim.core.worker.seam import Seam

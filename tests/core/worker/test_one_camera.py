@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from perfanim.core.database.build import build_database
-from perfanim.core.formats.bvh import write_bvh
+from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.geometry.rig_file import save_rig
 from perfanim.core.markers.subject import save_subject

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from perfanim.core.body.pose_frame import PoseFrame, PropPose
 from perfanim.core.errors import CaptureError
+from perfanim.core.formats.take_file.pose_codec import SolvedPose, pack_pose, pack_solved, unpack_pose
 from perfanim.core.markers.marker_frame import MarkerFrame
-from perfanim.core.pose_bytes import SolvedPose, pack_pose, pack_solved, unpack_pose
 from perfanim.core.worker.protocol import (
     Decoder,
     Message,

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from perfanim.core.body.calibration_poses import INSTRUCTIONS
-from perfanim.core.formats.takes import read_take
+from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.subject_calibration import pose_points
 from perfanim.core.worker.client import WorkerClient

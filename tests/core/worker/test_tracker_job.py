@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import CaptureError
+from perfanim.core.formats.vmc.link import Receiver
+from perfanim.core.formats.vmc.packets import BONE
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, save_subject
-from perfanim.core.vmc.link import Receiver
-from perfanim.core.vmc.packets import BONE
 from perfanim.core.worker import tracker_job
 from trackers_sent import Program, free_port, tracker_packet
 

@@ -1,0 +1,247 @@
+"""C3D marker takes: reader for the variants of all processors (PC, DEC, MIPS) and of integer and real storage.
+
+After the public format description (c3d.org): a 512-byte header block, parameter blocks with groups and parameters,
+then frames of four words a point (x, y, z, residual with camera mask) and the analog samples, which are passed over.
+"""
+
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import FormatError
+from ...markers.marker_take import MarkerTake
+from ...system.files import read_bytes
+from .reader_parts import make_take, metres_of
+
+Array = NDArray[np.float64]
+
+_BLOCK = 512
+_KEY = 0x50
+_INTEL, _DEC, _MIPS = 84, 85, 86
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where and how the frames are stored.
+
+    Args:
+        points, analog_words: of a frame, which has four words for each point, then the analog ones.
+        frames: that are stored whole.
+        first_frame: its number.
+        scale: of integers; negative: the words are real numbers.
+        start: first byte of the frames.
+        fps: frames per second.
+        processor: that of the file's header, which tells the order of bytes and the kind of real numbers.
+        metres: a length unit of the file.
+    """
+
+    points: int
+    analog_words: int
+    frames: int
+    first_frame: int
+    scale: float
+    start: int
+    fps: float
+    processor: int
+    metres: float
+
+    @property
+    def order(self) -> str:
+        """The order of bytes, as struct and NumPy have it."""
+        return ">" if self.processor == _MIPS else "<"
+
+    @property
+    def is_dec(self) -> bool:
+        """Whether real numbers are those of a VAX."""
+        return self.processor == _DEC
+
+    @property
+    def width(self) -> int:
+        """Words of a frame."""
+        return 4 * self.points + self.analog_words
+
+
+def read_c3d(path: Path | str) -> MarkerTake:
+    """Return the take of a C3D file in metres; points with a negative residual are missing.
+
+    Points without a label are called "unnamed". A header that promises more frames than are stored is believed only as
+    far as whole frames are there.
+
+    Raises:
+        FormatError: not a C3D file, damaged, or without points.
+    """
+    return _Reader(read_bytes(path), str(path)).read()
+
+
+def layout_of(data: bytes, where: str) -> Layout:
+    """Return where the frames of a C3D file's bytes are; errors as in `read_c3d`."""
+    reader = _Reader(data, where)
+    return reader.layout(reader.parameters())
+
+
+def declared_frames(path: Path | str) -> int:
+    """Return how many frames the header of a C3D file promises, 0 when it leaves that open; errors as in `read_c3d`."""
+    return _Reader(read_bytes(path), str(path)).declared()
+
+
+class _Reader:
+    def __init__(self, data: bytes, where: str) -> None:
+        if len(data) < 2 * _BLOCK or data[1] != _KEY:
+            raise FormatError("is not a C3D file" if data else "is empty", where=where)
+        self.data = data
+        self.where = where
+        self.parameter_start = (data[0] - 1) * _BLOCK
+        start = self.parameter_start
+        self.processor = data[start + 3] if 0 <= start < len(data) - 4 else 0
+        if self.processor not in (_INTEL, _DEC, _MIPS):
+            raise FormatError("has no readable parameter section", where=where, advice="the file is damaged")
+        self.order = ">" if self.processor == _MIPS else "<"
+
+    def read(self) -> MarkerTake:
+        parameters = self.parameters()
+        layout = self.layout(parameters)
+        words = self._frames(layout)
+        points = words[:, : 4 * layout.points].reshape(layout.frames, layout.points, 4)
+        positions = points[..., :3] * layout.metres
+        if layout.scale > 0.0:
+            positions = positions * layout.scale
+        # the fourth word: camera mask in the high byte, residual in the low one, -1 as a whole for a missing point
+        missing = points[..., 3] < 0.0
+        missing |= ~np.all(np.isfinite(positions), axis=-1)
+        positions = np.where(missing[..., None], np.nan, positions)
+        numbers = layout.first_frame + np.arange(layout.frames, dtype=np.float64)
+        times = (numbers - layout.first_frame) / layout.fps
+        names = self._names(parameters, layout.points)
+        return make_take(self.where, Path(self.where).stem, layout.fps, names, positions, numbers, times)
+
+    def declared(self) -> int:
+        frames = max(self._word(5) - self._word(4) + 1, 0)
+        return frames if frames < 0xFFFF else 0
+
+    def _names(self, parameters: dict[tuple[str, str], list[Any]], count: int) -> list[str]:
+        labels: list[str] = []
+        for suffix in ("", "2", "3", "4"):  # a parameter holds at most 255 labels
+            labels += [str(label) for label in parameters.get(("POINT", "LABELS" + suffix), [])]
+        return [labels[i] if i < len(labels) else "unnamed" for i in range(count)]
+
+    def _real(self, raw: bytes) -> float:
+        if self.processor == _DEC:
+            return float(_from_dec(np.frombuffer(raw, dtype="<u2"))[0])
+        value: float = struct.unpack(self.order + "f", raw)[0]
+        return value
+
+    def _word(self, index: int) -> int:
+        """Return 16-bit word `index` (from 1, as the format's description counts) of the header."""
+        value: int = struct.unpack_from(self.order + "H", self.data, 2 * (index - 1))[0]
+        return value
+
+    def layout(self, parameters: dict[tuple[str, str], list[Any]]) -> Layout:
+        try:
+            return self._layout(parameters)
+        except (struct.error, ValueError, IndexError) as error:
+            raise FormatError(f"is damaged ({error})", where=self.where) from error
+
+    def _layout(self, parameters: dict[tuple[str, str], list[Any]]) -> Layout:
+        points = int(_first(parameters.get(("POINT", "USED")), self._word(2))) & 0xFFFF
+        if points == 0:
+            raise FormatError("has no points", where=self.where)
+        scale = self._real(self.data[12:16])  # where the parameter differs, the data are scaled as the header says
+        if not np.isfinite(scale) or scale == 0.0:
+            scale = float(_first(parameters.get(("POINT", "SCALE")), -1.0))
+        fps = float(_first(parameters.get(("POINT", "RATE")), 0.0))
+        if not (np.isfinite(fps) and fps > 0.0):
+            fps = self._real(self.data[20:24])
+        if not (np.isfinite(fps) and fps > 0.0):
+            raise FormatError("gives no frame rate", where=self.where)
+        block = int(_first(parameters.get(("POINT", "DATA_START")), 0)) & 0xFFFF or self._word(9)
+        if not 0 < (block - 1) * _BLOCK < len(self.data):
+            block = self._word(9)
+        start = (block - 1) * _BLOCK
+        analog = self._word(3)
+        size = (4 * points + analog) * (4 if scale < 0.0 else 2)
+        frames = self._frame_count(parameters, max(len(self.data) - start, 0) // size)
+        if start <= 0 or frames == 0:
+            raise FormatError("stores no frames", where=self.where, advice="the file is cut off or damaged")
+        unit = str(_first(parameters.get(("POINT", "UNITS")), "mm") or "mm")
+        metres = metres_of(unit, self.where)
+        return Layout(points, analog, frames, self._word(4), scale, start, fps, self.processor, metres)
+
+    def _frame_count(self, parameters: dict[tuple[str, str], list[Any]], stored: int) -> int:
+        declared = max(self._word(5) - self._word(4) + 1, 0)
+        long_count = int(_first(parameters.get(("POINT", "FRAMES")), 0)) & 0xFFFF
+        # 65535 means "more than fits", then the trial's fields or the file's size tell
+        if max(declared, long_count) >= 0xFFFF or declared == 0:
+            return stored
+        return min(declared, stored)
+
+    def _frames(self, layout: Layout) -> Array:
+        width = layout.width
+        count = width * layout.frames
+        if layout.scale > 0.0:
+            return np.frombuffer(self.data, self.order + "i2", count, layout.start).reshape(-1, width).astype(float)
+        if self.processor == _DEC:
+            raw = np.frombuffer(self.data, "<u2", 2 * count, layout.start)
+            return _from_dec(raw).reshape(-1, width)
+        reals = np.frombuffer(self.data, self.order + "f4", count, layout.start)
+        with np.errstate(invalid="ignore"):  # damaged files hold signalling NaN
+            return reals.reshape(-1, width).astype(np.float64)
+
+    def parameters(self) -> dict[tuple[str, str], list[Any]]:
+        try:
+            return self._parameters()
+        except (struct.error, ValueError, IndexError) as error:
+            raise FormatError(f"is damaged ({error})", where=self.where) from error
+
+    def _parameters(self) -> dict[tuple[str, str], list[Any]]:
+        groups: dict[int, str] = {}
+        found: list[tuple[int, str, list[Any]]] = []
+        at = self.parameter_start + 4
+        while at + 4 <= len(self.data):
+            length, group = struct.unpack_from("bb", self.data, at)
+            length = abs(length)  # negative: locked
+            if length == 0 or group == 0:
+                break
+            name = self.data[at + 2 : at + 2 + length].decode("latin-1").strip().upper()
+            link = at + 2 + length
+            offset = struct.unpack_from(self.order + "h", self.data, link)[0]
+            if group < 0:
+                groups[-group] = name
+            else:
+                found.append((group, name, self._values(link + 2)))
+            if offset <= 0:
+                break
+            at = link + offset
+        return {(groups.get(group, ""), name): values for group, name, values in found}
+
+    def _values(self, at: int) -> list[Any]:
+        kind, dimensions = struct.unpack_from("bB", self.data, at)
+        shape = list(self.data[at + 2 : at + 2 + dimensions])
+        at += 2 + dimensions
+        count = int(np.prod(shape)) if shape else 1
+        raw = self.data[at : at + count * abs(kind)]
+        if len(raw) < count * abs(kind) or kind not in (-1, 1, 2, 4):
+            return []
+        if kind == -1:
+            width = shape[0] if shape else 1
+            texts = (raw[i : i + width] for i in range(0, len(raw), width)) if width else iter(())
+            return [text.decode("utf-8", errors="replace").strip(" \x00") for text in texts]
+        if kind == 4:
+            return [self._real(raw[i : i + 4]) for i in range(0, len(raw), 4)]
+        return [int(value) for value in np.frombuffer(raw, self.order + ("i1" if kind == 1 else "i2"))]
+
+
+def _first(values: list[Any] | None, default: Any) -> Any:
+    return values[0] if values else default
+
+
+def _from_dec(words: NDArray[np.uint16]) -> Array:
+    """Return the values of VAX F-floating numbers, two 16-bit words each, the high one first."""
+    pairs = words.reshape(-1, 2).astype(np.uint32)
+    bits = (pairs[:, 0] << np.uint32(16)) | pairs[:, 1]
+    # the same bits read as IEEE have an exponent that is two too great
+    values = bits.astype(np.uint32).view(np.float32).astype(np.float64) / 4.0
+    return np.where((bits >> np.uint32(23)) & np.uint32(0xFF) == 0, 0.0, values)

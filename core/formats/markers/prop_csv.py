@@ -1,0 +1,35 @@
+"""Where a prop was, as a table: one row a frame, for programs that know no takes."""
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+from ...body.pose_frame import PoseFrame
+from ...system.files import atomic_path
+
+HEADER = ("frame", "time_s", "x", "y", "z", "qw", "qx", "qy", "qz", "rms_mm", "markers")
+
+
+def write_prop_csv(poses: Sequence[PoseFrame], index: int, name: str, fps: float, path: Path | str) -> None:
+    """Write position (metres, y up) and world-from-prop quaternion of one of the props of poses; blank while hidden.
+
+    Args:
+        poses: with props.
+        index: which of them.
+        name: of the prop.
+        fps: rate of the poses.
+
+    Raises:
+        FormatError: `path` cannot be written.
+    """
+    with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+        file.write(f"# prop of perfanim: {name}, metres, y up, fps={fps!r}\n")
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(HEADER)
+        for pose in poses:
+            prop = pose.props[index]
+            fields = [str(pose.number), f"{pose.time_s:.6f}"]
+            if prop.found:
+                values = (*prop.position_m, *prop.rotation)
+                fields += [*(f"{value:.6f}" for value in values), f"{1e3 * prop.rms_m:.3f}", str(prop.seen)]
+            writer.writerow([*fields, *[""] * (len(HEADER) - len(fields))])

@@ -1,0 +1,80 @@
+"""What the readers of marker takes share."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import FormatError, TakeError
+from ...markers.marker_take import MarkerTake
+
+Array = NDArray[np.float64]
+
+# metres of the units that marker files name
+LENGTHS: dict[str, float] = {
+    "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "mete": 1.0,
+    "cm": 0.01, "centimeter": 0.01, "centimeters": 0.01, "centimetres": 0.01,
+    "mm": 0.001, "millimeter": 0.001, "millimeters": 0.001, "millimetres": 0.001, "millimetre": 0.001,
+    "in": 0.0254, "inch": 0.0254, "inches": 0.0254, "ft": 0.3048, "feet": 0.3048, "dm": 0.1, "um": 1e-6,
+}  # fmt: skip
+
+
+def metres_of(unit: str, where: str) -> float:
+    """Return the metres of a named unit; FormatError when it is unknown."""
+    try:
+        return LENGTHS[unit.strip().lower()]
+    except KeyError:
+        raise FormatError(f"has the unknown unit of length {unit.strip()[:20]!r}", where=where) from None
+
+
+def numbers_of(fields: Sequence[str], where: str) -> list[float]:
+    """Return the numbers of text fields, NaN for blank ones and every spelling of "nan"."""
+    try:
+        return [float(field) if field and not field.isspace() else np.nan for field in fields]
+    except ValueError as error:
+        raise FormatError(f"has a field that is no number ({error})", where=where) from None
+
+
+def unique_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the names with a count behind the later ones of those that repeat, and "unnamed" for blank ones."""
+    result: list[str] = []
+    taken: set[str] = set()
+    for name in names:
+        base = name.strip() or "unnamed"
+        unique, count = base, 2
+        while unique in taken:
+            unique, count = f"{base}_{count}", count + 1
+        taken.add(unique)
+        result.append(unique)
+    return tuple(result)
+
+
+def make_take(
+    where: str, name: str, fps: float, names: Sequence[str], positions_m: Array,
+    frame_numbers: Array | None = None, times_s: Array | None = None,
+) -> MarkerTake:  # fmt: skip
+    """Return a take; infinite positions are missing ones; FormatError names the file when the parts do not fit.
+
+    Points at the very origin are missing ones too: many systems write zeros for them.
+    """
+    seen = np.all(np.isfinite(positions_m), axis=-1) & np.any(positions_m != 0.0, axis=-1)
+    positions_m = np.where(seen[..., None], positions_m, np.nan)
+    frames = np.arange(len(positions_m))
+    if frame_numbers is not None and np.all(np.isfinite(frame_numbers)):
+        frames = frame_numbers.astype(np.int64)
+    has_times = times_s is not None and bool(np.all(np.isfinite(times_s)))
+    times = np.asarray(times_s, dtype=np.float64) if has_times else frames / max(fps, 1e-9)
+    try:
+        return MarkerTake(name, fps, unique_names(names), positions_m, frames, times)
+    except TakeError as error:
+        raise FormatError(error.what, where=where, advice=error.advice) from error
+
+
+def rate_from_times(times_s: Array) -> float:
+    """Return the frame rate of equally spaced times, NaN when there are none."""
+    steps = np.diff(times_s[np.isfinite(times_s)])
+    step = float(np.median(steps)) if len(steps) else 0.0
+    if step <= 0.0:
+        return float("nan")
+    fps = 1.0 / step
+    return float(round(fps)) if abs(fps - round(fps)) < 0.02 * max(1.0, fps / 100.0) else fps

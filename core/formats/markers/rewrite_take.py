@@ -1,0 +1,92 @@
+"""A marker file again with some positions changed, and all else that it holds as it was."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import FormatError
+from ...markers.marker_take import MarkerTake
+from ...system.files import atomic_path, read_bytes
+from .c3d import Layout, layout_of
+from .marker_files import check_writable, read_take, write_take
+from .trc import rewritten_trc
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_INTEGERS = 32767  # the largest position that a C3D file of integers holds, in its scale
+
+
+def rewrite_take(source: Path | str, take: MarkerTake, target: Path | str) -> list[str]:
+    """Write a take that was read from a file and whose positions have changed; return what the new file has lost.
+
+    In the file's own format everything else stays byte for byte: analog samples, events, parameters, points without a
+    name. Positions that are new in a C3D file have no cameras and the residual 0, as that of interpolated points.
+
+    Args:
+        source: the file that the take was read from.
+        take: as `read_take` gives it, in its world and order of markers, with other positions.
+        target: file to write; its ending chooses the format.
+
+    Raises:
+        FormatError: an ending that cannot be written, a folder that cannot be, or a position that does not fit.
+    """
+    check_writable(target)
+    kind = Path(source).suffix.lower()
+    if Path(target).suffix.lower() != kind or kind not in (".c3d", ".trc"):
+        write_take(take, target)
+        return _lost(Path(source))
+    data, before = read_bytes(source), read_take(source).positions_m
+    changed = np.isfinite(take.positions_m).all(axis=-1) & ~(take.positions_m == before).all(axis=-1)
+    if kind == ".c3d":
+        content = _c3d(data, str(source), take.positions_m, changed, ~np.isfinite(before[..., 0]))
+    else:
+        content = rewritten_trc(data, str(source), take.positions_m, changed)
+    with atomic_path(target) as temporary:
+        temporary.write_bytes(content)
+    return []
+
+
+def _lost(source: Path) -> list[str]:
+    """Return what only a file's own format holds."""
+    if source.suffix.lower() == ".c3d":
+        analog = layout_of(read_bytes(source), str(source)).analog_words > 0
+        kept = ["analog samples"] * analog + ["events", "parameters", "residuals"]
+        return [f"not written: {', '.join(kept)} of {source.name}; a .c3d keeps them"]
+    if source.suffix.lower() == ".csv":
+        return [f"not written: columns of {source.name} that are no markers"]
+    return []
+
+
+def _c3d(data: bytes, where: str, positions_m: Array, changed: Mask, new: Mask) -> bytes:
+    """Return the bytes of a C3D file with the changed positions, those that are `new` as interpolated."""
+    layout = layout_of(data, where)
+    result = bytearray(data)
+    values = positions_m / layout.metres
+    if layout.scale > 0.0:
+        words = _words(result, layout, layout.order + "i2")
+        values = np.rint(values / layout.scale)
+        if np.any(np.abs(values[changed]) > _INTEGERS):
+            advice = "write another format"
+            raise FormatError("a position does not fit its integers", where=where, advice=advice)
+    else:
+        words = _words(result, layout, "<u4" if layout.is_dec else layout.order + "f4")
+    stored = _to_dec(values) if layout.is_dec and layout.scale < 0.0 else values
+    points = words[:, : 4 * layout.points].reshape(layout.frames, layout.points, 4)
+    points[changed, :3] = stored[changed]
+    points[changed & new, 3] = 0
+    words[:, : 4 * layout.points] = points.reshape(layout.frames, -1)
+    return bytes(result)
+
+
+def _words(data: bytearray, layout: Layout, kind: str) -> NDArray[np.generic]:
+    """Return the frames (F, words of a frame), which share their memory with `data`."""
+    count = layout.width * layout.frames
+    return np.frombuffer(data, kind, count, layout.start).reshape(layout.frames, layout.width)
+
+
+def _to_dec(values: Array) -> NDArray[np.uint32]:
+    """Return VAX F-floating numbers as 32 bits, the 16 high ones in the first two bytes."""
+    bits = np.where(np.isfinite(values), 4.0 * values, 0.0).astype(np.float32).view(np.uint32)
+    return (bits >> np.uint32(16)) | (bits << np.uint32(16))

@@ -1,0 +1,200 @@
+"""Acclaim motion: AMC files, as written by the CMU Motion Capture Database.
+
+Their values are angles about fixed axes, first about the first letter of the bone's axis order, in a frame C that the
+ASF file gives for each bone: the joint's rotation relative to rest is C R(values) C^-1.
+"""
+
+import re
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...body.motion import Motion
+from ...errors import FormatError
+from ...geometry import rotations as rot
+from .asf import ROOT, AsfBone, AsfFile, fixed_axis_rotation
+from .numbers import parse_numbers
+
+Array = NDArray[np.float64]
+
+CMU_FPS = 120.0
+_ANGLE_JUMP = np.radians(150.0)  # between frames; the two forms of one Euler rotation lie 180 or 360 degrees apart
+_SPACE, _TAB, _NEWLINE = b" \t\n"
+
+
+@dataclass(frozen=True)
+class AmcValues:
+    """The numbers of an AMC file.
+
+    Args:
+        layout: bones of each frame, in the file's order.
+        values: (F, D) in that order, in the file's units; NaN where the file says so.
+        factor: radians of one unit of an angle.
+    """
+
+    layout: tuple[AsfBone, ...]
+    values: Array
+    factor: float
+
+    @property
+    def angle_jumps(self) -> NDArray[np.bool_]:
+        """(F,) true where an angle is more than 150 degrees from that of the frame before."""
+        turning = [channel[0] == "r" for bone in self.layout for channel in bone.channels]
+        steps = np.abs(np.diff(self.values[:, turning], axis=0))
+        return np.concatenate(([False], np.any(steps * self.factor > _ANGLE_JUMP, axis=1)))
+
+
+def parse_amc_values(content: bytes, where: str, asf: AsfFile) -> AmcValues:
+    """Return the numbers held in the bytes of an AMC file.
+
+    Args:
+        where: names it in errors.
+        asf: its skeleton file.
+
+    Raises:
+        FormatError: not an AMC file, damaged, or of another skeleton; names file and line.
+    """
+    if b"\r" in content:
+        content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    start = _first_frame(content, where)
+    header, body = content[:start].upper(), content[start:]
+    degrees = b":RADIANS" not in header and (asf.degrees or b":DEGREES" in header)
+    layout = _layout(body, where, asf, header.count(b"\n"))
+    values = _values(body, layout)
+    if values is None:
+        # indented, with blank lines, or damaged
+        values = _values(re.sub(rb"[ \t]*\n\s*", b"\n", body.strip()), layout)
+    if values is None:
+        raise _first_fault(body, where, layout, header.count(b"\n"))
+    return AmcValues(tuple(layout), values, np.pi / 180.0 if degrees else 1.0)
+
+
+def _first_frame(content: bytes, where: str) -> int:
+    match = re.search(rb"(?m)^[ \t]*\d+[ \t]*\n[ \t]*[A-Za-z]", content)
+    if match is None or b"\x00" in content[:4096]:
+        raise FormatError("is not an AMC motion (no numbered frames)", where=where)
+    return match.start()
+
+
+def _layout(body: bytes, where: str, asf: AsfFile, line: int) -> list[AsfBone]:
+    """Return the bones of the first frame in its order, checked against the skeleton."""
+    layout: list[AsfBone] = []
+    for number, raw in enumerate(body[: 1 << 16].split(b"\n")[1:], start=line + 2):
+        words = raw.decode("latin-1").split()
+        if len(words) == 1 and words[0].isdigit():
+            break
+        if not words:
+            continue
+        bone = asf.root if words[0] == ROOT else asf.bones.get(words[0])
+        place = f"{where}, line {number}"
+        if bone is None:
+            raise FormatError(
+                f"moves the bone {words[0]!r}, which {asf.path} does not have",
+                where=place,
+                advice="give the skeleton file that belongs to this motion",
+            )
+        if len(words) - 1 != len(bone.channels):
+            raise FormatError(
+                f"has {len(words) - 1} values for {words[0]!r}, {asf.path} says {len(bone.channels)}", where=place
+            )
+        if bone in layout:
+            raise FormatError(f"repeats the bone {words[0]!r} in one frame", where=place)
+        layout.append(bone)
+    if asf.root not in layout:
+        raise FormatError("has no root in its first frame", where=where)
+    return layout
+
+
+def _values(body: bytes, layout: list[AsfBone]) -> Array | None:
+    """Return (F, D) values in the layout's order, or None when any frame departs from the layout.
+
+    Every frame has the same names on the same lines, so they are compared and blanked out in one go for all frames,
+    and what is left is a table of numbers.
+    """
+    text = np.frombuffer(body if body.endswith(b"\n") else body + b"\n", dtype=np.uint8)
+    ends = np.flatnonzero(text == _NEWLINE)
+    if len(ends) % (len(layout) + 1):
+        return None
+    lines = np.concatenate(([0], ends[:-1] + 1)).reshape(-1, len(layout) + 1)
+    numbers = text.copy()
+    for bone, starts in zip(layout, lines.T[1:], strict=True):
+        name = np.frombuffer(bone.name.encode(), dtype=np.uint8)
+        places = starts[:, None] + np.arange(len(name) + 1)
+        if places[-1, -1] >= len(text):
+            return None
+        found = text[places]
+        spaced = (found[:, -1] == _SPACE) | (found[:, -1] == _TAB) | (found[:, -1] == _NEWLINE)
+        if not (np.array_equal(found[:, :-1], np.broadcast_to(name, found[:, :-1].shape)) and np.all(spaced)):
+            return None
+        numbers[places] = _SPACE
+    width = 1 + sum(len(bone.channels) for bone in layout)
+    table = parse_numbers(numbers.tobytes())
+    if table is None or table.size != len(lines) * width or np.any(np.isinf(table)):
+        return None
+    table = table.reshape(len(lines), width)
+    return table[:, 1:] if np.array_equal(table[:, 0], table[0, 0] + np.arange(len(lines))) else None
+
+
+def _first_fault(body: bytes, where: str, layout: list[AsfBone], line: int) -> FormatError:
+    """Return the error that names the first line at which an AMC file departs from its first frame."""
+    expected = [[""]] + [[bone.name, *bone.channels] for bone in layout]
+    step = -1
+    number = line
+    for number, raw in enumerate(body.split(b"\n"), start=line + 1):
+        words = raw.decode("latin-1").split()
+        if not words:
+            continue
+        step = (step + 1) % len(expected)
+        fault = _line_fault(words, expected[step])
+        if fault:
+            return FormatError(fault, where=f"{where}, line {number}")
+    what = "ends within a frame" if step != len(expected) - 1 else "has frames out of sequence"
+    return FormatError(what, where=f"{where}, line {number}", advice="the file is cut off or damaged")
+
+
+def _line_fault(words: list[str], expected: list[str]) -> str:
+    if not expected[0]:
+        return "" if len(words) == 1 and words[0].isdigit() else f"expected a frame number, found {words[0]!r}"
+    if words[0] != expected[0]:
+        return f"expected the values of {expected[0]!r}, found {words[0]!r}"
+    if len(words) != len(expected):
+        return f"expected {len(expected) - 1} values of {expected[0]!r}, found {len(words) - 1}"
+    for word in words[1:]:
+        try:
+            if np.isinf(float(word)):
+                return f"has a value of {expected[0]!r} that is not finite"
+        except ValueError:
+            return f"{word!r} is not a number"
+    return ""
+
+
+def amc_motion(table: AmcValues, asf: AsfFile, fps: float, name: str) -> Motion:
+    """Return the motion of an AMC file's numbers on the skeleton of its ASF file.
+
+    AMC files do not store their rate; CMU's is `CMU_FPS`. Degrees of freedom that the frames lack are zero; frames with
+    NaN keep it.
+    """
+    skeleton, values = asf.skeleton, table.values
+    rotations = rot.identity((len(values), len(skeleton)))
+    positions = np.tile(asf.root_position, (len(values), 1))
+    ends = np.cumsum([0, *(len(bone.channels) for bone in table.layout)])
+    for bone, (start, stop) in zip(table.layout, pairwise(ends), strict=True):
+        columns = dict(zip(bone.channels, values[:, start:stop].T, strict=True))
+        if bone.name in skeleton.names:
+            rotations[:, skeleton.index(bone.name)] = _bone_rotation(bone, columns, table.factor)
+        if bone is asf.root:
+            for axis, channel in enumerate(("tx", "ty", "tz")):
+                positions[:, axis] += columns.get(channel, 0.0)
+    rotations[:, 0] = rot.multiply(rotations[:, 0], asf.root_orientation)
+    return Motion(name, fps, skeleton, rot.continuous(rotations), positions * asf.metres_per_unit)
+
+
+def _bone_rotation(bone: AsfBone, columns: dict[str, Array], factor: float) -> Array:
+    order = [axis for axis in bone.axis_order if f"r{axis.lower()}" in columns]
+    if not order:
+        return rot.identity()
+    angles = np.stack([columns[f"r{axis.lower()}"] for axis in order], axis=-1) * factor
+    turned = fixed_axis_rotation(angles, "".join(order))
+    return rot.multiply(rot.multiply(bone.axis, turned), rot.conjugate(bone.axis))

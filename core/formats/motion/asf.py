@@ -1,0 +1,291 @@
+"""Acclaim skeletons: ASF files, as written by the CMU Motion Capture Database.
+
+A bone of an ASF file starts at the end of its parent's bone; here it is the joint of the same name at its start.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...body.skeleton import Skeleton
+from ...body.standard_skeleton import JOINT_NAMES
+from ...errors import FormatError
+from ...geometry import rotations as rot
+from ...system.files import read_bytes
+
+Array = NDArray[np.float64]
+
+_METRES_PER_INCH = 0.0254
+ROOT = "root"
+_CHANNELS = frozenset(("tx", "ty", "tz", "rx", "ry", "rz", "l"))
+
+
+@dataclass(frozen=True)
+class AsfBone:
+    """One bone of an ASF file, in the file's units except for angles (radians).
+
+    Args:
+        name: bone name.
+        direction: (3,) unit direction in the rest pose.
+        length: length in the file's unit.
+        axis: (4,) rest-from-bone-frame quaternion.
+        axis_order: order of the rotations about fixed axes, e.g. "XYZ" (first x).
+        channels: degrees of freedom in the order of the AMC values, e.g. ("rx", "rz").
+    """
+
+    name: str
+    direction: Array
+    length: float
+    axis: Array
+    axis_order: str
+    channels: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class AsfFile:
+    """What an ASF file says.
+
+    Args:
+        path: where it was read.
+        metres_per_unit: length of the file's unit.
+        degrees: whether angles are degrees.
+        bones: by name, without the root.
+        parents: parent's name by bone name.
+        root: the root as a bone of no length; its channels are the file's `order`.
+        root_position: (3,) rest position in the file's unit.
+        root_orientation: (4,) rest orientation.
+        skeleton: the joints that can move, see `read_asf`.
+    """
+
+    path: str
+    metres_per_unit: float
+    degrees: bool
+    bones: dict[str, AsfBone]
+    parents: dict[str, str]
+    root: AsfBone
+    root_position: Array
+    root_orientation: Array
+    skeleton: Skeleton
+
+
+def read_asf(path: Path | str) -> Skeleton:
+    """Return the skeleton of an ASF file in metres (value * 0.0254 / its `length` unit).
+
+    Joints carry the file's bone names. Bones without degrees of freedom that the product's skeleton does not have
+    (CMU's lhipjoint, rhipjoint) are folded into their children's offsets. Angle frames and orders are the file's.
+
+    Raises:
+        FormatError: not an ASF file, or damaged; names file and line.
+    """
+    return read_asf_file(path).skeleton
+
+
+def read_asf_file(path: Path | str) -> AsfFile:
+    """Return everything an ASF file says; see `read_asf`."""
+    return parse_asf(read_bytes(path), str(path))
+
+
+def parse_asf(content: bytes, where: str) -> AsfFile:
+    """Return the description held in the bytes of an ASF file; `where` names it in errors."""
+    return _Parser(content, where).parse()
+
+
+Line = tuple[int, list[str]]
+
+
+class _Parser:
+    def __init__(self, content: bytes, where: str) -> None:
+        self.where = where
+        text = content.decode("utf-8", errors="replace")
+        if "\x00" in text or ":bonedata" not in text:
+            raise FormatError("is not an ASF skeleton (no :bonedata section)", where=where)
+        self.sections = self._split(text)
+        self.factor = 1.0
+        self.metres = 1.0
+        self.line = 0
+
+    def _split(self, text: str) -> dict[str, list[Line]]:
+        sections: dict[str, list[Line]] = {}
+        current: list[Line] = []
+        for number, raw in enumerate(text.splitlines(), start=1):
+            words = raw.split("#", 1)[0].replace("(", " ( ").replace(")", " ) ").split()
+            if words and words[0].startswith(":"):
+                current = sections.setdefault(words[0][1:].lower(), [])
+                words = words[1:]
+            if words:
+                current.append((number, words))
+        return sections
+
+    def parse(self) -> AsfFile:
+        try:
+            return self._parse()
+        except (ValueError, IndexError, KeyError) as error:
+            raise self._error(f"is damaged ({error})") from error
+
+    def _error(self, what: str) -> FormatError:
+        return FormatError(what, where=f"{self.where}, line {self.line}" if self.line else self.where)
+
+    def _lines(self, section: str) -> Iterator[list[str]]:
+        if section not in self.sections:
+            raise self._error(f"has no :{section} section")
+        for number, words in self.sections[section]:
+            self.line = number
+            yield words
+        self.line = 0
+
+    def _parse(self) -> AsfFile:
+        degrees = self._units()
+        root, position, orientation = self._root()
+        bones = self._bones()
+        parents = self._hierarchy(bones)
+        skeleton = _skeleton_of(bones, parents, root, self.metres, self.where)
+        return AsfFile(self.where, self.metres, degrees, bones, parents, root, position, orientation, skeleton)
+
+    def _units(self) -> bool:
+        units = {words[0].lower(): words[1] for words in self._lines("units")} if "units" in self.sections else {}
+        length = float(units.get("length", "1"))
+        if not length > 0.0 or not np.isfinite(length):
+            raise self._error(f"has a length unit of {length}")
+        self.metres = _METRES_PER_INCH / length
+        degrees = units.get("angle", "deg").lower().startswith("deg")
+        self.factor = np.pi / 180.0 if degrees else 1.0
+        return degrees
+
+    def _numbers(self, words: list[str], count: int) -> Array:
+        if len(words) < count:
+            raise self._error(f"needs {count} numbers, has {len(words)}")
+        numbers = np.array([float(word) for word in words[:count]])
+        if not np.all(np.isfinite(numbers)):
+            raise self._error("holds a number that is not finite")
+        return numbers
+
+    def _rotation(self, angles: Array, order: str) -> Array:
+        if sorted(order) != ["X", "Y", "Z"]:
+            raise self._error(f"has the unknown axis order {order!r}")
+        return fixed_axis_rotation(angles * self.factor, order)
+
+    def _root(self) -> tuple[AsfBone, Array, Array]:
+        fields = {words[0].lower(): words[1:] for words in self._lines("root")}
+        order = (fields.get("axis") or ["XYZ"])[-1].upper()
+        channels = self._channels(fields.get("order", ["tx", "ty", "tz", "rx", "ry", "rz"]))
+        position = self._numbers(fields.get("position", ["0"] * 3), 3)
+        orientation = self._rotation(self._numbers(fields.get("orientation", ["0"] * 3), 3), order)
+        bone = AsfBone(ROOT, np.zeros(3), 0.0, rot.identity(), order, channels)
+        return bone, position, orientation
+
+    def _channels(self, words: list[str]) -> tuple[str, ...]:
+        channels = tuple(word.lower() for word in words)
+        unknown = [channel for channel in channels if channel not in _CHANNELS]
+        if unknown or len(set(channels)) != len(channels):
+            raise self._error(f"has unknown or repeated degrees of freedom {' '.join(words)}")
+        return channels
+
+    def _bones(self) -> dict[str, AsfBone]:
+        bones: dict[str, AsfBone] = {}
+        fields: dict[str, Line] = {}
+        for words in self._lines("bonedata"):
+            keyword = words[0].lower()
+            if keyword == "begin":
+                fields = {}
+            elif keyword == "end":
+                bone = self._bone(fields)
+                if bone.name in bones or bone.name == ROOT:
+                    raise self._error(f"repeats the bone {bone.name!r}")
+                bones[bone.name] = bone
+            else:
+                fields[keyword] = (self.line, words[1:])
+        if not bones:
+            raise self._error("has no bones")
+        return bones
+
+    def _bone(self, fields: dict[str, Line]) -> AsfBone:
+        missing = [key for key in ("name", "direction", "length") if key not in fields or not fields[key][1]]
+        if missing:
+            raise self._error(f"has a bone without {', '.join(missing)}")
+        end = self.line
+        self.line, words = fields["direction"]
+        direction = self._numbers(words, 3)
+        size = float(np.linalg.norm(direction))
+        self.line, words = fields["length"]
+        length = float(self._numbers(words, 1)[0])
+        self.line, words = fields.get("axis", (end, ["0", "0", "0", "XYZ"]))
+        order = words[3].upper() if len(words) > 3 else "XYZ"
+        axis = self._rotation(self._numbers(words, 3), order)
+        self.line, words = fields.get("dof", (end, []))
+        channels = self._channels(words)
+        self.line = end
+        unit = direction / size if size > 0.0 else direction
+        return AsfBone(fields["name"][1][0], unit, length, axis, order, channels)
+
+    def _hierarchy(self, bones: dict[str, AsfBone]) -> dict[str, str]:
+        parents: dict[str, str] = {}
+        for words in self._lines("hierarchy"):
+            if words[0].lower() in ("begin", "end") and len(words) == 1:
+                continue
+            for name in (words[0], *words[1:]):
+                if name != ROOT and name not in bones:
+                    raise self._error(f"names the unknown bone {name!r} in its hierarchy")
+            for child in words[1:]:
+                if child in parents or child == ROOT:
+                    raise self._error(f"gives {child!r} a second parent")
+                parents[child] = words[0]
+        return parents
+
+
+def fixed_axis_rotation(angles: Array, order: str) -> Array:
+    """Return rotations by angles (..., n) about fixed axes, the first letter of `order` first, radians."""
+    return rot.from_euler(angles[..., ::-1], order[::-1])
+
+
+def _skeleton_of(
+    bones: dict[str, AsfBone], parents: dict[str, str], root: AsfBone, metres: float, where: str
+) -> Skeleton:
+    order = _parents_first(parents, where)
+    kept = [name for name in order if name in JOINT_NAMES or any(c[0] == "r" for c in bones[name].channels)]
+    if set(kept) <= set(JOINT_NAMES):
+        kept.sort(key=JOINT_NAMES.index)
+    kept = [ROOT, *kept]
+    links = [_link(name, parents, bones, kept) for name in kept[1:]]
+    tips = [bones[name].direction * bones[name].length * metres for name in kept[1:]]
+    described = [root, *(bones[name] for name in kept[1:])]
+    return Skeleton(
+        names=tuple(kept),
+        parents=np.array([-1, *(kept.index(parent) for parent, _ in links)]),
+        offsets_m=np.array([np.zeros(3), *(offset * metres for _, offset in links)]),
+        tips_m=np.array([np.zeros(3), *tips]),
+        angle_axes=np.array([bone.axis for bone in described]),
+        angle_orders=tuple(_angle_order(bone) for bone in described),
+    )
+
+
+def _link(name: str, parents: dict[str, str], bones: dict[str, AsfBone], kept: list[str]) -> tuple[str, Array]:
+    """Return the nearest kept ancestor and the offset from its joint, over the bones left out between them."""
+    offset = np.zeros(3)
+    ancestor = parents[name]
+    while ancestor != ROOT:
+        offset = offset + bones[ancestor].direction * bones[ancestor].length
+        if ancestor in kept:
+            break
+        ancestor = parents[ancestor]
+    return ancestor, offset
+
+
+def _parents_first(parents: dict[str, str], where: str) -> list[str]:
+    order: list[str] = []
+    waiting = list(parents)
+    while waiting:
+        ready = [name for name in waiting if parents[name] == ROOT or parents[name] in order]
+        if not ready:
+            raise FormatError(f"has bones that do not hang on the root: {', '.join(waiting[:5])}", where=where)
+        order.append(ready[0])
+        waiting.remove(ready[0])
+    return order
+
+
+def _angle_order(bone: AsfBone) -> str:
+    """Return the joint's axes in `rotations.from_euler` order: fixed axes in reverse."""
+    axes = {channel[1].upper() for channel in bone.channels if channel[0] == "r"}
+    return "".join(axis for axis in reversed(bone.axis_order) if axis in axes)

@@ -1,0 +1,166 @@
+"""Motion files in files, folders and archives, with the skeleton that belongs to each AMC file."""
+
+import lzma
+import shutil
+import tarfile
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from ...errors import FormatError
+
+MOTION_SUFFIXES = frozenset((".bvh", ".amc"))
+_USED_SUFFIXES = MOTION_SUFFIXES | {".asf"}
+_INDEX_NAME = "index.tsv"
+_ARCHIVE_FAULTS = (
+    tarfile.TarError, zipfile.BadZipFile, lzma.LZMAError, zlib.error, OSError, EOFError, RuntimeError, ValueError
+)  # fmt: skip
+_TAR_SUFFIXES = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tar.xz", ".txz")
+
+
+@dataclass(frozen=True)
+class MotionFile:
+    """One motion file, lying on disk.
+
+    Args:
+        name: path inside its source, with the source's own name in front ("cmu.tar.xz/14/14_02.amc").
+        path: where its bytes are.
+        skeleton: the ASF file of an AMC file, None when there is none.
+        description: what an index.tsv beside it says about it, "" when nothing.
+    """
+
+    name: str
+    path: Path
+    skeleton: Path | None
+    description: str
+
+    @property
+    def stem(self) -> str:
+        """File name without folder and suffix."""
+        return PurePosixPath(self.name).stem
+
+
+@contextmanager
+def motion_files(sources: Sequence[Path | str]) -> Iterator[list[MotionFile]]:
+    """Yield all BVH and AMC files of files, folders, .zip and .tar archives, sorted by source and name.
+
+    Archives are unpacked to a temporary folder that goes when the context ends.
+
+    Raises:
+        FormatError: a source is missing, of another kind, or a damaged archive.
+    """
+    with tempfile.TemporaryDirectory(prefix="perfanim-") as scratch:
+        found: dict[str, Path] = {}
+        for number, source in enumerate(sources):
+            for name, path in _members(Path(source), Path(scratch) / str(number)).items():
+                taken = found.get(name, path) != path  # two folders or files of one name
+                found[f"{Path(source).parent.as_posix()}/{name}" if taken else name] = path
+        yield _paired(found)
+
+
+def _members(source: Path, scratch: Path) -> dict[str, Path]:
+    """Return name -> path of the used files of one source."""
+    if source.is_dir():
+        paths = sorted(path for path in source.rglob("*") if _is_used(path.name) and path.is_file())
+        return {f"{source.name}/{path.relative_to(source).as_posix()}": path for path in paths}
+    if not source.is_file():
+        raise FormatError("is not there", where=str(source), advice="give files, folders or archives")
+    lower = source.name.lower()
+    if lower.endswith(".zip") or lower.endswith(_TAR_SUFFIXES):
+        scratch.mkdir()
+        unpack = _unpacked_zip if lower.endswith(".zip") else _unpacked_tar
+        try:
+            return dict(sorted(unpack(source, scratch).items()))
+        except _ARCHIVE_FAULTS as error:
+            raise FormatError(f"is a damaged archive ({error})", where=str(source)) from error
+    if not _is_used(lower):
+        raise FormatError(
+            "is neither motion nor an archive of motion", where=str(source), advice="give .bvh, .amc, .zip or .tar.*"
+        )
+    beside = {path.name: path for path in source.parent.glob("*") if path.suffix.lower() == ".asf"}
+    index = source.parent / _INDEX_NAME
+    return {source.name: source} | beside | ({_INDEX_NAME: index} if index.is_file() else {})
+
+
+def _is_used(name: str) -> bool:
+    return PurePosixPath(name).suffix.lower() in _USED_SUFFIXES or PurePosixPath(name).name == _INDEX_NAME
+
+
+def _unpacked_zip(source: Path, scratch: Path) -> dict[str, Path]:
+    found: dict[str, Path] = {}
+    with zipfile.ZipFile(source) as archive:
+        for member in archive.infolist():
+            if not member.is_dir() and _is_used(member.filename):
+                target = _target(scratch, len(found), member.filename)
+                with archive.open(member) as packed, target.open("wb") as plain:
+                    shutil.copyfileobj(packed, plain)
+                found[f"{source.name}/{member.filename}"] = target
+    return found
+
+
+def _unpacked_tar(source: Path, scratch: Path) -> dict[str, Path]:
+    found: dict[str, Path] = {}
+    with tarfile.open(source, mode="r|*") as archive:  # as a stream: compressed archives cannot go back
+        for member in archive:
+            packed = archive.extractfile(member) if member.isfile() and _is_used(member.name) else None
+            if packed is not None:
+                target = _target(scratch, len(found), member.name)
+                with target.open("wb") as plain:
+                    shutil.copyfileobj(packed, plain)
+                found[f"{source.name}/{member.name}"] = target
+    return found
+
+
+def _target(scratch: Path, number: int, name: str) -> Path:
+    # the archive's own paths are not used on disk: they may lead out of the folder
+    return scratch / f"{number}{PurePosixPath(name).suffix.lower()}"
+
+
+def _paired(found: dict[str, Path]) -> list[MotionFile]:
+    skeletons = {name: path for name, path in found.items() if name.lower().endswith(".asf")}
+    descriptions: dict[str, str] = {}
+    for name, path in found.items():
+        if PurePosixPath(name).name == _INDEX_NAME:
+            descriptions |= _descriptions(path)
+    files = []
+    seen: set[Path] = set()
+    for name, path in found.items():
+        pure = PurePosixPath(name)
+        if pure.suffix.lower() not in MOTION_SUFFIXES or path.resolve() in seen:
+            continue
+        seen.add(path.resolve())
+        skeleton = skeleton_name(name, list(skeletons)) if pure.suffix.lower() == ".amc" else None
+        files.append(MotionFile(name, path, skeletons[skeleton] if skeleton else None, descriptions.get(pure.stem, "")))
+    return files
+
+
+def skeleton_name(motion: str, skeletons: Sequence[str]) -> str | None:
+    """Return which of the ASF names belongs to an AMC name.
+
+    First in its folder, then anywhere: the same stem, or the stem up to the last underscore ("14_02" -> "14");
+    otherwise the only one of its folder.
+    """
+    pure = PurePosixPath(motion)
+    stems = (pure.stem.lower(), pure.stem.rsplit("_", 1)[0].lower())
+    beside = [name for name in skeletons if PurePosixPath(name).parent == pure.parent]
+    for candidates in (beside, list(skeletons)):
+        for stem in stems:
+            for name in candidates:
+                if PurePosixPath(name).stem.lower() == stem:
+                    return name
+    return beside[0] if len(beside) == 1 else None
+
+
+def _descriptions(path: Path) -> dict[str, str]:
+    """Return trial -> description of a table with columns of these names."""
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    header = lines[0].lower().split("\t") if lines else []
+    if "trial" not in header or "description" not in header:
+        return {}
+    trial, description = header.index("trial"), header.index("description")
+    rows = [line.split("\t") for line in lines[1:]]
+    return {row[trial]: row[description].strip() for row in rows if len(row) == len(header)}

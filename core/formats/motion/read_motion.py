@@ -1,0 +1,150 @@
+"""Motion files of any supported format, brought onto the product's joints."""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...body.motion import Motion
+from ...body.motion_cleaning import Defect
+from ...body.skeleton import Skeleton
+from ...body.source_motion import frame_range, source_of_motion
+from ...body.standard_skeleton import JOINT_NAMES
+from ...errors import FormatError
+from ...retarget.to_standard_skeleton import map_motion
+from ...system.files import read_bytes
+from .amc import CMU_FPS, amc_motion, parse_amc_values
+from .asf import AsfFile, read_asf, read_asf_file
+from .bvh import read_bvh
+from .motion_sources import skeleton_name
+
+_NOT_FINITE = "numbers that are not finite"
+
+
+def read_motion(path: Path | str, skeleton: Path | str | None = None) -> Motion:
+    """Return the motion of a BVH or AMC file on the product's joints with the file's bone lengths.
+
+    Args:
+        path: .bvh or .amc file.
+        skeleton: ASF file of an AMC file; without it, one beside it with a fitting name is taken.
+
+    Raises:
+        FormatError: unreadable, of another kind, or frames lack numbers.
+        SkeletonError: its joints cannot be told.
+    """
+    read = read_motion_parts(Path(path), None if skeleton is None else Path(skeleton))
+    gaps = [defect for defect in read.defects if defect.kind == _NOT_FINITE]
+    if gaps:
+        raise FormatError(
+            f"has numbers that are not finite, first in frame {gaps[0].first}",
+            where=str(path),
+            advice="repair the file, or cut these frames out",
+        )
+    return read.parts[0].motion
+
+
+@dataclass(frozen=True)
+class MotionPart:
+    """Frames of a file that follow each other.
+
+    Args:
+        motion: on the product's joints.
+        first_frame: of the file, counted from 0.
+        angle_jumps: (F,) true where an angle in the file is far from that of the frame before.
+    """
+
+    motion: Motion
+    first_frame: int
+    angle_jumps: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class MotionParts:
+    """What a file holds, and what was tolerated or left out."""
+
+    parts: tuple[MotionPart, ...]
+    defects: tuple[Defect, ...]
+
+
+def read_motion_parts(path: Path, skeleton: Path | None = None, name: str = "") -> MotionParts:
+    """Return the motion of a file in parts without gaps.
+
+    Raises:
+        FormatError, SkeletonError: as `read_motion`, but frames that lack numbers only split the motion.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".amc":
+        return _read_amc(path, skeleton, name or path.stem)
+    if suffix != ".bvh":
+        raise FormatError("is not a motion file", where=str(path), advice="give a .bvh or .amc file")
+    source = read_bvh(path, unit="auto")
+    source = replace(source, name=name or source.name)
+    defects = [Defect(note, 0, 0, "all frames that are there are used") for note in source.notes]
+    ranges, gaps = _finite_ranges(source.finite_frames, str(path))
+    parts = []
+    for start, stop in ranges:
+        part = source if stop - start == source.frames else frame_range(source, start, stop)
+        parts.append(MotionPart(map_motion(part), start, part.angle_jumps))
+    return MotionParts(tuple(parts), (*defects, *gaps))
+
+
+def _finite_ranges(finite: NDArray[np.bool_], where: str) -> tuple[list[tuple[int, int]], list[Defect]]:
+    """Return the ranges of frames that have all their numbers, and the gaps between."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], finite, [False]))))
+    ranges = [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
+    if not ranges:
+        raise FormatError("has no frame whose numbers are all finite", where=where)
+    bounds = [0, *(bound for pair in ranges for bound in pair), len(finite)]
+    gaps = [
+        Defect(_NOT_FINITE, start + 1, stop, "cut out")
+        for start, stop in zip(bounds[::2], bounds[1::2], strict=True)
+        if start < stop
+    ]
+    return ranges, gaps
+
+
+def _read_amc(path: Path, skeleton: Path | None, name: str) -> MotionParts:
+    if skeleton is None:
+        beside = [str(p) for p in path.parent.glob("*") if p.suffix.lower() == ".asf"]
+        found = skeleton_name(str(path), beside)
+        if found is None:
+            raise FormatError(
+                "has no skeleton: no .asf file beside it fits", where=str(path), advice="give --skeleton FILE.asf"
+            )
+        skeleton = Path(found)
+    asf = _asf_file(skeleton, skeleton.stat().st_mtime_ns if skeleton.is_file() else 0)
+    table = parse_amc_values(read_bytes(path), str(path), asf)
+    ranges, gaps = _finite_ranges(np.all(np.isfinite(table.values), axis=1), str(path))
+    jumps = table.angle_jumps
+    parts = []
+    for start, stop in ranges:
+        motion = amc_motion(replace(table, values=table.values[start:stop]), asf, CMU_FPS, name)
+        if motion.skeleton.names != JOINT_NAMES:
+            motion = map_motion(source_of_motion(motion, str(path)))
+        parts.append(MotionPart(motion, start, jumps[start:stop]))
+    return MotionParts(tuple(parts), tuple(gaps))
+
+
+@lru_cache(maxsize=8)
+def _asf_file(path: Path, changed: int) -> AsfFile:
+    """Return a skeleton file, which many motions share; `changed` tells its versions apart."""
+    return read_asf_file(path)
+
+
+def read_skeleton(path: Path | str) -> Skeleton:
+    """Return the product's joints with the bone lengths of an ASF or BVH file.
+
+    Raises:
+        FormatError, SkeletonError: as `read_motion`.
+    """
+    if Path(path).suffix.lower() != ".asf":
+        return read_motion(path).skeleton
+    skeleton = read_asf(path)
+    if skeleton.names == JOINT_NAMES:
+        return skeleton
+    rest = np.zeros((1, len(skeleton), 4))
+    rest[..., 0] = 1.0
+    still = Motion(Path(path).stem, 1.0, skeleton, rest, np.zeros((1, 3)))
+    return map_motion(source_of_motion(still, str(path))).skeleton

@@ -1,0 +1,221 @@
+"""The bytes of a take file: a preamble, then chunks that are only ever appended.
+
+A chunk is a header (magic, kind, sequence number, length and CRC-32 of the payload, CRC-32 of these) and its payload.
+Every bit of the file belongs to a magic, a length or a sum, so that nothing can change unseen; after damage the next
+intact header is looked for.
+"""
+
+import struct
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from io import FileIO
+from typing import BinaryIO
+
+from ...errors import TakeError
+
+VERSION = 1
+
+_MAGIC = b"PERFANIM-TAKE\n"
+_PREAMBLE = struct.Struct("<14sHI")  # magic, version, CRC-32 of these
+_CHUNK_MAGIC = b"\x89PFC"
+_HEAD = struct.Struct("<4sHHIII")  # magic, kind, 0, sequence number, bytes and CRC-32 of the payload
+_SUM = struct.Struct("<I")  # CRC-32 of the head
+_RECORD = struct.Struct("<I")  # bytes of a record
+
+HEADER_BYTES = _HEAD.size + _SUM.size
+PREAMBLE_BYTES = _PREAMBLE.size
+
+
+class ChunkKind(IntEnum):
+    """What a chunk holds."""
+
+    SETUP = 1  # JSON: all that is known when the take begins
+    FRAMES = 2  # records: stamp and marker frame
+    POSES = 3  # records: solved poses
+    EVENT = 4  # JSON: what went wrong or was done
+    NOTES = 5  # JSON: name, notes, rating; the last one counts
+    END = 6  # what the file holds and where; nothing is missing
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """An intact chunk: its kind, number, first byte in the file, and content."""
+
+    kind: int
+    sequence: int
+    offset: int
+    payload: memoryview | bytes
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Bytes of a take file that cannot be read.
+
+    Args:
+        offset, size: which.
+        what: in plain words.
+        cut: whether it is the end of a file that was cut off, as when its writer was ended, rather than damage.
+    """
+
+    offset: int
+    size: int
+    what: str
+    cut: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.what} (byte {self.offset}, {self.size} bytes)"
+
+
+def preamble() -> bytes:
+    """Return the first bytes of a take file."""
+    head = _PREAMBLE.pack(_MAGIC, VERSION, 0)[: -_SUM.size]
+    return head + _SUM.pack(zlib.crc32(head))
+
+
+def encode_chunk(kind: int, sequence: int, payload: bytes) -> bytes:
+    """Return a chunk as bytes."""
+    head = _HEAD.pack(_CHUNK_MAGIC, kind, 0, sequence, len(payload), zlib.crc32(payload))
+    return b"".join((head, _SUM.pack(zlib.crc32(head)), payload))
+
+
+def join_records(records: Sequence[bytes]) -> bytes:
+    """Return byte strings as one, each with its length before it."""
+    return b"".join(part for record in records for part in (_RECORD.pack(len(record)), record))
+
+
+def split_records(payload: memoryview | bytes) -> Iterator[bytes]:
+    """Yield the byte strings of `join_records`; TakeError when the lengths do not fit."""
+    position = 0
+    while position < len(payload):
+        if position + _RECORD.size > len(payload):
+            raise TakeError("a chunk ends within a record")
+        (size,) = _RECORD.unpack_from(payload, position)
+        position += _RECORD.size
+        if position + size > len(payload):
+            raise TakeError("a chunk ends within a record")
+        yield bytes(payload[position : position + size])
+        position += size
+
+
+def scan(data: bytes, where: str) -> tuple[list[Chunk], list[Fault]]:
+    """Return all intact chunks of a file's bytes, and what cannot be read of it.
+
+    Raises:
+        TakeError: the file is no take, or of another version.
+    """
+    view = memoryview(data)
+    faults = preamble_faults(data, where)
+    chunks: list[Chunk] = []
+    position = PREAMBLE_BYTES
+    while position < len(data):
+        head = _head(view, position)
+        if head is None:
+            position = _skip(data, position, faults)
+            continue
+        kind, sequence, size, checksum = head
+        start, stop = position + HEADER_BYTES, position + HEADER_BYTES + size
+        if stop <= len(data) and zlib.crc32(view[start:stop]) == checksum:
+            chunks.append(Chunk(kind, sequence, position, view[start:stop]))
+            position = stop
+        elif stop > len(data) and _next_head(data, start) == len(data):
+            what = f"the file is cut off within chunk {sequence} ({_name(kind)})"
+            faults.append(Fault(position, len(data) - position, what, cut=True))
+            break
+        elif stop == len(data) or _head(view, stop) is not None:
+            faults.append(Fault(position, stop - position, f"chunk {sequence} ({_name(kind)}) is damaged"))
+            position = stop
+        else:  # the payload's bytes are not as many as they were
+            position = _skip(data, position, faults)
+    return chunks, faults + _gaps(chunks, faults)
+
+
+def _is_known(first: bytes, where: str) -> bool:
+    """Return whether these are the first bytes of a take; False when they might be, but are damaged."""
+    if first[:PREAMBLE_BYTES] == preamble():
+        return True
+    if len(first) < PREAMBLE_BYTES:
+        if not first or not preamble().startswith(first):
+            raise TakeError("is no recorded take" if first else "is empty", where=where, advice="check the file")
+        raise TakeError("was cut off before anything was recorded", where=where, advice="nothing can be recovered")
+    magic, version, checksum = _PREAMBLE.unpack_from(first)
+    if magic == _MAGIC and checksum == zlib.crc32(first[: PREAMBLE_BYTES - _SUM.size]):
+        raise TakeError(
+            f"is a take of version {version}, this program reads {VERSION}",
+            where=where,
+            advice="open it with the program that recorded it, or a newer one",
+        )
+    return False
+
+
+def preamble_faults(data: bytes, where: str) -> list[Fault]:
+    """Return what is wrong with the beginning of a take, of which preamble and first header are needed.
+
+    Raises:
+        TakeError: it is no take, one of another version, or ends within the preamble.
+    """
+    if _is_known(data, where):
+        return []
+    if _head(memoryview(data), PREAMBLE_BYTES) is None and not data.startswith(_MAGIC):
+        raise TakeError("is no recorded take", where=where, advice="check the file")
+    return [Fault(0, PREAMBLE_BYTES, "the first bytes are damaged")]
+
+
+def read_chunk(file: BinaryIO | FileIO, offset: int) -> Chunk | None:
+    """Return the intact chunk that begins at a byte of an open file, None where none does."""
+    file.seek(offset)
+    first = file.read(HEADER_BYTES)
+    head = _head(memoryview(first), 0)
+    if head is None:
+        return None
+    kind, sequence, size, checksum = head
+    payload = file.read(size)
+    return Chunk(kind, sequence, offset, payload) if zlib.crc32(payload) == checksum else None
+
+
+def _head(view: memoryview, position: int) -> tuple[int, int, int, int] | None:
+    """Return kind, sequence number, bytes and sum of the chunk that begins here; None where none does."""
+    if position + HEADER_BYTES > len(view) or view[position : position + 4] != _CHUNK_MAGIC:
+        return None
+    (checksum,) = _SUM.unpack_from(view, position + _HEAD.size)
+    if checksum != zlib.crc32(view[position : position + _HEAD.size]):
+        return None
+    _, kind, _, sequence, size, payload_sum = _HEAD.unpack_from(view, position)
+    return kind, sequence, size, payload_sum
+
+
+def _next_head(data: bytes, start: int) -> int:
+    """Return where the next intact header from `start` on is, the end of the file if nowhere."""
+    view = memoryview(data)
+    found = data.find(_CHUNK_MAGIC, start)
+    while found >= 0 and _head(view, found) is None:
+        found = data.find(_CHUNK_MAGIC, found + 1)
+    return found if found >= 0 else len(data)
+
+
+def _skip(data: bytes, position: int, faults: list[Fault]) -> int:
+    """Return where the next intact header is, the end of the file if nowhere, and note what lies between."""
+    stop = _next_head(data, position + 1)
+    start = data[position : position + len(_CHUNK_MAGIC)]
+    cut = stop == len(data) and stop - position < HEADER_BYTES and _CHUNK_MAGIC.startswith(start)
+    what = "the file is cut off within the header of a chunk" if cut else "these bytes are damaged"
+    faults.append(Fault(position, stop - position, what, cut=cut))
+    return stop
+
+
+def _gaps(chunks: Sequence[Chunk], faults: Sequence[Fault]) -> list[Fault]:
+    """Return a fault for every run of chunks that is missing although no byte near it is damaged."""
+    result = []
+    expected, stop = 0, PREAMBLE_BYTES
+    for chunk in chunks:
+        between = any(stop <= fault.offset < chunk.offset for fault in faults)
+        if chunk.sequence != expected and not between:
+            what = f"chunk {chunk.sequence} follows where chunk {expected} was expected"
+            result.append(Fault(chunk.offset, 0, what))
+        expected, stop = chunk.sequence + 1, chunk.offset + HEADER_BYTES + len(chunk.payload)
+    return result
+
+
+def _name(kind: int) -> str:
+    return ChunkKind(kind).name.lower() if kind in ChunkKind._value2member_map_ else f"kind {kind}"

@@ -1,0 +1,301 @@
+"""Reading takes: all that is intact, and what is not."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path, PurePath
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import CaptureError, TakeError
+from ...markers.marker_frame import MarkerFrame
+from ...markers.marker_frame_codec import unpack_stamped
+from ...system.files import read_bytes
+from .chunks import (
+    HEADER_BYTES,
+    PREAMBLE_BYTES,
+    Chunk,
+    ChunkKind,
+    Fault,
+    preamble_faults,
+    read_chunk,
+    scan,
+    split_records,
+)
+from .footer import Footer, find_footer
+from .pose_codec import SolvedPose, unpack_solved
+from .setup import TakeNotes, TakeSetup, json_object
+
+ENDING = ".perftake"
+
+_RECOVER = "perfanim take recover writes what is intact as a whole take"
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Frames that are missing because a process of the capture was replaced.
+
+    Args:
+        after: number of the last frame before them.
+        seconds: of the performance that are missing; 0 where the source was read again from there.
+        text: what happened, in plain words.
+    """
+
+    after: int
+    seconds: float
+    text: str
+
+
+@dataclass(frozen=True)
+class TakeFile:
+    """A recorded take, or what is left of it.
+
+    Args:
+        path: its file.
+        chunks: all that are intact, in the order of the file.
+        faults: what cannot be read.
+        ended: whether the recording came to its end mark.
+    """
+
+    path: Path
+    chunks: tuple[Chunk, ...]
+    faults: tuple[Fault, ...]
+    ended: bool
+
+    @property
+    def complete(self) -> bool:
+        """Whether the take has its end mark and no damage."""
+        return self.ended and not self.faults
+
+    @cached_property
+    def setup(self) -> TakeSetup:
+        """All that is known since the take began; TakeError when it is lost."""
+        for chunk in self._of(ChunkKind.SETUP):
+            return TakeSetup.from_json(bytes(chunk.payload), str(self.path))
+        raise TakeError(
+            "has lost its calibration and subject", where=str(self.path), advice="nothing can be made of this take"
+        )
+
+    @cached_property
+    def notes(self) -> TakeNotes:
+        """What the user last said about the take; its name is the file's if nothing else."""
+        last = TakeNotes()
+        for chunk in self._of(ChunkKind.NOTES):
+            last = TakeNotes.from_json(bytes(chunk.payload), str(self.path))
+        return last if last.name else replace(last, name=take_name(self.path))
+
+    @property
+    def events(self) -> tuple[str, ...]:
+        """What happened while recording, in plain words."""
+        return tuple(str(row.get("text", "")) for row in self._event_rows)
+
+    @property
+    def gaps(self) -> tuple[Gap, ...]:
+        """Where a process of the capture was replaced."""
+        found = [(row["gap"], str(row.get("text", ""))) for row in self._event_rows if isinstance(row.get("gap"), dict)]
+        return tuple(Gap(int(gap.get("after", -1)), float(gap.get("seconds", 0.0)), text) for gap, text in found)
+
+    @cached_property
+    def _event_rows(self) -> tuple[dict[str, Any], ...]:
+        return tuple(json_object(bytes(chunk.payload), str(self.path)) for chunk in self._of(ChunkKind.EVENT))
+
+    @cached_property
+    def stamped_frames(self) -> tuple[tuple[float, MarkerFrame], ...]:
+        """The marker frames in order, each with the `time.perf_counter()` at which its images were in hand."""
+        return tuple(self._records(ChunkKind.FRAMES, unpack_stamped))
+
+    @property
+    def frames(self) -> tuple[MarkerFrame, ...]:
+        """The marker frames in order."""
+        return tuple(frame for _, frame in self.stamped_frames)
+
+    @cached_property
+    def poses(self) -> tuple[SolvedPose, ...]:
+        """The poses as they were solved live, in order; there may be fewer than frames."""
+        return tuple(self._records(ChunkKind.POSES, unpack_solved))
+
+    @property
+    def recorded_poses(self) -> tuple[SolvedPose, ...]:
+        """Those of the poses that were asked for: without a countdown, or what came after an end by itself."""
+        return tuple(solved for solved in self.poses if self.is_recorded(solved.pose.number))
+
+    def is_recorded(self, number: int) -> bool:
+        """Return whether a frame was asked for, or belongs to the countdown or what came after the end."""
+        span = self.notes.recorded
+        return span is None or span[0] <= number <= span[1]
+
+    @cached_property
+    def frame_count(self) -> int:
+        """How many marker frames can be read, without reading them."""
+        return sum(1 for chunk in self._of(ChunkKind.FRAMES) for _ in split_records(chunk.payload))
+
+    @property
+    def declared_frames(self) -> int:
+        """How many frames the end mark says there are; as many as can be read without one."""
+        ends = self._of(ChunkKind.END)
+        return int(Footer.unpack(ends[0].payload).facts.get("frames", 0)) if ends else self.frame_count
+
+    @property
+    def problems(self) -> list[str]:
+        """What is wrong with the file, one line each with what to do about it."""
+        told = [str(fault) for fault in self.faults]
+        if not self.ended and not any(fault.cut for fault in self.faults):
+            told.append("the file ends without its end mark")
+        missing = self.declared_frames - self.frame_count
+        if missing > 0:
+            told.append(f"{missing} of {self.declared_frames} frames are lost with what is damaged")
+        return [f"{line}; {_RECOVER}" for line in told]
+
+    def _of(self, kind: ChunkKind) -> list[Chunk]:
+        return [chunk for chunk in self.chunks if chunk.kind == kind]
+
+    def _records(self, kind: ChunkKind, unpack: Callable[[bytes], Any]) -> Iterable[Any]:
+        for chunk in self._of(kind):
+            try:
+                for record in split_records(chunk.payload):
+                    yield unpack(record)
+            except (CaptureError, TakeError) as error:  # its sum is right: not damage, but another program's
+                raise TakeError(
+                    f"chunk {chunk.sequence} was written by another version ({error.what})",
+                    where=str(self.path),
+                    advice=f"read it with {self.setup.software or 'the version that recorded it'}",
+                ) from error
+
+
+def read_take_file(path: Path | str) -> TakeFile:
+    """Return a recorded take with all that is intact of it; it may be one that is still being written.
+
+    Raises:
+        TakeError: no take, one of another version, or nothing of it is left.
+        FormatError: the file cannot be read.
+    """
+    chunks, faults = scan(read_bytes(path), str(path))
+    known = [chunk for chunk in chunks if chunk.kind in ChunkKind._value2member_map_]
+    ended = any(chunk.kind == ChunkKind.END for chunk in known)
+    return TakeFile(Path(path), tuple(known), tuple(faults), ended)
+
+
+def take_name(path: Path | str) -> str:
+    """Return what a take is called that has no name: its file's name without the ending."""
+    return Path(path).name.removesuffix(ENDING)
+
+
+def unused_path(folder: Path, name: str) -> Path:
+    """Return a file of a folder for a take of that name, where none is yet."""
+    stem = (
+        "".join("-" if letter in '<>:"/\\|?*' or ord(letter) < 32 else letter for letter in name).strip(". ") or "take"
+    )
+    path, count = folder / f"{stem}{ENDING}", 2
+    while path.exists():
+        path, count = folder / f"{stem} ({count}){ENDING}", count + 1
+    return path
+
+
+def rate(times_s: NDArray[np.float64], numbers: NDArray[np.int64]) -> float:
+    """Return the frames per second of numbered frames; a whole number when it is one to 0.02.
+
+    Raises:
+        TakeError: there are not two frames with times that differ.
+    """
+    steps = np.diff(times_s) / np.maximum(np.diff(numbers), 1)
+    step = float(np.median(steps)) if len(steps) else 0.0
+    if not step > 0.0:
+        raise TakeError("has too few frames to have a rate")
+    whole = round(1.0 / step)
+    return float(whole) if whole and abs(1.0 / step - whole) < 0.02 else 1.0 / step
+
+
+@dataclass(frozen=True)
+class TakeSummary:
+    """What a list shows of a take, read from its end without reading the rest.
+
+    Args:
+        path: its file.
+        complete: whether it has its end mark; damage before it is not looked for.
+        frames, duration_s: 0 when it is not complete.
+        created: ISO 8601.
+        notes: name, notes, rating.
+        orphaned: whether the recording outlived Blender.
+        subject, marker_set, method, database: names of what it was solved with, "" for the default, or unknown.
+        performers: names of the further performers.
+    """
+
+    path: Path
+    complete: bool
+    frames: int = 0
+    duration_s: float = 0.0
+    created: str = ""
+    notes: TakeNotes = field(default_factory=TakeNotes)
+    orphaned: bool = False
+    subject: str = ""
+    marker_set: str = ""
+    method: str = ""
+    database: str = ""
+    performers: tuple[str, ...] = ()
+
+
+def summarise(path: Path | str) -> TakeSummary:
+    """Return what a list shows of a take.
+
+    Raises:
+        TakeError: it is no take, or cannot be read.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            preamble_faults(file.read(PREAMBLE_BYTES + HEADER_BYTES), str(path))
+            footer = find_footer(file)
+            if footer is None:
+                return TakeSummary(path, False, notes=TakeNotes(take_name(path)))
+            return _listed(path, file, footer)
+    except OSError as error:
+        raise TakeError(f"cannot be read ({error.strerror})", where=str(path), advice="check the path") from error
+
+
+def has_frames(path: Path | str) -> bool:
+    """Return whether a take holds a frame, looking no further than to the first.
+
+    Raises:
+        TakeError: it is no take, or cannot be read.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            preamble_faults(file.read(PREAMBLE_BYTES + HEADER_BYTES), str(path))
+            chunk = read_chunk(file, PREAMBLE_BYTES)
+            while chunk is not None and chunk.kind != ChunkKind.FRAMES:
+                chunk = read_chunk(file, file.tell())
+            return chunk is not None
+    except OSError as error:
+        raise TakeError(f"cannot be read ({error.strerror})", where=str(path), advice="check the path") from error
+
+
+def _listed(path: Path, file: BinaryIO, footer: Footer) -> TakeSummary:
+    """Return the summary of a take from the last notes and a set-up of its index."""
+    last = {kind: offset for kind, offset in footer.index if kind in (ChunkKind.SETUP, ChunkKind.NOTES)}
+    known: dict[str, Any] = {}
+    notes = TakeNotes()
+    for kind, offset in last.items():
+        chunk = read_chunk(file, offset)
+        if chunk is not None and kind == ChunkKind.SETUP:
+            known = _known(TakeSetup.from_json(bytes(chunk.payload), str(path)))
+        elif chunk is not None:
+            notes = TakeNotes.from_json(bytes(chunk.payload), str(path))
+    notes = notes if notes.name else replace(notes, name=take_name(path))
+    frames, duration_s = int(footer.facts.get("frames", 0)), float(footer.facts.get("duration_s", 0.0))
+    orphaned = bool(footer.facts.get("orphaned", False))
+    return TakeSummary(path, True, frames, duration_s, notes=notes, orphaned=orphaned, **known)
+
+
+def _known(setup: TakeSetup) -> dict[str, Any]:
+    """Return what a summary tells of a set-up; its tables are not looked into any further."""
+    worn = setup.subject.get("marker_set")
+    return {
+        "created": setup.created,
+        "subject": str(setup.subject.get("name", "")),
+        "marker_set": str(worn.get("name", "")) if isinstance(worn, Mapping) else "",
+        "method": str(setup.settings.get("method", "")),
+        "database": PurePath(str(setup.database.get("path", ""))).stem,
+        "performers": tuple(str(table.get("name", "")) for table in setup.performers),
+    }

@@ -1,0 +1,170 @@
+"""What is known when a take begins, and what its user says about it later."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+from ... import __version__
+from ...errors import PerfanimError, TakeError
+from ...geometry.camera import CameraRig
+from ...geometry.rig_file import rig_from, rig_tables
+from ...markers.prop import Prop, prop_from, prop_tables
+from ...markers.subject import Subject, subject_from, subject_tables
+
+MOST_STARS = 5
+
+
+@dataclass(frozen=True)
+class TakeSetup:
+    """All that turns the marker frames of a take into poses, as plain tables that travel as JSON.
+
+    Args:
+        rig: tables of the calibration, as in its file; empty for markers that were imported without cameras.
+        subject: tables of the subject and its marker set, as in its file.
+        settings: of the solver, those that differ from its defaults.
+        database: "path", "frames", "fps" and "sha256" (of its header) of the motion database.
+        capture: how the images came and became marker frames, as the capture was asked for.
+        props: tables of the props that are followed as well, as in their files.
+        performers: likewise of the further performers (subject and marker set).
+        created: when the take began, ISO 8601 with the time zone.
+        software: program and version that recorded it.
+    """
+
+    rig: Mapping[str, Any]
+    subject: Mapping[str, Any]
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    database: Mapping[str, Any] = field(default_factory=dict)
+    capture: Mapping[str, Any] = field(default_factory=dict)
+    props: Sequence[Mapping[str, Any]] = ()
+    performers: Sequence[Mapping[str, Any]] = ()
+    created: str = ""
+    software: str = ""
+
+    @staticmethod
+    def of(
+        rig: CameraRig | None,
+        subject: Subject,
+        settings: Mapping[str, Any],
+        database: Mapping[str, Any],
+        capture: Mapping[str, Any],
+        props: Sequence[Prop] = (),
+        performers: Sequence[Subject] = (),
+    ) -> "TakeSetup":
+        """Return the set-up of a take that begins now."""
+        created = datetime.now(UTC).astimezone().isoformat(timespec="seconds")
+        cameras = rig_tables(rig) if rig is not None else {}
+        made = TakeSetup(
+            rig=cameras,
+            subject=subject_tables(subject),
+            settings=settings,
+            database=database,
+            capture=capture,
+            props=[prop_tables(prop) for prop in props],
+            performers=[subject_tables(performer) for performer in performers],
+            created=created,
+            software=f"perfanim {__version__}",
+        )
+        return TakeSetup.from_json(made.to_json(), "")  # what a reader will see, to the last digit
+
+    def to_json(self) -> bytes:
+        """Return the set-up as JSON."""
+        return json.dumps(asdict(self), default=_plain).encode("utf-8")
+
+    @staticmethod
+    def from_json(data: bytes, where: str) -> "TakeSetup":
+        """Return the set-up of `to_json`; TakeError when it lacks a part. Parts of later versions are passed over."""
+        facts = json_object(data, where)
+        try:
+            parts = {name: dict(facts[name]) for name in ("rig", "subject", "settings", "database", "capture")}
+            props, performers = (tuple(dict(t) for t in facts.get(name, ())) for name in ("props", "performers"))
+        except (KeyError, TypeError, ValueError) as error:
+            raise TakeError(f"has an incomplete set-up ({error})", where=where) from error
+        created, software = str(facts.get("created", "")), str(facts.get("software", ""))
+        return TakeSetup(**parts, props=props, performers=performers, created=created, software=software)
+
+    def camera_rig(self) -> CameraRig | None:
+        """Return the cameras, None for imported markers without any; TakeError when the tables are damaged."""
+        if not self.rig:
+            return None
+        return _made("calibration", lambda: rig_from(self.rig, "calibration of the take"))
+
+    def worn_subject(self) -> Subject:
+        """Return the performer with the markers; TakeError when the tables are damaged."""
+        return _made("subject", lambda: subject_from(self.subject, "subject of the take"))
+
+    def further_subjects(self) -> tuple[Subject, ...]:
+        """Return the further performers with their markers; TakeError when the tables are damaged."""
+        where = "further performer of the take"
+        return _made("further performer", lambda: tuple(subject_from(table, where) for table in self.performers))
+
+    def carried_props(self) -> tuple[Prop, ...]:
+        """Return the props that are followed as well; TakeError or PropError when the tables are damaged."""
+        return _made("prop", lambda: tuple(prop_from(table, "prop of the take") for table in self.props))
+
+
+@dataclass(frozen=True)
+class TakeNotes:
+    """What the user says about a take; may change at any time.
+
+    Args:
+        name: "" for the file's.
+        notes: free text.
+        rating: 0 (none) to 5 stars.
+        character: who was driven, "" when nobody.
+        played: whether it was put onto a character after the recording.
+        recorded: numbers of the first and last frame that were asked for, where a countdown or an end by itself left
+            others beside them; None: all.
+    """
+
+    name: str = ""
+    notes: str = ""
+    rating: int = 0
+    character: str = ""
+    played: bool = False
+    recorded: tuple[int, int] | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.rating <= MOST_STARS:
+            raise TakeError(f"a rating of {self.rating} is out of range", advice=f"give 0 to {MOST_STARS} stars")
+
+    def to_json(self) -> bytes:
+        """Return the notes as JSON."""
+        return json.dumps(asdict(self)).encode("utf-8")
+
+    @staticmethod
+    def from_json(data: bytes, where: str) -> "TakeNotes":
+        """Return the notes of `to_json`; parts of later versions are passed over."""
+        facts = json_object(data, where)
+        texts = {name: str(facts.get(name, "")) for name in ("name", "notes", "character")}
+        rating = facts.get("rating", 0)
+        stars = min(max(rating, 0), MOST_STARS) if isinstance(rating, int) else 0
+        span = facts.get("recorded")
+        recorded = (int(span[0]), int(span[1])) if isinstance(span, list) and len(span) == 2 else None
+        return TakeNotes(**texts, rating=stars, played=bool(facts.get("played", False)), recorded=recorded)
+
+
+def json_object(data: bytes, where: str) -> dict[str, Any]:
+    """Return a JSON object; TakeError when it is none."""
+    try:
+        value = json.loads(data)
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise TakeError(f"holds no JSON where some was expected ({error})", where=where) from error
+    if not isinstance(value, dict):
+        raise TakeError("holds no JSON object where one was expected", where=where)
+    return value
+
+
+def _made(what: str, make: Any) -> Any:
+    try:
+        return make()
+    except PerfanimError:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise TakeError(f"has an unusable {what} ({error})", advice=f"give another {what}") from error
+
+
+def _plain(value: Any) -> Any:
+    """Return numpy scalars and arrays as Python's own, dates, paths and the like as text."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)

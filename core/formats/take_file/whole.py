@@ -1,0 +1,67 @@
+"""A take that is written in one go, of frames that are there already: imported, or solved anew."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ...markers.marker_frame import MarkerFrame
+from ...markers.marker_frame_codec import pack_stamped
+from ...system.files import atomic_path
+from .chunks import ChunkKind, encode_chunk, join_records, preamble
+from .footer import Footer
+from .pose_codec import SolvedPose, pack_solved
+from .setup import TakeNotes, TakeSetup
+
+_RECORDS_PER_CHUNK = 64  # what one damaged byte costs
+
+
+def write_whole_take(
+    path: Path | str,
+    setup: TakeSetup,
+    notes: TakeNotes,
+    frames: Sequence[tuple[float, MarkerFrame]],
+    poses: Sequence[SolvedPose],
+    events: Sequence[bytes] = (),
+) -> None:
+    """Write a take with its end mark.
+
+    Args:
+        path: what is there is replaced.
+        setup: by which the frames became the poses.
+        notes: of the take.
+        frames: each with its stamp, as `TakeFile.stamped_frames`.
+        poses: of these frames.
+        events: payloads of the event chunks, as another take of the same frames has them.
+
+    Raises:
+        FormatError: `path` cannot be written.
+    """
+    chunks = [(ChunkKind.SETUP, setup.to_json()), (ChunkKind.NOTES, notes.to_json())]
+    chunks += _chunked(ChunkKind.FRAMES, [pack_stamped(stamp_s, frame) for stamp_s, frame in frames])
+    chunks += _chunked(ChunkKind.POSES, [pack_solved(pose) for pose in poses])
+    chunks += [(ChunkKind.EVENT, event) for event in events]
+    chunks.append((ChunkKind.SETUP, setup.to_json()))  # again, for the case that the first is damaged
+    write_chunks(path, chunks, take_facts([frame for _, frame in frames], len(poses)))
+
+
+def take_facts(frames: Sequence[MarkerFrame], poses: int) -> dict[str, Any]:
+    """Return what the end mark of a take with these frames and so many poses tells."""
+    duration_s = frames[-1].time_s - frames[0].time_s if frames else 0.0
+    return {"frames": len(frames), "poses": poses, "duration_s": duration_s, "orphaned": False}
+
+
+def write_chunks(path: Path | str, chunks: Iterable[tuple[int, bytes]], facts: Mapping[str, Any]) -> None:
+    """Write a take of chunks, kind and payload each, and its end mark with the facts; errors as above."""
+    index: list[tuple[int, int]] = []
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        file.write(preamble())
+        for kind, payload in chunks:
+            index.append((kind, file.tell()))
+            file.write(encode_chunk(kind, len(index) - 1, payload))
+        index.append((ChunkKind.END, file.tell()))
+        file.write(encode_chunk(ChunkKind.END, len(index) - 1, Footer(facts, tuple(index)).pack()))
+
+
+def _chunked(kind: ChunkKind, records: Sequence[bytes]) -> list[tuple[ChunkKind, bytes]]:
+    starts = range(0, len(records), _RECORDS_PER_CHUNK)
+    return [(kind, join_records(records[start : start + _RECORDS_PER_CHUNK])) for start in starts]

@@ -1,0 +1,259 @@
+"""Writing a take while capturing: nothing that is handed over waits longer than a tenth of a second in memory.
+
+Two threads do the work, so that neither a slow disk nor a full one holds the capture up: one writes, one asks the
+system every half second to bring what is written to the disk. Whoever hands something over only appends to a list.
+Should the process be killed, what it has written stays in the system's hands; half a chunk at the end is known by its
+sum.
+"""
+
+import contextlib
+import errno
+import json
+import os
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ...errors import TakeError
+from ...markers.marker_frame import MarkerFrame
+from ...markers.marker_frame_codec import unpack_stamped
+from .chunks import HEADER_BYTES, ChunkKind, encode_chunk, join_records, preamble, scan, split_records
+from .footer import Footer
+from .lock import lock
+from .setup import TakeNotes, TakeSetup
+
+WRITE_EVERY_S = 0.1
+SYNC_EVERY_S = 0.5
+RETRY_EVERY_S = 1.0
+_LOCK_TRIES, _LOCK_PAUSE_S = 20, 0.005
+MOST_WAITING = 256 * 1024 * 1024  # bytes kept in memory while the disk is full
+
+
+class TakeWriter:
+    """One take while it is recorded.
+
+    Args:
+        path: must not exist, or with `resumed` be a take whose writer was killed.
+        setup, notes: of the take; one that is resumed has its notes.
+        tell: called with one line when nothing can be written, with "" once it can again; from another thread.
+        resumed: go on with what is there: half a chunk at its end is cut off.
+
+    Raises:
+        TakeError: the file exists or cannot be written, or there is nothing to go on with.
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        setup: TakeSetup,
+        notes: TakeNotes | None = None,
+        tell: Callable[[str], None] = lambda problem: None,
+        *,
+        resumed: bool = False,
+    ) -> None:
+        self.path = Path(path)
+        self.frames = self.poses = 0
+        self._tell = tell
+        self._setup = setup
+        self._whole = 0  # bytes of the file that are whole chunks
+        self._index: list[tuple[int, int]] = []  # kind and offset, by sequence number
+        self._frames_in: deque[bytes] = deque()
+        self._poses_in: deque[bytes] = deque()
+        self._events_in: deque[dict[str, Any]] = deque()
+        self._first_frame = self._last_frame = b""
+        self._waiting = bytearray()  # encoded, not written
+        self._dropped = 0
+        self._told = ""
+        self._closed = False
+        self._ending = threading.Event()
+        self._unsynced = threading.Event()
+        if resumed:
+            self._file = _opened(self.path)
+            self._go_on()
+        else:
+            self._file = _created(self.path)
+            self._waiting += preamble()
+            self._queue(ChunkKind.SETUP, setup.to_json())
+            self._queue(ChunkKind.NOTES, (notes or TakeNotes()).to_json())
+            self._write()
+        self._threads = [threading.Thread(target=work, daemon=True) for work in (self._write_loop, self._sync_loop)]
+        for thread in self._threads:
+            thread.start()
+
+    def _go_on(self) -> None:
+        """Take over what is whole of the file, and cut off what is not."""
+        try:
+            chunks, faults = scan(self.path.read_bytes(), str(self.path))
+            if not chunks or chunks[-1].kind == ChunkKind.END or not all(fault.cut for fault in faults):
+                raise OSError(errno.EIO, "it is damaged or has ended")
+            self._whole = chunks[-1].offset + HEADER_BYTES + len(chunks[-1].payload)
+            os.ftruncate(self._file, self._whole)
+            os.lseek(self._file, self._whole, os.SEEK_SET)
+        except (OSError, TakeError) as error:
+            os.close(self._file)
+            advice = "what it holds is kept: recover it later"
+            raise TakeError(f"cannot be gone on with ({error})", where=str(self.path), advice=advice) from error
+        self._index = [(chunk.kind, chunk.offset) for chunk in chunks]
+        self._setup = TakeSetup.from_json(bytes(chunks[0].payload), str(self.path))
+        records = [list(split_records(chunk.payload)) for chunk in chunks if chunk.kind == ChunkKind.FRAMES]
+        self.frames = sum(map(len, records))
+        self.poses = sum(1 for chunk in chunks if chunk.kind == ChunkKind.POSES for _ in split_records(chunk.payload))
+        if records:
+            self._first_frame, self._last_frame = records[0][0], records[-1][-1]
+
+    @property
+    def last_frame(self) -> tuple[float, MarkerFrame] | None:
+        """Stamp and marker frame that were written last; None before the first."""
+        return unpack_stamped(self._last_frame) if self._last_frame else None
+
+    def add_frame(self, record: bytes) -> None:
+        """Keep a marker frame (`marker_frame.pack_stamped`)."""
+        self._frames_in.append(record)
+
+    def add_pose(self, record: bytes) -> None:
+        """Keep a solved pose (`pose_bytes.pack_solved`)."""
+        self._poses_in.append(record)
+
+    def add_event(self, text: str, **facts: Any) -> None:
+        """Keep a line about what went wrong, with facts for programs."""
+        self._events_in.append({"text": text, **facts})
+
+    def add_gap(self, text: str, after: int, seconds: float) -> None:
+        """Keep that frames are missing because a process was replaced.
+
+        Args:
+            text: what happened, in plain words.
+            after: number of the last frame before the gap.
+            seconds: of the performance that are missing; 0 where the source was read again from there.
+        """
+        self.add_event(text, gap={"after": after, "seconds": seconds})
+
+    def close(self, orphaned: bool = False) -> None:
+        """Write what is left and the end mark; safe to call twice.
+
+        Args:
+            orphaned: whether who asked for the capture is gone, and has perhaps made nothing of it.
+        """
+        if self._closed:
+            return
+        self._ending.set()
+        for thread in self._threads:
+            thread.join()
+        self._collect()
+        self._tell_dropped()
+        self._queue(ChunkKind.SETUP, self._setup.to_json())  # again, for the case that the first is damaged
+        self._queue_end(orphaned)
+        self._write()
+        with contextlib.suppress(OSError):
+            os.fsync(self._file)
+        self._closed = True
+        os.close(self._file)
+
+    def _write_loop(self) -> None:
+        while not self._ending.wait(RETRY_EVERY_S if self._told else WRITE_EVERY_S):
+            try:
+                self._collect()
+                self._write()
+            except Exception as error:  # a defect: it must be told, and what comes later may still be written
+                self._told = f"the take is not being written ({type(error).__name__}: {error}): report this"
+                self._tell(self._told)
+
+    def _sync_loop(self) -> None:
+        while not self._ending.wait(SYNC_EVERY_S):
+            if self._unsynced.is_set():
+                self._unsynced.clear()
+                with contextlib.suppress(OSError):  # shows on writing as well
+                    os.fsync(self._file)
+
+    def _collect(self) -> None:
+        """Make chunks of what has been handed over."""
+        frames = [self._frames_in.popleft() for _ in range(len(self._frames_in))]
+        poses = [self._poses_in.popleft() for _ in range(len(self._poses_in))]
+        if len(self._waiting) > MOST_WAITING:
+            self._dropped += len(frames)
+            return
+        self._tell_dropped()
+        self.frames += len(frames)
+        self.poses += len(poses)
+        if frames:
+            self._first_frame, self._last_frame = self._first_frame or frames[0], frames[-1]
+            self._queue(ChunkKind.FRAMES, join_records(frames))
+        if poses:
+            self._queue(ChunkKind.POSES, join_records(poses))
+        while self._events_in:
+            self._event(**self._events_in.popleft())
+
+    def _tell_dropped(self) -> None:
+        if self._dropped:
+            self._event(f"{self._dropped} frames could not be kept: the disk was full")
+            self._dropped = 0
+
+    def _event(self, text: str, **facts: Any) -> None:
+        self._queue(ChunkKind.EVENT, json.dumps({"frames": self.frames, "text": text, **facts}).encode("utf-8"))
+
+    def _queue(self, kind: ChunkKind, payload: bytes) -> None:
+        sequence = len(self._index)
+        self._index.append((kind, self._whole + len(self._waiting)))
+        self._waiting += encode_chunk(kind, sequence, payload)
+
+    def _queue_end(self, orphaned: bool) -> None:
+        at = self._whole + len(self._waiting)
+        facts = {"frames": self.frames, "poses": self.poses, "duration_s": self._duration_s(), "orphaned": orphaned}
+        self._queue(ChunkKind.END, Footer(facts, (*self._index, (int(ChunkKind.END), at))).pack())
+
+    def _duration_s(self) -> float:
+        """Return the time from the first frame to the last."""
+        if not self._last_frame:
+            return 0.0
+        return unpack_stamped(self._last_frame)[1].time_s - unpack_stamped(self._first_frame)[1].time_s
+
+    def _write(self) -> None:
+        """Write what waits; what the disk does not take goes on waiting."""
+        if not self._waiting:
+            return
+        try:
+            written = 0
+            while written < len(self._waiting):
+                written += os.write(self._file, memoryview(self._waiting)[written:])
+        except OSError as error:
+            os.lseek(self._file, self._whole, os.SEEK_SET)
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._file, self._whole)
+            if not self._told:
+                self._told = f"the take is not being written ({error.strerror}): free some space on its disk"
+                self._tell(self._told)
+            return
+        self._whole += len(self._waiting)
+        self._waiting = bytearray()
+        self._unsynced.set()
+        if self._told:
+            self._told = ""
+            self._tell("")
+
+
+def _created(path: Path) -> int:
+    """Return the handle of a new file, locked for this process."""
+    return _locked(path, os.O_CREAT | os.O_EXCL)
+
+
+def _opened(path: Path) -> int:
+    """Return the handle of a take that is gone on with, locked for this process."""
+    return _locked(path, 0)
+
+
+def _locked(path: Path, flags: int) -> int:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle = os.open(path, os.O_RDWR | flags | getattr(os, "O_BINARY", 0), 0o666)
+    except OSError as error:
+        raise TakeError(
+            f"cannot be recorded ({error.strerror})", where=str(path), advice="choose another name or folder"
+        ) from error
+    for _ in range(_LOCK_TRIES):  # a reader who looks whether it is locked holds it for a moment
+        if lock(handle):
+            break
+        time.sleep(_LOCK_PAUSE_S)
+    return handle

@@ -1,0 +1,96 @@
+"""VMC packets gathered into frames, over however many packets a program spreads each."""
+
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+
+from ...errors import FormatError
+from .packets import TRACKERS, Clock, Placed, read_packet
+
+MOST_PLACED = 1000  # bones and trackers of a frame; a program that makes up ever new names fills no memory
+
+Key = tuple[str, str]  # address and name
+
+
+@dataclass(frozen=True)
+class VmcFrame:
+    """What belongs to one moment.
+
+    Args:
+        arrival_s: when the first of it came.
+        clock_s: the sender's time, None where it tells none.
+        placed: root, bones and trackers.
+    """
+
+    arrival_s: float
+    clock_s: float | None
+    placed: dict[Key, Placed]
+
+
+class FrameGathering:
+    """Frames of VMC packets.
+
+    A frame ends where something that it has comes again, so it does not matter over how many packets a program spreads
+    its frames, nor in which order.
+
+    Attributes:
+        packets, malformed: how many came, and how many of them were none.
+    """
+
+    def __init__(self) -> None:
+        self.packets = 0
+        self.malformed = 0
+        self._clear()
+
+    def _clear(self) -> None:
+        self._arrival_s = 0.0
+        self._clock_s: float | None = None
+        self._placed: dict[Key, Placed] = {}
+
+    def add(self, packet: bytes, arrival_s: float) -> list[VmcFrame]:
+        """Take a packet in and return the frames that have ended; a malformed one is counted and has no effect.
+
+        Args:
+            packet: a UDP datagram.
+            arrival_s: when it came, by any clock that only goes forwards.
+        """
+        self.packets += 1
+        try:
+            messages = read_packet(packet)
+        except FormatError:
+            self.malformed += 1
+            return []
+        return [frame for message in messages for frame in self._add(message, arrival_s)]
+
+    def _add(self, message: Placed | Clock, arrival_s: float) -> list[VmcFrame]:
+        if isinstance(message, Clock):
+            again = self._clock_s is not None
+        else:
+            again = (message.address, message.name) in self._placed or len(self._placed) == MOST_PLACED
+        ended = self.end() if again else []
+        if self._clock_s is None and not self._placed:
+            self._arrival_s = arrival_s
+        if isinstance(message, Clock):
+            self._clock_s = message.time_s
+        else:
+            self._placed[message.address, message.name] = message
+        return ended
+
+    def has_all(self, keys: Collection[Key]) -> bool:
+        """Whether the frame that is still open has all of these."""
+        return all(key in self._placed for key in keys)
+
+    def end(self) -> list[VmcFrame]:
+        """End the frame that is still open and return it; nothing where it is empty."""
+        frames = [VmcFrame(self._arrival_s, self._clock_s, self._placed)] if self._placed else []
+        self._clear()
+        return frames
+
+
+def tracker_names(keys: Iterable[Key]) -> dict[Key, str]:
+    """Return the names of the head sets, controllers and trackers among `keys`: their serial numbers.
+
+    One without goes by its kind; of two with the same, each has its kind before it.
+    """
+    names = {key: key[1] or TRACKERS[key[0]] for key in keys if key[0] in TRACKERS}
+    given = list(names.values())
+    return {key: name if given.count(name) == 1 else f"{TRACKERS[key[0]]}:{key[1]}" for key, name in names.items()}

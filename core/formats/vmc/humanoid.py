@@ -1,0 +1,163 @@
+"""The bones of a VMC humanoid (Unity's HumanBodyBones), and motion of ours told in them.
+
+A humanoid stands in a T pose when all its rotations are zero, legs straight down, and then the axes of all bones are
+the world's. Our rest pose spreads the legs, so orientations are taken to and from it as those of a foreign file are
+(`rest_alignment`). Everything here is in our axes; `packets` turns them into Unity's.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...body.calibration_poses import t_pose
+from ...body.motion import Motion
+from ...body.skeleton import Skeleton, forward_kinematics
+from ...body.source_motion import SourceMotion
+from ...body.standard_skeleton import JOINT_NAMES, default_skeleton
+from ...errors import TakeError
+from ...geometry import rotations as rot
+from ...retarget.file_joints import match_joints
+from ...retarget.file_rest_pose import align_rest
+from ...retarget.to_standard_skeleton import map_motion
+
+Array = NDArray[np.float64]
+
+_NO_LENGTH_M = 1e-6
+
+# bone: (our joint, the bone above), parents first
+_TRUNK = {
+    "Hips": ("root", ""),
+    "Spine": ("lowerback", "Hips"),
+    "Chest": ("upperback", "Spine"),
+    "UpperChest": ("thorax", "Chest"),
+    "Neck": ("lowerneck", "UpperChest"),
+    "Head": ("head", "Neck"),
+}
+_LIMBS = {
+    "UpperLeg": ("femur", "Hips"),
+    "LowerLeg": ("tibia", "UpperLeg"),
+    "Foot": ("foot", "LowerLeg"),
+    "Toes": ("toes", "Foot"),
+    "Shoulder": ("clavicle", "UpperChest"),
+    "UpperArm": ("humerus", "Shoulder"),
+    "LowerArm": ("radius", "UpperArm"),
+    "Hand": ("hand", "LowerArm"),
+}
+BONES: dict[str, tuple[str, str]] = {
+    **_TRUNK,
+    **{
+        side + bone: (side[0].lower() + joint, above if above in _TRUNK else side + above)
+        for side in ("Left", "Right")
+        for bone, (joint, above) in _LIMBS.items()
+    },
+}
+
+
+@dataclass(frozen=True)
+class BonePoses:
+    """Poses of a humanoid.
+
+    Args:
+        names: (B) names among `BONES`, in their order.
+        positions_m: (F, B, 3) relative to the bone above, in its axes; those of the hips in the world.
+        rotations: (F, B, 4) relative to the bone above and to the T pose; those of the hips in the world.
+    """
+
+    names: tuple[str, ...]
+    positions_m: Array
+    rotations: Array
+
+
+class Humanoid:
+    """A body of the product's joints as a humanoid with the same bone lengths.
+
+    The hips carry it through the room. Fingers and thumbs, which nothing measures, are left out.
+
+    Raises:
+        SkeletonError: it has not all of the product's joints.
+    """
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        self._skeleton = skeleton
+        self._joints = [skeleton.index(joint) for joint, _ in BONES.values()]
+        names, self._parents = tuple(BONES), _parents(tuple(BONES))
+        self._offsets = _t_pose_offsets(skeleton, self._joints, self._parents)
+        still = _source("T pose", 1.0, names, self._offsets, rot.identity((1, len(names))), np.zeros((1, 3)))
+        bone_from_joint = align_rest(still, match_joints(still)).source_from_product
+        self._joint_from_bone = rot.conjugate([bone_from_joint[joint] for joint, _ in BONES.values()])
+
+    def poses(self, rotations: Array, root_positions_m: Array) -> BonePoses:
+        """Return poses (F, J, 4) and (F, 3), as of a `Motion`, as those of the humanoid."""
+        world = np.array(rotations, dtype=np.float64)
+        for level in self._skeleton.levels:  # where joints are does not count, and takes half the time
+            above = self._skeleton.parents[level]
+            world[:, level] = rot.multiply(world[:, above], world[:, level])
+        bones = rot.multiply(world[:, self._joints], self._joint_from_bone)
+        local = bones.copy()
+        local[:, 1:] = rot.multiply(rot.conjugate(bones[:, self._parents[1:]]), bones[:, 1:])
+        positions = np.tile(self._offsets, (len(rotations), 1, 1))
+        positions[:, 0] = root_positions_m
+        return BonePoses(tuple(BONES), positions, local)
+
+
+def bone_poses(motion: Motion) -> BonePoses:
+    """Return a motion of the product's joints as poses of a humanoid; SkeletonError as of `Humanoid`."""
+    return Humanoid(motion.skeleton).poses(motion.rotations, motion.root_positions_m)
+
+
+def motion_of_bones(poses: BonePoses, name: str, fps: float) -> Motion:
+    """Return poses of a humanoid as a motion of the product's joints, with the humanoid's bone lengths.
+
+    Programs that send rotations alone put all bones at zero; then the body is the average one.
+
+    Raises:
+        TakeError: the hips are missing.
+        SkeletonError: a thigh, shank, upper arm or forearm is missing, or they make no upright body.
+    """
+    if "Hips" not in poses.names:
+        raise TakeError("has no bone Hips", where=name, advice="let the other program send all bones")
+    offsets = np.median(poses.positions_m, axis=0)
+    offsets[0] = 0.0
+    if np.max(np.abs(offsets)) < _NO_LENGTH_M:
+        joints = [JOINT_NAMES.index(BONES[bone][0]) for bone in poses.names]
+        offsets = _t_pose_offsets(default_skeleton(), joints, _parents(poses.names))
+    return map_motion(_source(name, fps, poses.names, offsets, poses.rotations, poses.positions_m[:, 0]))
+
+
+def _t_pose_offsets(skeleton: Skeleton, joints: list[int], parents: NDArray[np.int64]) -> Array:
+    """Return (B, 3) where each bone begins relative to the one above it in the T pose, that of the hips zero."""
+    positions, _ = forward_kinematics(skeleton, t_pose(skeleton), np.zeros(3))
+    starts = positions[joints]
+    offsets = starts - starts[parents]
+    offsets[0] = 0.0
+    return offsets
+
+
+def _parents(names: tuple[str, ...]) -> NDArray[np.int64]:
+    """Return (B,) index of the nearest bone above that there is, -1 for the hips."""
+    found = []
+    for name in names:
+        above = BONES[name][1]
+        while above and above not in names:
+            above = BONES[above][1]
+        found.append(names.index(above) if above else -1)
+    return np.array(found)
+
+
+def _source(
+    name: str, fps: float, names: tuple[str, ...], offsets_m: Array, rotations: Array, hips_m: Array
+) -> SourceMotion:
+    return SourceMotion(
+        name=name,
+        where=name,
+        fps=fps,
+        names=names,
+        parents=_parents(names),
+        offsets_m=offsets_m,
+        tips_m=np.zeros((len(names), 3)),
+        rotations=rotations,
+        translations_m={0: hips_m},
+        euler_orders=("ZXY",) * len(names),
+        metres_per_unit=1.0,
+    )

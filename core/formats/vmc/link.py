@@ -1,0 +1,177 @@
+"""VMC over UDP: a motion played live to another program, and what another program sends recorded."""
+
+import ipaddress
+import socket
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...body.motion import Motion
+from ...body.skeleton import Skeleton
+from ...errors import CaptureError
+from .humanoid import BONES, Humanoid
+from .packets import FramePackets
+from .recording import Recording
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+
+_LARGEST_PACKET = 65535
+_BUFFER_BYTES = 1 << 22  # what the system may keep while this process is busy
+_MOST_WAITING = 1000  # packets that are still read at the end
+_LONGEST_WAIT_S = 0.5  # between two looks at how far it is
+
+
+def play(motion: Motion, host: str, port: int, progress: Progress) -> int:
+    """Send a motion in real time, one bundle a frame; returns the bytes sent.
+
+    Raises:
+        CaptureError: the host is not known, or the network takes no packets.
+        SkeletonError: it has not the product's joints.
+    """
+    sent = 0
+    with Sender(motion.skeleton, host, port) as sender:
+        begun_s = time.perf_counter()
+        for frame in range(motion.frames):
+            time_s = frame / motion.fps
+            early_s = begun_s + time_s - time.perf_counter()
+            if early_s > 0.0:
+                time.sleep(early_s)
+            sent += sender.send(time_s, motion.rotations[frame], motion.root_positions_m[frame])
+            progress((frame + 1) / motion.frames, f"sending to {sender.where}")
+    return sent
+
+
+class Sender:
+    """Sends poses of one body to another program.
+
+    Args:
+        skeleton: of the product's joints.
+        host, port: of the other program.
+
+    Raises:
+        CaptureError: the host is not known.
+        SkeletonError: it has not all of the product's joints.
+    """
+
+    def __init__(self, skeleton: Skeleton, host: str, port: int) -> None:
+        self.where = f"{host}:{port}"
+        self._humanoid = Humanoid(skeleton)
+        self._packets = FramePackets(tuple(BONES))
+        try:
+            family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+            self._address: tuple[Any, ...] = address
+            self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        except (OSError, UnicodeError) as error:
+            raise self._failure(error) from error
+
+    def __enter__(self) -> "Sender":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def send(self, time_s: float, rotations: Array, root_position_m: Array) -> int:
+        """Send a pose (J, 4) and (3,); return the bytes.
+
+        Raises:
+            CaptureError: the network takes no packets.
+        """
+        poses = self._humanoid.poses(rotations[None], root_position_m[None])
+        try:
+            packet = self._packets.packet(time_s, poses.positions_m[0], poses.rotations[0])
+            return self._socket.sendto(packet, self._address)
+        except OSError as error:
+            raise self._failure(error) from error
+
+    def close(self) -> None:
+        """Send nothing any more."""
+        self._socket.close()
+
+    def _failure(self, error: Exception) -> CaptureError:
+        return CaptureError(f"cannot be sent to ({error})", where=self.where, advice="check host and port")
+
+
+class Receiver:
+    """A UDP port of this computer.
+
+    Args:
+        port: 0 for any that is free.
+        sender: name or address of the only computer that is listened to; where that is this one, nothing comes from
+            its networks. "": all are.
+
+    Attributes:
+        strangers: addresses of other computers that have sent, too.
+
+    Raises:
+        CaptureError: the port is taken, or the sender is not known.
+    """
+
+    def __init__(self, port: int, sender: str = "") -> None:
+        self.strangers: set[str] = set()
+        self._sender = _address(sender)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
+            self._socket.bind((self._sender if _is_loopback(self._sender) else "", port))
+        except OSError as error:
+            self._socket.close()
+            raise CaptureError(
+                f"cannot be listened to ({error.strerror or error})",
+                where=f"port {port}",
+                advice="end the program that uses it, or choose another port",
+            ) from error
+        self.port: int = self._socket.getsockname()[1]
+
+    def __enter__(self) -> "Receiver":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._socket.close()
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        """Return the next packet, None if none comes in time, or one of another computer than the sender."""
+        self._socket.settimeout(timeout_s)
+        try:
+            packet, (address, _) = self._socket.recvfrom(_LARGEST_PACKET)
+        except (TimeoutError, BlockingIOError):
+            return None
+        if self._sender and address != self._sender:
+            self.strangers.add(address)
+            return None
+        return packet
+
+
+def _address(host: str) -> str:
+    try:
+        return socket.gethostbyname(host) if host else ""
+    except (OSError, UnicodeError) as error:
+        advice = "give its address, as 192.168.1.20, or none for all"
+        raise CaptureError(f"is no computer that is known ({error})", where=host, advice=advice) from error
+
+
+def _is_loopback(address: str) -> bool:
+    return bool(address) and ipaddress.ip_address(address).is_loopback
+
+
+def record(receiver: Receiver, seconds: float, progress: Progress) -> Recording:
+    """Return what comes within `seconds`."""
+    recording = Recording()
+    progress(0.0, f"listening on port {receiver.port}")
+    begun_s = time.perf_counter()
+    waiting = _MOST_WAITING
+    while waiting:
+        left_s = begun_s + seconds - time.perf_counter()
+        packet = receiver.receive(min(max(left_s, 0.0), _LONGEST_WAIT_S))
+        if left_s <= 0.0:
+            waiting = waiting - 1 if packet is not None else 0
+        if packet is not None:
+            recording.add(packet, time.perf_counter() - begun_s)
+        progress(
+            min(1.0 - left_s / seconds, 1.0),
+            f"listening on port {receiver.port}: {recording.gathering.packets} packets",
+        )
+    return recording

@@ -1,0 +1,152 @@
+"""What comes in VMC packets, gathered into frames, and these as motion or as marker take."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...body.motion import Motion
+from ...errors import TakeError
+from ...geometry import rotations as rot
+from ...markers.marker_take import MarkerTake
+from ..take_file.reading import rate
+from .frames import FrameGathering, Key, VmcFrame, tracker_names
+from .humanoid import BONES, BonePoses, motion_of_bones
+from .packets import BONE, ROOT, TRACKERS
+from .tracker_points import AXES, axis_names, axis_points
+
+Array = NDArray[np.float64]
+
+_ON_A_FRAME = 0.01  # of a frame: nearer than this to a frame is that frame; stamps are 32-bit numbers
+_TURNED = np.radians(3.0)  # by less a tracker does not turn: nobody measures how it is turned
+_MOST_LOST = 100  # frames for each that came; more are no loss but a clock that jumped, or a pause
+
+
+class Recording:
+    """Frames of VMC packets.
+
+    Attributes:
+        gathering: of the packets; counts them.
+    """
+
+    def __init__(self) -> None:
+        self.gathering = FrameGathering()
+        self._frames: list[VmcFrame] = []
+
+    def add(self, packet: bytes, arrival_s: float) -> None:
+        """Take a packet in, as `FrameGathering.add` does."""
+        self._frames += self.gathering.add(packet, arrival_s)
+
+    def motion(self, name: str) -> tuple[Motion, int]:
+        """Return the bones' motion at the sender's rate, and how many frames of it came.
+
+        Frames that were lost lie between their neighbours. A bone that a frame leaves out stays as it was. The root
+        carries the hips.
+
+        Raises:
+            TakeError: fewer than two frames with bones came, or none with hips.
+            SkeletonError: the bones make no body.
+        """
+        keys = [(BONE, bone) for bone in BONES]
+        frames, times_s, fps = self._with(keys, name, "bones")
+        poses = _filled(frames, [key for key in keys if any(key in frame.placed for frame in frames)])
+        poses = _on_root(poses, frames)
+        return motion_of_bones(_at_rate(poses, times_s, fps), name, fps), len(frames)
+
+    def markers(self, name: str) -> MarkerTake:
+        """Return head set, controllers and trackers as markers called by their serial numbers.
+
+        Of one that turns there are also the points of `tracker_points`, by which its rotation counts.
+
+        Raises:
+            TakeError: fewer than two frames with any of them came.
+        """
+        seen = [
+            key for key in dict.fromkeys(key for frame in self._all() for key in frame.placed) if key[0] in TRACKERS
+        ]
+        frames, times_s, fps = self._with(seen, name, "trackers")
+        names, columns = [], []
+        for key, own in tracker_names(seen).items():
+            there = np.array([key in frame.placed for frame in frames])
+            placed = [frame.placed[key] for frame in frames if key in frame.placed]
+            positions, rotations = np.array([p.position_m for p in placed]), np.array([p.rotation for p in placed])
+            turns = bool(np.max(rot.angle_between(rotations, rotations[:1])) > _TURNED)
+            points = np.full((len(frames), 1 + len(AXES) * turns, 3), np.nan)
+            points[there, 0] = positions
+            points[there, 1:] = axis_points(positions, rotations) if turns else 0.0
+            names += [own, *axis_names(own)] if turns else [own]
+            columns.append(points)
+        numbers = np.round(times_s * fps).astype(np.int64)
+        if np.any(np.diff(numbers) < 1):  # arrival times of a network may crowd
+            numbers = np.arange(len(frames))
+        return MarkerTake(name, fps, tuple(names), np.concatenate(columns, axis=1), numbers, times_s)
+
+    def _all(self) -> list[VmcFrame]:
+        """Return all frames, the one that is still open with them."""
+        self._frames += self.gathering.end()
+        return self._frames
+
+    def _with(self, keys: Sequence[Key], name: str, what: str) -> tuple[list[VmcFrame], Array, float]:
+        """Return the frames that have one of the keys, their times (F,) from the first, and their rate."""
+        frames = [frame for frame in self._all() if any(key in frame.placed for key in keys)]
+        if len(frames) < 2:
+            raise TakeError(
+                f"{len(frames)} frames with {what} came in {self.gathering.packets} packets",
+                where=name,
+                advice="let the other program send them to this computer and port",
+            )
+        arrivals_s = np.array([frame.arrival_s for frame in frames])
+        clocks_s = np.array([frame.clock_s for frame in frames if frame.clock_s is not None])
+        is_steady = len(clocks_s) == len(frames) and bool(np.all(np.diff(clocks_s) > 0.0))
+        for times_s in (clocks_s, arrivals_s) if is_steady else (arrivals_s,):
+            from_first_s = times_s - times_s[0]
+            fps = rate(from_first_s, np.arange(len(frames)))
+            if from_first_s[-1] * fps < _MOST_LOST * len(frames):
+                return frames, from_first_s, fps
+        raise TakeError(
+            "frames came too unevenly to make anything of them", where=name, advice="record without a pause"
+        )
+
+
+def _filled(frames: Sequence[VmcFrame], keys: Sequence[Key]) -> BonePoses:
+    """Return the poses of bones; where a frame lacks one, it is as in the frame before, or as it first came."""
+    there = np.array([[key in frame.placed for key in keys] for frame in frames])
+    row = np.where(there, np.arange(len(frames))[:, None], -1)
+    row = np.maximum.accumulate(row, axis=0)
+    row = np.where(row < 0, np.argmax(there, axis=0), row)
+    placed = [[frames[r].placed[key] for r, key in zip(rows, keys, strict=True)] for rows in row]
+    return BonePoses(
+        tuple(name for _, name in keys),
+        np.array([[bone.position_m for bone in bones] for bones in placed]),
+        np.array([[bone.rotation for bone in bones] for bones in placed]),
+    )
+
+
+def _on_root(poses: BonePoses, frames: Sequence[VmcFrame]) -> BonePoses:
+    """Return the poses with the hips in the world."""
+    key = (ROOT, "root")
+    if poses.names[0] != "Hips" or not any(key in frame.placed for frame in frames):
+        return poses
+    root = _filled(frames, [key])
+    positions, rotations = poses.positions_m.copy(), poses.rotations.copy()
+    positions[:, 0] = root.positions_m[:, 0] + rot.rotate(root.rotations[:, 0], positions[:, 0])
+    rotations[:, 0] = rot.multiply(root.rotations[:, 0], rotations[:, 0])
+    return BonePoses(poses.names, positions, rotations)
+
+
+def _at_rate(poses: BonePoses, times_s: Array, fps: float) -> BonePoses:
+    """Return the poses at multiples of the frame time."""
+    times_s = np.maximum.accumulate(times_s)
+    wanted = np.arange(round(float(times_s[-1]) * fps) + 1) / fps
+    after = np.clip(np.searchsorted(times_s, wanted), 1, len(times_s) - 1)
+    before = after - 1
+    step = np.maximum(times_s[after] - times_s[before], 1e-9)
+    share = np.clip((wanted - times_s[before]) / step, 0.0, 1.0)
+    share = np.where(np.abs(share - np.round(share)) < _ON_A_FRAME, np.round(share), share)
+    start, end = poses.rotations[before], poses.rotations[after]
+    positions = poses.positions_m
+    return BonePoses(
+        poses.names,
+        positions[before] + share[:, None, None] * (positions[after] - positions[before]),
+        rot.slerp(start, end, np.broadcast_to(share[:, None], start.shape[:2])),
+    )

@@ -1,0 +1,29 @@
+"""A tracker's rotation told in points: what follows markers then needs to know nothing of rotations.
+
+A marker takes three numbers from a tracker; its rotation, which a tracker on the waist has instead of three markers,
+would be lost.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...geometry import rotations as rot
+
+Array = NDArray[np.float64]
+
+AXES = ("x", "y", "z")
+_LENGTH_M = 0.1  # so that a degree of rotation is as much as two millimetres of place
+
+
+def axis_names(tracker: str) -> tuple[str, ...]:
+    """Return the names of the points of `axis_points`."""
+    return tuple(f"{tracker} {axis}" for axis in AXES)
+
+
+def axis_points(position_m: Array, rotation: Array) -> Array:
+    """Return (..., 3, 3) points 0.1 m from (..., 3) along each of the tracker's own axes.
+
+    Args:
+        position_m, rotation: (..., 3) and (..., 4) of the tracker in the world.
+    """
+    return position_m[..., None, :] + rot.rotate(rotation[..., None, :], _LENGTH_M * np.eye(3))

@@ -1,0 +1,210 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from perfanim.core.body.motion import Motion
+from perfanim.core.body.skeleton import forward_kinematics, joint_angles
+from perfanim.core.body.standard_skeleton import JOINT_NAMES
+from perfanim.core.errors import FormatError
+from perfanim.core.formats.motion.amc import CMU_FPS, amc_motion, parse_amc_values
+from perfanim.core.formats.motion.asf import AsfFile, parse_asf, read_asf
+from perfanim.core.formats.motion.read_motion import read_motion
+from perfanim.core.geometry import rotations as rot
+
+ASF = """# made for this test
+:version 1.10
+:units
+  mass 1.0
+  length 0.5
+  angle deg
+:root
+  order TX TY TZ RX RY RZ
+  axis XYZ
+  position 0 0 0
+  orientation 0 0 0
+:bonedata
+  begin
+    id 1
+    name lhipjoint
+    direction 1 0 0
+    length 2
+    axis 0 0 0 XYZ
+  end
+  begin
+    id 2
+    name lfemur
+    direction 0 -1 0
+    length 10
+    axis 0 0 30 XYZ
+    dof rx ry rz
+    limits (-160.0 20.0)
+           (-70.0 70.0)
+           (-60.0 70.0)
+  end
+  begin
+    id 3
+    name ltibia
+    direction 0 -3 0
+    length 8
+    axis 0 0 30 XYZ
+    dof rx
+  end
+:hierarchy
+  begin
+    root lhipjoint
+    lhipjoint lfemur
+    lfemur ltibia
+  end
+"""
+AMC = """#!OML:ASF test
+:FULLY-SPECIFIED
+:DEGREES
+1
+root 1 2 3 10 20 30
+lfemur 5 15 25
+ltibia 40
+2
+root 1 2 4 10 20 30
+lfemur 5 15 25
+ltibia 41
+"""
+UNIT = 0.0254 / 0.5
+
+
+def parse_amc(content: bytes, where: str, asf: AsfFile) -> Motion:
+    return amc_motion(parse_amc_values(content, where, asf), asf, CMU_FPS, "a")
+
+
+def rz(degrees: float) -> np.ndarray:
+    return rot.from_rotation_vector(np.radians([0.0, 0.0, degrees]))
+
+
+def test_zero_dof_bones_are_folded_into_offsets() -> None:
+    skeleton = parse_asf(ASF.encode(), "a.asf").skeleton
+    assert skeleton.names == ("root", "lfemur", "ltibia")
+    np.testing.assert_allclose(skeleton.offsets_m, np.array([[0, 0, 0], [2, 0, 0], [0, -10, 0]]) * UNIT)
+    np.testing.assert_allclose(skeleton.tips_m[2], np.array([0, -8, 0]) * UNIT)
+    assert skeleton.angle_orders == ("ZYX", "ZYX", "X")
+
+
+def test_values_are_angles_about_fixed_axes_in_the_bone_frame() -> None:
+    motion = parse_amc(AMC.encode(), "a.amc", parse_asf(ASF.encode(), "a.asf"))
+    x, y, z = (
+        rot.from_rotation_vector(np.radians(angle) * axis) for angle, axis in zip((5, 15, 25), np.eye(3), strict=True)
+    )
+    inner = rot.multiply(z, rot.multiply(y, x))
+    expected = rot.multiply(rz(30), rot.multiply(inner, rz(-30)))
+    assert rot.angle_between(motion.rotations[0, 1], expected) < 1e-9
+    np.testing.assert_allclose(motion.root_positions_m, np.array([[1, 2, 3], [1, 2, 4]]) * UNIT)
+    assert motion.fps == 120.0
+
+
+def test_joint_angles_give_the_values_back() -> None:
+    motion = parse_amc(AMC.encode(), "a.amc", parse_asf(ASF.encode(), "a.asf"))
+    angles = [np.degrees(a) for a in joint_angles(motion.skeleton, motion.rotations)]
+    np.testing.assert_allclose(angles[0][0], [30, 20, 10], atol=1e-9)
+    np.testing.assert_allclose(angles[1][0], [25, 15, 5], atol=1e-9)
+    np.testing.assert_allclose(angles[2][:, 0], [40, 41], atol=1e-9)
+
+
+def test_nan_stays() -> None:
+    asf = parse_asf(ASF.encode(), "a.asf")
+    motion = parse_amc(AMC.replace("ltibia 41", "ltibia nan").encode(), "a.amc", asf)
+    assert np.all(np.isnan(motion.rotations[1, 2]))
+    np.testing.assert_array_equal(motion.rotations[0], parse_amc(AMC.encode(), "a.amc", asf).rotations[0])
+
+
+def test_angles_that_jump_are_told_though_the_rotation_does_not() -> None:
+    asf = parse_asf(ASF.encode(), "a.asf")
+    jumping = AMC.replace("lfemur 5 15 25\nltibia 41", "lfemur -175 165 205\nltibia 41").encode()  # the same rotation
+    assert parse_amc_values(jumping, "a.amc", asf).angle_jumps.tolist() == [False, True]
+    assert parse_amc_values(AMC.encode(), "a.amc", asf).angle_jumps.tolist() == [False, False]
+    plain, other = (parse_amc(text, "a.amc", asf) for text in (AMC.encode(), jumping))
+    np.testing.assert_allclose(rot.angle_between(plain.rotations, other.rotations), 0.0, atol=1e-7)
+
+
+def test_radians_windows_lines_tabs_and_blank_lines() -> None:
+    asf = parse_asf(ASF.encode(), "a.asf")
+    plain = parse_amc(AMC.encode(), "a.amc", asf)
+    other = parse_amc(AMC.replace("\n", "\r\n").replace("root ", "root\t").encode(), "a.amc", asf)
+    np.testing.assert_array_equal(plain.rotations, other.rotations)
+    spaced = parse_amc(AMC.replace("\nlfemur", " \n\n   lfemur").rstrip().encode(), "a.amc", asf)
+    np.testing.assert_array_equal(plain.rotations, spaced.rotations)
+    radians = parse_amc(AMC.replace(":DEGREES", ":RADIANS").replace(" 41", " 0.5").encode(), "a.amc", asf)
+    assert rot.angle_between(radians.rotations[1, 2], rot.identity()) == pytest.approx(0.5)
+
+
+def test_bones_that_a_motion_leaves_out_stay_at_rest() -> None:
+    motion = parse_amc(
+        AMC.replace("ltibia 40\n", "").replace("ltibia 41\n", "").encode(), "a.amc", parse_asf(ASF.encode(), "a")
+    )
+    np.testing.assert_array_equal(motion.rotations[:, 2], rot.identity((2,)))
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("", "is not an AMC motion"),
+        ("\x00\x01binary", "is not an AMC motion"),
+        (AMC.replace("lfemur", "lthigh"), "a.amc, line 6: moves the bone 'lthigh'"),
+        (AMC.replace("ltibia 40", "ltibia 40 3"), "a.amc, line 7: has 2 values for 'ltibia'"),
+        (AMC.replace("ltibia 41", "ltibia x"), "a.amc, line 11: 'x' is not a number"),
+        (AMC.replace("ltibia 41", "ltibia inf"), "a.amc, line 11: has a value of 'ltibia' that is not finite"),
+        (AMC.replace("ltibia 41", "ltibia"), "a.amc, line 11: expected 1 values of 'ltibia', found 0"),
+        (AMC.replace("lfemur 5 15 25\nltibia 41", "lfemurs 5 15 25\nltibia 41"), "line 10: expected the values of"),
+        (AMC.replace("lfemur 5 15 25\nltibia 41", "ltibia 41"), "a.amc, line 10: expected the values of 'lfemur'"),
+        (AMC[: AMC.rindex("ltibia")], "ends within a frame"),
+        (AMC.replace("\n2\n", "\n3\n"), "out of sequence"),
+        (AMC.replace("root 1 2 3 10 20 30\n", ""), "no root"),
+    ],
+)
+def test_damaged_motion_is_refused_with_the_place(text: str, part: str) -> None:
+    with pytest.raises(FormatError) as caught:
+        parse_amc(text.encode(), "a.amc", parse_asf(ASF.encode(), "a.asf"))
+    assert part in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("", "is not an ASF skeleton"),
+        (ASF.replace("length 10", "length ten"), "is damaged"),
+        (ASF.replace("direction 0 -1 0", "direction 0 -1"), "line 23: needs 3 numbers, has 2"),
+        (ASF.replace("lfemur ltibia", "lfemur shin"), "unknown bone 'shin'"),
+        (ASF.replace("root lhipjoint", "root"), "do not hang on the root"),
+        (ASF.replace("dof rx\n", "dof rq\n"), "unknown or repeated degrees of freedom"),
+        (ASF.replace("length 0.5", "length 0"), "has a length unit of 0"),
+        (ASF[: ASF.index(":hierarchy")], "has no :hierarchy section"),
+        (ASF.replace("0 0 30 XYZ", "0 0 30 XXZ", 1), "unknown axis order"),
+    ],
+)
+def test_damaged_skeleton_is_refused(text: str, part: str) -> None:
+    with pytest.raises(FormatError) as caught:
+        parse_asf(text.encode(), "a.asf")
+    assert part in str(caught.value)
+
+
+def test_missing_skeleton_file(tmp_path: Path) -> None:
+    (tmp_path / "a.amc").write_text(AMC)
+    with pytest.raises(FormatError, match=r"none\.asf: cannot be read"):
+        read_motion(tmp_path / "a.amc", tmp_path / "none.asf")
+
+
+def test_cmu_trial(cmu_dir: Path) -> None:
+    motion = read_motion(cmu_dir / "14" / "14_02.amc", cmu_dir / "14" / "14.asf")
+    assert motion.skeleton.names == JOINT_NAMES
+    positions, _ = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
+    assert 1.4 < positions[0, motion.skeleton.index("head"), 1] < 1.7
+    assert positions[..., motion.skeleton.index("ltoes"), 1].min() > -0.1
+    assert sum(len(order) for order in motion.skeleton.angle_orders) + 3 == 62
+
+
+def test_every_cmu_skeleton_reads(cmu_dir: Path) -> None:
+    paths = sorted(cmu_dir.glob("*/*.asf"))
+    assert len(paths) == 15
+    for path in paths:
+        skeleton = read_asf(path)
+        assert skeleton.names == JOINT_NAMES
+        leg = np.linalg.norm(skeleton.tips_m[[1, 2]], axis=1).sum()
+        assert 0.7 < leg < 1.0
