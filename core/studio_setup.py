@@ -9,10 +9,10 @@ from .geometry.camera import CameraRig
 from .geometry.triangulation import triangulate
 from .simulate.studio.boards import DEFAULT_BOARD, board_on_floor, board_pictures, draw_board
 from .simulate.studio.source import SimulatedSource
-from .vision.board import find_board
-from .vision.calibrate import CalibrationResult, calibrate_from_points
-from .vision.floor import rig_on_floor
-from .vision.rig_fit import CameraViews
+from .vision.calibration.board import find_board
+from .vision.calibration.calibrate import CalibrationResult, calibrate_from_points
+from .vision.calibration.floor import rig_on_floor
+from .vision.calibration.rig_fit import CameraViews
 
 _BOARD_VIEWS = 24
 

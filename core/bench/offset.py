@@ -14,9 +14,9 @@ from ..simulate.studio.render import Renderer
 from ..simulate.studio.rig import FPS, default_rig
 from ..simulate.studio.settings import StudioSettings
 from ..simulate.studio.source import simulated_source
-from ..sources.image_set import ImageSet
 from ..studio_setup import calibrate_studio
 from ..vision.pipeline import MarkerPipeline
+from ..vision.sources.image_set import ImageSet
 from ..vision.synchronise import synchronised
 from .data import Progress
 from .report import write_json, write_rows

@@ -25,8 +25,8 @@ from ..solver.search import IntArray, Query, Search
 from ..solver.settings import SolveSettings
 from ..solver.subject_model import SubjectModel
 from ..system.assets import MOTION
-from ..vision.background import learn_backgrounds
-from ..vision.detect import Detector
+from ..vision.detection.background import learn_backgrounds
+from ..vision.detection.detector import Detector
 from .data import BANDAI, CMU, FPS, LEFT_OUT, SPLIT, WALKING, Progress, data_folders, read_take
 from .figure6 import MARKER_SET
 from .report import write_json, write_rows

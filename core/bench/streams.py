@@ -21,9 +21,9 @@ from ..markers.marker_frame_codec import pack, unpack
 from ..markers.subject import Subject
 from ..session import Session
 from ..simulate.studio.source import open_simulated
-from ..sources.image_set import ImageSet
 from ..vision.live import live_frames, live_settings
 from ..vision.pipeline import MarkerPipeline
+from ..vision.sources.image_set import ImageSet
 
 Image = NDArray[np.uint8]
 

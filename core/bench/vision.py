@@ -20,7 +20,7 @@ from ..simulate.studio.settings import StudioSettings
 from ..simulate.studio.source import SimulatedSource, simulated_source
 from ..studio_setup import calibrate_studio
 from ..system.assets import MOTION
-from ..vision.detect import Detector
+from ..vision.detection.detector import Detector
 from ..vision.pipeline import MarkerPipeline
 from .data import Progress
 from .report import write_json, write_rows

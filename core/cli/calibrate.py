@@ -9,7 +9,7 @@ from ..errors import SettingsError
 from . import calibrate_floor, calibrate_prop, calibrate_refine, calibrate_subject
 
 if TYPE_CHECKING:
-    from ..vision.calibrate import CalibrationResult
+    from ..vision.calibration.calibrate import CalibrationResult
 
 Progress = Callable[[float, str], None]
 
@@ -65,16 +65,16 @@ def _add_board(group: Any) -> None:
 def run_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Calibrate, write the rig, return the summary."""
     from ..geometry.rig_file import save_rig
-    from ..vision.calibrate import calibrate_from_points
+    from ..vision.calibration.calibrate import calibrate_from_points
 
     if args.points:
-        from ..vision.board_points import load_board_points
+        from ..vision.calibration.board_points import load_board_points
 
         points_m, cameras = load_board_points(args.points)
         square_m = 0.0
         result = calibrate_from_points(points_m, cameras)
     else:
-        from ..vision.board import parse_board
+        from ..vision.calibration.board import parse_board
 
         patterns = _patterns(args)
         if not args.board:
@@ -114,9 +114,9 @@ def _of_camera(views_px: Mapping[tuple[str, str], float], name: str) -> dict[str
 
 
 def _from_files(patterns: dict[str, str], board: Any, progress: Progress, *, left_right: bool) -> Any:
-    from ..sources.images import is_image_pattern
-    from ..vision.calibrate_images import calibrate_images
-    from ..vision.calibrate_videos import calibrate_videos
+    from ..vision.calibration.calibrate_images import calibrate_images
+    from ..vision.calibration.calibrate_videos import calibrate_videos
+    from ..vision.sources.images import is_image_pattern
 
     videos = [name for name, pattern in patterns.items() if Path(pattern).is_file() and not is_image_pattern(pattern)]
     if videos and len(videos) < len(patterns):
@@ -146,8 +146,8 @@ def _patterns(args: argparse.Namespace) -> dict[str, str]:
 
 def run_board(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Write the board's PDF."""
-    from ..vision.board import parse_board
-    from ..vision.board_pdf import write_board_pdf
+    from ..vision.calibration.board import parse_board
+    from ..vision.calibration.board_pdf import write_board_pdf
 
     paper = write_board_pdf(parse_board(args.spec), args.spec, args.out)
     return {"out": str(args.out), "paper": paper}

@@ -43,8 +43,8 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Find the floor, write the calibration in the world that has it at y = 0, return the summary."""
     from ..errors import CalibrationError
     from ..geometry.rig_file import load_rig, save_rig
-    from ..vision.floor import rig_on_floor
-    from ..vision.floor_markers import scaled_to
+    from ..vision.calibration.floor import rig_on_floor
+    from ..vision.calibration.floor_markers import scaled_to
 
     rig = load_rig(args.cameras)
     watch = _watched(args, rig, progress)
@@ -62,10 +62,10 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 def _watched(args: argparse.Namespace, rig: Any, progress: Progress) -> Any:
-    from ..sources.spec import open_image_source
-    from ..vision.detect import DetectionSettings
-    from ..vision.floor_markers import FloorWatch
+    from ..vision.calibration.floor_markers import FloorWatch
+    from ..vision.detection.detector import DetectionSettings
     from ..vision.pipeline import MarkerPipeline, PipelineSettings
+    from ..vision.sources.spec import open_image_source
 
     pipeline = MarkerPipeline(rig, PipelineSettings(detection=(DetectionSettings(threshold=args.threshold),)))
     if args.background:

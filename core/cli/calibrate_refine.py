@@ -33,9 +33,9 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Refine, write the rig, return the summary."""
     from ..errors import CalibrationError
     from ..geometry.rig_file import load_rig, save_rig
-    from ..sources.spec import open_image_source
+    from ..vision.calibration.refine import refine_rig
     from ..vision.pipeline import MarkerPipeline
-    from ..vision.refine import refine_rig
+    from ..vision.sources.spec import open_image_source
 
     rig = load_rig(args.cameras)
     source = open_image_source(args.left, args.right, *args.camera)

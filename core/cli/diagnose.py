@@ -46,7 +46,7 @@ def library_facts(name: str) -> str:
 
 def _cameras() -> list[dict[str, Any]]:
     try:
-        from ..sources.cameras import find_cameras
+        from ..vision.sources.cameras import find_cameras
     except ImportError:  # the libraries' lines say why
         return []
     return [asdict(camera) for camera in find_cameras()]

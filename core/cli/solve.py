@@ -247,7 +247,7 @@ def _solve_recorded(
     setup = take.setup
     rig, frames = setup.camera_rig(), take.frames
     if args.cameras is not None:
-        from ..vision.located_anew import located_anew  # images' libraries are slow to load
+        from ..vision.relocate import located_anew  # images' libraries are slow to load
 
         progress(0.0, "locating the markers anew")
         rig = load_rig(args.cameras)

@@ -80,7 +80,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ..formats.markers.marker_files import write_take
     from ..geometry.rig_file import load_rig
     from ..markers.marker_set import load_marker_set
-    from ..sources.spec import open_image_source
+    from ..vision.sources.spec import open_image_source
 
     marker_set = load_marker_set(args.marker_set) if args.marker_set else None
     _check(args)
@@ -152,7 +152,7 @@ def _of_one_camera(
     args: argparse.Namespace, rig: Any, frames: list[Any], fps: float, count: int | None
 ) -> tuple[Any, dict[str, Any]]:
     """Return the take of what one camera shows, and what it is like: which marker is which is found with the body."""
-    from ..tracking_image import image_take
+    from ..vision.image_take import image_take
 
     take = image_take(frames, rig, _take_name(args.out), fps)
     shown = np.array([len(frame.single_points) for frame in frames])
@@ -233,7 +233,7 @@ def _on_floor(args: argparse.Namespace, take: Any, rig: Any) -> Any:
     from ..geometry.rig_file import save_rig
     from ..markers.floor_from_feet import floor_points, moved_to_rig
     from ..markers.marker_set import load_marker_set
-    from ..vision.floor import rig_on_floor
+    from ..vision.calibration.floor import rig_on_floor
 
     level = rig_on_floor(rig, floor_points(take, load_marker_set(args.marker_set)))
     if args.floor_cameras:
@@ -242,9 +242,9 @@ def _on_floor(args: argparse.Namespace, take: Any, rig: Any) -> Any:
 
 
 def _pipeline(args: argparse.Namespace, rig: Any, source: Any, progress: Progress) -> Any:
-    from ..sources.spec import open_image_source
-    from ..vision.detect import DetectionSettings
+    from ..vision.detection.detector import DetectionSettings
     from ..vision.pipeline import MarkerPipeline, PipelineSettings
+    from ..vision.sources.spec import open_image_source
 
     settings = PipelineSettings(detection=(DetectionSettings(threshold=args.threshold),))
     pipeline = MarkerPipeline(rig, settings)

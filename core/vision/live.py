@@ -5,13 +5,13 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 from ..markers.marker_frame import MarkerFrame
-from ..sources.spec import ImageSetLike
-from .detect import DetectionSettings
-from .live_bump import LiveBumpWatch
-from .live_offset import LiveTimeOffsets
-from .one_time import TimeAligner
+from .bump_watch import LiveBumpWatch
+from .detection.detector import DetectionSettings
+from .matching.time_alignment import TimeAligner
+from .matching.time_offset import TimeOffset
 from .pipeline import MarkerPipeline, PipelineSettings
-from .time_offset import TimeOffset
+from .sources.spec import ImageSetLike
+from .time_offset_watch import LiveTimeOffsets
 
 _WHOLE_EVERY = 4  # images: 50 ms at 60 Hz until a marker from elsewhere is found
 

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from ..errors import CaptureError
 from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
-from ..sources.image_set import usable_images
-from ..sources.spec import ImageSetLike
-from .background import Background, background_behind, learn_backgrounds
-from .coherence import PointPredictor
-from .detect import DetectionSettings, Detector
-from .one_time import TimeAligner
-from .stereo import Matches, StereoMatcher, StereoSettings, unused
-from .swapped import SwapWatch
+from .detection.background import Background, background_behind, learn_backgrounds
+from .detection.detector import DetectionSettings, Detector
+from .matching.camera_swap import SwapWatch
+from .matching.point_prediction import PointPredictor
+from .matching.stereo import Matches, StereoMatcher, StereoSettings, unused
+from .matching.time_alignment import TimeAligner
+from .sources.image_set import usable_images
+from .sources.spec import ImageSetLike
 
 Image = NDArray[np.uint8]
 Array = NDArray[np.float64]

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
-from .one_time import TimeAligner
+from .matching.time_alignment import TimeAligner
+from .matching.time_offset import TimeOffset, estimate_time_offsets
 from .pipeline import MarkerPipeline, PipelineSettings
-from .time_offset import TimeOffset, estimate_time_offsets
 
 _LARGEST_S = 0.25
 

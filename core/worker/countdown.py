@@ -5,7 +5,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ..sources.spec import ImageSetLike
+from ..vision.sources.spec import ImageSetLike
 from .camera_job import Stopped
 from .channel import Channel
 

@@ -25,13 +25,14 @@ from ..geometry.rig_file import rig_tables
 from ..simulate.studio.boards import CarriedBoard, board_poses
 from ..simulate.studio.render import Renderer
 from ..simulate.studio.rig import default_rig
-from ..sources.image_set import camera_title, moment_of, usable_images
-from ..sources.spec import ImageSetLike, ImageSource, open_source
 from ..system.files import atomic_path
-from ..vision.board import Board, parse_board
-from ..vision.board_preview import draw_corners, draw_coverage, draw_taken, draw_wanted
-from ..vision.board_session import BoardSession, Sight
+from ..vision.calibration.board import Board, parse_board
+from ..vision.calibration.board_preview import draw_corners, draw_coverage, draw_taken, draw_wanted
+from ..vision.calibration.board_session import BoardSession, Sight
+from ..vision.sources.image_set import camera_title, moment_of, usable_images
+from ..vision.sources.spec import ImageSetLike, ImageSource
 from .channel import Channel
+from .open_source import open_source
 from .preview import PreviewSender
 
 Image = NDArray[np.uint8]

@@ -17,13 +17,13 @@ from ..geometry.camera import CameraRig
 from ..geometry.rig_file import load_rig, rig_tables
 from ..simulate.studio.floor_markers import FloorMarkers
 from ..simulate.studio.rig import default_rig
-from ..sources.image_set import moment_of
-from ..sources.spec import ImageSource
 from ..vision.blob_preview import draw_blobs
-from ..vision.floor import rig_on_floor
-from ..vision.floor_markers import FloorWatch, scaled_to
+from ..vision.calibration.floor import rig_on_floor
+from ..vision.calibration.floor_markers import FloorWatch, scaled_to
 from ..vision.live import live_settings
 from ..vision.pipeline import MarkerPipeline
+from ..vision.sources.image_set import moment_of
+from ..vision.sources.spec import ImageSource
 from .camera_job import Stopped, opened
 from .channel import Channel
 from .preview import PreviewSender

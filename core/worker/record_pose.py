@@ -23,12 +23,12 @@ from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_set import MarkerSet, load_marker_set
 from ..markers.marker_take import MarkerTake
 from ..simulate.studio.staging import ARRIVAL_S
-from ..sources.spec import ImageSetLike, ImageSource
 from ..subject_calibration import check_poses
 from ..tracking import track_markers
 from ..tracking_names import named_take
 from ..tracking_single import single_views
-from ..vision.floor import rig_on_floor
+from ..vision.calibration.floor import rig_on_floor
+from ..vision.sources.spec import ImageSetLike, ImageSource
 from .camera_job import Stopped, opened
 from .channel import Channel
 from .countdown import Line, counted_down

@@ -17,7 +17,7 @@ from perfanim.core.simulate.performer.performance import performance
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.single_view_labelling import SingleViewLabeller
 from perfanim.core.single_view_start import label_near, label_single_view
-from perfanim.core.tracking_image import image_take
+from perfanim.core.vision.image_take import image_take
 
 FPS = 60.0
 PIXEL = 0.1 / 600.0

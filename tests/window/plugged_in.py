@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-CAMERAS = "perfanim.core.sources.cameras"
+CAMERAS = "perfanim.core.vision.sources.cameras"
 _begun_s: list[float] = []  # all cameras of a process play the same moments
 
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from ...errors import SettingsError
 from ...geometry import rotations as rot
 from ...geometry.camera import Camera, CameraRig
-from ...sources.image_set import ImageSet
-from ...vision.board import Board, charuco_board
+from ...vision.calibration.board import Board, charuco_board
+from ...vision.sources.image_set import ImageSet
 from .lens import undistorted_grid
 from .render import Renderer
 from .rig import looking_at

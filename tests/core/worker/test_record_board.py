@@ -15,8 +15,8 @@ from perfanim.core.geometry.camera import Camera, CameraRig
 from perfanim.core.geometry.rig_file import rig_from, save_rig
 from perfanim.core.simulate.studio.boards import board_on_floor
 from perfanim.core.simulate.studio.rig import default_rig
-from perfanim.core.sources.files import read_image
-from perfanim.core.sources.image_set import ImageSet
+from perfanim.core.vision.sources.files import read_image
+from perfanim.core.vision.sources.image_set import ImageSet
 from perfanim.core.worker import record_board, record_floor
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import Message, MessageKind, encode_preview

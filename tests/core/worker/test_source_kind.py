@@ -5,7 +5,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from perfanim.core.sources.image_set import ImageSet
+from perfanim.core.vision.sources.image_set import ImageSet
 from perfanim.core.worker.camera_job import _remaining
 from perfanim.core.worker.source_kind import is_live, is_repeatable, is_simulated
 

@@ -1,0 +1,61 @@
+"""Board points already found by another program, from JSON."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import CalibrationError
+from ...system.files import read_bytes
+from .board import BoardView
+from .rig_fit import CameraViews
+
+Array = NDArray[np.float64]
+
+_LAYOUT = (
+    "image_size [w, h], board_points_mm [[x, y], ...], image_points_cam1 and image_points_cam2 [[[u, v], ...], ...]"
+)
+
+
+def load_board_points(path: str | Path) -> tuple[Array, tuple[CameraViews, CameraViews]]:
+    """Return board points (N, 3) in metres and the views of the left and the right camera.
+
+    The file holds `image_size`, `board_points_mm` (N, 2) and for both cameras, `image_points_cam1` and
+    `image_points_cam2`, one list of N pixels (0-based; null where not seen) per moment.
+
+    Raises:
+        FormatError: the file cannot be read. CalibrationError: it does not hold that.
+    """
+    raw = read_bytes(path)
+    try:
+        content = json.loads(raw)
+        size = (int(content["image_size"][0]), int(content["image_size"][1]))
+        flat = np.asarray(content["board_points_mm"], dtype=np.float64).reshape(len(content["board_points_mm"]), -1)
+        points = np.zeros((len(flat), 3))
+        points[:, :2] = flat[:, :2] / 1000.0
+        left = _views(content["image_points_cam1"], len(points))
+        right = _views(content["image_points_cam2"], len(points))
+    except (ValueError, KeyError, TypeError, IndexError) as error:
+        raise CalibrationError(
+            f"does not hold board points ({type(error).__name__}: {error})",
+            where=str(path),
+            advice=f"expected {_LAYOUT}",
+        ) from error
+    if np.ptp(points[:, :2], axis=0).min() <= 0.0:
+        raise CalibrationError("the board's points lie on one line or in one place", where=str(path))
+    return points, (CameraViews("left", size, left), CameraViews("right", size, right))
+
+
+def _views(moments: list[Any], count: int) -> dict[str, BoardView]:
+    views = {}
+    for i, pixels in enumerate(moments):
+        rows = [(np.nan, np.nan) if pixel is None else pixel for pixel in pixels]
+        table = np.asarray(rows, dtype=np.float64).reshape(-1, 2)
+        if len(table) != count:
+            raise ValueError(f"moment {i + 1} has {len(table)} points, the board {count}")
+        seen = np.flatnonzero(np.isfinite(table).all(axis=1))
+        if len(seen) >= 6:
+            views[f"{i + 1:06d}"] = BoardView(seen, table[seen])
+    return views

@@ -1,0 +1,336 @@
+"""Calibrating cameras from pictures of a planar board: intrinsics, relative pose, what was wrong with which picture.
+
+Zhang, "A flexible new technique for camera calibration" (2000), through OpenCV; then all cameras and the
+board's poses are refined together (`bundle`).
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import CalibrationError
+from ...geometry.camera import WORLD_FROM_CAMERA, Camera, CameraRig
+from .board import Board, BoardView
+from .board_quality import Coverage, coverage
+from .bundle import Bundle, Sighting, adjust, intrinsics_of, matrix_of, rms, rms_by_moment
+from .relative_pose import Transform, inverse
+from .rig_fit import (
+    MINIMUM_VIEWS,
+    NO_SKEW,
+    CameraViews,
+    Rejected,
+    RigFit,
+    SingleCamera,
+    fit_rig,
+    is_outlier,
+    lens_prior,
+)
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+
+_GOOD_VIEWS = 8
+_GOOD_RMS = 0.5 / 640.0  # of the image width
+_USABLE_RMS = 1.2 / 640.0
+_GOOD_COVERAGE = 0.25
+_GOOD_COVERAGE_IN_THE_MIDDLE = 0.5
+_GOOD_DISTANCE = 0.002
+_SMEARED = 4.0 / 640.0  # of the image width
+_SMEARED_ONE_WAY = 1.5  # edges this much wider one way than the other are smeared by motion, else out of focus
+_SYNCHRONISED_S = 0.02
+_HIGH_ERROR = "the error is high: keep the board flat and still, use more light, focus the cameras"
+
+
+@dataclass(frozen=True)
+class CalibrationResult:
+    """A calibrated rig and how far to trust it.
+
+    Args:
+        rig: cameras in the world of the first one (y up, z towards it, x to its left as the performer sees it).
+        stereo_rms_px: RMS reprojection error over all cameras with one board pose per moment; of one camera, its own.
+        held_out_px: the same for moments left out of the fit; NaN with too few of them.
+        rms_px: RMS reprojection error per camera, alone.
+        distance_sigma: standard deviation of the distances between cameras, as a fraction of them; the largest.
+        views_px: RMS reprojection error of each view in the rig, by moment and camera.
+        coverage: per camera, the fraction of its image in which the board has been.
+        late_s: how late the pictures of a camera are against the first one's, where videos tell.
+        baseline_m: distance of the first two optical centres; 0 of one camera.
+        used: keys of the moments used for the relative pose.
+        rejected: pictures not used, with reasons.
+        verdict: "good", "usable" or "redo".
+        advice: what would make it better, in plain words.
+    """
+
+    rig: CameraRig
+    stereo_rms_px: float
+    held_out_px: float
+    rms_px: Mapping[str, float]
+    baseline_m: float
+    distance_sigma: float
+    views_px: Mapping[tuple[str, str], float]
+    coverage: Mapping[str, float]
+    late_s: Mapping[str, float]
+    used: tuple[str, ...]
+    rejected: tuple[Rejected, ...] = ()
+    verdict: str = "good"
+    advice: tuple[str, ...] = ()
+
+
+def calibrate_from_points(
+    points_m: Array,
+    cameras: Sequence[CameraViews],
+    rejected: Sequence[Rejected] = (),
+    *,
+    left_right: bool = True,
+    grid: tuple[int, int] | None = None,
+    edge_widths_px: Mapping[str, Sequence[tuple[float, float]]] | None = None,
+) -> CalibrationResult:
+    """Calibrate from board points (N, 3) and where each camera saw them.
+
+    Args:
+        points_m: board points, z = 0.
+        cameras: what each saw; of one alone, the lens is found, and it stays where the world is.
+        rejected: pictures already refused, passed on to the result.
+        left_right: the first two cameras are the left and the right one, as the cameras see it; checked.
+        grid: inner corners (columns, rows) of a chessboard whose half-turn ambiguity is to be resolved; None
+            when every point is identified.
+        edge_widths_px: how sharp each camera's pictures are (`board_quality.edge_widths`), where that is known.
+
+    Raises:
+        CalibrationError: too few views, cameras that never saw the board together, pictures that do not belong
+            together, left and right exchanged.
+    """
+    if not cameras:
+        raise CalibrationError("there is no camera to calibrate", advice="give pictures of the board")
+    refused = list(rejected)
+    singles = [_calibrate_camera(points_m, camera, refused) for camera in cameras]
+    if len(cameras) == 1:
+        return _result_of_one(cameras[0], singles[0], refused, edge_widths_px or {})
+    centre = points_m.mean(axis=0) if grid is not None else None
+    fit = fit_rig(points_m, cameras, singles, refused, centre)
+    if left_right:
+        _check_sides(fit.poses[1], cameras[0].name, cameras[1].name)
+    seen = {c.name: coverage(c.views.values(), c.image_size) for c in cameras}
+    return _result(singles, fit, refused, seen, edge_widths_px or {})
+
+
+def _calibrate_camera(points_m: Array, camera: CameraViews, refused: list[Rejected]) -> SingleCamera:
+    keys = sorted(camera.views)
+    bundle: Bundle | None = None
+    while True:
+        if len(keys) < MINIMUM_VIEWS:
+            raise CalibrationError(
+                f"the board was seen well in {len(keys)} picture(s) only; at least {MINIMUM_VIEWS} are needed",
+                where=f"camera {camera.name}",
+                advice="take 12 or more pictures with the board tilted differently in all parts of the picture",
+            )
+        views = [camera.views[key] for key in keys]
+        start = bundle or _first_guess(points_m, camera, views)
+        sightings = [Sighting(0, m, points_m[view.ids], view.pixels) for m, view in enumerate(views)]
+        bundle = adjust(start, sightings, NO_SKEW, lens_prior([camera.image_size]))
+        errors = rms_by_moment(bundle, sightings)[:, 0]
+        if not is_outlier(errors).any():
+            poses = {key: (cv2.Rodrigues(row[:3])[0], row[3:]) for key, row in zip(keys, bundle.boards, strict=True)}
+            lens = bundle.intrinsics[0]
+            error = rms(bundle, sightings)
+            return SingleCamera(camera.name, camera.image_size, matrix_of(lens), lens[5:], error, poses)
+        worst = int(np.argmax(errors))
+        refused.append(Rejected(f"{camera.name} {keys[worst]}", f"board points do not fit ({errors[worst]:.2f} px)"))
+        del keys[worst]
+        bundle = replace(bundle, boards=np.delete(bundle.boards, worst, axis=0))
+
+
+def _first_guess(points_m: Array, camera: CameraViews, views: Sequence[BoardView]) -> Bundle:
+    """Return a lens with its axis in the middle of the image, and the boards' poses."""
+    objects, images = _opencv_points(points_m, views)
+    flags = cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3
+    try:
+        _, matrix, distortion, turns, shifts = cv2.calibrateCamera(
+            objects,
+            images,
+            camera.image_size,
+            None,
+            None,
+            flags=flags,  # type: ignore[call-overload]
+        )
+    except cv2.error as error:
+        raise CalibrationError(
+            f"the board's pictures do not determine the camera ({error.err})",
+            where=f"camera {camera.name}",
+            advice="tilt the board differently in each picture and fill the whole image with it",
+        ) from error
+    boards = np.array([np.concatenate((np.ravel(a), np.ravel(b))) for a, b in zip(turns, shifts, strict=True)])
+    return Bundle(intrinsics_of(matrix, distortion)[None], np.zeros((1, 6)), boards)
+
+
+def _opencv_points(points_m: Array, views: Sequence[BoardView]) -> tuple[list[Array], list[Array]]:
+    objects = [np.ascontiguousarray(points_m[view.ids], dtype=np.float32) for view in views]
+    images = [np.ascontiguousarray(view.pixels, dtype=np.float32).reshape(-1, 1, 2) for view in views]
+    return objects, images  # type: ignore[return-value]
+
+
+def sides_exchanged(centre: Array) -> bool:
+    """Return whether the right camera, at a place (3,) in the left one's frame, stands on the left of it."""
+    return bool(centre[0] < -0.5 * np.linalg.norm(centre))
+
+
+def _check_sides(second_from_first: Transform, left: str, right: str) -> None:
+    if sides_exchanged(inverse(second_from_first)[1]):
+        raise CalibrationError(
+            f"the pictures given for {left} come from the camera on the right and those for {right} from the left",
+            advice="exchange --left and --right",
+        )
+
+
+def _result(
+    singles: Sequence[SingleCamera],
+    fit: RigFit,
+    refused: Sequence[Rejected],
+    seen: Mapping[str, Coverage],
+    edge_widths_px: Mapping[str, Sequence[tuple[float, float]]],
+) -> CalibrationResult:
+    cameras = tuple(
+        Camera(
+            single.name,
+            single.image_size,
+            matrix_of(intrinsics),
+            intrinsics[5:],
+            _orthonormal(rotation) @ WORLD_FROM_CAMERA.T,
+            translation,
+        )
+        for single, intrinsics, (rotation, translation) in zip(singles, fit.intrinsics, fit.poses, strict=True)
+    )
+    names = [single.name for single in singles]
+    late_s = {name: float(late) for name, late in zip(names, fit.late_s, strict=True) if np.isfinite(late)}
+    advice = (*_fit_advice(fit, singles), *_picture_advice(seen, edge_widths_px, singles), *_time_advice(late_s))
+    verdict = "usable" if advice else "good"
+    if fit.rms_px > _USABLE_RMS * singles[0].image_size[0]:
+        verdict = "redo"
+    rig = CameraRig(cameras, {"error": fit.rms_px, "pictures": len(fit.used), "verdict": verdict})
+    return CalibrationResult(
+        rig=rig,
+        stereo_rms_px=fit.rms_px,
+        held_out_px=fit.held_out_px,
+        rms_px={single.name: single.rms_px for single in singles},
+        baseline_m=rig.baseline_m(),
+        distance_sigma=fit.distance_sigma,
+        views_px={
+            (fit.used[m], names[c]): float(fit.errors_px[m, c]) for m, c in np.argwhere(np.isfinite(fit.errors_px))
+        },
+        coverage={name: part.fraction for name, part in seen.items()},
+        late_s=late_s,
+        used=fit.used,
+        rejected=tuple(refused),
+        verdict=verdict,
+        advice=advice,
+    )
+
+
+def _result_of_one(
+    camera: CameraViews,
+    single: SingleCamera,
+    refused: Sequence[Rejected],
+    edge_widths_px: Mapping[str, Sequence[tuple[float, float]]],
+) -> CalibrationResult:
+    """Return the lens of a camera alone; it stands in the world's origin."""
+    seen = {single.name: coverage(camera.views.values(), camera.image_size)}
+    advice = (*_lens_advice(single, len(single.poses)), *_picture_advice(seen, edge_widths_px, [single]))
+    verdict = "usable" if advice else "good"
+    if single.rms_px > _USABLE_RMS * single.image_size[0]:
+        verdict = "redo"
+    placed = Camera(single.name, single.image_size, single.matrix, single.distortion, WORLD_FROM_CAMERA.T)
+    return CalibrationResult(
+        rig=CameraRig((placed,), {"error": single.rms_px, "pictures": len(single.poses), "verdict": verdict}),
+        stereo_rms_px=single.rms_px,
+        held_out_px=float("nan"),
+        rms_px={single.name: single.rms_px},
+        baseline_m=0.0,
+        distance_sigma=0.0,
+        views_px={},
+        coverage={name: part.fraction for name, part in seen.items()},
+        late_s={},
+        used=tuple(single.poses),
+        rejected=tuple(refused),
+        verdict=verdict,
+        advice=advice,
+    )
+
+
+def _lens_advice(camera: SingleCamera, views: int) -> list[str]:
+    advice = []
+    if camera.rms_px > _GOOD_RMS * camera.image_size[0]:
+        advice.append(_HIGH_ERROR)
+    if views < _GOOD_VIEWS:
+        advice.append(f"only {views} moments show the board: take 12 or more")
+    return advice + _tilt_advice(camera)
+
+
+def _tilt_advice(camera: SingleCamera) -> list[str]:
+    tilts = [np.degrees(np.arccos(min(1.0, abs(r[2, 2])))) for r, _ in camera.poses.values()]
+    if max(tilts) >= 15.0:
+        return []
+    return [f"{camera.name} saw the board almost straight on only: tilt it by 20 to 45 degrees"]
+
+
+def _orthonormal(rotation: Array) -> Array:
+    u, _, vt = np.linalg.svd(rotation)
+    return np.asarray(u @ vt)
+
+
+def _fit_advice(fit: RigFit, singles: Sequence[SingleCamera]) -> list[str]:
+    advice = []
+    if fit.rms_px > _GOOD_RMS * singles[0].image_size[0]:
+        advice.append(_HIGH_ERROR)
+    if len(fit.used) < _GOOD_VIEWS:
+        advice.append(f"only {len(fit.used)} moments show the board to more than one camera: take 12 or more")
+    if fit.distance_sigma > _GOOD_DISTANCE:
+        advice.append(
+            f"the distances between the cameras are known to {100.0 * fit.distance_sigma:.1f} % only: take more "
+            "pictures, nearer, in all parts of the images, or use a larger board"
+        )
+    return [*advice, *(line for camera in singles for line in _tilt_advice(camera))]
+
+
+def _picture_advice(
+    seen: Mapping[str, Coverage],
+    edge_widths_px: Mapping[str, Sequence[tuple[float, float]]],
+    cameras: Sequence[SingleCamera],
+) -> list[str]:
+    advice = []
+    for camera in cameras:
+        part = seen[camera.name]
+        if part.fraction < (_GOOD_COVERAGE_IN_THE_MIDDLE if part.in_the_middle else _GOOD_COVERAGE):
+            what = "stayed in the middle of" if part.in_the_middle else "was in a part only of"
+            advice.append(
+                f"the board {what} {camera.name}'s picture: coverage {100.0 * part.fraction:.0f} %; "
+                "hold it near the sides and in the corners too"
+            )
+        widths = np.array(edge_widths_px.get(camera.name, ()), dtype=np.float64).reshape(-1, 2)
+        widths = widths[np.isfinite(widths).all(axis=1)]
+        if not len(widths):
+            continue
+        width = float(np.median(widths.max(axis=1)))
+        if width > _SMEARED * camera.image_size[0]:
+            smeared = float(np.median(widths.max(axis=1) / widths.min(axis=1))) > _SMEARED_ONE_WAY
+            advice.append(
+                f"{camera.name}: exposure too long: corners smeared over {width:.0f} pixels; hold the board still, "
+                "or use more light and a shorter exposure"
+                if smeared
+                else f"{camera.name} is out of focus: edges {width:.0f} pixels wide"
+            )
+    return advice
+
+
+def _time_advice(late_s: Mapping[str, float]) -> list[str]:
+    if not late_s or np.ptp(list(late_s.values())) < _SYNCHRONISED_S:
+        return []
+    told = ", ".join(f"{name} {1000.0 * late:+.0f} ms" for name, late in late_s.items())
+    return [f"the cameras do not take their pictures at one time ({told}): hold the board still in each place"]
+
+
+def grid_of(board: Board) -> tuple[int, int] | None:
+    """Return the grid whose half turns are ambiguous: a chessboard's, None for a board with markers."""
+    return board.corner_grid if board.kind == "chessboard" else None

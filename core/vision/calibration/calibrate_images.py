@@ -1,0 +1,153 @@
+"""Calibrating cameras from image files: reading, finding the board, and saying what is wrong with it."""
+
+from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import CalibrationError, CaptureError
+from ..sources.files import by_number, list_images, read_image
+from .board import Board, BoardView, find_board, seen_grid
+from .board_quality import edge_widths
+from .calibrate import CalibrationResult, Progress, calibrate_from_points, grid_of
+from .rig_fit import MINIMUM_VIEWS, CameraViews, Rejected
+
+_PROBES = 5
+_ATTEMPTS = 3
+
+
+def calibrate_images(
+    patterns: Mapping[str, str], board: Board, progress: Progress, *, left_right: bool = True
+) -> CalibrationResult:
+    """Calibrate cameras from pictures of a board.
+
+    Args:
+        patterns: camera name -> folder or glob of its pictures; pictures of one moment share a number.
+        board: the board they show.
+        progress: told how far it is.
+        left_right: the first two are the left and the right camera; checked.
+
+    Raises:
+        CalibrationError: no pictures, unreadable pictures, wrong board, too few views, sides exchanged.
+    """
+    files, rejected = _paired_files(patterns)
+    total = sum(len(rows) for rows in files.values())
+    done = 0
+    cameras = []
+    widths: dict[str, list[tuple[float, float]]] = {name: [] for name in files}
+    for name, rows in files.items():
+        sizes: dict[str, tuple[int, int]] = {}
+        views: dict[str, BoardView] = {}
+        for key, path in rows.items():
+            progress(0.9 * done / total, f"looking for the board: {path.name}")
+            done += 1
+            _look(key, path, board, sizes, views, rejected, widths[name])
+        cameras.append(_camera_views(name, sizes, views, rejected))
+    _check_board(board, files, cameras)
+    progress(0.9, "calibrating")
+    return calibrate_from_points(
+        board.points_m, cameras, rejected, left_right=left_right, grid=grid_of(board), edge_widths_px=widths
+    )
+
+
+def _paired_files(patterns: Mapping[str, str]) -> tuple[dict[str, dict[str, Path]], list[Rejected]]:
+    """Return the files of each camera by moment: those that share a number with a file of another camera."""
+    try:
+        lists = {name: list_images(pattern) for name, pattern in patterns.items()}
+        tables = dict(zip(lists, by_number(list(lists.values())), strict=True))
+    except CaptureError as error:
+        raise CalibrationError(error.what, where=error.where, advice=error.advice) from error
+    counts = Counter(number for table in tables.values() for number in table)
+    files = {
+        name: {f"{number:06d}": table[number] for number in sorted(table) if counts[number] > 1 or len(tables) == 1}
+        for name, table in tables.items()
+    }
+    used = {path for rows in files.values() for path in rows.values()}
+    alone = [path for paths in lists.values() for path in paths if path not in used]
+    reason = "no picture of the other camera has its number" if len(lists) == 2 else "no other camera has its number"
+    return files, [Rejected(path.name, reason) for path in alone]
+
+
+def _look(
+    key: str,
+    path: Path,
+    board: Board,
+    sizes: dict[str, tuple[int, int]],
+    views: dict[str, BoardView],
+    rejected: list[Rejected],
+    widths: list[tuple[float, float]],
+) -> None:
+    try:
+        image = read_image(path)
+    except CaptureError as error:
+        rejected.append(Rejected(path.name, error.what))
+        return
+    sizes[key] = (image.shape[1], image.shape[0])
+    view = find_board(image, board)
+    if view is None:
+        rejected.append(Rejected(path.name, "the board was not found in it"))
+    else:
+        views[key] = view
+        widths.append(edge_widths(image, board, view))
+
+
+def _camera_views(
+    name: str, sizes: Mapping[str, tuple[int, int]], views: dict[str, BoardView], rejected: list[Rejected]
+) -> CameraViews:
+    if not sizes:
+        raise CalibrationError("none of the pictures can be read", where=f"camera {name}", advice="check the files")
+    size = Counter(sizes.values()).most_common(1)[0][0]
+    for key in [key for key in views if sizes[key] != size]:
+        rejected.append(
+            Rejected(f"{name} {key}", f"is {sizes[key][0]}x{sizes[key][1]}, the others {size[0]}x{size[1]}")
+        )
+        del views[key]
+    return CameraViews(name, size, views)
+
+
+def _check_board(board: Board, files: Mapping[str, Mapping[str, Path]], cameras: Sequence[CameraViews]) -> None:
+    """Refuse a board of another size: a part of a larger board would be found here and there, and calibrate badly."""
+    missing = [camera for camera in cameras if len(camera.views) < MINIMUM_VIEWS]
+    if board.kind == "chessboard":
+        seen = _most_seen_grid(files, board)
+        asked = (max(board.corner_grid), min(board.corner_grid))
+        if seen is not None and seen != asked and (missing or (seen[0] >= asked[0] and seen[1] >= asked[1])):
+            raise CalibrationError(
+                f"the pictures show a board of {seen[0]}x{seen[1]} inner corners, not {asked[0]}x{asked[1]}",
+                advice=f"describe the board as it is, as chessboard:{seen[0]}x{seen[1]} and the side of a square",
+            )
+    if missing:
+        camera = missing[0]
+        raise CalibrationError(
+            f"the board was found in {len(camera.views)} of {len(files[camera.name])} pictures",
+            where=f"camera {camera.name}",
+            advice="check the board's size in --board, and that the whole board is in the pictures, sharp and lit",
+        )
+
+
+def _most_seen_grid(files: Mapping[str, Mapping[str, Path]], board: Board) -> tuple[int, int] | None:
+    paths = [path for rows in files.values() for path in rows.values()]
+    chosen = [paths[i] for i in np.unique(np.linspace(0, len(paths) - 1, _PROBES).astype(int))]
+    needed = min(3, len(chosen))
+    shown: dict[tuple[int, int], set[Path]] = defaultdict(set)
+    for attempt in range(_ATTEMPTS):
+        # the sector-based finder starts at random: in a hard picture it sees the whole board now and a part then
+        cv2.setRNGSeed(attempt)
+        for path in chosen:
+            grid = _seen_in(path, board)
+            if grid is not None:
+                shown[grid].add(path)
+                if len(shown[grid]) >= needed:
+                    return grid
+    return None
+
+
+def _seen_in(path: Path, board: Board) -> tuple[int, int] | None:
+    try:
+        image: NDArray[np.uint8] = read_image(path)
+    except CaptureError:
+        return None
+    return seen_grid(image, board.corner_grid)

@@ -1,0 +1,142 @@
+"""Calibrating cameras from videos of a moving board, one for each camera, that need not be synchronised.
+
+The frames of one number belong together. How the corners move in each is passed on, so that a camera that took its
+picture a little later than the others does not spoil the calibration, but is told.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import CalibrationError, CaptureError
+from ..sources.videos import VideoSource
+from .board import Board, BoardView, find_board, grey_of
+from .board_quality import edge_widths
+from .calibrate import CalibrationResult, Progress, calibrate_from_points, grid_of
+from .rig_fit import MINIMUM_VIEWS, CameraViews, Rejected
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+_LOOKED_AT = 240  # moments of a recording
+_USED = 60
+_TRACKING = {"winSize": (21, 21), "maxLevel": 5}
+_MINIMUM_TRACKED = 6
+
+
+def calibrate_videos(
+    videos: Mapping[str, str], board: Board, progress: Progress, *, left_right: bool = True
+) -> CalibrationResult:
+    """Calibrate cameras from videos of a board.
+
+    Args:
+        videos: camera name -> video file, all of one length and rate.
+        board: the board they show.
+        progress: told how far it is.
+        left_right: the first two are the left and the right camera; checked.
+
+    Raises:
+        CalibrationError: unreadable videos, videos of different length, too few views, sides exchanged.
+    """
+    try:
+        source = VideoSource(list(videos.values()))
+        cameras, widths = _watched(list(videos), source, board, progress)
+    except CaptureError as error:
+        raise CalibrationError(error.what, where=error.where, advice=error.advice) from error
+    for camera in cameras:
+        if len(camera.views) < MINIMUM_VIEWS:
+            raise CalibrationError(
+                f"the board was found at {len(camera.views)} of {min(source.frames, _LOOKED_AT)} moments",
+                where=f"camera {camera.name}",
+                advice="check the board's size in --board, and that the board is in the pictures, sharp and lit",
+            )
+    progress(0.9, "calibrating")
+    chosen, rejected = _stillest(cameras)
+    return calibrate_from_points(
+        board.points_m, chosen, rejected, left_right=left_right, grid=grid_of(board), edge_widths_px=widths
+    )
+
+
+def _watched(
+    names: Sequence[str], source: VideoSource, board: Board, progress: Progress
+) -> tuple[list[CameraViews], dict[str, list[tuple[float, float]]]]:
+    views: dict[str, dict[str, BoardView]] = {name: {} for name in names}
+    widths: dict[str, list[tuple[float, float]]] = {name: [] for name in names}
+    sizes: dict[str, tuple[int, int]] = {}
+    for number, before, now, after in _moments(source):
+        progress(0.9 * number / max(source.frames, 1), f"looking for the board: frame {number}")
+        for i, name in enumerate(names):
+            sizes[name] = (now[i].shape[1], now[i].shape[0])
+            view = find_board(now[i], board)
+            if view is None:
+                continue
+            around = [None if images is None else grey_of(images[i]) for images in (before, after)]
+            views[name][f"{number:06d}"] = replace(view, motion_px_s=_motion(grey_of(now[i]), view, around, source.fps))
+            widths[name].append(edge_widths(now[i], board, view))
+    return [CameraViews(name, sizes[name], views[name]) for name in names], widths
+
+
+def _moments(
+    source: VideoSource,
+) -> Iterator[tuple[int, tuple[Image, ...] | None, tuple[Image, ...], tuple[Image, ...] | None]]:
+    """Yield number and images of the moments looked at, with those of the frames before and after."""
+    step = max(1, source.frames // _LOOKED_AT)
+    before: tuple[Image, ...] | None = None
+    now: tuple[Image, ...] | None = None
+    number = -1
+    for image_set in source:
+        if now is not None and number % step == 0:
+            yield number, before, now, image_set.images
+        before, now, number = now, image_set.images, number + 1
+    if now is None:
+        raise CalibrationError("the videos hold no frames", where=source.name, advice="export them again")
+    if number % step == 0:
+        yield number, before, now, None
+
+
+def _motion(now: Image, view: BoardView, around: Sequence[Image | None], fps: float) -> Array | None:
+    """Return how fast the corners move (n, 2), pixels per second, by optical flow to the frames around."""
+    moved: list[Array] = []
+    for image, sign in zip(around, (-1.0, 1.0), strict=True):
+        if image is not None:
+            flow = _flow(now, image, view.pixels)
+            if flow is not None:
+                moved.append(sign * flow)
+    return np.mean(moved, axis=0) * fps if moved else None
+
+
+def _flow(now: Image, other: Image, pixels: Array) -> Array | None:
+    start = pixels.astype(np.float32).reshape(-1, 1, 2)
+    tracking: dict[str, Any] = _TRACKING
+    found, status, _ = cv2.calcOpticalFlowPyrLK(now, other, start, None, **tracking)  # type: ignore[call-overload]
+    good = np.asarray(status).ravel() > 0
+    if good.sum() < _MINIMUM_TRACKED:
+        return None
+    # a board moves as a plane: a homography over the corners, so that single ones that went astray do not count
+    homography, kept = cv2.findHomography(start[good], np.asarray(found)[good], cv2.RANSAC, 2.0)
+    if homography is None or np.asarray(kept).sum() < _MINIMUM_TRACKED:
+        return None
+    return np.asarray(cv2.perspectiveTransform(start, homography), np.float64).reshape(-1, 2) - pixels
+
+
+def _stillest(cameras: Sequence[CameraViews]) -> tuple[list[CameraViews], list[Rejected]]:
+    """Choose moments spread over the recording, where the board moves least; all of a short recording."""
+    least = min(2, len(cameras))
+    shared = sorted(
+        key for key in {k for c in cameras for k in c.views} if sum(key in c.views for c in cameras) >= least
+    )
+    parts = np.array_split(np.array(shared), min(_USED, max(len(shared), 1)))
+    chosen = {str(min(part, key=lambda key: _speed(cameras, key))) for part in parts if len(part)}
+    rejected = []
+    if len(chosen) < len(shared):
+        rejected = [Rejected(f"{len(shared) - len(chosen)} frames", "there are enough in which the board moves less")]
+    return [replace(c, views={k: v for k, v in c.views.items() if k in chosen}) for c in cameras], rejected
+
+
+def _speed(cameras: Sequence[CameraViews], key: str) -> float:
+    motions = [camera.views[key].motion_px_s for camera in cameras if key in camera.views]
+    return max(np.inf if m is None else float(np.median(np.linalg.norm(m, axis=1))) for m in motions)

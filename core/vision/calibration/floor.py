@@ -1,0 +1,104 @@
+"""The world's floor, origin and axes from what lies on the floor, and the board that lies there."""
+
+from collections.abc import Sequence
+from itertools import product
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...errors import CalibrationError
+from ...geometry.camera import Camera, CameraRig
+from ...geometry.triangulation import triangulate
+from .board import Board, BoardView
+
+Array = NDArray[np.float64]
+
+_SIGMA_PX = 0.3  # of a corner
+_LARGEST_ERROR = 3.0 / 640.0  # of the image width: a camera was moved since
+_FLATNESS_M = 0.01  # corners further off their plane than this are no corners of a flat board
+
+
+def rig_on_floor(rig: CameraRig, floor_points_m: ArrayLike, behind_m: float = 0.0, above_m: float = 0.0) -> CameraRig:
+    """Return the rig in a world whose floor is y = 0.
+
+    z points from the middle of the floor points to between the cameras, x to the performer's left as they face the
+    cameras, y up. The origin lies `behind_m` behind that middle as the cameras see it, where the performer stands.
+
+    Args:
+        rig: cameras in any world.
+        floor_points_m: (N, 3) points of the floor in that world, N >= 3, not on a line.
+        behind_m: from the middle of the points to the origin, away from the cameras.
+        above_m: height of the points above the floor, as of the middles of balls that lie on it.
+
+    Raises:
+        CalibrationError: the points are no plane, or the cameras look at it from straight above.
+    """
+    points = np.asarray(floor_points_m, dtype=np.float64)
+    if len(points) < 3:
+        raise CalibrationError("three points are needed to find the floor", advice="lay the board on the floor")
+    middle = points.mean(axis=0)
+    _, sizes, axes = np.linalg.svd(points - middle)
+    if sizes[2] / np.sqrt(len(points)) > _FLATNESS_M or sizes[1] < 1e-3 * sizes[0]:
+        raise CalibrationError(
+            "the points of the floor do not lie in one plane", advice="lay flat, on level ground, what marks the floor"
+        )
+    centre = np.mean([camera.centre_m for camera in rig.cameras], axis=0)
+    up = axes[2] if axes[2] @ (centre - middle) > 0 else -axes[2]  # the cameras are above the floor
+    forward = (centre - middle) - up * (up @ (centre - middle))
+    if np.linalg.norm(forward) < 0.05:
+        raise CalibrationError("the cameras look straight down on the floor's middle", advice="mark where you stand")
+    forward /= np.linalg.norm(forward)
+    new_from_old = np.stack((np.cross(up, forward), up, forward))
+    origin = middle - behind_m * forward - above_m * up
+    cameras = tuple(_moved(camera, new_from_old, origin) for camera in rig.cameras)
+    return CameraRig(cameras, dict(rig.metadata) | {"floor": "y = 0"})
+
+
+def board_in_space(rig: CameraRig, views: Sequence[BoardView], board: Board) -> Array:
+    """Return the corners (N, 3) of a board, in metres, that every camera of a rig sees whole at one moment.
+
+    A chessboard may be numbered from either end in each view; the views are taken as they agree best.
+
+    Raises:
+        CalibrationError: other cameras, a view of a part of the board only, or views that do not agree.
+    """
+    if len(views) != len(rig):
+        raise CalibrationError(
+            f"the calibration is of {len(rig)} camera(s), the images of {len(views)}", advice="calibrate these cameras"
+        )
+    if any(len(view.ids) != len(board.points_m) for view in views):
+        raise CalibrationError("not all cameras see the whole board", advice="lay it where they all do")
+    if len(views) == 1:
+        return _seen_by_one(rig.cameras[0], views[0], board)
+    ways = [(False, True) if board.kind == "chessboard" and index else (False,) for index in range(len(views))]
+    best, least = np.zeros((0, 3)), np.inf
+    for turned in product(*ways):
+        ordered = [view.turned() if turn else view for view, turn in zip(views, turned, strict=True)]
+        seen = [camera.undistort(view.pixels) for camera, view in zip(rig.cameras, ordered, strict=True)]
+        weights = np.ones((len(board.points_m), len(views)))
+        points, _, errors = triangulate(rig.cameras, np.stack(seen, axis=1), weights, _SIGMA_PX)
+        error = float(np.sqrt(np.mean(errors**2)))
+        if error < least:
+            best, least = points, error
+    if not least < _LARGEST_ERROR * rig.cameras[0].image_size[0]:
+        raise CalibrationError(
+            f"the cameras do not agree on where the board is ({least:.1f} px)", advice="calibrate the cameras again"
+        )
+    return best
+
+
+def _seen_by_one(camera: Camera, view: BoardView, board: Board) -> Array:
+    normalised = camera.undistort(view.pixels)
+    found, turn, shift = cv2.solvePnP(board.points_m, normalised, np.eye(3), np.zeros(5), flags=cv2.SOLVEPNP_IPPE)
+    if not found:
+        raise CalibrationError("the board's place cannot be told from this picture", advice="lay it nearer")
+    local = board.points_m @ cv2.Rodrigues(turn)[0].T + np.ravel(shift)
+    return np.asarray((local - camera.translation_m) @ camera.rotation)
+
+
+def _moved(camera: Camera, new_from_old: Array, origin: Array) -> Camera:
+    """Return the camera in the world p_new = new_from_old (p_old - origin)."""
+    rotation = camera.rotation @ new_from_old.T
+    translation = camera.translation_m + camera.rotation @ origin
+    return Camera(camera.name, camera.image_size, camera.matrix, camera.distortion, rotation, translation)

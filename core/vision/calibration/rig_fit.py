@@ -1,0 +1,351 @@
+"""Several cameras into one world: which moments agree, the start for the bundle adjustment, and its honest error."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import CalibrationError
+from .board import BoardView
+from .bundle import (
+    INTRINSICS,
+    Bundle,
+    LensPrior,
+    Sighting,
+    adjust,
+    adjust_boards,
+    camera_covariance,
+    delay_s,
+    intrinsics_of,
+    residuals,
+    rms,
+    rms_by_moment,
+)
+from .relative_pose import Transform, compose, half_turn, inverse, relative_poses, seen_alike
+
+Array = NDArray[np.float64]
+
+MINIMUM_VIEWS = 3
+_OUTLIER_FACTOR = 3.0
+_OUTLIER_FLOOR_PX = 0.6
+_FOLDS = 5
+_SMALLEST_FOR_FOLDS = 10
+_RICHER_MAY_COST = 1.05
+_ASPECT_SIGMA = 0.01  # fx - fy, of the image's width
+_LENS_SIGMAS = np.array([0.15, 0.15, 0.03, 0.5, 1.0, 0.02, 0.02, 3.0])  # cx, cy, skew (of the width), distortion
+
+_ALL = np.ones(INTRINSICS, dtype=bool)
+NO_SKEW = _ALL & (np.arange(INTRINSICS) != 4)
+_NO_SKEW_NO_K3 = NO_SKEW & (np.arange(INTRINSICS) != 9)
+_MODELS = {"skew": _ALL, "no skew": NO_SKEW, "no skew, no k3": _NO_SKEW_NO_K3}
+
+
+@dataclass(frozen=True)
+class CameraViews:
+    """What one camera saw: image size (w, h) and the board views by moment (same key = same moment)."""
+
+    name: str
+    image_size: tuple[int, int]
+    views: Mapping[str, BoardView]
+
+
+@dataclass(frozen=True)
+class Rejected:
+    """A picture that was not used, and why."""
+
+    picture: str
+    reason: str
+
+
+@dataclass
+class SingleCamera:
+    """One camera calibrated alone; `poses` are camera-from-board by moment."""
+
+    name: str
+    image_size: tuple[int, int]
+    matrix: Array
+    distortion: Array
+    rms_px: float
+    poses: dict[str, Transform] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class RigFit:
+    """Cameras adjusted together.
+
+    Args:
+        intrinsics: (C, 10) as in `bundle`.
+        poses: camera-from-first-camera.
+        rms_px: over all cameras and moments; `held_out_px` the same for moments left out of the fit (NaN with
+            too few of them).
+        used: moments.
+        model: which intrinsics were adjusted.
+        errors_px: (M, C) RMS reprojection error of each view, NaN where a camera takes no part in a moment.
+        late_s: (C,) how late the pictures of a camera are against the first one's, NaN where the board held still.
+        distance_sigma: standard deviation of the distances between cameras, as a fraction of them; the largest.
+    """
+
+    intrinsics: Array
+    poses: tuple[Transform, ...]
+    rms_px: float
+    held_out_px: float
+    used: tuple[str, ...]
+    model: str
+    errors_px: Array
+    late_s: Array
+    distance_sigma: float
+
+
+def is_outlier(errors: Array) -> NDArray[np.bool_]:
+    """Return which RMS errors in pixels stand out of the others."""
+    typical = float(np.median(errors))
+    return np.asarray(errors > max(_OUTLIER_FACTOR * typical, typical + _OUTLIER_FLOOR_PX))
+
+
+def fit_rig(
+    points_m: Array,
+    cameras: Sequence[CameraViews],
+    singles: Sequence[SingleCamera],
+    refused: list[Rejected],
+    centre: Array | None,
+) -> RigFit:
+    """Fit all cameras together.
+
+    Args:
+        points_m: (N, 3) board points.
+        cameras, singles: what each saw and its own calibration.
+        refused: views that do not fit are added, with reasons.
+        centre: (3,) centre of a board that looks the same after half a turn, else None.
+
+    Raises:
+        CalibrationError: cameras that did not see the board together, or whose pictures do not belong together.
+    """
+    starts = _chained(singles, centre)
+    members = _members(singles, starts, refused, centre)
+    prior = lens_prior([camera.image_size for camera in cameras])
+    while True:
+        keys = [key for key, row in members.items() if len(row) > 1]
+        _check_moments(cameras, members, keys)
+        start, sightings = _start(points_m, cameras, singles, starts, members, keys)
+        bundle = adjust(adjust(start, sightings, _NO_SKEW_NO_K3, prior), sightings, NO_SKEW, prior)
+        errors = rms_by_moment(bundle, sightings)
+        if not _refuse_outliers(errors, keys, cameras, members, refused):
+            return _choose_model(bundle, sightings, keys, prior)
+
+
+def _check_moments(
+    cameras: Sequence[CameraViews], members: Mapping[str, Mapping[int, bool]], keys: Sequence[str]
+) -> None:
+    for index, camera in enumerate(cameras):
+        if sum(index in members[key] for key in keys) < MINIMUM_VIEWS:
+            others = " and ".join(c.name for c in cameras if c is not camera)
+            raise CalibrationError(
+                f"the pictures of {camera.name} and of {others} do not belong together",
+                advice="check that the cameras' pictures of one moment have the same number",
+            )
+
+
+def _refuse_outliers(
+    errors: Array,
+    keys: Sequence[str],
+    cameras: Sequence[CameraViews],
+    members: Mapping[str, dict[int, bool]],
+    refused: list[Rejected],
+) -> bool:
+    """Take away the worst views, (M, C) errors within a factor of two of the worst; return whether there were any."""
+    seen = np.isfinite(errors)
+    outlying = np.zeros(errors.shape, dtype=bool)
+    outlying[seen] = is_outlier(errors[seen]) & (errors[seen] > 0.5 * errors[seen].max())
+    for moment in np.flatnonzero(outlying.any(axis=1)):
+        row = members[keys[moment]]
+        worst = int(np.nanargmax(errors[moment]))
+        del row[worst]
+        picture = f"{cameras[worst].name} {keys[moment]}" if len(row) > 1 else keys[moment]
+        refused.append(Rejected(picture, f"does not fit the other pictures ({errors[moment, worst]:.2f} px)"))
+    return bool(outlying.any())
+
+
+def lens_prior(sizes: Sequence[tuple[int, int]]) -> LensPrior:
+    """Return what holds of ordinary lenses with images of these sizes (w, h).
+
+    Pixels are nearly square, the axis meets the image near its middle, distortion is moderate. Views of a board that
+    fill the images tell all of it far better; with few views, or a small board, it keeps the lens from taking up what
+    is no property of it.
+    """
+    means, information = np.zeros((len(sizes), INTRINSICS)), np.zeros((len(sizes), INTRINSICS, INTRINSICS))
+    for index, (width, height) in enumerate(sizes):
+        means[index, 2:4] = (width - 1) / 2.0, (height - 1) / 2.0
+        sigmas = np.array([np.inf, np.inf, *(width * _LENS_SIGMAS[:3]), *_LENS_SIGMAS[3:]])
+        information[index] = np.diag(1.0 / sigmas**2)
+        information[index, :2, :2] += np.array([[1.0, -1.0], [-1.0, 1.0]]) / (_ASPECT_SIGMA * width) ** 2
+    return LensPrior(means, information)
+
+
+def _choose_model(bundle: Bundle, sightings: Sequence[Sighting], keys: Sequence[str], prior: LensPrior) -> RigFit:
+    """Take the richest camera model that predicts moments left out of the fit as well as the best does."""
+    held_out = {name: _held_out(bundle, sightings, free, prior) for name, free in _MODELS.items()}
+    if np.isnan(next(iter(held_out.values()))):
+        chosen = "no skew, no k3"  # too few moments to tell: the fewest unknowns
+    else:
+        limit = _RICHER_MAY_COST * min(held_out.values())
+        chosen = next(name for name, error in held_out.items() if error <= limit)
+    free = _MODELS[chosen]
+    fitted = adjust(_cleared(bundle, free), sightings, free, prior)
+    poses = tuple((cv2.Rodrigues(row[:3])[0], row[3:]) for row in fitted.cameras)
+    return RigFit(
+        fitted.intrinsics,
+        poses,
+        rms(fitted, sightings),
+        held_out[chosen],
+        tuple(keys),
+        chosen,
+        rms_by_moment(fitted, sightings),
+        _late_s(fitted, sightings),
+        _distance_sigma(fitted, camera_covariance(fitted, sightings, free, prior)),
+    )
+
+
+def _distance_sigma(bundle: Bundle, covariance: Array) -> float:
+    start = _distances(bundle.cameras)
+    steps = 1e-6 * np.eye(bundle.cameras.size)
+    slopes = np.array([_distances(bundle.cameras + step.reshape(-1, 6)) - start for step in steps]).T / 1e-6
+    return float((np.sqrt(np.einsum("ij,jk,ik->i", slopes, covariance, slopes)) / start).max())
+
+
+def _distances(cameras: Array) -> Array:
+    """Return the distances between all pairs of cameras (C, 6)."""
+    centres = np.array([-cv2.Rodrigues(row[:3])[0].T @ row[3:] for row in cameras])
+    first, second = np.triu_indices(len(centres), 1)
+    return np.asarray(np.linalg.norm(centres[first] - centres[second], axis=1))
+
+
+def _late_s(bundle: Bundle, sightings: Sequence[Sighting]) -> Array:
+    """Return how late (C,) each camera's pictures are against the first camera's, NaN where that is not known."""
+    delays = np.full((len(bundle.boards), len(bundle.intrinsics)), np.nan)
+    for sighting in sightings:
+        delays[sighting.moment, sighting.camera] = delay_s(bundle, sighting)
+    known = np.isfinite(delays).any(axis=0)
+    late = np.full(len(known), np.nan)
+    late[known] = np.nanmedian(delays[:, known], axis=0)
+    return late - late[0]
+
+
+def _cleared(bundle: Bundle, free: NDArray[np.bool_]) -> Bundle:
+    return Bundle(np.where(free, bundle.intrinsics, 0.0), bundle.cameras, bundle.boards)
+
+
+def _held_out(bundle: Bundle, sightings: Sequence[Sighting], free: NDArray[np.bool_], prior: LensPrior) -> float:
+    if len(bundle.boards) < _SMALLEST_FOR_FOLDS:
+        return float("nan")
+    squares = []
+    for fold in range(_FOLDS):
+        training = [s for s in sightings if s.moment % _FOLDS != fold]
+        tests = [s for s in sightings if s.moment % _FOLDS == fold]
+        fitted = adjust_boards(adjust(_cleared(bundle, free), training, free, prior), tests)
+        squares += [np.sum(residuals(fitted, sighting) ** 2, axis=1) for sighting in tests]
+    return float(np.sqrt(np.mean(np.concatenate(squares))))
+
+
+def _chained(singles: Sequence[SingleCamera], centre: Array | None) -> list[Transform]:
+    """Return camera-from-first of all cameras, each joined by the one that saw the board most often with it."""
+    starts: dict[int, Transform] = {0: (np.eye(3), np.zeros(3))}
+    while len(starts) < len(singles):
+        shared, i, j = _nearest_pair(singles, starts)
+        if shared < MINIMUM_VIEWS:
+            _refuse_pair(singles, list(starts), shared, i, j)
+        keys = sorted(set(singles[i].poses) & set(singles[j].poses))
+        agreed = relative_poses([singles[i].poses[k] for k in keys], [singles[j].poses[k] for k in keys], centre)
+        starts[j] = compose(agreed.transform, starts[i])
+    return [starts[i] for i in range(len(singles))]
+
+
+def _refuse_pair(singles: Sequence[SingleCamera], joined: Sequence[int], shared: int, i: int, j: int) -> None:
+    if shared:
+        what = f"{singles[i].name} and {singles[j].name} saw the board together in {shared} picture(s) only"
+    else:
+        names = " or ".join(singles[c].name for c in joined)
+        what = f"{singles[j].name} never saw the board together with {names}"
+    raise CalibrationError(what, advice="hold the board where both cameras see it, in at least 12 moments")
+
+
+def _members(
+    singles: Sequence[SingleCamera], starts: Sequence[Transform], refused: list[Rejected], centre: Array | None
+) -> dict[str, dict[int, bool]]:
+    """Return the cameras that take part in each moment, and whether its board is numbered from the other end there.
+
+    A moment's cameras are those that most of them agree with on where the board is.
+    """
+    scale = float(np.median([np.linalg.norm(pose[1]) for single in singles for pose in single.poses.values()]))
+    members: dict[str, dict[int, bool]] = {}
+    for key in sorted({key for single in singles for key in single.poses}):
+        seen = [c for c, single in enumerate(singles) if key in single.poses]
+        if len(seen) < 2:
+            continue
+        rows = [_agreeing(base, seen, key, singles, starts, centre, scale) for base in seen]
+        best = max(rows, key=len)
+        members[key] = best
+        for c in seen:
+            if c not in best:
+                names = " and ".join(singles[b].name for b in sorted({*best, c}))
+                refused.append(Rejected(key, f"{names} do not show the board in the same place at this moment"))
+    return members
+
+
+def _agreeing(
+    base: int,
+    seen: Sequence[int],
+    key: str,
+    singles: Sequence[SingleCamera],
+    starts: Sequence[Transform],
+    centre: Array | None,
+    scale: float,
+) -> dict[int, bool]:
+    row = {base: False}
+    for c in seen:
+        if c == base:
+            continue
+        placed = compose(starts[c], inverse(starts[base]))
+        agrees, turned = seen_alike(singles[base].poses[key], singles[c].poses[key], placed, centre, scale)
+        if agrees:
+            row[c] = turned
+    return row
+
+
+def _nearest_pair(singles: Sequence[SingleCamera], starts: Mapping[int, Transform]) -> tuple[int, int, int]:
+    candidates = [
+        (len(set(singles[i].poses) & set(singles[j].poses)), -i, -j)
+        for i in starts
+        for j in range(len(singles))
+        if j not in starts
+    ]
+    shared, i, j = max(candidates)
+    return shared, -i, -j
+
+
+def _start(
+    points_m: Array,
+    cameras: Sequence[CameraViews],
+    singles: Sequence[SingleCamera],
+    starts: Sequence[Transform],
+    members: Mapping[str, Mapping[int, bool]],
+    keys: Sequence[str],
+) -> tuple[Bundle, list[Sighting]]:
+    sightings = []
+    boards = np.zeros((len(keys), 6))
+    for moment, key in enumerate(keys):
+        for c, turned in sorted(members[key].items(), reverse=True):
+            view = cameras[c].views[key].turned() if turned else cameras[c].views[key]
+            sightings.append(Sighting(c, moment, points_m[view.ids], view.pixels, view.motion_px_s))
+            boards[moment] = _vector(compose(inverse(starts[c]), _pose(singles[c].poses[key], turned, points_m)))
+    intrinsics = np.array([intrinsics_of(single.matrix, single.distortion) for single in singles])
+    return Bundle(intrinsics, np.array([_vector(start) for start in starts]), boards), sightings
+
+
+def _pose(camera_from_board: Transform, turned: bool, points_m: Array) -> Transform:
+    return compose(camera_from_board, half_turn(points_m.mean(axis=0))) if turned else camera_from_board
+
+
+def _vector(transform: Transform) -> Array:
+    return np.concatenate((cv2.Rodrigues(transform[0])[0].ravel(), transform[1]))

@@ -1,0 +1,1 @@
+"""Find marker blobs in an image."""

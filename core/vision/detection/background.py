@@ -1,0 +1,110 @@
+"""The background: mean and standard deviation of every pixel and channel, and what differs from it.
+
+Chai and Hodgins 2005, section on the cameras: foreground is where any colour channel differs from its mean by more
+than a threshold.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import CaptureError
+
+Image = NDArray[np.uint8]
+Float32 = NDArray[np.float32]
+
+_MINIMUM_FRAMES = 2
+_KEPT_SHARE = 0.6
+
+
+@dataclass(frozen=True)
+class Background:
+    """`mean` and `deviation` (height, width, 3) float32 in grey levels."""
+
+    mean: Float32
+    deviation: Float32
+
+    def __post_init__(self) -> None:
+        if self.mean.shape != self.deviation.shape or self.mean.ndim != 3 or self.mean.shape[2] != 3:
+            raise CaptureError(f"a background has mean {self.mean.shape} and deviation {self.deviation.shape}")
+
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """(width, height)."""
+        return self.mean.shape[1], self.mean.shape[0]
+
+    @property
+    def noise(self) -> float:
+        """Typical standard deviation of a pixel, grey levels."""
+        return float(np.median(self.deviation[::4, ::4]))
+
+    def band(self, sigmas: float, threshold: float) -> tuple[Image, Image]:
+        """Return the lowest and highest 8-bit value of each pixel and channel that still is background.
+
+        A pixel may differ by `threshold` grey levels or by `sigmas` of its own deviation, whichever is more.
+        """
+        reach = np.maximum(sigmas * self.deviation, threshold)
+        low = np.ceil(np.clip(self.mean - reach, 0.0, 255.0)).astype(np.uint8)
+        high = np.floor(np.clip(self.mean + reach, 0.0, 255.0)).astype(np.uint8)
+        return low, high
+
+
+class BackgroundLearner:
+    """Running mean and standard deviation over frames without the performer, in constant memory."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._sum: NDArray[np.float64] | None = None
+        self._squares: NDArray[np.float64] | None = None
+
+    def add(self, image: Image) -> None:
+        """Add one frame (height, width, 3) uint8; CaptureError when its size differs from the first."""
+        if self._sum is None or self._squares is None:
+            self._sum, self._squares = np.zeros(image.shape), np.zeros(image.shape)
+        if image.shape != self._sum.shape:
+            raise CaptureError(f"the images changed size from {self._sum.shape} to {image.shape}")
+        cv2.accumulate(image, self._sum)
+        cv2.accumulateSquare(image, self._squares)
+        self._count += 1
+
+    def result(self) -> Background:
+        """Return what was learned; CaptureError with fewer than two frames."""
+        if self._count < _MINIMUM_FRAMES or self._sum is None or self._squares is None:
+            raise CaptureError(
+                f"the background cannot be learned from {self._count} frame(s)",
+                advice="let the cameras run for a second or two without the performer",
+            )
+        mean = self._sum / self._count
+        variance = np.maximum(self._squares / self._count - mean**2, 0.0) * self._count / (self._count - 1)
+        return Background(mean.astype(np.float32), np.sqrt(variance).astype(np.float32))
+
+
+def learn_backgrounds(moments: Iterable[Sequence[Image]]) -> list[Background]:
+    """Return the background of each camera from frames without the performer: one image per camera each moment.
+
+    The images are taken one by one and not kept, so there may be any number of them.
+    """
+    learners: list[BackgroundLearner] = []
+    for images in moments:
+        learners = learners or [BackgroundLearner() for _ in images]
+        for learner, image in zip(learners, images, strict=True):
+            learner.add(image)
+    return [learner.result() for learner in learners or [BackgroundLearner()]]
+
+
+def background_behind(samples: Sequence[Image]) -> Background:
+    """Return the background of frames spread over a take with the performer in it.
+
+    Markers are brighter than what is behind them and move: of each pixel's values over time the darkest 60 % are
+    taken as background, so that a marker may rest on a pixel for 40 % of the take. Deviations are those of the kept
+    values, made good for the cut by comparing their range with a normal distribution's.
+    """
+    if len(samples) < _MINIMUM_FRAMES:
+        raise CaptureError(f"the background cannot be learned from {len(samples)} frame(s)")
+    stack = np.sort(np.stack(samples), axis=0)
+    kept = stack[: max(_MINIMUM_FRAMES, round(_KEPT_SHARE * len(stack)))].astype(np.float32)
+    # a normal distribution cut off above its 60 % point has 0.70 of the deviation
+    return Background(kept.mean(axis=0), kept.std(axis=0) / np.float32(0.70))

@@ -1,0 +1,372 @@
+"""Markers in one image: blobs in the foreground with sub-pixel centres."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import median
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import CaptureError, SettingsError
+from .background import Background
+from .blobs import (
+    BRIGHTNESS,
+    COLUMNS,
+    CONTRAST,
+    HUE,
+    NO_PIXELS,
+    RADIUS,
+    ROUNDNESS,
+    Array,
+    BlobPixels,
+    Float32,
+    Image,
+    IntArray,
+    X,
+    Y,
+    above_skin,
+    blob_pixels,
+    group_of,
+    joined,
+    measure_apart,
+)
+
+_MEMORY = 0.9  # per frame, of the automatic threshold
+_USUAL_MARKERS = 8
+_SPOT_KERNEL = np.ones((11, 11), np.uint8)  # wider than a marker on a performer who is seen whole at 640x480
+_LOWEST_SPOT_CONTRAST = 40.0  # against the body, which is lit and creased
+_SPOT_BRIGHTNESS = 0.85  # of the usual spot's: reflectors are brighter than skin and cloth
+
+
+@dataclass(frozen=True)
+class DetectionSettings:
+    """How markers are found.
+
+    Args:
+        threshold: grey levels by which a pixel must differ from the background; None: found automatically.
+        sigmas: the same in standard deviations of the pixel; the larger of the two counts.
+        dilation_px: growth of the foreground, so that the soft rim of a marker belongs to it.
+        minimum_radius_px, maximum_radius_px: size of a marker in the image.
+        minimum_roundness: smallest ratio of a blob's short to its long axis (motion blur makes discs long).
+        relative_brightness: a blob dimmer than this share of the usual marker is no marker (automatic threshold).
+        relative_radius: the same for its radius: small glints of clothing are no markers.
+        maximum_blobs: at most so many, brightest first.
+        whole_every: of images larger than 640x480 one in so many is looked at as a whole, the others where the markers
+            of the one before may have gone: a marker that comes from elsewhere is found so many images later.
+    """
+
+    threshold: float | None = None
+    sigmas: float = 6.0
+    dilation_px: int = 1
+    minimum_radius_px: float = 0.8
+    maximum_radius_px: float = 12.0
+    minimum_roundness: float = 0.3
+    relative_brightness: float = 0.35
+    relative_radius: float = 0.4
+    maximum_blobs: int = 100
+    whole_every: int = 1
+
+    def __post_init__(self) -> None:
+        if self.threshold is not None and not 1.0 <= self.threshold <= 250.0:
+            raise SettingsError(f"a threshold of {self.threshold:g} grey levels cannot be", advice="use 1 to 250")
+        if self.sigmas < 0.0 or not 0 <= self.dilation_px <= 10 or self.maximum_blobs < 1:
+            raise SettingsError("sigmas, dilation or number of blobs are out of range")
+        if self.whole_every < 1:
+            raise SettingsError(
+                f"one in {self.whole_every} images cannot be looked at as a whole", advice="use 1 or more"
+            )
+        if not 0.0 < self.minimum_radius_px < self.maximum_radius_px:
+            raise SettingsError("the smallest marker radius must be positive and below the largest")
+
+
+_LOWEST_AUTOMATIC_THRESHOLD = 12.0
+_SMALL_IMAGE = 640 * 480  # pixels, up to which the whole image is looked at every time
+_REACH = 0.08  # of the longer side: a marker 2 m away goes so far in a sixtieth of a second at 10 m/s
+_DIMMEST = 0.5  # of the limit that the last image set: what is below it is not even measured
+
+
+class Detector:
+    """Finds markers in the images of one camera.
+
+    With an automatic threshold it keeps, from image to image, how bright this camera's markers are: cameras differ.
+    """
+
+    def __init__(self, background: Background | None = None, settings: DetectionSettings | None = None) -> None:
+        self.settings = settings or DetectionSettings()
+        self._usual_contrast = 0.0
+        self._room: _Room | None = None
+        self._threshold = self.settings.threshold or _LOWEST_AUTOMATIC_THRESHOLD
+        self._size: tuple[int, int] | None = None
+        self._last = np.empty((0, 5), dtype=np.float32)
+        self._partly = 0  # images in a row that were not looked at as a whole
+        if background is not None:
+            if self.settings.threshold is None:
+                self._threshold = max(_LOWEST_AUTOMATIC_THRESHOLD, self.settings.sigmas * background.noise)
+            low, high = background.band(self.settings.sigmas, self._threshold)
+            light = background.mean.sum(axis=2)
+            lit = np.ceil(light + 3.0 * self._threshold)
+            self._room = _Room(
+                low, high - low, background.mean, np.rint(light).astype(np.uint16), lit.astype(np.uint16)
+            )
+            self._size = background.image_size
+
+    @property
+    def threshold(self) -> float:
+        """Grey levels above the background from which a pixel may belong to a marker."""
+        return self._threshold
+
+    def foreground(self, image: Image) -> Image:
+        """Return the mask (0 or 255) of pixels where any channel differs from the background, dilated."""
+        return self._foreground(image, self._room)
+
+    def _foreground(self, image: Image, room: "_Room | None") -> Image:
+        if room is None:
+            outside = cv2.threshold(image, self._threshold, 255, cv2.THRESH_BINARY)[1]
+        else:
+            # what is below the band wraps around to above it; much faster than cv2.inRange with bounds of each pixel
+            above_low = np.subtract(image, room.low)
+            outside = cv2.compare(above_low, room.width, cv2.CMP_GT, dst=above_low)
+        blue, green, red = cv2.split(outside)
+        mask = cv2.bitwise_or(cv2.bitwise_or(blue, green, dst=blue), red, dst=blue)
+        if self.settings.dilation_px:
+            side = 2 * self.settings.dilation_px + 1
+            mask = cv2.dilate(mask, np.ones((side, side), np.uint8))
+        return np.asarray(mask, dtype=np.uint8)
+
+    def detect(self, image: Image) -> Float32:
+        """Return blobs (n, 5): x, y (pixels), radius_px, brightness 0-255, hue 0-180; brightest first.
+
+        Raises:
+            CaptureError: the image's size is not the background's.
+        """
+        if self._size is not None and (image.shape[1], image.shape[0]) != self._size:
+            raise CaptureError(
+                f"the image is {image.shape[1]}x{image.shape[0]}, its background {self._size[0]}x{self._size[1]}",
+                advice="learn the background again",
+            )
+        window = self._window(image)
+        if window is None:
+            self._partly = 0
+            found = self._chosen(self._found(image, self._room))
+        else:
+            self._partly += 1
+            found = self._chosen(self._found_within(image, window))
+        self._last = found
+        return found
+
+    def _window(self, image: Image) -> "_Window | None":
+        """Return the part of a large image in which the markers of the last must be; None: look everywhere."""
+        height, width = image.shape[:2]
+        if height * width <= _SMALL_IMAGE or self._partly + 1 >= self.settings.whole_every or len(self._last) == 0:
+            return None
+        reach = round(_REACH * max(height, width)) + self._rim
+        left, top = np.maximum(self._last[:, :2].min(axis=0).astype(int) - reach, 0).tolist()
+        right, bottom = (self._last[:, :2].max(axis=0).astype(int) + reach + 1).tolist()
+        return slice(top, min(bottom, height)), slice(left, min(right, width))
+
+    @property
+    def _rim(self) -> int:
+        """Pixels at the edge of a part of an image where a marker may be cut off."""
+        return int(2.0 * self.settings.maximum_radius_px) + len(_SPOT_KERNEL)
+
+    def _found_within(self, image: Image, window: "_Window") -> Array:
+        """Return what is found in a part of an image, but not at edges where the image goes on."""
+        rows, columns = window
+        table = self._found(image[window], None if self._room is None else self._room.within(window))
+        table[:, X] += columns.start
+        table[:, Y] += rows.start
+        height, width = image.shape[:2]
+        inside = np.ones(len(table), dtype=bool)
+        for place, part, size in ((table[:, X], columns, width), (table[:, Y], rows, height)):
+            inside &= (place >= part.start + self._rim) | (part.start == 0)
+            inside &= (place < part.stop - self._rim) | (part.stop == size)
+        return table[inside]
+
+    def _found(self, image: Image, room: "_Room | None") -> Array:
+        """Return all that may be markers in an image, or in a part with the same of the room."""
+        dimmest = max(self._threshold, _DIMMEST * self.settings.relative_brightness * self._usual_contrast)
+        parts = _parts(self._foreground(image, room), self.settings)
+        alone, bodies = self._measure_alone(image, room, [part for part in parts if part.may_be_marker], dimmest)
+        # what is no marker as a whole is the performer, or a part, who wears some
+        bodies += [part for part in parts if not part.may_be_marker]
+        return np.concatenate((alone, self._measure_on_bodies(image, room, bodies, dimmest)))
+
+    def _measure_alone(
+        self, image: Image, room: "_Room | None", parts: "list[_Part]", dimmest: float
+    ) -> "tuple[Array, list[_Part]]":
+        """Return the markers among parts of the foreground, and the parts that are bright but none."""
+        if not parts:
+            return np.empty((0, COLUMNS)), []
+        owner, x, y = _pixels(parts)
+        colours = image[y, x]
+        rise = colours.astype(np.float32)
+        if room is not None:
+            rise -= room.mean[y, x]
+        if rise.max() < dimmest:  # which no mean of the channels exceeds: noise and shadows
+            return np.empty((0, COLUMNS)), []
+        contrast = _contrast(rise, owner, len(parts))
+        bright = np.zeros(len(parts), dtype=bool)
+        bright[owner[contrast >= dimmest]] = True
+        kept = bright[owner]
+        owners, table = measure_apart(blob_pixels(owner[kept], x[kept], y[kept], contrast[kept], colours[kept]))
+        fitting = self._fits(table)
+        bright[owners[fitting]] = False
+        return table[fitting], [parts[i] for i in np.flatnonzero(bright)]
+
+    def _measure_on_bodies(self, image: Image, room: "_Room | None", bodies: "list[_Part]", dimmest: float) -> Array:
+        """Return the markers on parts of the foreground that are no markers as a whole."""
+        spots = [self._spots(image, room, body, dimmest) for body in bodies]
+        if not spots:
+            return np.empty((0, COLUMNS))
+        owners, table = measure_apart(above_skin(joined(spots)))
+        fitting = self._fits(table)
+        body = group_of(owners)
+        for number in range(len(spots)):
+            brightest = np.sort(table[body == number, BRIGHTNESS])[-_USUAL_MARKERS:].tolist()
+            limit = _SPOT_BRIGHTNESS * median(brightest) if brightest else 0.0
+            fitting[(body == number) & (table[:, BRIGHTNESS] < limit)] = False
+        return table[fitting]
+
+    def _spots(self, image: Image, room: "_Room | None", body: "_Part", dimmest: float) -> BlobPixels:
+        """Return bright spots on a performer in a lit room."""
+        window = body.window
+        light = _light(image[window])
+        inside = body.inside.view(np.uint8)
+        above_background = light if room is None else cv2.subtract(light, room.light[window])
+        if cv2.minMaxLoc(above_background, inside)[1] < 3.0 * dimmest:
+            return NO_PIXELS
+        contrast = cv2.morphologyEx(light, cv2.MORPH_TOPHAT, _SPOT_KERNEL)
+        # what is no brighter than the empty room is the room beside a limb
+        lit = body.inside & (light >= (3.0 * self._threshold if room is None else room.lit[window]))
+        bright = (lit & (contrast >= 3.0 * max(self._threshold, _LOWEST_SPOT_CONTRAST))).view(np.uint8)
+        spots = _parts(np.asarray(cv2.dilate(bright, np.ones((3, 3), np.uint8)), dtype=np.uint8), self.settings)
+        if not spots:
+            return NO_PIXELS
+        owner, x, y = _pixels(spots)
+        kept = lit[y, x]
+        owner, x, y = owner[kept], x[kept], y[kept]
+        third = np.float32(1.0 / 3.0)
+        return blob_pixels(owner, x + body.left, y + body.top, contrast[y, x] * third, image[window][y, x])
+
+    def _fits(self, table: Array) -> NDArray[np.bool_]:
+        s = self.settings
+        radius = table[:, RADIUS]
+        inside = (radius >= s.minimum_radius_px) & (radius <= s.maximum_radius_px)
+        return np.asarray(inside & (table[:, ROUNDNESS] >= s.minimum_roundness))
+
+    def _chosen(self, table: Array) -> Float32:
+        # sums have no more digits: the equally bright stay in the order of the image's rows
+        table = table[np.argsort(-table[:, CONTRAST].round(6), kind="stable")]
+        if len(table) == 0:
+            self._usual_contrast *= _MEMORY
+        elif self.settings.threshold is None:
+            top = median(table[:_USUAL_MARKERS, CONTRAST].tolist())
+            # follows at once when markers come nearer and get brighter, slowly when they leave or go dim
+            self._usual_contrast = max(top, _MEMORY * self._usual_contrast)
+            limit = self.settings.relative_brightness * min(top, self._usual_contrast)
+            table = table[table[:, CONTRAST] >= limit]
+        if len(table):
+            usual_radius = median(table[:, RADIUS].tolist())
+            table = table[table[:, RADIUS] >= self.settings.relative_radius * usual_radius]
+        return table[: self.settings.maximum_blobs, (X, Y, RADIUS, BRIGHTNESS, HUE)].astype(np.float32)
+
+
+_Window = tuple[slice, slice]
+
+
+@dataclass(frozen=True)
+class _Room:
+    """The empty room.
+
+    Args:
+        low, width: (h, w, 3) least value of each pixel and channel that is still background, and how far up it goes.
+        mean: (h, w, 3) grey levels.
+        light: (h, w) sum of the channels.
+        lit: (h, w) the same where it has risen by the threshold.
+    """
+
+    low: Image
+    width: Image
+    mean: Float32
+    light: NDArray[np.uint16]
+    lit: NDArray[np.uint16]
+
+    def within(self, window: _Window) -> "_Room":
+        """Return a part of it."""
+        return _Room(self.low[window], self.width[window], self.mean[window], self.light[window], self.lit[window])
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A connected part of a mask.
+
+    Args:
+        left, top: where its box begins.
+        inside: (h, w) which pixels of the box belong to it.
+        may_be_marker: whether the box could hold a marker, or two that touch, and nothing else.
+    """
+
+    left: int
+    top: int
+    inside: NDArray[np.bool_]
+    may_be_marker: bool
+
+    @property
+    def window(self) -> _Window:
+        """The box in its image."""
+        height, width = self.inside.shape
+        return slice(self.top, self.top + height), slice(self.left, self.left + width)
+
+
+def _parts(mask: Image, settings: DetectionSettings) -> list[_Part]:
+    """Return the connected parts of a dilated mask that are not too small for a marker."""
+    # contours and labels within their boxes take half the time of labels with statistics of the whole image
+    contours, hierarchy = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
+    parts = []
+    for contour, (_, _, _, parent) in zip(contours, hierarchy[0].tolist() if contours else (), strict=True):
+        if parent >= 0:  # the rim of a hole
+            continue
+        left, top, width, height = cv2.boundingRect(contour)
+        side = max(width, height) - 2 * settings.dilation_px
+        if side < max(1.0, 2.0 * settings.minimum_radius_px - 1.0):
+            continue
+        window = mask[top : top + height, left : left + width]
+        _, labels = cv2.connectedComponentsWithAlgorithm(window, 8, cv2.CV_16U, cv2.CCL_BOLELLI)
+        x, y = contour[0, 0]
+        parts.append(_Part(left, top, labels == labels[y - top, x - left], side <= 4.0 * settings.maximum_radius_px))
+    return parts[::-1]  # contours come from the last row to the first
+
+
+def _pixels(parts: Sequence[_Part]) -> tuple[IntArray, IntArray, IntArray]:
+    """Return which part each pixel (P,) of some parts is of, and its x and y in their image."""
+    places = [part.inside.nonzero() for part in parts]
+    owner = np.repeat(np.arange(len(parts)), [len(rows) for rows, _ in places])
+    x = np.concatenate([columns + part.left for part, (_, columns) in zip(parts, places, strict=True)])
+    y = np.concatenate([rows + part.top for part, (rows, _) in zip(parts, places, strict=True)])
+    return owner, x, y
+
+
+def _contrast(rise: Float32, owner: IntArray, parts: int) -> Float32:
+    """Return how much light each pixel (P,) has more than the empty room, in grey levels.
+
+    Channels count as much as they are brighter in the whole part: a white marker's alike, of a red one the red channel
+    alone, or the others, darker than a lit wall's, would outweigh it.
+
+    Args:
+        rise: (P, 3) pixels less the empty room.
+        owner: (P,) which part each is of.
+        parts: how many there are.
+    """
+    more = np.maximum(rise, 0.0)
+    totals = np.stack([np.bincount(owner, channel, parts) for channel in more.T], axis=1)
+    shares = totals / np.maximum(totals.sum(axis=1, keepdims=True), 1.0)
+    return np.asarray(np.einsum("pc,pc->p", rise, shares.astype(np.float32)[owner]))
+
+
+def _light(colours: Image) -> NDArray[np.uint16]:
+    """Sum of the channels (h, w, 3): three times the grey level, without rounding."""
+    light = np.zeros(colours.shape[:2], dtype=np.uint16)
+    for channel in cv2.split(colours):
+        light += np.asarray(channel, dtype=np.uint8)
+    return light

@@ -1,0 +1,55 @@
+"""Noticing that two cameras were exchanged: the left one's images come as the right one's."""
+
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...geometry.camera import CameraRig
+from .stereo import Matches, StereoMatcher, StereoSettings
+
+Float32 = NDArray[np.float32]
+
+_FEWEST_BLOBS = 4
+_FRAMES = 6  # of evidence: within a quarter of a second at 30 Hz
+_DOUBTFUL_PX = 0.75  # mean error of the matches from which it is worth a look ...
+_BETTER = 0.35  # ... whether it falls to such a share with the cameras exchanged
+
+
+class SwapWatch:
+    """Looks, where blobs of the two cameras meet badly, whether they meet better with the cameras exchanged.
+
+    With more or fewer than two cameras nothing is looked for.
+    """
+
+    def __init__(self, rig: CameraRig, settings: StereoSettings) -> None:
+        exchanged = CameraRig(rig.cameras[::-1]) if len(rig) == 2 else None
+        self._matcher = StereoMatcher(exchanged, settings) if exchanged else None
+        self._worst_px = settings.epipolar_px
+        self._errors_px: deque[tuple[float, float]] = deque(maxlen=_FRAMES)
+
+    def note(self, blobs: Sequence[Float32], matches: Matches) -> str:
+        """Return what to tell; "" when nothing points to it.
+
+        Args:
+            blobs: per camera (n, 5), of one moment.
+            matches: what was made of them.
+        """
+        if self._matcher is None:
+            return ""
+        seen = min(len(rows) for rows in blobs)
+        if seen >= _FEWEST_BLOBS:
+            error = exchanged = self._error_px(matches, seen)
+            if error > _DOUBTFUL_PX:
+                exchanged = self._error_px(self._matcher.match(blobs, self._matcher.undistort(blobs), None), seen)
+            self._errors_px.append((error, exchanged))
+        if len(self._errors_px) < _FRAMES:
+            return ""
+        error, exchanged = np.mean(self._errors_px, axis=0)
+        worse = error > _DOUBTFUL_PX and exchanged < _BETTER * error
+        return "left and right camera seem to be exchanged" if worse else ""
+
+    def _error_px(self, matches: Matches, seen: int) -> float:
+        """Return how badly blobs meet on average, pixels; one that meets none counts as the worst."""
+        return float(matches.errors_px.mean(axis=1).sum() + self._worst_px * (seen - len(matches.points_m))) / seen

@@ -1,0 +1,237 @@
+"""Which blob of one camera is which of the other: epipolar line, colour, size, and where markers were before.
+
+Chai and Hodgins 2005 take the epipolar line and colour similarity, and temporal coherence where several candidates
+remain; here all of it is the cost of one assignment problem.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
+
+from ...errors import SettingsError
+from ...geometry.camera import Camera, CameraRig, undistort_all
+from ...geometry.triangulation import depths, inverse_3x3, triangulate
+
+Array = NDArray[np.float64]
+Float32 = NDArray[np.float32]
+IntArray = NDArray[np.int64]
+Located = tuple[Array, Array, Array]
+
+
+@dataclass(frozen=True)
+class StereoSettings:
+    """How blobs of several cameras are matched.
+
+    Args:
+        epipolar_px: largest distance of a blob from the other's epipolar line.
+        pixel_sigma: standard deviation of a blob's centre, calibration error and time between the cameras included.
+        nearest_m, farthest_m: distances from the camera at which markers may be.
+        spread_m: how far (one sigma) markers lie in front of or behind the middle of all.
+        coherence_m: how far (one sigma) a marker is from where it is predicted.
+    """
+
+    epipolar_px: float = 4.0
+    pixel_sigma: float = 0.5
+    nearest_m: float = 0.3
+    farthest_m: float = 12.0
+    spread_m: float = 0.5
+    coherence_m: float = 0.06
+
+    def __post_init__(self) -> None:
+        if min(self.epipolar_px, self.pixel_sigma, self.spread_m, self.coherence_m) <= 0.0:
+            raise SettingsError("distances and deviations of the matching must be positive")
+        if not 0.0 <= self.nearest_m < self.farthest_m:
+            raise SettingsError("nearest_m must be below farthest_m")
+
+
+@dataclass(frozen=True)
+class Matches:
+    """Points seen by at least two cameras: (N, 3), (N, 3, 3), blob index (N, C) or -1, error in pixels (N, C)."""
+
+    points_m: Array
+    covariances_m2: Array
+    blobs: IntArray
+    errors_px: Array
+
+
+_SIGMAS_OF_GATE = 3.0
+_HUE_SIGMA = 25.0
+_SIZE_SIGMA = 0.35
+_BRIGHTNESS_SIGMA = 0.6
+_COHERENCE_CAP = 9.0
+_NO_MATCH = 30.0
+_FORBIDDEN = 1e6
+
+
+class StereoMatcher:
+    """Matches the blobs of a rig's cameras."""
+
+    def __init__(self, rig: CameraRig, settings: StereoSettings | None = None) -> None:
+        self.rig = rig
+        self.settings = settings or StereoSettings()
+
+    def undistort(self, blobs: Sequence[Float32]) -> list[Array]:
+        """Return the blobs' undistorted normalised coordinates (n, 2), per camera."""
+        return undistort_all(self.rig.cameras, [rows[:, :2].astype(np.float64) for rows in blobs])
+
+    def match(self, blobs: Sequence[Float32], normalised: Sequence[Array], predicted_m: Array | None) -> Matches:
+        """Match blobs of all cameras.
+
+        Args:
+            blobs: per camera (n, 5).
+            normalised: per camera (n, 2), of `undistort`.
+            predicted_m: (P, 3) where markers are expected; None when nothing is known.
+        """
+        cameras = len(self.rig)
+        located = self._locate(np.empty((0, cameras), dtype=np.int64), normalised)
+        table = np.empty((0, cameras), dtype=np.int64)
+        for camera in range(1, cameras):
+            table = self._attach(camera, normalised, located[0], table)
+            for other in range(camera):
+                free_a = unused(table, other, len(blobs[other]))
+                free_b = unused(table, camera, len(blobs[camera]))
+                pairs, located = self._pairs(other, camera, free_a, free_b, blobs, normalised, predicted_m)
+                rows = np.full((len(pairs), cameras), -1, dtype=np.int64)
+                rows[:, other], rows[:, camera] = pairs[:, 0], pairs[:, 1]
+                table = np.concatenate((table, rows))
+            if cameras > 2:
+                located = self._locate(table, normalised)
+        return Matches(located[0], located[1], table, located[2])
+
+    def _locate(self, table: IntArray, normalised: Sequence[Array]) -> Located:
+        if len(table) == 0:
+            return np.empty((0, 3)), np.empty((0, 3, 3)), np.empty((0, len(self.rig)))
+        observed = np.zeros((*table.shape, 2))
+        for camera, coordinates in enumerate(normalised):
+            seen = table[:, camera] >= 0
+            observed[seen, camera] = coordinates[table[seen, camera]]
+        return triangulate(self.rig.cameras, observed, (table >= 0).astype(float), self.settings.pixel_sigma)
+
+    def _attach(self, camera: int, normalised: Sequence[Array], points: Array, table: IntArray) -> IntArray:
+        """Give points already known their blob in one more camera."""
+        if len(points) == 0 or len(normalised[camera]) == 0:
+            return table
+        view = self.rig.cameras[camera]
+        local = view.to_camera(points)
+        distance = cdist(local[:, :2] / local[:, 2:], normalised[camera]) * view.focal_px
+        cost = np.where(local[:, 2:] > 0.0, distance, _FORBIDDEN)
+        rows, columns = linear_sum_assignment(np.minimum(cost, self.settings.epipolar_px))
+        good = cost[rows, columns] < self.settings.epipolar_px
+        table = table.copy()
+        table[rows[good], camera] = columns[good]
+        return table
+
+    def _pairs(
+        self,
+        a: int,
+        b: int,
+        free_a: IntArray,
+        free_b: IntArray,
+        blobs: Sequence[Float32],
+        normalised: Sequence[Array],
+        predicted_m: Array | None,
+    ) -> tuple[IntArray, Located]:
+        """Return matched blob indices (n, 2) of two cameras, and what `triangulate` makes of them."""
+        none = np.empty((0, 2), dtype=np.int64), (np.empty((0, 3)), np.empty((0, 3, 3)), np.empty((0, 2)))
+        if len(free_a) == 0 or len(free_b) == 0:
+            return none
+        view_a, view_b = self.rig.cameras[a], self.rig.cameras[b]
+        x, y = normalised[a][free_a], normalised[b][free_b]
+        line = epipolar_distances(view_a, view_b, x, y)
+        rows, columns = np.nonzero(line <= self.settings.epipolar_px)
+        both = np.stack((x[rows], y[columns]), axis=1)
+        if len(rows) == 0:
+            return none
+        points, covariances, errors = triangulate(
+            (view_a, view_b), both, np.ones((len(rows), 2)), self.settings.pixel_sigma
+        )
+        far = np.stack((depths(view_a, points), depths(view_b, points)))
+        possible = (far.min(axis=0) >= self.settings.nearest_m) & (far.max(axis=0) <= self.settings.farthest_m)
+        rows, columns, depth = rows[possible], columns[possible], far[0][possible]
+        points, covariances, errors = points[possible], covariances[possible], errors[possible]
+        similar = _dissimilarity(blobs[a][free_a], blobs[b][free_b])[rows, columns]
+        base = (line[rows, columns] / (self.settings.epipolar_px / _SIGMAS_OF_GATE)) ** 2 + similar
+        if predicted_m is not None and len(predicted_m):
+            nearest = self._coherence(points, covariances, predicted_m)
+            base = base + np.minimum(nearest, _COHERENCE_CAP)
+        chosen = _assign(base, rows, columns, (len(free_a), len(free_b)))
+        # once more with what the first answer tells about how far away the performer is
+        if len(chosen) >= 3:
+            middle = float(np.median(depth[chosen]))
+            cost = base + np.minimum(((depth - middle) / self.settings.spread_m) ** 2, _COHERENCE_CAP)
+            chosen = _assign(cost, rows, columns, (len(free_a), len(free_b)))
+        pairs = np.stack((free_a[rows[chosen]], free_b[columns[chosen]]), axis=1)
+        return pairs, (points[chosen], covariances[chosen], errors[chosen])
+
+    def _coherence(self, points: Array, covariances: Array, predicted_m: Array) -> Array:
+        """Return the squared distance (n,), in sigmas, of points to the nearest predicted one; loose along the rays."""
+        information = inverse_3x3(covariances + self.settings.coherence_m**2 * np.eye(3))
+        apart = points[:, None] - predicted_m[None]
+        return np.asarray(np.sum(apart @ information * apart, axis=2).min(axis=1))
+
+
+def _assign(cost: Array, rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> IntArray:
+    """Return which candidate pairs make the cheapest assignment; a pair dearer than no match is left out."""
+    table = np.full(shape, _FORBIDDEN)
+    table[rows, columns] = cost
+    index = np.full(shape, -1, dtype=np.int64)
+    index[rows, columns] = np.arange(len(rows))
+    r, c = linear_sum_assignment(np.minimum(table, _NO_MATCH))
+    return np.sort(index[r, c][table[r, c] < _NO_MATCH])
+
+
+def unused(table: IntArray, camera: int, count: int) -> IntArray:
+    """Return which of a camera's `count` blobs no row of the table (N, C) holds."""
+    free = np.ones(count, dtype=bool)
+    free[table[table[:, camera] >= 0, camera]] = False
+    return np.flatnonzero(free)
+
+
+def epipolar_distances(a: Camera, b: Camera, x: Array, y: Array) -> Array:
+    """Return the Sampson distance (n, m) in pixels of undistorted normalised points x (n, 2) in a and y (m, 2) in b.
+
+    Hartley and Zisserman, Multiple View Geometry, 11.4.3: first-order distance to the nearest pair that meets in 3D.
+    """
+    essential = essential_matrix(a, b)
+    xh, yh = _homogeneous(x), _homogeneous(y)
+    lines_b, lines_a = xh @ essential.T, yh @ essential
+    value = lines_b @ yh.T
+    slope = np.sum(lines_b[:, :2] ** 2, axis=1)[:, None] + np.sum(lines_a[:, :2] ** 2, axis=1)[None]
+    return np.asarray(np.abs(value) / np.sqrt(np.maximum(slope, 1e-30)) * 0.5 * (a.focal_px + b.focal_px))
+
+
+def essential_matrix(a: Camera, b: Camera) -> Array:
+    """Return E (3, 3) with y' E x = 0 for normalised points x in camera a and y in camera b of one point in space."""
+    rotation = b.rotation @ a.rotation.T
+    t = b.translation_m - rotation @ a.translation_m
+    cross = np.array([[0.0, -t[2], t[1]], [t[2], 0.0, -t[0]], [-t[1], t[0], 0.0]])
+    return np.asarray(cross @ rotation)
+
+
+def _homogeneous(points: Array) -> Array:
+    return np.concatenate((points, np.ones((len(points), 1))), axis=1)
+
+
+def _dissimilarity(a: Float32, b: Float32) -> Array:
+    """Return how different blobs look (n, m), in squared sigmas; cameras may differ in gain and white balance."""
+    size = _log_ratio(a[:, 2], b[:, 2]) / _SIZE_SIGMA
+    brightness = _log_ratio(a[:, 3] + 5.0, b[:, 3] + 5.0) / _BRIGHTNESS_SIGMA
+    turn = a[:, None, 4] - _median(a[:, 4]) - b[None, :, 4] + _median(b[:, 4])
+    hue = np.minimum(np.abs((turn + 90.0) % 180.0 - 90.0), 2.0 * _HUE_SIGMA) / _HUE_SIGMA
+    return np.asarray(np.minimum(size**2, 4.0) + np.minimum(brightness**2, 4.0) + 0.25 * hue**2, dtype=np.float64)
+
+
+def _median(values: Float32) -> np.float32:
+    """Return the median (`np.median` takes ten times as long for a few values)."""
+    ordered = np.sort(values)
+    return np.float32(0.5) * (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2])
+
+
+def _log_ratio(a: Float32, b: Float32) -> Array:
+    """Log of a over b, (n, m), less the usual ratio between the two cameras."""
+    u, v = np.log(np.maximum(a, 1e-3)), np.log(np.maximum(b, 1e-3))
+    return np.asarray((u - _median(u))[:, None] - (v - _median(v))[None], dtype=np.float64)

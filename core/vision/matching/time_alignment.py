@@ -1,0 +1,122 @@
+"""Blobs of cameras that are not synchronised brought to one time, along their tracks in the images."""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...geometry.camera import CameraRig
+from .image_tracks import BlobLinker
+from .time_offset import TimeOffset
+
+Array = NDArray[np.float64]
+Float32 = NDArray[np.float32]
+IntArray = NDArray[np.int64]
+
+_REMEMBERED = 40  # images: two thirds of a second at 60 Hz
+_NEAREST = 5  # images in which a blob's track is looked for
+_AMONG = 3  # images that its parabola goes through
+_LEAST_STEP_S, _LARGEST_STEP_S = 0.001, 0.25
+_REACH = 1.0  # periods: a camera without an image this near saw nothing at the time
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """Blobs (n, 5) of one image, their tracks (n,), and the moment it shows."""
+
+    moment_s: float
+    blobs: Float32
+    ids: IntArray
+
+
+class TimeAligner:
+    """Moves the blobs of each camera to where they were at the earliest of the moments that the images show.
+
+    No image is waited for: what is newer than that moment lies between two images that are in hand already.
+
+    Args:
+        rig: the cameras.
+        offsets: of each camera's time.
+    """
+
+    def __init__(self, rig: CameraRig, offsets: Sequence[TimeOffset]) -> None:
+        self.offsets = tuple(offsets)
+        self._linkers = [BlobLinker(camera.image_size[0]) for camera in rig.cameras]
+        self._last_s = -np.inf
+        self._seen: list[deque[_Seen]] = [deque(maxlen=_REMEMBERED) for _ in rig.cameras]
+
+    def align(self, time_s: float, stamps_s: Array, blobs: Sequence[Float32]) -> tuple[float, tuple[Float32, ...]]:
+        """Return the common moment and the blobs (n, 5) of each camera at it.
+
+        Args:
+            time_s: time of the images, where none has a stamp.
+            stamps_s: (C,) time stamps of the images; NaN where a camera gave none.
+            blobs: per camera (n, 5).
+        """
+        there = np.isfinite(stamps_s)
+        expected = np.where(there, stamps_s, np.mean(stamps_s[there]) if there.any() else time_s)
+        moments = [offset.moment_s(float(stamp)) for offset, stamp in zip(self.offsets, expected, strict=True)]
+        for seen, linker, moment_s, rows, new in zip(self._seen, self._linkers, moments, blobs, there, strict=True):
+            if new and (not seen or moment_s > seen[-1].moment_s):
+                seen.append(_Seen(moment_s, rows, linker.link(moment_s, rows[:, :2].astype(np.float64))))
+        common_s = min(moments)
+        if 0.0 <= self._last_s - common_s < _LARGEST_STEP_S:  # another offset has been told: time does not go back
+            common_s = self._last_s + _LEAST_STEP_S
+        self._last_s = common_s
+        at = [
+            _blobs_at(seen, common_s) if new else np.empty((0, 5), dtype=np.float32)
+            for seen, new in zip(self._seen, there, strict=True)
+        ]
+        return common_s, tuple(at)
+
+
+def _blobs_at(seen: Sequence[_Seen], moment_s: float) -> Float32:
+    """Return the blobs of the image nearest to a moment, moved to where their tracks have them at it."""
+    order = _nearest(seen, moment_s)
+    if order and order[0].moment_s == moment_s:
+        return order[0].blobs
+    if len(order) < 2 or abs(order[0].moment_s - moment_s) > _REACH * abs(order[1].moment_s - order[0].moment_s):
+        return np.empty((0, 5), dtype=np.float32)
+    nearest = order[0]
+    known = np.stack([_of_tracks(image, nearest.ids) for image in order])
+    moments = np.array([image.moment_s for image in order])
+    shown = np.isfinite(known[..., 0])
+    use = shown & (np.cumsum(shown, axis=0) <= _AMONG)
+    rows = nearest.blobs.copy()
+    left = np.ones(len(rows), dtype=bool)
+    while left.any():  # of one pattern of images that show a blob's track after another; mostly it is one for all
+        pattern = use[:, left.argmax()]
+        alike = left & np.all(use == pattern[:, None], axis=0)
+        weights = _lagrange(moments[pattern].tolist(), moment_s)
+        rows[alike, :2] = np.tensordot(weights, known[pattern][:, alike], axes=1)
+        left &= ~alike
+    return rows
+
+
+def _nearest(seen: Sequence[_Seen], moment_s: float) -> list[_Seen]:
+    """Return some images, the nearest to a moment first."""
+    last = len(seen) - 1
+    while last > 0 and seen[last].moment_s > moment_s:
+        last -= 1
+    around = [seen[i] for i in range(max(last - _NEAREST, 0), min(last + _NEAREST, len(seen)))]
+    return sorted(around, key=lambda image: abs(image.moment_s - moment_s))[:_NEAREST]
+
+
+def _of_tracks(image: _Seen, ids: IntArray) -> Array:
+    """Return where an image has the tracks (n, 2), NaN where it has not."""
+    if image.ids is ids:
+        return image.blobs[:, :2].astype(np.float64)
+    points = np.full((len(ids), 2), np.nan)
+    rows, columns = np.nonzero(ids[:, None] == image.ids)
+    points[rows] = image.blobs[columns, :2]
+    return points
+
+
+def _lagrange(moments_s: Sequence[float], moment_s: float) -> Array:
+    """Return the weights (k,) of values at some moments in the polynomial through them, at another moment."""
+    return np.array(
+        [math.prod((moment_s - other) / (own - other) for other in moments_s if other != own) for own in moments_s]
+    )

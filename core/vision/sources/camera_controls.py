@@ -1,0 +1,85 @@
+"""Exposure, gain and focus of cameras.
+
+Drivers disagree about units and about how automatic is switched off; what a camera makes of a value is therefore read
+back. Under Linux (V4L2) exposure is counted in tenths of a millisecond, elsewhere as the logarithm to base 2 of
+seconds. Gain and focus are numbers of the camera's own.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+
+from ...errors import SettingsError
+
+_LONGEST_S = 1.0
+_V4L2 = "V4L2"
+_V4L2_UNITS_PER_S = 10_000.0
+_MANUAL = {_V4L2: 1.0}
+_AUTOMATIC = {_V4L2: 3.0}
+_STEP = 1.5  # an exposure read back that is farther off than by this factor was not taken: drivers know steps of 2
+_NEAR = 1.0  # the same for gain and focus, in their own numbers
+
+
+@dataclass(frozen=True)
+class CameraControls:
+    """What a camera is told; None leaves it to the camera.
+
+    Args:
+        exposure_s: seconds that the shutter is open.
+        gain, focus: in the camera's own numbers.
+    """
+
+    exposure_s: float | None = None
+    gain: float | None = None
+    focus: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.exposure_s is not None and not 0.0 < self.exposure_s <= _LONGEST_S:
+            raise SettingsError(
+                f"an exposure of {self.exposure_s:g} s cannot be",
+                advice="use a few milliseconds: markers then are sharp",
+            )
+
+    @classmethod
+    def of_spec(cls, spec: Mapping[str, Any]) -> "CameraControls":
+        """Return what a description (JSON) says; raises SettingsError."""
+        try:
+            return cls(**{name: None if value is None else float(value) for name, value in spec.items()})
+        except (TypeError, ValueError) as error:
+            raise SettingsError(f"cannot be a camera's controls: {dict(spec)}") from error
+
+
+def apply_controls(capture: Any, controls: CameraControls) -> Sequence[str]:
+    """Tell an open `cv2.VideoCapture`; return the names of what it did not take.
+
+    What is left to the camera is switched back to automatic: cameras remember what the last program told them.
+    """
+    backend = str(capture.getBackendName())
+    refused = []
+    capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, _AUTOMATIC.get(backend, 1.0))
+    if controls.exposure_s is not None:
+        capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, _MANUAL.get(backend, 0.0))
+        if not _set_exposure(capture, backend, controls.exposure_s):
+            refused.append("exposure")
+    if controls.gain is not None and not _set(capture, cv2.CAP_PROP_GAIN, controls.gain):
+        refused.append("gain")
+    capture.set(cv2.CAP_PROP_AUTOFOCUS, float(controls.focus is None))
+    if controls.focus is not None and not _set(capture, cv2.CAP_PROP_FOCUS, controls.focus):
+        refused.append("focus")
+    return refused
+
+
+def _set_exposure(capture: Any, backend: str, seconds: float) -> bool:
+    value = seconds * _V4L2_UNITS_PER_S if backend == _V4L2 else math.log2(seconds)
+    if not capture.set(cv2.CAP_PROP_EXPOSURE, value):
+        return False
+    taken = float(capture.get(cv2.CAP_PROP_EXPOSURE))
+    away = abs(math.log2(taken / value)) if backend == _V4L2 and taken > 0.0 else abs(taken - value)
+    return away <= math.log2(_STEP)
+
+
+def _set(capture: Any, what: int, value: float) -> bool:
+    return bool(capture.set(what, value)) and abs(float(capture.get(what)) - value) <= _NEAR

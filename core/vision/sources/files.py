@@ -1,0 +1,126 @@
+"""Image files: finding them, ordering them by number, pairing those of several cameras, reading them."""
+
+import glob
+import os
+import re
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import CaptureError
+
+Image = NDArray[np.uint8]
+
+IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
+
+_DIGITS = re.compile(r"\d+")
+
+
+def list_images(pattern: str | Path) -> list[Path]:
+    """Return the image files of a folder, a glob or one file, in the order of their numbers.
+
+    Raises:
+        CaptureError: there is none.
+    """
+    text = os.path.expanduser(str(pattern))  # noqa: PTH111 - a glob need not be a valid path
+    path = Path(text)
+    if path.is_dir():
+        found = [p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and not p.name.startswith(".")]
+    elif path.is_file():
+        found = [path] if path.suffix.lower() in IMAGE_SUFFIXES else []
+    else:
+        found = [Path(p) for p in glob.glob(text, recursive=True)]  # noqa: PTH207 - absolute patterns too
+        found = [p for p in found if p.is_file() and p.suffix.lower() in IMAGE_SUFFIXES]
+    if not found:
+        raise CaptureError("no image files found", where=text, advice="give a folder or a pattern like left/*.jpg")
+    return sorted(found, key=natural_key)
+
+
+def natural_key(path: Path) -> tuple[tuple[int, int, str], ...]:
+    """Order by the numbers in a name (9 before 10), then by its text."""
+    parts = re.split(r"(\d+)", path.name)
+    return tuple((1, int(part), "") if part.isdigit() else (2, 0, part) for part in parts if part)
+
+
+def pair_by_number(lists: Sequence[Sequence[Path]]) -> tuple[list[tuple[int, tuple[Path, ...]]], list[Path]]:
+    """Pair files of several cameras by the number in their names that they have in common.
+
+    Which number that is (the first, the last, ...) is found out: the position whose values are shared by most files.
+    Lists without a common number are paired in order when they are equally long.
+
+    Returns:
+        pairs (number, one path per camera), in order of number, and the files left over.
+
+    Raises:
+        CaptureError: the files cannot be paired.
+    """
+    tables = by_number(lists)
+    shared = sorted(set.intersection(*(set(table) for table in tables)))
+    pairs = [(number, tuple(table[number] for table in tables)) for number in shared]
+    used = {path for _, paths in pairs for path in paths}
+    return pairs, [path for paths in lists for path in paths if path not in used]
+
+
+def by_number(lists: Sequence[Sequence[Path]]) -> list[dict[int, Path]]:
+    """Return the files of each camera by the number in their names that files of several cameras have in common.
+
+    Which number that is (the first, the last, ...) is found out: the position whose values most files share with
+    those of another camera. Without common numbers lists of one length are numbered in order.
+
+    Raises:
+        CaptureError: no common numbers, and lists of different length.
+    """
+    numbers = [[_numbers(path) for path in paths] for paths in lists]
+    width = max((len(row) for rows in numbers for row in rows), default=0)
+    best: list[dict[int, Path]] = []
+    most = 0
+    for position in range(width):
+        tables = [_table(paths, rows, position) for paths, rows in zip(lists, numbers, strict=True)]
+        counts = Counter(number for table in tables for number in table)
+        shared = sum(count > 1 for count in counts.values())
+        if shared > most:
+            best, most = tables, shared
+    longest = max(len(paths) for paths in lists)
+    if most == 0 or (longest > 1 and most == 1):
+        return _in_order(lists)
+    return best
+
+
+def _numbers(path: Path) -> list[int]:
+    return [int(text) for text in _DIGITS.findall(path.stem)]
+
+
+def _table(paths: Sequence[Path], rows: Sequence[Sequence[int]], position: int) -> dict[int, Path]:
+    counts = Counter(row[position] for row in rows if len(row) > position)
+    return {
+        row[position]: path
+        for path, row in zip(paths, rows, strict=True)
+        if len(row) > position and counts[row[position]] == 1
+    }
+
+
+def _in_order(lists: Sequence[Sequence[Path]]) -> list[dict[int, Path]]:
+    lengths = [len(paths) for paths in lists]
+    if len(set(lengths)) != 1:
+        raise CaptureError(
+            "the cameras have " + " and ".join(map(str, lengths)) + " pictures and no numbers in common",
+            where=str(lists[0][0].parent),
+            advice="name the pictures of one moment with the same number, e.g. left012.jpg and right012.jpg",
+        )
+    return [dict(enumerate(paths)) for paths in lists]
+
+
+def read_image(path: Path) -> Image:
+    """Return a BGR image; CaptureError when the file is missing or not an image."""
+    try:
+        data = np.fromfile(path, dtype=np.uint8)  # not cv2.imread: it cannot open every path on Windows
+    except OSError as error:
+        raise CaptureError(f"cannot be read ({error.strerror})", where=str(path), advice="check the path") from error
+    image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    if image is None:
+        raise CaptureError("is not a readable image", where=str(path), advice="export it again")
+    return np.asarray(image, dtype=np.uint8)

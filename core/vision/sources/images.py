@@ -1,0 +1,113 @@
+"""Image files as a source: one folder or pattern per camera, paired by number."""
+
+import re
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import CaptureError
+from .files import list_images, pair_by_number, read_image
+from .image_set import Image, ImageSet
+
+# a time of day as cameras write it into names: 14-57-01~73, 10-21-36%593, 10-21-36.593
+_TIME_OF_DAY = re.compile(r"(?<!\d)(\d{1,2})-(\d{2})-(\d{2})[~%.,](\d+)")
+
+
+_PAUSE = 4.0  # an interval longer than so many usual ones is a pause in the recording
+
+
+class ImageFileSource:
+    """Image sets from files; iterate it any number of times.
+
+    Args:
+        patterns: per camera a folder, a pattern or a file.
+        fps: nominal rate where the names do not tell the time.
+
+    `warnings` says which files were left out; `fps` is the rate that the names tell, or the nominal one.
+
+    Raises:
+        CaptureError: no files, or files that cannot be paired; when iterated: an unreadable image.
+    """
+
+    def __init__(self, patterns: Sequence[str | Path], fps: float = 30.0) -> None:
+        lists = [list_images(pattern) for pattern in patterns]
+        self._pairs, leftover = pair_by_number(lists) if len(lists) > 1 else (_alone(lists[0]), [])
+        self.warnings: tuple[str, ...] = ()
+        if leftover:
+            names = ", ".join(path.name for path in leftover[:3]) + (" ..." if len(leftover) > 3 else "")
+            self.warnings = (f"{len(leftover)} picture(s) have no partner and were left out: {names}",)
+        self.name = lists[0][0].parent.name
+        self._times = _times_from_names([paths[0] for _, paths in self._pairs])
+        if self._times is not None:
+            self.fps = _usual_rate(self._times)
+        else:
+            self.fps = fps
+        self._closed = False
+
+    @property
+    def cameras(self) -> int:
+        """Images per set."""
+        return len(self._pairs[0][1])
+
+    @property
+    def frames(self) -> int:
+        """Number of image sets."""
+        return len(self._pairs)
+
+    def frame(self, index: int) -> ImageSet:
+        """Return one image set by its place in the order."""
+        number, paths = self._pairs[index]
+        first = self._pairs[0][0]
+        time_s = self._times[index] if self._times is not None else (number - first) / self.fps
+        images = tuple(read_image(path) for path in paths)
+        return ImageSet(number, (float(time_s),) * len(paths), images)
+
+    def __iter__(self) -> Iterator[ImageSet]:
+        """Yield all image sets in order."""
+        for index in range(self.frames):
+            if self._closed:
+                return
+            yield self.frame(index)
+
+    def samples(self, count: int) -> Iterator[tuple[Image, ...]]:
+        """Yield the images of up to `count` moments spread over the whole source."""
+        for index in np.unique(np.linspace(0, self.frames - 1, count).astype(int)):
+            yield self.frame(int(index)).images
+
+    def close(self) -> None:
+        """Let the iteration end."""
+        self._closed = True
+
+
+def _alone(paths: Sequence[Path]) -> list[tuple[int, tuple[Path, ...]]]:
+    return [(number, (path,)) for number, path in enumerate(paths)]
+
+
+def _times_from_names(paths: Sequence[Path]) -> list[float] | None:
+    """Return seconds since the first file, or None when the names do not tell increasing times."""
+    times = []
+    for path in paths:
+        match = _TIME_OF_DAY.search(path.stem)
+        if match is None:
+            return None
+        hours, minutes, seconds, fraction = match.groups()
+        times.append(int(hours) * 3600 + int(minutes) * 60 + int(seconds) + float(f"0.{fraction}"))
+    if len(times) < 2 or any(later <= earlier for earlier, later in pairwise(times)):
+        return None
+    return [time - times[0] for time in times]
+
+
+def _usual_rate(times_s: Sequence[float]) -> float:
+    """Return frames per second from first to last, pauses left out: programs note a frame's time late by chance."""
+    steps = np.diff(times_s)
+    return float(1.0 / np.mean(steps[steps <= _PAUSE * np.median(steps)]))
+
+
+def is_image_pattern(text: str) -> bool:
+    """Return whether a path is a folder, or names image files."""
+    try:
+        return bool(list_images(text))
+    except CaptureError:
+        return False

@@ -1,0 +1,86 @@
+"""Images of cameras that run by themselves, put together to image sets."""
+
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...system.steady_clock import SteadyClock
+from .camera_watch import CameraWatch
+from .image_set import Image, ImageSet, camera_title, next_number
+
+_TOGETHER = 0.75  # periods: images further apart in time are of two moments
+_LATE = 0.25  # periods: an image so little after a set that went without it comes too late
+_PATIENCE = 2.0  # periods for which the other cameras' image is waited for
+_HELD = 12  # images of a camera; who takes them too slowly loses the oldest
+
+
+class ImagePairing:
+    """Puts images together by their times; a camera that gives none is done without.
+
+    A camera whose image is missing, repeated or black has a black image in the set and is marked as not usable.
+
+    Args:
+        shapes: per camera the shape of its images.
+        names: of the cameras.
+        period_s: time between two images of a camera.
+        now_s: time on the clock that the images' times are read from.
+    """
+
+    def __init__(self, shapes: Sequence[tuple[int, ...]], names: Sequence[str], period_s: float, now_s: float) -> None:
+        self._black = [np.zeros(shape, dtype=np.uint8) for shape in shapes]
+        self._period_s = period_s
+        self._held: list[deque[tuple[float, Image, bool]]] = [deque(maxlen=_HELD) for _ in shapes]
+        self._watches = [CameraWatch(camera_title(i, names), period_s, now_s) for i in range(len(shapes))]
+        self._clocks = [SteadyClock() for _ in shapes]
+        self._number = -1
+        self._last_s = -np.inf
+
+    def put(self, camera: int, time_s: float, image: Image) -> None:
+        """Take an image that a camera gave."""
+        fresh = self._watches[camera].saw(time_s, image)
+        time_s = self._clocks[camera].steady(time_s)
+        if time_s < self._last_s + _LATE * self._period_s:
+            return
+        self._held[camera].append((time_s, image, fresh and image.shape == self._black[camera].shape))
+
+    def take(self, now_s: float, gone: Sequence[bool] = ()) -> ImageSet | None:
+        """Return the next image set, None when there is nothing new or an image is still waited for.
+
+        Args:
+            now_s: time.
+            gone: per camera whether its device said that it cannot give images.
+        """
+        first = [held[0][0] for held in self._held if held]
+        if not first:
+            return None
+        start_s = min(first)
+        waits = any(
+            not held and not watch.is_silent(now_s) for held, watch in zip(self._held, self._watches, strict=True)
+        )
+        if waits and now_s - start_s < _PATIENCE * self._period_s:
+            return None
+        rows = [self._next_of(camera, start_s + _TOGETHER * self._period_s) for camera in range(len(self._held))]
+        known = [row for row in rows if row is not None]
+        middle_s = float(np.mean([time_s for time_s, _, _ in known]))
+        self._number = next_number(self._number, start_s - self._last_s, self._period_s) if self._number >= 0 else 0
+        self._last_s = start_s
+        return ImageSet(
+            number=self._number,
+            times_s=tuple(middle_s if row is None else row[0] for row in rows),
+            images=tuple(
+                row[1] if row is not None and row[2] else black for row, black in zip(rows, self._black, strict=True)
+            ),
+            notes=self.notes(now_s, gone),
+            usable=tuple(row is not None and row[2] for row in rows),
+        )
+
+    def notes(self, now_s: float, gone: Sequence[bool] = ()) -> tuple[str, ...]:
+        """Return what is wrong with the cameras."""
+        lost = tuple(gone) or (False,) * len(self._watches)
+        found = [watch.note(now_s, away) for watch, away in zip(self._watches, lost, strict=True)]
+        return tuple(note for note in found if note)
+
+    def _next_of(self, camera: int, before_s: float) -> tuple[float, Image, bool] | None:
+        held = self._held[camera]
+        return held.popleft() if held and held[0][0] < before_s else None

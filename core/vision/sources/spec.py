@@ -1,0 +1,113 @@
+"""Opening an image source from its description, which can travel as JSON to the capture process.
+
+Kinds: {"kind": "simulated", ...} (see `simulate.studio.open_simulated`), {"kind": "videos", "paths": [...]},
+{"kind": "images", "paths": [...]}, {"kind": "cameras", "devices": [0, 1], "size": [640, 480], "controls": [{...}, ...]}
+(see `CameraControls`); all take "fps".
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import CaptureError, SettingsError
+from .cameras import CameraSource
+from .images import ImageFileSource, is_image_pattern
+from .videos import VideoSource, is_stream
+
+Image = NDArray[np.uint8]
+
+
+class ImageSetLike(Protocol):
+    """What a source yields: number, one time and one image per camera."""
+
+    @property
+    def number(self) -> int:
+        """Frame number."""
+
+    @property
+    def times_s(self) -> tuple[float, ...]:
+        """Seconds, one per camera."""
+
+    @property
+    def images(self) -> tuple[Image, ...]:
+        """uint8 BGR, one per camera."""
+
+
+class ImageSource(Protocol):
+    """Anything that yields image sets."""
+
+    fps: float
+
+    def __iter__(self) -> Iterator[ImageSetLike]:
+        """Yield image sets in order."""
+
+    def close(self) -> None:
+        """Let the iteration end and give devices back."""
+
+
+class SampledSource(ImageSource, Protocol):
+    """A source that can also be looked through beforehand: files, and cameras (which take new images for it)."""
+
+    def samples(self, count: int) -> Iterator[tuple[Image, ...]]:
+        """Yield the images of up to `count` moments."""
+
+
+def open_image_source(
+    *sources: str | Path, fps: float | None = None, size: tuple[int, int] | None = None
+) -> SampledSource:
+    """Return a source from one text per camera: a video, a folder or pattern of images, a device number, an address.
+
+    Cameras by device number are asked for images of `size` (width, height), that of their calibration.
+
+    Raises:
+        CaptureError: a text is none of these, or they are not all of one kind.
+    """
+    texts = [str(source) for source in sources]
+    kinds = [_kind(text) for text in texts]
+    if len(set(kinds)) != 1:
+        raise CaptureError(
+            "the cameras' sources are of different kinds: "
+            + ", ".join(f"{text} ({kind})" for text, kind in zip(texts, kinds, strict=True)),
+            advice="give two videos, two folders or patterns of images, or two device numbers",
+        )
+    if kinds[0] == "cameras":
+        return CameraSource([int(text) for text in texts], size, fps)
+    if kinds[0] == "videos":
+        return VideoSource(texts, fps or 30.0)
+    return ImageFileSource(texts, fps or 30.0)
+
+
+def _kind(text: str) -> str:
+    if text.isdigit():
+        return "cameras"
+    if is_stream(text):
+        return "videos"
+    if is_image_pattern(text):
+        return "images"
+    path = Path(text)
+    if path.is_file():
+        return "videos"
+    what = "holds no image files" if path.is_dir() else "not found"
+    raise CaptureError(
+        what, where=text, advice="give a video, a folder, a pattern like take/*_1.jpg, a device number or an address"
+    )
+
+
+def _rate(spec: Mapping[str, Any]) -> float | None:
+    value = spec.get("fps")
+    if value is None:
+        return None
+    rate = float(value)
+    if not 0.1 <= rate <= 1000.0:
+        raise SettingsError(f"a frame rate of {rate:g} per second cannot be", advice="use 1 to 1000")
+    return rate
+
+
+def _list(spec: Mapping[str, Any], key: str) -> Sequence[Any]:
+    value = spec.get(key)
+    if not isinstance(value, list | tuple) or not value:
+        raise SettingsError(f"the image source lacks {key!r}")
+    return list(value)

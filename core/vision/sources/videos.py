@@ -1,0 +1,189 @@
+"""Video files and streams as a source."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ...errors import CaptureError
+from .camera_watch import is_repeated
+from .image_set import Image, ImageSet, next_number
+
+_SPARE_FRAMES = 2  # that one video may have more at its end: the last ones may be lost too
+_STREAM_PREFIXES = ("http://", "https://", "rtsp://", "rtmp://", "udp://", "tcp://")
+
+
+def is_stream(address: str) -> bool:
+    """Return whether an address is a network stream."""
+    return address.lower().startswith(_STREAM_PREFIXES)
+
+
+class VideoSource:
+    """Image sets from one video per camera, frame by frame; files can be iterated any number of times.
+
+    Frames are numbered by each video's time stamps, so that a number left out is a frame that was lost. A frame that
+    one video lacks, or shows twice while another goes on, is not usable there; `warnings` counts them afterwards.
+
+    Args:
+        paths: video files or stream addresses, one per camera.
+        fps: rate to assume where a file does not tell it.
+
+    Raises:
+        CaptureError: missing or unreadable file, files of different length (also when one ends early while it
+            is iterated).
+    """
+
+    def __init__(self, paths: Sequence[str | Path], fps: float = 30.0) -> None:
+        self._paths = [str(path) for path in paths]
+        self.warnings: tuple[str, ...] = ()
+        self.name = Path(self._paths[0]).stem
+        counts, rates = [], []
+        for path in self._paths:
+            capture = _open(path)
+            counts.append(0 if is_stream(path) else int(capture.get(cv2.CAP_PROP_FRAME_COUNT)))
+            rates.append(float(capture.get(cv2.CAP_PROP_FPS)))
+            capture.release()
+        if len(set(counts)) > 1 and min(counts) > 0:
+            raise CaptureError(
+                "the videos have different lengths: "
+                + ", ".join(f"{Path(p).name} {n} frames" for p, n in zip(self._paths, counts, strict=True)),
+                advice="cut them so that they start and end at the same moments",
+            )
+        self.frames = min(counts)
+        self.fps = rates[0] if 1.0 <= rates[0] <= 1000.0 else fps
+        self._closed = False
+
+    @property
+    def cameras(self) -> int:
+        """Images per set."""
+        return len(self._paths)
+
+    def __iter__(self) -> Iterator[ImageSet]:
+        """Yield all image sets in order."""
+        with ExitStack() as stack:
+            captures = [_open(path) for path in self._paths]
+            for capture in captures:
+                stack.callback(capture.release)
+            readers = [_Reader(capture, self.fps) for capture in captures]
+            self._advance(readers, readers)
+            while not self._closed and readers[0].image is not None:
+                number = min(reader.number for reader in readers)
+                current = [reader for reader in readers if reader.number == number]
+                repeated = [reader.is_repeated for reader in readers]
+                usable = tuple(
+                    # when nothing changed in any video, nothing moved
+                    reader in current and (not reader.is_repeated or all(repeated))
+                    for reader in readers
+                )
+                for reader, use in zip(readers, usable, strict=True):
+                    reader.lost += reader not in current
+                    reader.doubled += reader in current and not use
+                images = tuple(
+                    reader.image if use else np.zeros_like(reader.image)
+                    for reader, use in zip(readers, usable, strict=True)
+                )
+                yield ImageSet(number, (number / self.fps,) * len(images), images, usable=usable)
+                self.warnings = self._warnings(readers)
+                self._advance(readers, current)
+
+    def _advance(self, readers: Sequence["_Reader"], current: Sequence["_Reader"]) -> None:
+        """Read on in the videos whose frame has been used; at the end no reader has an image."""
+        before = max(reader.number for reader in readers)
+        for reader in current:
+            reader.read()
+        ended = [path for path, reader in zip(self._paths, readers, strict=True) if reader.image is None]
+        if ended and not all(reader.ends_within(_SPARE_FRAMES) for reader in readers):
+            raise CaptureError(
+                f"ends after {before + 1} frames, before the other video",
+                where=ended[0],
+                advice="cut both to one length",
+            )
+        if ended and before + 1 < self.frames - 1:  # some containers announce one frame more than they hold
+            raise CaptureError(
+                f"cannot be read after frame {before + 1} of {self.frames}",
+                where=self._paths[0],
+                advice="the file is damaged: export it again",
+            )
+
+    def _warnings(self, readers: Sequence["_Reader"]) -> tuple[str, ...]:
+        """Return what is wrong with the frames that have been read."""
+        found = []
+        for path, reader in zip(self._paths, readers, strict=True):
+            if reader.doubled:
+                found.append(f"{Path(path).name} shows {reader.doubled} frame(s) twice; the second were left out")
+            if reader.lost:
+                found.append(f"{Path(path).name} lacks {reader.lost} frame(s) that another video has")
+        return tuple(found)
+
+    def samples(self, count: int) -> Iterator[tuple[Image, ...]]:
+        """Yield the images of up to `count` moments spread over the files (nothing for streams)."""
+        if self.frames <= 0:
+            return
+        wanted = {int(i) for i in np.linspace(0, self.frames - 1, count)}
+        with ExitStack() as stack:
+            captures = [_open(path) for path in self._paths]
+            for capture in captures:
+                stack.callback(capture.release)
+            for index in range(max(wanted) + 1):
+                # frames are stepped over, not sought: seeking is inexact in many containers
+                if not all(capture.grab() for capture in captures):
+                    return
+                if index in wanted:
+                    yield tuple(_bgr(capture.retrieve()[1]) for capture in captures)
+
+    def close(self) -> None:
+        """Let the iteration end."""
+        self._closed = True
+
+
+class _Reader:
+    """Reads one video; frames are numbered by its own time stamps."""
+
+    def __init__(self, capture: Any, fps: float) -> None:
+        self.number = -1
+        self.image: Any = None
+        self.is_repeated = False
+        self.lost = 0
+        self.doubled = 0
+        self._capture = capture
+        self._period_s = 1.0 / fps
+        self._stamp_s = 0.0
+
+    def read(self) -> None:
+        """Read the next frame; `image` is None at the end."""
+        ok, image = self._capture.read()
+        if not ok:
+            self.image = None
+            return
+        image = _bgr(image)
+        self.is_repeated = self.image is not None and is_repeated(self.image, image)
+        stamp_s = float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000.0
+        passed_s = stamp_s - self._stamp_s
+        self.number = next_number(self.number, passed_s, self._period_s) if self.number >= 0 else 0
+        self.image, self._stamp_s = image, stamp_s
+
+    def ends_within(self, frames: int) -> bool:
+        """Read on to the end; return whether no more than so many frames are left, this one counted."""
+        for _ in range(frames):
+            if self.image is not None:
+                self.read()
+        return self.image is None
+
+
+def _open(path: str) -> Any:
+    if not is_stream(path) and not Path(path).is_file():
+        raise CaptureError("there is no such video", where=path, advice="check the path")
+    capture = cv2.VideoCapture(path)
+    if not capture.isOpened():
+        capture.release()
+        raise CaptureError("cannot be opened as a video", where=path, advice="use MP4 (H.264) or AVI (MJPEG)")
+    return capture
+
+
+def _bgr(image: Any) -> Image:
+    if image.ndim == 2:
+        return np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+    return np.asarray(image, dtype=np.uint8)

@@ -1,0 +1,97 @@
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from perfanim.core.errors import CaptureError, SettingsError
+from perfanim.core.vision.sources.cameras import CameraSource
+from perfanim.core.vision.sources.images import ImageFileSource
+from perfanim.core.vision.sources.spec import open_image_source
+from perfanim.core.vision.sources.videos import VideoSource
+from perfanim.core.worker.open_source import open_source
+
+
+def video(path: Path, frames: int, fps: float = 25.0) -> Path:
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), fps, (64, 48))
+    for number in range(frames):
+        writer.write(np.full((48, 64, 3), 5 * number, np.uint8))
+    writer.release()
+    return path
+
+
+def test_videos_are_read_frame_by_frame_and_again(tmp_path):
+    paths = [video(tmp_path / name, 10) for name in ("left.avi", "right.avi")]
+    source = VideoSource(paths)
+    assert (source.frames, source.fps, source.cameras) == (10, 25.0, 2)
+    for _ in range(2):
+        sets = list(source)
+        assert [s.number for s in sets] == list(range(10))
+        np.testing.assert_allclose([s.times_s[0] for s in sets], np.arange(10) / 25.0)
+        assert abs(int(sets[7].images[1][20, 30, 0]) - 35) <= 2
+    shown = [int(images[0][0, 0, 0]) for images in source.samples(4)]
+    assert np.abs(np.array(shown) - [0, 15, 30, 45]).max() <= 2
+
+
+def test_videos_of_different_length_are_refused_before_any_frame_is_read(tmp_path):
+    paths = [video(tmp_path / "left.avi", 10), video(tmp_path / "right.avi", 7)]
+    with pytest.raises(CaptureError, match=r"left\.avi 10 frames, right\.avi 7 frames"):
+        VideoSource(paths)
+
+
+def test_missing_and_broken_videos_are_named(tmp_path):
+    good = video(tmp_path / "left.avi", 3)
+    with pytest.raises(CaptureError, match=r"gone\.avi.*no such video"):
+        VideoSource([good, tmp_path / "gone.avi"])
+    (tmp_path / "text.avi").write_text("no video")
+    with pytest.raises(CaptureError, match=r"text\.avi.*cannot be opened"):
+        VideoSource([good, tmp_path / "text.avi"])
+
+
+def test_a_source_that_is_closed_ends(tmp_path):
+    source = VideoSource([video(tmp_path / "left.avi", 5)])
+    seen = []
+    for images in source:
+        seen.append(images.number)
+        source.close()
+    assert seen == [0]
+
+
+def test_a_camera_that_does_not_open_is_told(capfd):
+    with pytest.raises(CaptureError, match="camera 97 does not open"):
+        CameraSource([97, 98])
+    with pytest.raises(CaptureError, match="more than once"):
+        CameraSource([0, 0])
+
+
+def test_the_kind_of_source_is_told_from_its_text(tmp_path):
+    clips = [str(video(tmp_path / name, 3)) for name in ("left.avi", "right.avi")]
+    assert isinstance(open_image_source(*clips), VideoSource)
+    for name in ("l", "r"):
+        (tmp_path / name).mkdir()
+        cv2.imwrite(str(tmp_path / name / "1.png"), np.zeros((4, 4, 3), np.uint8))
+    folders = [str(tmp_path / "l"), str(tmp_path / "r")]
+    assert isinstance(open_image_source(*folders, fps=12.0), ImageFileSource)
+    with pytest.raises(CaptureError, match="different kinds"):
+        open_image_source(clips[0], folders[1])
+    with pytest.raises(CaptureError, match=r"nothing.*not found"):
+        open_image_source(str(tmp_path / "nothing"), clips[1])
+    with pytest.raises(CaptureError, match="camera 97"):
+        open_image_source("97", "98")
+
+
+def test_sources_are_opened_from_their_description(tmp_path):
+    clips = [str(video(tmp_path / name, 3)) for name in ("left.avi", "right.avi")]
+    assert isinstance(open_source({"kind": "videos", "paths": clips, "fps": 30}), VideoSource)
+    with pytest.raises(SettingsError, match="unknown image source"):
+        open_source({"kind": "radio"})
+    with pytest.raises(SettingsError, match="lacks 'paths'"):
+        open_source({"kind": "images"})
+    with pytest.raises(SettingsError, match="frame rate"):
+        open_source({"kind": "videos", "paths": clips, "fps": 0})
+
+
+def test_the_simulated_performer_is_a_source_too():
+    source = open_source({"kind": "simulated", "behaviour": "walk", "seconds": 3.0})
+    first = next(iter(source))
+    assert len(first.images) == 2 and first.images[0].shape == (480, 640, 3)
+    source.close()
