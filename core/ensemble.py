@@ -13,10 +13,10 @@ from .body.pose_frame import PoseFrame
 from .company import Company
 from .errors import SettingsError
 from .geometry.camera import CameraRig
+from .labelling.prop_tracking import PropTracker
 from .markers.marker_frame import MarkerFrame
 from .markers.prop import Prop, check_together
 from .markers.subject import Subject
-from .prop_tracking import PropTracker
 from .session import Session
 
 

@@ -11,16 +11,16 @@ from .body.skeleton import marker_positions
 from .database.store import Database
 from .geometry import rotations as rot
 from .geometry.camera import CameraRig
-from .labelling import Labeller
+from .labelling.initial_labelling import Start, StartLabeller
+from .labelling.labeller import Labeller
+from .labelling.relabelling import SecondLook
 from .markers.marker_frame import MarkerFrame
 from .markers.subject import Subject
-from .second_look import SecondLook
 from .single_view_following import SingleViewFollower
 from .solver.observation import Observation
 from .solver.pose_solver import PoseSolver, Solution
 from .solver.settings import SolveSettings
 from .solver.subject_model import SubjectModel
-from .start_labelling import Start, StartLabeller
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .geometry.camera import Camera
+from .labelling.single_view_labelling import SingleViewLabeller
+from .labelling.single_view_start import SingleViewStart, label_near, label_single_view
 from .markers.marker_frame import MarkerFrame
-from .single_view_labelling import SingleViewLabeller
-from .single_view_start import SingleViewStart, label_near, label_single_view
 from .solver.observation import Observation
 from .solver.pose_solver import PoseSolver, Solution
 from .solver.subject_model import RootPose

@@ -9,7 +9,7 @@ from .body.calibration_poses import POSES
 from .body.skeleton import Skeleton, marker_positions
 from .body.standard_skeleton import default_skeleton
 from .errors import SubjectError
-from .labelling import Labeller
+from .labelling.labeller import Labeller
 from .markers.marker_frame import MarkerFrame
 from .markers.marker_set import MarkerSet
 from .subject_calibration import SubjectCalibration, calibrate_subject

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 
 from .body.skeleton import Skeleton
+from .labelling.trajectory_linking import track_markers
+from .labelling.trajectory_naming import named_take
 from .markers.marker_frame import MarkerFrame
 from .markers.marker_set import MarkerSet
 from .subject_calibration import SubjectCalibration, calibrate_subject, pose_points
-from .tracking import track_markers
-from .tracking_names import named_take
 
 
 def subject_from_recording(

@@ -19,12 +19,12 @@ from ..errors import FormatError, PerfanimError, SettingsError
 from ..formats.markers.marker_files import READABLE
 from ..formats.motion.read_motion import read_skeleton
 from ..geometry.rig_file import load_rig
+from ..labelling.take_import import UPS
 from ..markers.label_matching import AUTO, load_names
 from ..markers.marker_set import load_marker_set
 from ..markers.subject import load_subject
 from ..retarget.retargeter import RootMotion
 from ..solver.settings import METHODS
-from ..take_import import UPS
 from . import batch_worker
 from .options import add_motion_options
 from .outcome import Outcome

@@ -10,10 +10,10 @@ import numpy as np
 
 from ..formats.markers.marker_files import is_recorded, read_take
 from ..formats.take_file.reading import rate, read_take_file
+from ..labelling.trajectory_linking import track_markers
 from ..markers.marker_take import MarkerTake
 from ..markers.prop import save_prop
 from ..prop_calibration import calibrate_prop
-from ..tracking import track_markers
 from .calibrate_subject import part
 
 

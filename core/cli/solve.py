@@ -19,6 +19,7 @@ from ..formats.motion.read_motion import read_skeleton
 from ..formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_motion
 from ..formats.take_file.reading import ENDING, TakeFile, read_take_file
 from ..geometry.rig_file import load_rig
+from ..labelling.take_import import UPS, brought_in
 from ..marker_choice import choose_markers, with_markers, worn_in
 from ..markers.filtering import smoothed, smoothed_motion
 from ..markers.label_matching import AUTO, best_match, load_names, match_names, named_by_hand
@@ -31,7 +32,6 @@ from ..solve_take import SolvedTake, by_performer, solve_recorded, solve_take
 from ..solved_take_file import keep_solved_anew
 from ..solver.settings import METHODS, SolveSettings
 from ..solver_store import SolverStore
-from ..take_import import UPS, brought_in
 from .options import add_motion_options
 
 

@@ -12,6 +12,7 @@ from ..errors import FormatError, MarkerSetError, PerfanimError, SettingsError, 
 from ..formats.markers.marker_files import READABLE, declared_frames, is_recorded, read_take
 from ..formats.take_file.edit import recover
 from ..formats.take_file.reading import ENDING, read_take_file, take_name, unused_path
+from ..labelling.take_import import UPS, brought_in
 from ..marker_choice import worn_in
 from ..markers.label_matching import AUTO, best_match, load_names, named_by_hand
 from ..markers.marker_set import MarkerSet, load_marker_set
@@ -19,7 +20,6 @@ from ..markers.subject import Subject, load_subject
 from ..markers.take_frames import is_unnamed
 from ..solved_take_file import keep_markers
 from ..solver.settings import METHODS, SolveSettings
-from ..take_import import UPS, brought_in
 
 Progress = Callable[[float, str], None]
 

@@ -123,9 +123,9 @@ def _of_cameras(
     progress: Progress,
 ) -> tuple[Any, dict[str, Any]]:
     """Return the take of markers located by two or more cameras, and what it is like."""
-    from ..tracking import track_markers
-    from ..tracking_names import named_take
-    from ..tracking_single import single_views
+    from ..labelling.single_camera_trajectories import single_views
+    from ..labelling.trajectory_linking import track_markers
+    from ..labelling.trajectory_naming import named_take
     from ..vision.reprojection import labelled_rms_px
 
     aligned: dict[str, Any] = {}
@@ -305,7 +305,7 @@ def _without_distortion(rig: Any) -> Any:
 def _compared(take: Any, path: str) -> dict[str, Any]:
     """Distance to trajectories of the same cameras, paired marker by marker to fit best over the whole take."""
     from ..formats.markers.marker_files import read_take
-    from ..tracking_names import best_permutation
+    from ..labelling.trajectory_naming import best_permutation
 
     truth = read_take(path)
     frames = min(take.frames, truth.frames)

@@ -18,15 +18,15 @@ from ..errors import CalibrationError, CaptureError, TakeError
 from ..formats.markers.marker_files import write_take
 from ..geometry.camera import CameraRig
 from ..geometry.rig_file import save_rig
+from ..labelling.single_camera_trajectories import single_views
+from ..labelling.trajectory_linking import track_markers
+from ..labelling.trajectory_naming import named_take
 from ..markers.floor_from_feet import floor_points, moved_to_rig
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_set import MarkerSet, load_marker_set
 from ..markers.marker_take import MarkerTake
 from ..simulate.studio.staging import ARRIVAL_S
 from ..subject_calibration import check_poses
-from ..tracking import track_markers
-from ..tracking_names import named_take
-from ..tracking_single import single_views
 from ..vision.calibration.floor import rig_on_floor
 from ..vision.sources.spec import ImageSetLike, ImageSource
 from .camera_job import Stopped, opened

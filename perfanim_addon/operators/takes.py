@@ -12,10 +12,10 @@ from ...core.errors import PerfanimError, SettingsError, TakeError
 from ...core.formats.markers.marker_files import READABLE
 from ...core.formats.motion.write_motion import ANGLES, VRMA, write_motion
 from ...core.formats.take_file.reading import TakeFile, rate, read_take_file, summarise, take_name, unused_path
+from ...core.labelling.take_import import UPS
 from ...core.pose_shaping import Shape, shaped
 from ...core.retarget.joint_naming import OWN
 from ...core.solver.settings import METHODS
-from ...core.take_import import UPS
 from .. import capture_setup, panel_takes, running, states, takes
 from ..export_animation import ENDINGS, Form, export_poses
 from ..job import Job, command

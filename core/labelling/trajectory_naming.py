@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from .body.calibration_poses import standing, t_pose
-from .body.skeleton import marker_positions
-from .body.standard_skeleton import default_skeleton
-from .errors import TakeError
-from .labelling import Labeller
-from .markers.marker_set import MarkerSet
-from .markers.marker_take import MarkerTake
+from ..body.calibration_poses import standing, t_pose
+from ..body.skeleton import marker_positions
+from ..body.standard_skeleton import default_skeleton
+from ..errors import TakeError
+from ..markers.marker_set import MarkerSet
+from ..markers.marker_take import MarkerTake
+from .labeller import Labeller
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from .geometry.camera import CameraRig
-from .markers.marker_frame import MarkerFrame
-from .markers.marker_take import SingleViews
-from .tracking import Tracking
+from ..geometry.camera import CameraRig
+from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_take import SingleViews
+from .trajectory_linking import Tracking
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from .geometry.camera import Camera
+from ..geometry.camera import Camera
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

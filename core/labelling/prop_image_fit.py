@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .geometry import rotations as rot
-from .geometry.camera import Camera, undistort_all
-from .geometry.rigid_transform import transform
-from .markers.marker_frame import MarkerFrame
-from .markers.prop import Prop
+from ..geometry import rotations as rot
+from ..geometry.camera import Camera, undistort_all
+from ..geometry.rigid_transform import transform
+from ..markers.marker_frame import MarkerFrame
+from ..markers.prop import Prop
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

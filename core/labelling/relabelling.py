@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from .start_labelling import MISSED_M, StartLabeller
+from .initial_labelling import MISSED_M, StartLabeller
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

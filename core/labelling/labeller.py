@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from .geometry.camera import Camera, undistort_all
-from .geometry.triangulation import triangulate
-from .markers.marker_frame import MarkerFrame
+from ..geometry.camera import Camera, undistort_all
+from ..geometry.triangulation import triangulate
+from ..markers.marker_frame import MarkerFrame
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

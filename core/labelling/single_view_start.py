@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from .geometry import rotations as rot
-from .geometry.camera import Camera
+from ..geometry import rotations as rot
+from ..geometry.camera import Camera
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 from perfanim.core.errors import TakeError
+from perfanim.core.labelling.labeller.trajectory_linking import track_markers
+from perfanim.core.labelling.labeller.trajectory_naming import best_permutation, named_take
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
-from perfanim.core.tracking import track_markers
-from perfanim.core.tracking_names import best_permutation, named_take
 
 BODY = np.array(
     [[0.0, 1.2, 0.1], [0.0, 1.0, 0.12], [-0.12, 0.9, 0.12], [0.12, 0.88, 0.12],

@@ -10,15 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .body.pose_frame import PropPose
-from .geometry import rotations as rot
-from .geometry.camera import Camera
-from .geometry.point_patterns import laid_on, rigid_ways, thickness_m
-from .geometry.rigid_transform import transform
-from .markers.marker_frame import MarkerFrame
-from .markers.marker_frame_subset import without_blobs, without_points
-from .markers.prop import LEAST_THICKNESS_M, Prop
-from .prop_images import Placed, PropImages
+from ..body.pose_frame import PropPose
+from ..geometry import rotations as rot
+from ..geometry.camera import Camera
+from ..geometry.point_patterns import laid_on, rigid_ways, thickness_m
+from ..geometry.rigid_transform import transform
+from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_frame_subset import without_blobs, without_points
+from ..markers.prop import LEAST_THICKNESS_M, Prop
+from .prop_image_fit import Placed, PropImages
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

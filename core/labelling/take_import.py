@@ -6,18 +6,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .body.calibration_poses import standing
-from .body.standard_skeleton import default_skeleton
-from .errors import TakeError
-from .geometry import rotations as rot
-from .geometry.camera import CameraRig
-from .geometry.rigid_transform import transform
-from .markers.floor_from_feet import floor_points, upright_rotation
-from .markers.label_matching import listed, match_names
-from .markers.marker_set import MarkerSet
-from .markers.marker_take import MarkerTake
-from .markers.take_frames import is_unnamed
-from .tracking_names import named_take
+from ..body.calibration_poses import standing
+from ..body.standard_skeleton import default_skeleton
+from ..errors import TakeError
+from ..geometry import rotations as rot
+from ..geometry.camera import CameraRig
+from ..geometry.rigid_transform import transform
+from ..markers.floor_from_feet import floor_points, upright_rotation
+from ..markers.label_matching import listed, match_names
+from ..markers.marker_set import MarkerSet
+from ..markers.marker_take import MarkerTake
+from ..markers.take_frames import is_unnamed
+from .trajectory_naming import named_take
 
 Array = NDArray[np.float64]
 

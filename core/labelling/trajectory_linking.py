@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
-from .errors import TakeError
-from .markers.marker_frame import MarkerFrame
-from .markers.marker_take import MarkerTake
+from ..errors import TakeError
+from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_take import MarkerTake
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

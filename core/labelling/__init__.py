@@ -1,0 +1,1 @@
+"""Assign marker names to points and blobs."""
