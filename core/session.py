@@ -18,8 +18,9 @@ from .markers.marker_frame import MarkerFrame
 from .markers.subject import Subject
 from .single_view_following import SingleViewFollower
 from .solver.observation import Observation
-from .solver.pose_solver import PoseSolver, Solution
+from .solver.pose_solver import PoseSolver
 from .solver.settings import SolveSettings
+from .solver.solution import Solution
 from .solver.subject_model import SubjectModel
 
 Array = NDArray[np.float64]

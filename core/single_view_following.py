@@ -17,7 +17,8 @@ from .labelling.single_view_labelling import SingleViewLabeller
 from .labelling.single_view_start import SingleViewStart, label_near, label_single_view
 from .markers.marker_frame import MarkerFrame
 from .solver.observation import Observation
-from .solver.pose_solver import PoseSolver, Solution
+from .solver.pose_solver import PoseSolver
+from .solver.solution import Solution
 from .solver.subject_model import RootPose
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from ..geometry import rotations as rot
 from ..markers.marker_set import load_marker_set
 from ..markers.subject import Subject
 from ..solver import local_model
-from ..solver.search import closest
+from ..solver.search.exhaustive import closest
 from ..solver.subject_model import SubjectModel
 from .data import (
     BOXING,

@@ -21,7 +21,7 @@ from ..session import Session
 from ..simulate.markers import simulate_markers
 from ..simulate.studio.discs import draw_disc
 from ..solver.pose_solver import PoseSolver
-from ..solver.search import IntArray, Query, Search
+from ..solver.search.exhaustive import IntArray, Query, Search
 from ..solver.settings import SolveSettings
 from ..solver.subject_model import SubjectModel
 from ..system.assets import MOTION

@@ -14,10 +14,10 @@ from ..geometry import rotations as rot
 from ..markers.marker_set import load_marker_set
 from ..markers.subject import Subject
 from ..simulate.markers import simulate_markers
-from ..solver.choose_search import choose_search
 from ..solver.observation import Observation
 from ..solver.pose_solver import PoseSolver
-from ..solver.search import Query
+from ..solver.search.choose import choose_search
+from ..solver.search.exhaustive import Query
 from ..solver.subject_model import SubjectModel
 from .data import BANDAI, BOXING, CMU, WALKING, Progress, TestTake, read_take, whole_database, without_tests
 from .figure6 import MARKER_SET

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +9,13 @@ from numpy.typing import NDArray
 from ..database.store import Database
 from ..errors import DatabaseError
 from . import conditional, local_model, synthesis
-from .choose_search import choose_search
 from .history import MarkerHistory, PoseHistory
 from .observation import Observation
 from .root import root_from_torso
-from .search import Query
+from .search.choose import choose_search
+from .search.exhaustive import Query
 from .settings import SolveSettings
+from .solution import Examples, Fitted, Solution
 from .subject_model import RootPose, SubjectModel
 
 Array = NDArray[np.float64]
@@ -34,56 +34,6 @@ _FIT_STEPS = 4  # of Gauss-Newton at most: most starts are so close that one is 
 _SYNTHESIS_PASSES = 2  # the same between synthesis and root
 
 
-@dataclass(frozen=True)
-class Examples:
-    """The database frames closest to a query, closest first.
-
-    Args:
-        frames: (K,) frame indices.
-        distances: (K,) Eq. 2 distances, up to what all frames share.
-        poses: (K, D) float32, their poses.
-        markers_m: (K, M, 3) float32, their markers with the root at rest.
-    """
-
-    frames: IntArray
-    distances: Array
-    poses: FloatArray
-    markers_m: FloatArray
-
-
-@dataclass(frozen=True)
-class Solution:
-    """A solved pose.
-
-    Args:
-        pose: (J - 1, 3) relative to the mean rotations.
-        root: world pose of the root.
-        markers_m: (M, 3) the subject's markers in the world.
-        neighbours, dimensions: K and B of the local model; 1 and 0 for the nearest example.
-        nearest_m: RMS distance of the observed markers to those of the closest example, metres; NaN when none.
-        iterations: of Levenberg-Marquardt or Gauss-Newton.
-    """
-
-    pose: Array
-    root: RootPose
-    markers_m: Array
-    neighbours: int
-    dimensions: int
-    nearest_m: float
-    iterations: int
-
-
-@dataclass(frozen=True)
-class _Fitted:
-    """What a method returns: pose (D,), the root it was fitted under, and the size of its model."""
-
-    pose: Array
-    root: RootPose
-    neighbours: int
-    dimensions: int = 0
-    iterations: int = 0
-
-
 class PoseSolver:
     """Solves one frame after another for one subject with one database."""
 
@@ -100,7 +50,7 @@ class PoseSolver:
         self._pose_history = PoseHistory(database, self._principal_components(), settings.best_history_s)
         self._frame_s = 1.0 / database.fps
         self._typical_markers = np.mean(self._markers[:: max(1, len(self._markers) // 2048)], axis=0, dtype=np.float64)
-        methods: dict[str, Callable[[PoseSolver, Observation, RootPose, Examples], _Fitted]] = {
+        methods: dict[str, Callable[[PoseSolver, Observation, RootPose, Examples], Fitted]] = {
             "best": PoseSolver._conditional,
             "local-pca": PoseSolver._local_pca,
             "lwr": PoseSolver._locally_weighted,
@@ -300,21 +250,21 @@ class PoseSolver:
         differences = root.to_root_frame(observation.points_m[seen]) - examples.markers_m[0][seen]
         return float(np.sqrt(np.mean(np.sum(differences**2, axis=-1))))
 
-    def _nearest(self, observation: Observation, root: RootPose, examples: Examples) -> _Fitted:
+    def _nearest(self, observation: Observation, root: RootPose, examples: Examples) -> Fitted:
         """Return the closest example."""
         pose = examples.poses[0].astype(np.float64)
-        return _Fitted(pose, self._settled_root(observation, pose, root), 1)
+        return Fitted(pose, self._settled_root(observation, pose, root), 1)
 
-    def _locally_weighted(self, observation: Observation, root: RootPose, examples: Examples) -> _Fitted:
+    def _locally_weighted(self, observation: Observation, root: RootPose, examples: Examples) -> Fitted:
         """Return the mean of the nearby examples by their distance (Atkeson et al. 1997, tricube kernel)."""
         count = min(self.settings.lwr_neighbours, len(examples.poses) - 1)
         distances = np.sqrt(np.maximum(examples.distances[: count + 1], 0.0))
         weights = (1.0 - (distances[:count] / max(distances[count], 1e-12)) ** 3) ** 3
         weights += 1e-9  # all equally far: all count
         pose = weights @ examples.poses[:count] / weights.sum()
-        return _Fitted(pose, self._settled_root(observation, pose, root), count)
+        return Fitted(pose, self._settled_root(observation, pose, root), count)
 
-    def _local_pca(self, observation: Observation, root: RootPose, examples: Examples) -> _Fitted:
+    def _local_pca(self, observation: Observation, root: RootPose, examples: Examples) -> Fitted:
         """Return the pose of least energy in the local model (Eq. 9), and the root under it, each in turn."""
         settings = self.settings
         seen = observation.located
@@ -346,9 +296,9 @@ class PoseSolver:
             iterations += taken
         pose = model.pose(weights)
         root = self._settled_root(observation, pose, root)
-        return _Fitted(pose, root, model.neighbours, model.dimensions, iterations)
+        return Fitted(pose, root, model.neighbours, model.dimensions, iterations)
 
-    def _conditional(self, observation: Observation, root: RootPose, examples: Examples) -> _Fitted:
+    def _conditional(self, observation: Observation, root: RootPose, examples: Examples) -> Fitted:
         """Return the pose expected for the markers, fitted to them together with the root."""
         settings = self.settings
         history = self._history.of_frames(examples.frames).reshape(len(examples.frames), -1)
@@ -381,7 +331,7 @@ class PoseSolver:
             (settings.root_sigma_m, settings.root_sigma_rad),
             _FIT_STEPS,
         )
-        return _Fitted(pose, root, len(weights), iterations=steps)
+        return Fitted(pose, root, len(weights), iterations=steps)
 
     @property
     def _broad_frames(self) -> IntArray:

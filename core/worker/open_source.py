@@ -1,4 +1,4 @@
-"""Split of core/sources/spec.py"""
+"""Open the image source that a description names, the simulated studio included."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -7,7 +7,7 @@ from ..errors import SettingsError
 from ..vision.sources.camera_controls import CameraControls
 from ..vision.sources.cameras import CameraSource
 from ..vision.sources.images import ImageFileSource
-from ..vision.sources.spec import ImageSource, _list, _rate
+from ..vision.sources.spec import ImageSource, frame_rate, listed_values
 from ..vision.sources.videos import VideoSource
 
 
@@ -18,18 +18,20 @@ def open_source(spec: Mapping[str, Any]) -> ImageSource:
         SettingsError: the description is not one. CaptureError: the source cannot be opened.
     """
     kind = str(spec.get("kind", ""))
-    fps = _rate(spec)
+    fps = frame_rate(spec)
     if kind == "simulated":
-        from ...simulate.studio.source import open_simulated
+        from ..simulate.studio.source import open_simulated
 
         simulated: ImageSource = open_simulated(spec)
         return simulated
     if kind == "videos":
-        return VideoSource(_list(spec, "paths"), fps or 30.0)
+        return VideoSource(listed_values(spec, "paths"), fps or 30.0)
     if kind == "images":
-        return ImageFileSource(_list(spec, "paths"), fps or 30.0)
+        return ImageFileSource(listed_values(spec, "paths"), fps or 30.0)
     if kind == "cameras":
         size = spec.get("size")
         controls = [CameraControls.of_spec(told) for told in spec.get("controls", ())]
-        return CameraSource(_list(spec, "devices"), (int(size[0]), int(size[1])) if size else None, fps, controls)
+        return CameraSource(
+            listed_values(spec, "devices"), (int(size[0]), int(size[1])) if size else None, fps, controls
+        )
     raise SettingsError(f"unknown image source {kind!r}", advice="use simulated, videos, images or cameras")

@@ -96,7 +96,7 @@ def _kind(text: str) -> str:
     )
 
 
-def _rate(spec: Mapping[str, Any]) -> float | None:
+def frame_rate(spec: Mapping[str, Any]) -> float | None:
     value = spec.get("fps")
     if value is None:
         return None
@@ -106,7 +106,7 @@ def _rate(spec: Mapping[str, Any]) -> float | None:
     return rate
 
 
-def _list(spec: Mapping[str, Any], key: str) -> Sequence[Any]:
+def listed_values(spec: Mapping[str, Any], key: str) -> Sequence[Any]:
     value = spec.get(key)
     if not isinstance(value, list | tuple) or not value:
         raise SettingsError(f"the image source lacks {key!r}")

@@ -6,12 +6,12 @@ from perfanim.core.database.graph import GraphSettings, build_graph
 from perfanim.core.database.store import Database
 from perfanim.core.errors import SettingsError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.solver.cell_search import CellSearch
-from perfanim.core.solver.choose_search import choose_search
-from perfanim.core.solver.graph_search import GraphSearch
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.pose_solver import PoseSolver
-from perfanim.core.solver.search import ExhaustiveSearch, Query
+from perfanim.core.solver.search.exhaustive.choose import choose_search
+from perfanim.core.solver.search.exhaustive.exhaustive import ExhaustiveSearch, Query
+from perfanim.core.solver.search.exhaustive.graph import GraphSearch
+from perfanim.core.solver.search.exhaustive.inverted_file import CellSearch
 from perfanim.core.solver.settings import SolveSettings
 
 CLIPS, LENGTH, MARKERS, ANGLES = 40, 300, 8, 84

@@ -10,9 +10,9 @@ landmarks. What a search may cost is bounded.
 import numpy as np
 from numpy.typing import NDArray
 
-from ..database.graph import NeighbourGraph
+from ...database.graph import NeighbourGraph
+from .exhaustive import Array, ExhaustiveSearch, FloatArray, IntArray, Query, closest
 from .landmarks import Landmarks
-from .search import Array, ExhaustiveSearch, FloatArray, IntArray, Query, closest
 
 _VISITED = 6.0  # frames looked at, for each one wanted, after which a search ends; at the start beside the landmarks
 _EXPANDED = 0.15  # of the frames wanted: how many of the closest are looked at with their neighbours at once

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from ..database.graph import NeighbourGraph, build_graph
-from ..database.store import Database
-from .cell_search import CellSearch
-from .graph_search import GraphSearch
-from .search import ExhaustiveSearch, FloatArray, Search
+from ...database.graph import NeighbourGraph, build_graph
+from ...database.store import Database
+from .exhaustive import ExhaustiveSearch, FloatArray, Search
+from .graph import GraphSearch
+from .inverted_file import CellSearch
 
 _EXHAUSTIVE_UP_TO = 150_000  # frames that one exhaustive search looks through in less than half a frame's time
 

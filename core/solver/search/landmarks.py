@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..database.graph import k_means, weighted
-from .search import FloatArray, IntArray
+from ...database.graph import k_means, weighted
+from .exhaustive import FloatArray, IntArray
 
 _SAMPLED = 16  # frames of a cluster, evenly through it, of which the most central stands for it
 

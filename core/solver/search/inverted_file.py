@@ -6,7 +6,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from .search import Array, ExhaustiveSearch, FloatArray, IntArray, Query, closest
+from .exhaustive import Array, ExhaustiveSearch, FloatArray, IntArray, Query, closest
 
 _PROBED = 16  # cells
 _PROBED_PER_WANTED = 4.0  # frames looked at, at least, for each one wanted

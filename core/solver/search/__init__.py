@@ -1,0 +1,1 @@
+"""Nearest-neighbour searches in the motion database."""
