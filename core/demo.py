@@ -36,14 +36,14 @@ from .preview import (
     write_contact_sheet,
     write_preview_video,
 )
-from .session import Session
+from .session.session import Session
+from .session.solve_take import motion_of
 from .simulate.performer import demo_performance
 from .simulate.performer.bodies import load_bodies
 from .simulate.studio.render import Renderer
 from .simulate.studio.rig import default_rig
 from .simulate.studio.source import SimulatedSource, simulated_source
 from .simulate.studio.staging import with_poses
-from .solve_take import motion_of
 from .solver.settings import SolveSettings
 from .studio_setup import calibrate_studio, studio_on_floor
 from .subject_from_recording import subject_from_recording

@@ -21,7 +21,7 @@ from .markers.marker_set import MarkerSet
 from .markers.marker_take import MarkerTake
 from .markers.subject import Subject
 from .markers.take_frames import take_frames
-from .session import Session
+from .session.session import Session
 from .solver.settings import SolveSettings
 
 Array = NDArray[np.float64]

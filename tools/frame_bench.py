@@ -31,7 +31,7 @@ from perfanim.core.markers.marker_frame_codec import pack_stamped, unpack_stampe
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
 from perfanim.core.markers.take_frames import take_frames
-from perfanim.core.session import Session
+from perfanim.core.session.session.session import Session
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.worker.protocol import Decoder, MessageKind, encode

@@ -12,7 +12,7 @@ from ..body.pose_frame import PoseFrame
 from ..body.skeleton import forward_kinematics
 
 if TYPE_CHECKING:
-    from ..solve_take import SolvedTake
+    from ..session.solve_take import SolvedTake
 
 Array = NDArray[np.float64]
 

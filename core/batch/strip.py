@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..body.skeleton import forward_kinematics
 from ..errors import FormatError
 from ..preview import CharacterPainter, floor_image, preview_camera
-from ..solve_take import SolvedTake
+from ..session.solve_take import SolvedTake
 from .figures import is_unsolved
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from ..errors import PerfanimError
 from ..formats.markers.marker_files import declared_frames
 from ..formats.motion.write_motion import write_motion
 from ..retarget.joint_naming import OWN
-from ..solve_take import SolvedTake
+from ..session.solve_take import SolvedTake
 from .digest import file_digest
 from .figures import figures_of, why_bad, why_doubtful
 from .plan import ALSO, TakePlan

@@ -19,7 +19,8 @@ from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_set import load_marker_set
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
-from ..session import Session
+from ..session.session import Session
+from ..session.solve_take import motion_of, solve_take
 from ..simulate.markers import simulate_markers
 from ..simulate.performer.bodies import load_bodies
 from ..simulate.studio.render import Renderer
@@ -27,7 +28,6 @@ from ..simulate.studio.rig import default_rig
 from ..simulate.studio.settings import StudioSettings
 from ..simulate.studio.source import SimulatedSource, simulated_source
 from ..simulate.studio.staging import on_stage, on_treadmill, with_poses
-from ..solve_take import motion_of, solve_take
 from ..solver.settings import SolveSettings
 from ..studio_setup import calibrate_studio, studio_on_floor
 from ..subject_from_frames import subject_from_frames

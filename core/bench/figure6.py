@@ -12,8 +12,8 @@ from ..database.store import Database
 from ..geometry import rotations as rot
 from ..markers.marker_set import load_marker_set
 from ..markers.subject import Subject
+from ..session.solve_take import solve_take
 from ..simulate.markers import simulate_markers
-from ..solve_take import solve_take
 from ..solver.settings import SolveSettings
 from .data import BOXING, CMU, WALKING, Progress, read_take, whole_database, without_tests
 from .methods import METHODS

@@ -14,9 +14,9 @@ from ..database.subset import write_subset
 from ..markers.marker_set import load_marker_set
 from ..markers.subject import Subject
 from ..markers.take_frames import take_frames
-from ..session import Session
+from ..session.session import Session
+from ..session.solve_take import motion_of
 from ..simulate.markers import simulate_markers
-from ..solve_take import motion_of
 from .data import BANDAI, CMU, FPS, LEFT_OUT, SPLIT, WALKING, Progress, data_folders, read_take
 from .figure6 import MARKER_SET
 from .plots import Line, Panel, check_plots, write_plot

@@ -17,7 +17,7 @@ from ..database.subset import write_subset
 from ..markers.marker_set import load_marker_set
 from ..markers.subject import Subject
 from ..markers.take_frames import take_frames
-from ..session import Session
+from ..session.session import Session
 from ..simulate.markers import simulate_markers
 from ..simulate.studio.discs import draw_disc
 from ..solver.pose_solver import PoseSolver

@@ -19,7 +19,7 @@ from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_frame_codec import pack, unpack
 from ..markers.subject import Subject
-from ..session import Session
+from ..session.session import Session
 from ..simulate.studio.source import open_simulated
 from ..vision.live import live_frames, live_settings
 from ..vision.pipeline import MarkerPipeline

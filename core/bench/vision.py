@@ -11,7 +11,7 @@ from ..database.build import build_database
 from ..database.store import Database, open_database
 from ..geometry.camera import Camera, CameraRig
 from ..geometry.rigid_transform import kabsch
-from ..session import Session
+from ..session.session import Session
 from ..simulate.performer import demo_performance
 from ..simulate.studio.discs import draw_disc
 from ..simulate.studio.render import Renderer

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import argparse
 
-    from ..solve_take import SolvedTake
+    from ..session.solve_take import SolvedTake
 
 _local = threading.local()
 
@@ -36,7 +36,7 @@ class CommandLine:
     def __init__(self) -> None:
         import cv2
 
-        from ..solver_store import SolverStore
+        from ..session.session_cache import SolverStore
 
         cv2.setNumThreads(1)  # there is a process for each core
         self._store = SolverStore()

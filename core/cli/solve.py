@@ -28,10 +28,10 @@ from ..markers.marker_take import MarkerTake
 from ..markers.prop import Prop, load_prop
 from ..markers.subject import Subject, load_subject
 from ..markers.take_frames import is_unnamed
-from ..solve_take import SolvedTake, by_performer, solve_recorded, solve_take
-from ..solved_take_file import keep_solved_anew
+from ..session.save_solved_take import keep_solved_anew
+from ..session.session_cache import SolverStore
+from ..session.solve_take import SolvedTake, by_performer, solve_recorded, solve_take
 from ..solver.settings import METHODS, SolveSettings
-from ..solver_store import SolverStore
 from .options import add_motion_options
 
 

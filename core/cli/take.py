@@ -15,7 +15,7 @@ from ..formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_motio
 from ..formats.take_file.edit import recover
 from ..formats.take_file.lock import is_locked
 from ..formats.take_file.reading import ENDING, TakeFile, rate, read_take_file, take_name
-from ..solve_take import by_performer, steady_motion
+from ..session.solve_take import by_performer, steady_motion
 from . import take_fill, take_import
 from .options import add_motion_options
 

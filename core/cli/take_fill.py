@@ -17,7 +17,7 @@ from ..markers.marker_set import load_marker_set
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject, load_subject
 from ..markers.take_frames import is_unnamed
-from ..solve_take import solve_take
+from ..session.solve_take import solve_take
 from ..solver.settings import SolveSettings
 from ..subject_from_motion import subject_from_motion
 

@@ -18,7 +18,7 @@ from ..markers.label_matching import AUTO, best_match, load_names, named_by_hand
 from ..markers.marker_set import MarkerSet, load_marker_set
 from ..markers.subject import Subject, load_subject
 from ..markers.take_frames import is_unnamed
-from ..solved_take_file import keep_markers
+from ..session.save_solved_take import keep_markers
 from ..solver.settings import METHODS, SolveSettings
 
 Progress = Callable[[float, str], None]

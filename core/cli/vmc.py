@@ -16,7 +16,7 @@ from ..formats.take_file.reading import ENDING, read_take_file
 from ..formats.vmc.humanoid import BONES
 from ..formats.vmc.link import Receiver, play, record
 from ..formats.vmc.ports import MARIONETTE_PORT, PERFORMER_PORT
-from ..solve_take import steady_motion
+from ..session.solve_take import steady_motion
 from .options import positive, rate_hz
 
 Progress = Callable[[float, str], None]

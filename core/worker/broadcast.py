@@ -6,7 +6,7 @@ from ..body.pose_frame import PoseFrame
 from ..body.skeleton import Skeleton
 from ..errors import CaptureError
 from ..formats.vmc.link import Sender
-from ..pose_shaping import PoseShaper, Shape
+from ..session.pose_filters import PoseShaper, Shape
 
 
 class BroadcastShaper(PoseShaper):

@@ -41,7 +41,7 @@ from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_frame_codec import pack_stamped, unpack_stamped
 from ..markers.prop import load_prop
 from ..markers.subject import load_subject
-from ..pose_shaping import PoseShaper, Shape
+from ..session.pose_filters import PoseShaper, Shape
 from ..simulate.studio.rig import default_rig
 from ..solver.settings import SolveSettings
 from .channel import Channel
@@ -51,7 +51,7 @@ from .seam import Seam, Shift, missing_text
 from .source_kind import has_no_cameras, is_live, is_repeatable, is_simulated
 
 if TYPE_CHECKING:
-    from ..ensemble import Stepper
+    from ..session.multi_target_session import Stepper
 
 STOP_LIMIT_S = 5.0
 GONE_LIMIT_S = 1.0  # the same when Blender is gone: the process has three seconds then, see `channel`
@@ -132,8 +132,10 @@ def _setup(
 
 def _session(setup: TakeSetup, database: Database, settings: SolveSettings) -> "Stepper":
     """Return what solves the frames."""
-    from ..ensemble import followed  # takes longer to load than the rest: the cameras' process is at work by now
-    from ..session import Session
+    from ..session.multi_target_session import (
+        followed,  # takes longer to load than the rest: the cameras' process is at work by now
+    )
+    from ..session.session import Session
 
     subjects, rig = (setup.worn_subject(), *setup.further_subjects()), setup.camera_rig()
     return followed([Session(subject, database, rig, settings) for subject in subjects], setup.carried_props())

@@ -13,8 +13,8 @@ from ...core.formats.markers.marker_files import READABLE
 from ...core.formats.motion.write_motion import ANGLES, VRMA, write_motion
 from ...core.formats.take_file.reading import TakeFile, rate, read_take_file, summarise, take_name, unused_path
 from ...core.labelling.take_import import UPS
-from ...core.pose_shaping import Shape, shaped
 from ...core.retarget.joint_naming import OWN
+from ...core.session.pose_filters import Shape, shaped
 from ...core.solver.settings import METHODS
 from .. import capture_setup, panel_takes, running, states, takes
 from ..export_animation import ENDINGS, Form, export_poses
@@ -371,9 +371,9 @@ class PERFANIM_OT_export_take(_OfTake, bpy.types.Operator, ExportHelper):
         what = f"{take.notes.name} ({subject.name})" if others else take.notes.name
         naming = "" if self.naming == "OWN" else self.naming
         if self.kind in _MOTIONS:
-            from ...core.solve_take import (
-                steady_motion,
-            )  # brings the solver along, which Blender needs for nothing else
+            from ...core.session.solve_take import (
+                steady_motion,  # brings the solver along, which Blender needs for nothing else
+            )
 
             motion = steady_motion(found, subject, take.notes.name, self.path)
             written = write_motion(motion, target, naming=naming or OWN, rate=self.rate or None)

@@ -51,7 +51,12 @@ def test_the_manifest_names_platform_and_wheels(archive: zipfile.ZipFile) -> Non
 
 def test_the_addon_is_whole_and_nothing_else_is_in(archive: zipfile.ZipFile) -> None:
     names = set(archive.namelist())
-    for needed in ("__init__.py", "perfanim_addon/panels.py", "core/system/helper_process.py", "core/session.py"):
+    for needed in (
+        "__init__.py",
+        "perfanim_addon/panels.py",
+        "core/system/helper_process.py",
+        "core/session/session.py",
+    ):
         assert needed in names
     assert any(name.startswith("assets/motion/") for name in names)
     assert any(name.startswith("assets/marker_sets/") for name in names)

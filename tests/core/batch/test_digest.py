@@ -6,8 +6,8 @@ from dataclasses import replace
 from perfanim.core.batch.digest import ContentDigests, take_digest
 from perfanim.core.batch.plan import TakePlan
 from perfanim.core.database.store import open_database
+from perfanim.core.session.session.save_solved_take import keep_markers
 from perfanim.core.simulate.markers import simulate_markers
-from perfanim.core.solved_take_file import keep_markers
 from perfanim.core.solver.settings import SolveSettings
 
 

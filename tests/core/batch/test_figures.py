@@ -7,7 +7,7 @@ import pytest
 from perfanim.core.batch.figures import figures_of, foot_skate_cm_s, why_bad, why_doubtful
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.pose_frame import PoseFrame
-from perfanim.core.solve_take import SolvedTake
+from perfanim.core.session.session.solve_take import SolvedTake
 
 FPS = 50.0
 

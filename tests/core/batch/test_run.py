@@ -16,7 +16,7 @@ from perfanim.core.errors import FormatError, SettingsError
 from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.formats.take_file.lock import lock
-from perfanim.core.solved_take_file import keep_markers
+from perfanim.core.session.session.save_solved_take import keep_markers
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.tests.core.batch.conftest import FRAMES, do_here, files, in_others, run
 

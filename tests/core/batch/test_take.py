@@ -10,8 +10,8 @@ from perfanim.core.batch.take import run_task
 from perfanim.core.body.motion import resampled
 from perfanim.core.errors import CharacterError, TakeError
 from perfanim.core.markers.subject import Subject
+from perfanim.core.session.session.solve_take import solve_take
 from perfanim.core.simulate.markers import simulate_markers
-from perfanim.core.solve_take import solve_take
 from perfanim.core.solver.settings import SolveSettings
 
 

@@ -22,7 +22,7 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.rig_file import save_rig
 from perfanim.core.markers.marker_frame_codec import pack_stamped
 from perfanim.core.markers.marker_take import MarkerTake, save_take
-from perfanim.core.session import Session
+from perfanim.core.session.session.session import Session
 from perfanim.core.solver.settings import SolveSettings
 
 LOST = (20, 21, 22)  # frames that the cameras left out

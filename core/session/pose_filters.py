@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from .body.foot_lock import FootLock
-from .body.one_euro import PoseSmoother
-from .body.pose_frame import PoseFrame, PropPose
-from .body.skeleton import Skeleton
+from ..body.foot_lock import FootLock
+from ..body.one_euro import PoseSmoother
+from ..body.pose_frame import PoseFrame, PropPose
+from ..body.skeleton import Skeleton
 
 
 @dataclass(frozen=True)

@@ -5,21 +5,21 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from .database.store import Database, identity
-from .formats.take_file.chunks import ChunkKind
-from .formats.take_file.pose_codec import SolvedPose
-from .formats.take_file.reading import TakeFile
-from .formats.take_file.setup import TakeNotes, TakeSetup
-from .formats.take_file.whole import write_whole_take
-from .geometry.camera import CameraRig
-from .geometry.rig_file import rig_tables
-from .markers.marker_frame import MarkerFrame
-from .markers.marker_take import MarkerTake
-from .markers.prop import Prop, prop_tables
-from .markers.subject import Subject, subject_tables
-from .markers.take_frames import take_frames
+from ..database.store import Database, identity
+from ..formats.take_file.chunks import ChunkKind
+from ..formats.take_file.pose_codec import SolvedPose
+from ..formats.take_file.reading import TakeFile
+from ..formats.take_file.setup import TakeNotes, TakeSetup
+from ..formats.take_file.whole import write_whole_take
+from ..geometry.camera import CameraRig
+from ..geometry.rig_file import rig_tables
+from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_take import MarkerTake
+from ..markers.prop import Prop, prop_tables
+from ..markers.subject import Subject, subject_tables
+from ..markers.take_frames import take_frames
+from ..solver.settings import SolveSettings
 from .solve_take import SolvedTake, solve_take
-from .solver.settings import SolveSettings
 
 Progress = Callable[[float, str], None]
 

@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
+from perfanim.core.session.session.session_cache import SolverStore
+from perfanim.core.session.session.solve_take import solve_take
 from perfanim.core.simulate.markers import simulate_markers
-from perfanim.core.solve_take import solve_take
 from perfanim.core.solver.settings import SolveSettings
-from perfanim.core.solver_store import SolverStore
 
 
 def test_takes_that_share_a_session_are_solved_as_alone(truth, subject, database_file, database):

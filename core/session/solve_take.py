@@ -7,21 +7,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .body.motion import Motion
-from .body.pose_frame import PoseFrame
-from .database.store import Database
-from .ensemble import Stepper, followed
-from .errors import TakeError
-from .formats.take_file.reading import TakeFile, rate
-from .geometry import rotations as rot
-from .geometry.camera import CameraRig
-from .markers.marker_frame import MarkerFrame
-from .markers.marker_take import MarkerTake
-from .markers.prop import Prop
-from .markers.subject import Subject
-from .markers.take_frames import take_frames
+from ..body.motion import Motion
+from ..body.pose_frame import PoseFrame
+from ..database.store import Database
+from ..errors import TakeError
+from ..formats.take_file.reading import TakeFile, rate
+from ..geometry import rotations as rot
+from ..geometry.camera import CameraRig
+from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_take import MarkerTake
+from ..markers.prop import Prop
+from ..markers.subject import Subject
+from ..markers.take_frames import take_frames
+from ..solver.settings import SolveSettings
+from .multi_target_session import Stepper, followed
 from .session import Session
-from .solver.settings import SolveSettings
 
 SessionMaker = Callable[[Subject, Database, CameraRig | None, SolveSettings], Session]
 

@@ -3,11 +3,11 @@
 from collections import OrderedDict
 from pathlib import Path
 
-from .database.store import Database, open_database
-from .geometry.camera import CameraRig
-from .markers.subject import Subject, subject_tables
+from ..database.store import Database, open_database
+from ..geometry.camera import CameraRig
+from ..markers.subject import Subject, subject_tables
+from ..solver.settings import SolveSettings
 from .session import Session
-from .solver.settings import SolveSettings
 
 _SESSIONS_KEPT = 2  # each holds the markers of every frame of its database
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from perfanim.core.ensemble import Ensemble, followed
 from perfanim.core.errors import PropError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.prop import load_prop
-from perfanim.core.session import Session
+from perfanim.core.session.session.multi_target_session import Ensemble, followed
+from perfanim.core.session.session.session import Session
 from perfanim.core.simulate.studio.carried import in_hand
 from props import Film, markers_of
 

@@ -9,7 +9,7 @@ from perfanim.core.body.pose_frame import PoseFrame, PropPose
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import SettingsError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.pose_shaping import PoseShaper, Shape, shaped
+from perfanim.core.session.session.pose_filters import PoseShaper, Shape, shaped
 
 FPS = 60
 JOINTS = 29

@@ -5,23 +5,23 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .body.calibration_poses import standing, t_pose
-from .body.pose_frame import PoseFrame
-from .body.skeleton import marker_positions
-from .database.store import Database
-from .geometry import rotations as rot
-from .geometry.camera import CameraRig
-from .labelling.initial_labelling import Start, StartLabeller
-from .labelling.labeller import Labeller
-from .labelling.relabelling import SecondLook
-from .markers.marker_frame import MarkerFrame
-from .markers.subject import Subject
-from .single_view_following import SingleViewFollower
-from .solver.observation import Observation
-from .solver.pose_solver import PoseSolver
-from .solver.settings import SolveSettings
-from .solver.solution import Solution
-from .solver.subject_model import SubjectModel
+from ..body.calibration_poses import standing, t_pose
+from ..body.pose_frame import PoseFrame
+from ..body.skeleton import marker_positions
+from ..database.store import Database
+from ..geometry import rotations as rot
+from ..geometry.camera import CameraRig
+from ..labelling.initial_labelling import Start, StartLabeller
+from ..labelling.labeller import Labeller
+from ..labelling.relabelling import SecondLook
+from ..markers.marker_frame import MarkerFrame
+from ..markers.subject import Subject
+from ..solver.observation import Observation
+from ..solver.pose_solver import PoseSolver
+from ..solver.settings import SolveSettings
+from ..solver.solution import Solution
+from ..solver.subject_model import SubjectModel
+from .hypothesis_tracking import SingleViewFollower
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

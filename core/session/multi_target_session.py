@@ -9,14 +9,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
-from .body.pose_frame import PoseFrame
-from .company import Company
-from .errors import SettingsError
-from .geometry.camera import CameraRig
-from .labelling.prop_tracking import PropTracker
-from .markers.marker_frame import MarkerFrame
-from .markers.prop import Prop, check_together
-from .markers.subject import Subject
+from ..body.pose_frame import PoseFrame
+from ..errors import SettingsError
+from ..geometry.camera import CameraRig
+from ..labelling.prop_tracking import PropTracker
+from ..markers.marker_frame import MarkerFrame
+from ..markers.prop import Prop, check_together
+from ..markers.subject import Subject
+from .performer_assignment import Company
 from .session import Session
 
 

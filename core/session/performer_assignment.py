@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from .labelling.initial_labelling import MISSED_M
-from .labelling.labeller import assigned_blobs, assigned_points
-from .markers.marker_frame import MarkerFrame
-from .markers.marker_frame_subset import without_blobs, without_points
+from ..labelling.initial_labelling import MISSED_M
+from ..labelling.labeller import assigned_blobs, assigned_points
+from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_frame_subset import without_blobs, without_points
 from .session import Session, is_labelled
 
 Array = NDArray[np.float64]

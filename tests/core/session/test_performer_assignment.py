@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core.body.skeleton import marker_positions
-from perfanim.core.ensemble import Ensemble
 from perfanim.core.errors import SettingsError
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.prop import load_prop
 from perfanim.core.markers.subject import Subject
-from perfanim.core.session import Session
+from perfanim.core.session.session.multi_target_session import Ensemble
+from perfanim.core.session.session.session import Session
 from perfanim.core.simulate.studio.carried import in_hand
 from performers import APART_M, side_by_side
 from props import Film, markers_of

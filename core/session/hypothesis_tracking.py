@@ -12,14 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .geometry.camera import Camera
-from .labelling.single_view_labelling import SingleViewLabeller
-from .labelling.single_view_start import SingleViewStart, label_near, label_single_view
-from .markers.marker_frame import MarkerFrame
-from .solver.observation import Observation
-from .solver.pose_solver import PoseSolver
-from .solver.solution import Solution
-from .solver.subject_model import RootPose
+from ..geometry.camera import Camera
+from ..labelling.single_view_labelling import SingleViewLabeller
+from ..labelling.single_view_start import SingleViewStart, label_near, label_single_view
+from ..markers.marker_frame import MarkerFrame
+from ..solver.observation import Observation
+from ..solver.pose_solver import PoseSolver
+from ..solver.solution import Solution
+from ..solver.subject_model import RootPose
 
 Array = NDArray[np.float64]
 FloatArray = NDArray[np.float32]

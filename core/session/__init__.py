@@ -1,0 +1,1 @@
+"""Label and solve a stream of marker frames, live or recorded."""
