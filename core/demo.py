@@ -46,7 +46,7 @@ from .simulate.studio.source import SimulatedSource, simulated_source
 from .simulate.studio.staging import with_poses
 from .solver.settings import SolveSettings
 from .studio_setup import calibrate_studio, studio_on_floor
-from .subject_from_recording import subject_from_recording
+from .subjects.from_recording import subject_from_recording
 from .system.assets import MOTION, SKELETONS
 from .system.files import atomic_path
 from .vision.pipeline import MarkerPipeline

@@ -30,8 +30,8 @@ from ..simulate.studio.source import SimulatedSource, simulated_source
 from ..simulate.studio.staging import on_stage, on_treadmill, with_poses
 from ..solver.settings import SolveSettings
 from ..studio_setup import calibrate_studio, studio_on_floor
-from ..subject_from_frames import subject_from_frames
-from ..subject_from_recording import subject_from_recording
+from ..subjects.from_frames import subject_from_frames
+from ..subjects.from_recording import subject_from_recording
 from ..system.assets import SKELETONS
 from ..vision.pipeline import MarkerPipeline
 from .data import BOXING, CMU, WALKING, Progress, read_take, whole_database, without_tests

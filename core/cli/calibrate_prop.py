@@ -13,7 +13,7 @@ from ..formats.take_file.reading import rate, read_take_file
 from ..labelling.trajectory_linking import track_markers
 from ..markers.marker_take import MarkerTake
 from ..markers.prop import save_prop
-from ..prop_calibration import calibrate_prop
+from ..subjects.prop_calibration import calibrate_prop
 from .calibrate_subject import part
 
 

@@ -17,14 +17,14 @@ from ..markers.marker_set import MarkerSet, load_marker_set
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject, load_subject, save_subject
 from ..simulate.performer.bodies import load_bodies
-from ..subject_calibration import (
+from ..subjects.from_motion import frames_of, subject_from_motion
+from ..subjects.pose_calibration import (
     SubjectCalibration,
     calibrate_markers,
     calibrate_subject,
     calibration_points,
     pose_points,
 )
-from ..subject_from_motion import frames_of, subject_from_motion
 from ..system.assets import SKELETONS
 
 _DOUBTFUL_M = 0.015  # a body that explains the motion's markers no better is not to be trusted

@@ -20,7 +20,6 @@ from ..formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_motio
 from ..formats.take_file.reading import ENDING, TakeFile, read_take_file
 from ..geometry.rig_file import load_rig
 from ..labelling.take_import import UPS, brought_in
-from ..marker_choice import choose_markers, with_markers, worn_in
 from ..markers.filtering import smoothed, smoothed_motion
 from ..markers.label_matching import AUTO, best_match, load_names, match_names, named_by_hand
 from ..markers.marker_set import MarkerSet, load_marker_set
@@ -32,6 +31,7 @@ from ..session.save_solved_take import keep_solved_anew
 from ..session.session_cache import SolverStore
 from ..session.solve_take import SolvedTake, by_performer, solve_recorded, solve_take
 from ..solver.settings import METHODS, SolveSettings
+from ..subjects.marker_selection import choose_markers, with_markers, worn_in
 from .options import add_motion_options
 
 

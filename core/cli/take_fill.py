@@ -19,7 +19,7 @@ from ..markers.subject import Subject, load_subject
 from ..markers.take_frames import is_unnamed
 from ..session.solve_take import solve_take
 from ..solver.settings import SolveSettings
-from ..subject_from_motion import subject_from_motion
+from ..subjects.from_motion import subject_from_motion
 
 Progress = Callable[[float, str], None]
 

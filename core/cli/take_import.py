@@ -13,13 +13,13 @@ from ..formats.markers.marker_files import READABLE, declared_frames, is_recorde
 from ..formats.take_file.edit import recover
 from ..formats.take_file.reading import ENDING, read_take_file, take_name, unused_path
 from ..labelling.take_import import UPS, brought_in
-from ..marker_choice import worn_in
 from ..markers.label_matching import AUTO, best_match, load_names, named_by_hand
 from ..markers.marker_set import MarkerSet, load_marker_set
 from ..markers.subject import Subject, load_subject
 from ..markers.take_frames import is_unnamed
 from ..session.save_solved_take import keep_markers
 from ..solver.settings import METHODS, SolveSettings
+from ..subjects.marker_selection import worn_in
 
 Progress = Callable[[float, str], None]
 

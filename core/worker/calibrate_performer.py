@@ -10,7 +10,7 @@ from typing import Any
 from ..markers.marker_set import load_marker_set
 from ..markers.subject import save_subject
 from ..simulate.performer.bodies import load_bodies
-from ..subject_calibration import calibrate_subject, pose_points
+from ..subjects.pose_calibration import calibrate_subject, pose_points
 from ..system.assets import SKELETONS
 from .camera_job import Stopped
 from .channel import Channel

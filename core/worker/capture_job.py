@@ -132,9 +132,7 @@ def _setup(
 
 def _session(setup: TakeSetup, database: Database, settings: SolveSettings) -> "Stepper":
     """Return what solves the frames."""
-    from ..session.multi_target_session import (
-        followed,  # takes longer to load than the rest: the cameras' process is at work by now
-    )
+    from ..session.multi_target_session import followed
     from ..session.session import Session
 
     subjects, rig = (setup.worn_subject(), *setup.further_subjects()), setup.camera_rig()

@@ -26,7 +26,7 @@ from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_set import MarkerSet, load_marker_set
 from ..markers.marker_take import MarkerTake
 from ..simulate.studio.staging import ARRIVAL_S
-from ..subject_calibration import check_poses
+from ..subjects.pose_calibration import check_poses
 from ..vision.calibration.floor import rig_on_floor
 from ..vision.sources.spec import ImageSetLike, ImageSource
 from .camera_job import Stopped, opened

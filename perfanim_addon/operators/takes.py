@@ -371,9 +371,7 @@ class PERFANIM_OT_export_take(_OfTake, bpy.types.Operator, ExportHelper):
         what = f"{take.notes.name} ({subject.name})" if others else take.notes.name
         naming = "" if self.naming == "OWN" else self.naming
         if self.kind in _MOTIONS:
-            from ...core.session.solve_take import (
-                steady_motion,  # brings the solver along, which Blender needs for nothing else
-            )
+            from ...core.session.solve_take import steady_motion
 
             motion = steady_motion(found, subject, take.notes.name, self.path)
             written = write_motion(motion, target, naming=naming or OWN, rate=self.rate or None)

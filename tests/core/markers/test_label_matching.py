@@ -18,7 +18,7 @@ from perfanim.core.markers.subject import Subject, load_subject, save_subject
 from perfanim.core.session.session.solve_take import solve_take
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
-from perfanim.core.subject_from_motion import frames_of
+from perfanim.core.subjects.from_motion import frames_of
 
 SUITS = ("cmu-41", "helen-hayes", "optitrack-baseline", "plug-in-gait")
 EXACT_M = 0.005  # half the residual that a fitted real suit leaves

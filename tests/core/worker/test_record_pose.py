@@ -7,7 +7,7 @@ import numpy as np
 from perfanim.core.body.calibration_poses import INSTRUCTIONS
 from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.markers.marker_set import load_marker_set
-from perfanim.core.subject_calibration import pose_points
+from perfanim.core.subjects.pose_calibration import pose_points
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import MessageKind
 

@@ -12,16 +12,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .body.calibration_poses import CALIBRATION, POSES
-from .body.skeleton import Skeleton, forward_kinematics, marker_positions
-from .body.standard_skeleton import default_skeleton
-from .errors import SubjectError
-from .geometry import rotations as rot
-from .geometry.rigid_transform import kabsch, transform
-from .markers.marker_set import MarkerSet
-from .markers.marker_take import MarkerTake
-from .markers.subject import Subject
-from .subject_fit import BodyFit, fit_body, usual_offsets
+from ..body.calibration_poses import CALIBRATION, POSES
+from ..body.skeleton import Skeleton, forward_kinematics, marker_positions
+from ..body.standard_skeleton import default_skeleton
+from ..errors import SubjectError
+from ..geometry import rotations as rot
+from ..geometry.rigid_transform import kabsch, transform
+from ..markers.marker_set import MarkerSet
+from ..markers.marker_take import MarkerTake
+from ..markers.subject import Subject
+from .body_fit import BodyFit, fit_body, usual_offsets
 
 Array = NDArray[np.float64]
 

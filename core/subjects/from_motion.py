@@ -12,17 +12,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .body.pose_frame import PoseFrame
-from .body.skeleton import Skeleton, forward_kinematics
-from .database.store import Database
-from .errors import SubjectError
-from .geometry import rotations as rot
-from .markers.marker_set import MarkerSet
-from .markers.marker_take import MarkerTake
-from .markers.subject import Subject
-from .markers.take_frames import take_frames
-from .session.session import Session
-from .solver.settings import SolveSettings
+from ..body.pose_frame import PoseFrame
+from ..body.skeleton import Skeleton, forward_kinematics
+from ..database.store import Database
+from ..errors import SubjectError
+from ..geometry import rotations as rot
+from ..markers.marker_set import MarkerSet
+from ..markers.marker_take import MarkerTake
+from ..markers.subject import Subject
+from ..markers.take_frames import take_frames
+from ..session.session import Session
+from ..solver.settings import SolveSettings
 
 Array = NDArray[np.float64]
 

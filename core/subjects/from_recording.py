@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 
-from .body.skeleton import Skeleton
-from .labelling.trajectory_linking import track_markers
-from .labelling.trajectory_naming import named_take
-from .markers.marker_frame import MarkerFrame
-from .markers.marker_set import MarkerSet
-from .subject_calibration import SubjectCalibration, calibrate_subject, pose_points
+from ..body.skeleton import Skeleton
+from ..labelling.trajectory_linking import track_markers
+from ..labelling.trajectory_naming import named_take
+from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_set import MarkerSet
+from .pose_calibration import SubjectCalibration, calibrate_subject, pose_points
 
 
 def subject_from_recording(

@@ -11,14 +11,14 @@ from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.simulate.performer.bodies import body, load_bodies
 from perfanim.core.simulate.studio.staging import with_poses
-from perfanim.core.subject_calibration import (
+from perfanim.core.subjects.from_frames import subject_from_frames
+from perfanim.core.subjects.from_recording import subject_from_recording
+from perfanim.core.subjects.pose_calibration import (
     calibrate_markers,
     calibrate_subject,
     calibration_points,
     pose_points,
 )
-from perfanim.core.subject_from_frames import subject_from_frames
-from perfanim.core.subject_from_recording import subject_from_recording
 from perfanim.core.system.assets import SKELETONS
 
 PROTOTYPES = load_bodies(SKELETONS)

@@ -12,7 +12,7 @@ from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
 from perfanim.core.formats.take_file.whole import write_whole_take
 from perfanim.core.markers.marker_take import MarkerTake, save_take
 from perfanim.core.markers.prop import load_prop
-from perfanim.core.prop_calibration import calibrate_prop
+from perfanim.core.subjects.prop_calibration import calibrate_prop
 from props import FPS, Film, markers_of, swung
 
 NOISE_M = 0.001

@@ -5,14 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .body.calibration_poses import POSES
-from .body.skeleton import Skeleton, marker_positions
-from .body.standard_skeleton import default_skeleton
-from .errors import SubjectError
-from .labelling.labeller import Labeller
-from .markers.marker_frame import MarkerFrame
-from .markers.marker_set import MarkerSet
-from .subject_calibration import SubjectCalibration, calibrate_subject
+from ..body.calibration_poses import POSES
+from ..body.skeleton import Skeleton, marker_positions
+from ..body.standard_skeleton import default_skeleton
+from ..errors import SubjectError
+from ..labelling.labeller import Labeller
+from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_set import MarkerSet
+from .pose_calibration import SubjectCalibration, calibrate_subject
 
 Array = NDArray[np.float64]
 

@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .body.skeleton import forward_kinematics
-from .database.store import Database
-from .errors import MarkerSetError
-from .markers.marker_take import MarkerTake
-from .markers.subject import Subject
-from .markers.take_frames import is_unnamed
-from .solver.subject_model import ROOT_AT_REST, SubjectModel
+from ..body.skeleton import forward_kinematics
+from ..database.store import Database
+from ..errors import MarkerSetError
+from ..markers.marker_take import MarkerTake
+from ..markers.subject import Subject
+from ..markers.take_frames import is_unnamed
+from ..solver.subject_model import ROOT_AT_REST, SubjectModel
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from perfanim.core.body.motion import sliced
 from perfanim.core.cli.main import main
 from perfanim.core.errors import MarkerSetError
 from perfanim.core.formats.markers.marker_files import write_take
-from perfanim.core.marker_choice import choose_markers, with_markers
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.subjects.marker_selection import choose_markers, with_markers
 
 NOISE_M = 0.001
 

@@ -7,11 +7,11 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import PropError
-from .geometry.point_patterns import thickness_m
-from .geometry.rigid_transform import kabsch, transform
-from .markers.marker_take import MarkerTake
-from .markers.prop import FEWEST_MARKERS, MOST_MARKERS, Prop
+from ..errors import PropError
+from ..geometry.point_patterns import thickness_m
+from ..geometry.rigid_transform import kabsch, transform
+from ..markers.marker_take import MarkerTake
+from ..markers.prop import FEWEST_MARKERS, MOST_MARKERS, Prop
 
 Array = NDArray[np.float64]
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .body.skeleton import Skeleton, forward_kinematics
-from .body.standard_skeleton import mirrored_name
-from .geometry import rotations as rot
-from .geometry.rigid_transform import kabsch
-from .markers.marker_set import MarkerSet
+from ..body.skeleton import Skeleton, forward_kinematics
+from ..body.standard_skeleton import mirrored_name
+from ..geometry import rotations as rot
+from ..geometry.rigid_transform import kabsch
+from ..markers.marker_set import MarkerSet
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -1,0 +1,1 @@
+"""Measure a performer's skeleton and marker offsets."""
