@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from ..body.skeleton import forward_kinematics
 from ..errors import FormatError
-from ..preview import CharacterPainter, floor_image, preview_camera
 from ..session.solve_take import SolvedTake
+from ..simulate.preview import CharacterPainter, floor_image, preview_camera
 from .figures import is_unsolved
 
 Array = NDArray[np.float64]

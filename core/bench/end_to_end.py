@@ -21,15 +21,15 @@ from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
 from ..session.session import Session
 from ..session.solve_take import motion_of, solve_take
+from ..simulate.calibrated_studio import calibrate_studio, studio_on_floor
 from ..simulate.markers import simulate_markers
 from ..simulate.performer.bodies import load_bodies
+from ..simulate.studio.placement import on_stage, on_treadmill, with_poses
 from ..simulate.studio.render import Renderer
 from ..simulate.studio.rig import default_rig
 from ..simulate.studio.settings import StudioSettings
 from ..simulate.studio.source import SimulatedSource, simulated_source
-from ..simulate.studio.staging import on_stage, on_treadmill, with_poses
 from ..solver.settings import SolveSettings
-from ..studio_setup import calibrate_studio, studio_on_floor
 from ..subjects.from_frames import subject_from_frames
 from ..subjects.from_recording import subject_from_recording
 from ..system.assets import SKELETONS

@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
+from ..simulate.calibrated_studio import calibrate_studio
 from ..simulate.performer import demo_performance, perform
-from ..simulate.studio.performance import Performance
+from ..simulate.studio.filmed_motion import Performance
 from ..simulate.studio.render import Renderer
 from ..simulate.studio.rig import FPS, default_rig
 from ..simulate.studio.settings import StudioSettings
 from ..simulate.studio.source import simulated_source
-from ..studio_setup import calibrate_studio
 from ..vision.pipeline import MarkerPipeline
 from ..vision.sources.image_set import ImageSet
 from ..vision.synchronise import synchronised

@@ -12,13 +12,13 @@ from ..database.store import Database, open_database
 from ..geometry.camera import Camera, CameraRig
 from ..geometry.rigid_transform import kabsch
 from ..session.session import Session
+from ..simulate.calibrated_studio import calibrate_studio
 from ..simulate.performer import demo_performance
 from ..simulate.studio.discs import draw_disc
 from ..simulate.studio.render import Renderer
 from ..simulate.studio.rig import default_rig
 from ..simulate.studio.settings import StudioSettings
 from ..simulate.studio.source import SimulatedSource, simulated_source
-from ..studio_setup import calibrate_studio
 from ..system.assets import MOTION
 from ..vision.detection.detector import Detector
 from ..vision.pipeline import MarkerPipeline

@@ -28,7 +28,7 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
     """Run the demo, write the character where Blender is at hand, and the report."""
-    from ..demo import run_demo, write_report  # images and plots load only for the command that needs them
+    from ..simulate.demo import run_demo, write_report  # images and plots load only for the command that needs them
 
     if not 5.0 <= args.seconds <= 600.0:
         raise SettingsError(f"--seconds {args.seconds:g} is out of range", advice="give 5 to 600")

@@ -8,11 +8,11 @@ from ..body.motion import resampled
 from ..errors import SettingsError
 from ..formats.motion.read_motion import read_motion
 from ..simulate.studio.export import RecordingFiles, export_recording
+from ..simulate.studio.placement import on_stage, with_t_pose
 from ..simulate.studio.render import Renderer
 from ..simulate.studio.rig import FPS, default_rig
 from ..simulate.studio.settings import StudioSettings
 from ..simulate.studio.source import simulated_source
-from ..simulate.studio.staging import on_stage, with_t_pose
 from .options import seed
 
 _CODECS = {"ffv1": (".mkv", "FFV1"), "mjpeg": (".avi", "MJPG"), "mpeg4": (".mp4", "mp4v")}

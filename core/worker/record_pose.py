@@ -25,7 +25,7 @@ from ..markers.floor_from_feet import floor_points, moved_to_rig
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_set import MarkerSet, load_marker_set
 from ..markers.marker_take import MarkerTake
-from ..simulate.studio.staging import ARRIVAL_S
+from ..simulate.studio.placement import ARRIVAL_S
 from ..subjects.pose_calibration import check_poses
 from ..vision.calibration.floor import rig_on_floor
 from ..vision.sources.spec import ImageSetLike, ImageSource

@@ -13,7 +13,7 @@ from perfanim.core.database.build import build_database
 from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.markers.marker_take import MarkerTake, save_take
 from perfanim.core.markers.prop import load_prop, save_prop
-from perfanim.core.simulate.studio.carried import in_hand
+from perfanim.core.simulate.studio.carried_prop import in_hand
 from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.system.assets import MOTION
 from played import curves_of, key_times

@@ -10,7 +10,7 @@ from ...body.skeleton import Skeleton
 from ...body.standard_skeleton import JOINT_NAMES, default_skeleton, scaled
 from ...errors import SettingsError, SkeletonError
 from ...system.files import atomic_path
-from .frame import Body
+from .proportions import Body
 
 Array = NDArray[np.float64]
 

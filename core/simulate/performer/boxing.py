@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .curves import Array
-from .frame import outward
-from .score import Score
+from .proportions import outward
+from .timeline import Score
 
 _LEG_M = 0.85
 _COMBINATIONS: tuple[tuple[str, ...], ...] = (

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ...geometry import rotations as rot
 from .curves import Array, ease
-from .frame import Sole, about
+from .proportions import Sole, about
 
 HELD_S = 0.35
 _UPRIGHT = (0.05, 0.97)  # share of a swing between which the foot travels: it goes straight up and down at its ends

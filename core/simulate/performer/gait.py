@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from .curves import Track
 from .feet import Placement
-from .frame import GRAVITY_M_S2, SIDES, outward
-from .score import STANDING_HEIGHT, Score
+from .proportions import GRAVITY_M_S2, SIDES, outward
+from .timeline import STANDING_HEIGHT, Score
 
 
 @dataclass(frozen=True)

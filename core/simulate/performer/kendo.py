@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .frame import SIDES
-from .score import STANDING_HEIGHT, Score
+from .proportions import SIDES
+from .timeline import STANDING_HEIGHT, Score
 
 _LEG_M = 0.85
 _LEAVE_S = 1.4  # what putting the sword away takes

@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .feet import HELD_S, Placement
-from .frame import GRAVITY_M_S2, SIDES, outward, turned
 from .gait import fly_high
-from .score import STANDING_HEIGHT, Score
+from .proportions import GRAVITY_M_S2, SIDES, outward, turned
+from .timeline import STANDING_HEIGHT, Score
 
 _OFF_TOES = 1.030  # root height at take-off, share of standing on flat feet: legs straight, heels up
 _ON_TOES = 1.010

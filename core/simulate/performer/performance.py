@@ -11,12 +11,12 @@ from ...body.standard_skeleton import default_skeleton
 from ...errors import SettingsError
 from .bodies import body
 from .boxing import box
-from .frame import SIDES, Body
 from .kendo import fence
 from .leaping import hop, jump
-from .score import STANDING_HEIGHT, Score
-from .staging import staged
+from .motion_synthesis import staged
+from .proportions import SIDES, Body
 from .style import Style
+from .timeline import STANDING_HEIGHT, Score
 from .walking import run, walk
 
 BEHAVIOURS: dict[str, Callable[[Score, float], None]] = {

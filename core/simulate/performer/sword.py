@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from .arm_rotations import frame_from
 from .curves import Array
-from .frame import Body, outward
-from .limbs import frame_from
+from .proportions import Body, outward
 
 _FISTS_APART_M = 0.21  # middles of the two fists along the grip, for an arm of 0.585 m
 _ARM_M = 0.585

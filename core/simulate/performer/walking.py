@@ -6,7 +6,7 @@ import numpy as np
 
 from .curves import Track
 from .gait import RUN, WALK, stepped, styled
-from .score import Score
+from .timeline import Score
 
 _ROOM_X_M, _ROOM_Z_M = 0.55, 0.95  # half the space the performer keeps to
 _SPEED_UP_S = 0.9

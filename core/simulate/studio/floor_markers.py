@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...body.motion import Motion
 from ...body.standard_skeleton import default_skeleton
 from ...geometry.camera import CameraRig
-from .performance import make_performance
+from .filmed_motion import make_performance
 from .render import Renderer, StudioFrame
 from .rig import FPS
 from .settings import StudioSettings

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from ...geometry.camera import Camera, CameraRig
 from .cones import RoundCones, visible
 from .discs import draw_disc
-from .limbs import draw_body
-from .performance import Performance
+from .filmed_motion import Performance
+from .limb_outlines import draw_body
 from .room import FURNITURE, MOVED_OBJECT, Box, RoomView, view_room
 from .settings import StudioSettings
 

@@ -19,12 +19,12 @@ from ...markers.marker_set import MarkerSet, load_marker_set
 from ...markers.prop import load_prop
 from ...markers.subject import Subject
 from ..performer import BEHAVIOURS, STYLES, demo_performance, performance
-from .carried import Carried, in_hand
-from .performance import Performance, make_performance
+from .carried_prop import Carried, in_hand
+from .filmed_motion import Performance, make_performance
+from .placement import with_poses
 from .render import FrameTruth, Renderer, StudioFrame
 from .rig import FPS, default_rig
 from .settings import StudioSettings
-from .staging import with_poses
 
 Image = NDArray[np.uint8]
 

@@ -10,7 +10,7 @@ from perfanim.core.cli.main import main
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake, save_take
 from perfanim.core.markers.subject import Subject, load_subject, save_subject
-from perfanim.core.simulate.studio.staging import with_poses
+from perfanim.core.simulate.studio.placement import with_poses
 
 
 def write_take(path, skeleton, marker_set, rotations, root_positions):

@@ -12,7 +12,7 @@ from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
 from perfanim.core.formats.take_file.whole import write_whole_take
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.prop import load_prop, save_prop
-from perfanim.core.simulate.studio.carried import in_hand
+from perfanim.core.simulate.studio.carried_prop import in_hand
 from props import FPS, Film, markers_of
 
 FRAMES = 20

@@ -7,7 +7,7 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.prop import load_prop
 from perfanim.core.session.session.multi_target_session import Ensemble, followed
 from perfanim.core.session.session.session import Session
-from perfanim.core.simulate.studio.carried import in_hand
+from perfanim.core.simulate.studio.carried_prop import in_hand
 from props import Film, markers_of
 
 MARKER_M = 0.02  # labels that are right are nearer than this: five times what the blobs' noise makes of a point

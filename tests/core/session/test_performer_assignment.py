@@ -12,7 +12,7 @@ from perfanim.core.markers.prop import load_prop
 from perfanim.core.markers.subject import Subject
 from perfanim.core.session.session.multi_target_session import Ensemble
 from perfanim.core.session.session.session import Session
-from perfanim.core.simulate.studio.carried import in_hand
+from perfanim.core.simulate.studio.carried_prop import in_hand
 from performers import APART_M, side_by_side
 from props import Film, markers_of
 

@@ -6,7 +6,7 @@ from perfanim.core.body.motion import Motion
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.marker_set import load_marker_set
-from perfanim.core.simulate.studio.performance import Performance, make_performance
+from perfanim.core.simulate.studio.filmed_motion import Performance, make_performance
 
 FPS = 60.0
 

@@ -20,11 +20,11 @@ from perfanim.core.simulate.performer import (
     performance,
     style_named,
 )
+from perfanim.core.simulate.performer.arm_rotations import arm_rest, hanging_arm, leg_rest, two_bones
 from perfanim.core.simulate.performer.bodies import body, load_bodies, prototype_bodies, save_bodies
 from perfanim.core.simulate.performer.curves import Track, ease, pendulum_filtered
-from perfanim.core.simulate.performer.frame import Body
-from perfanim.core.simulate.performer.limbs import arm_rest, hanging_arm, leg_rest, two_bones
 from perfanim.core.simulate.performer.make_assets import clips, motion_of, write_clip
+from perfanim.core.simulate.performer.proportions import Body
 from perfanim.core.simulate.performer.sword import gripping, sword_axes
 from perfanim.core.system.assets import ASSETS, MOTION
 

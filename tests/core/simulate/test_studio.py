@@ -12,7 +12,7 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.simulate.studio.body import make_body
 from perfanim.core.simulate.studio.cones import RoundCones, first_hits, visible
 from perfanim.core.simulate.studio.discs import disc_light, draw_disc
-from perfanim.core.simulate.studio.performance import Performance
+from perfanim.core.simulate.studio.filmed_motion import Performance
 from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.simulate.studio.settings import StudioSettings

@@ -21,11 +21,11 @@ from perfanim.core.markers.subject import load_subject
 from perfanim.core.simulate.studio import export
 from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, BoardPicture, board_pictures
 from perfanim.core.simulate.studio.lens import undistorted_grid
+from perfanim.core.simulate.studio.placement import lowest_point_m, on_stage, with_poses, with_t_pose
 from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.simulate.studio.settings import StudioSettings
 from perfanim.core.simulate.studio.source import open_simulated, simulated_source, with_return
-from perfanim.core.simulate.studio.staging import lowest_point_m, on_stage, with_poses, with_t_pose
 from perfanim.core.vision.calibration.board import find_board, parse_board
 
 FPS = 60.0

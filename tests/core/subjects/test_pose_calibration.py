@@ -10,7 +10,7 @@ from perfanim.core.markers.marker_set import Marker, MarkerSet, load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.simulate.performer.bodies import body, load_bodies
-from perfanim.core.simulate.studio.staging import with_poses
+from perfanim.core.simulate.studio.placement import with_poses
 from perfanim.core.subjects.from_frames import subject_from_frames
 from perfanim.core.subjects.from_recording import subject_from_recording
 from perfanim.core.subjects.pose_calibration import (

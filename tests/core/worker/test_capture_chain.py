@@ -24,7 +24,7 @@ from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.prop import load_prop
 from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.simulate.performer import perform
-from perfanim.core.simulate.studio.carried import in_hand
+from perfanim.core.simulate.studio.carried_prop import in_hand
 from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import Message, MessageKind

@@ -13,16 +13,16 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .body.skeleton import Skeleton
-from .errors import CaptureError
-from .geometry.camera import Camera
-from .simulate.studio.body import Body, make_body
-from .simulate.studio.figure import FigurePainter
-from .simulate.studio.lens import undistorted_grid
-from .simulate.studio.limbs import outlines
-from .simulate.studio.rig import looking_at
-from .simulate.studio.video import write_video
-from .system.files import atomic_path
+from ..body.skeleton import Skeleton
+from ..errors import CaptureError
+from ..geometry.camera import Camera
+from ..system.files import atomic_path
+from .studio.body import Body, make_body
+from .studio.figure import FigurePainter
+from .studio.lens import undistorted_grid
+from .studio.limb_outlines import outlines
+from .studio.rig import looking_at
+from .studio.video import write_video
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]

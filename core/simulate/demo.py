@@ -12,18 +12,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .body.calibration_poses import CALIBRATION
-from .body.motion import Motion, sliced
-from .body.motion_metrics import evaluate
-from .body.pose_frame import PoseFrame
-from .database.build import build_database
-from .database.store import Database, open_database
-from .formats.motion.bvh import write_bvh
-from .geometry.camera import CameraRig
-from .geometry.rig_file import save_rig
-from .markers.marker_frame import MarkerFrame
-from .markers.marker_set import load_marker_set
-from .markers.subject import Subject, save_subject
+from ..body.calibration_poses import CALIBRATION
+from ..body.motion import Motion, sliced
+from ..body.motion_metrics import evaluate
+from ..body.pose_frame import PoseFrame
+from ..database.build import build_database
+from ..database.store import Database, open_database
+from ..formats.motion.bvh import write_bvh
+from ..geometry.camera import CameraRig
+from ..geometry.rig_file import save_rig
+from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_set import load_marker_set
+from ..markers.subject import Subject, save_subject
+from ..session.session import Session
+from ..session.solve_take import motion_of
+from ..solver.settings import SolveSettings
+from ..subjects.from_recording import subject_from_recording
+from ..system.assets import MOTION, SKELETONS
+from ..system.files import atomic_path
+from ..vision.pipeline import MarkerPipeline
+from .calibrated_studio import calibrate_studio, studio_on_floor
+from .performer import demo_performance
+from .performer.bodies import load_bodies
 from .preview import (
     TRUTH,
     CharacterPainter,
@@ -36,20 +46,10 @@ from .preview import (
     write_contact_sheet,
     write_preview_video,
 )
-from .session.session import Session
-from .session.solve_take import motion_of
-from .simulate.performer import demo_performance
-from .simulate.performer.bodies import load_bodies
-from .simulate.studio.render import Renderer
-from .simulate.studio.rig import default_rig
-from .simulate.studio.source import SimulatedSource, simulated_source
-from .simulate.studio.staging import with_poses
-from .solver.settings import SolveSettings
-from .studio_setup import calibrate_studio, studio_on_floor
-from .subjects.from_recording import subject_from_recording
-from .system.assets import MOTION, SKELETONS
-from .system.files import atomic_path
-from .vision.pipeline import MarkerPipeline
+from .studio.placement import with_poses
+from .studio.render import Renderer
+from .studio.rig import default_rig
+from .studio.source import SimulatedSource, simulated_source
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...geometry import rotations as rot
 from .curves import Array
-from .frame import about, outward
+from .proportions import about, outward
 
 # share of the limb's length up to which it reaches exactly, and that it never passes: a limb that snaps straight
 # has infinite joint speed and no defined plane

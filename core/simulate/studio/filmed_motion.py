@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...body.motion import Motion
 from ...body.skeleton import marker_positions
 from .body import Body, make_body, with_sticks
-from .carried import HAND, Carried, with_prop
+from .carried_prop import HAND, Carried, with_prop
 from .cones import RoundCones
 
 Array = NDArray[np.float64]

@@ -6,22 +6,12 @@ from scipy.ndimage import maximum_filter1d
 from ...body.motion import Motion
 from ...body.standard_skeleton import SPINE_JOINTS
 from ...geometry import rotations as rot
+from .arm_rotations import ARM_REACH, arm_rest, elbow, forearm_and_hand, hanging_arm, leg_rest, limited, two_bones, unit
 from .curves import Array, ease, pendulum_filtered, smoothed, wander
 from .feet import FootSamples, foot_pose, toe_bend
-from .frame import GRAVITY_M_S2, SIDES, about, outward, turned
-from .limbs import (
-    ARM_REACH,
-    arm_rest,
-    elbow,
-    forearm_and_hand,
-    hanging_arm,
-    leg_rest,
-    limited,
-    two_bones,
-    unit,
-)
-from .score import Score
+from .proportions import GRAVITY_M_S2, SIDES, about, outward, turned
 from .sword import gripping
+from .timeline import Score
 
 _GRID_HZ = 240.0
 _REACH = 0.997  # of the leg's length: knees keep a little bend

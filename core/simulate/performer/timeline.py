@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .arm_rotations import frame_from, unit
 from .curves import Array, Track
 from .feet import FootPath, Placement, Swing
-from .frame import SIDES, Body, outward, turned
-from .limbs import frame_from, unit
+from .proportions import SIDES, Body, outward, turned
 from .style import Style
 
 # Controls of the whole body: their sizes and values at ease; angles in radians, lengths in metres.

@@ -5,12 +5,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from perfanim.core import preview
 from perfanim.core.body.calibration_poses import t_pose
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import CaptureError
 from perfanim.core.geometry import rotations as rot
+from perfanim.core.simulate import preview
 from perfanim.core.simulate.studio.body import make_body
 from perfanim.core.simulate.studio.cones import first_hits
 
