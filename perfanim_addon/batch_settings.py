@@ -5,7 +5,7 @@ from typing import Any
 
 import bpy
 
-from ..core.batch.plan import plan_of
+from ..core.cli.batch.plan import plan_of
 from ..core.errors import SettingsError
 from ..core.formats.markers.marker_files import is_recorded
 from ..core.system.files import write_toml

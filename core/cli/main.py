@@ -89,17 +89,17 @@ def _command(name: str) -> ModuleType:
 
             return demo
         case "calibrate":
-            from . import calibrate
+            from .calibrate import cameras
 
-            return calibrate
+            return cameras
         case "track":
             from . import track
 
             return track
         case "take":
-            from . import take
+            from .take import info_export
 
-            return take
+            return info_export
         case "database":
             from . import database
 
@@ -121,15 +121,15 @@ def _command(name: str) -> ModuleType:
 
             return vmc
         case "batch":
-            from . import batch
+            from .batch import command
 
-            return batch
+            return command
         case "simulate":
             from . import simulate
 
             return simulate
         case "bench":
-            from . import bench
+            from .bench import command as bench
 
             return bench
         case "diagnose":

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cli.calibrate import summary_of
+from ..cli.calibrate.cameras import summary_of
 from ..errors import CaptureError
 from ..geometry.rig_file import rig_tables
 from ..simulate.studio.boards import CarriedBoard, board_poses

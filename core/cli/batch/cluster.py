@@ -1,0 +1,44 @@
+"""Tasks done by the machines of a Dask cluster, each take one task."""
+
+from collections.abc import Callable, Generator, Sequence
+
+from ...errors import SettingsError
+from .take_record import Record, Task, failed
+
+_CONNECT_S = 30.0
+
+
+def on_cluster(address: str, serve: Callable[[str], str], tasks: Sequence[Task]) -> Generator[Record, None, None]:
+    """Yield what comes of tasks, as it comes.
+
+    Args:
+        address: of the scheduler, e.g. tcp://host:8786. Its workers have this package, and all files at the same paths.
+        serve: does one task, JSON in and out; found by its name on the workers.
+        tasks: in the order in which they are begun.
+
+    Raises:
+        SettingsError: Dask is not installed, or no scheduler answers.
+    """
+    try:
+        from distributed import Client, as_completed
+    except ImportError as error:
+        raise SettingsError(
+            "Dask is not installed", where="--scheduler", advice="pip install 'perfanim[cluster]'"
+        ) from error
+    try:
+        client = Client(address, timeout=_CONNECT_S)
+    except (OSError, ValueError) as error:
+        raise SettingsError(
+            "no Dask scheduler answers there", where=address, advice="start one with `dask scheduler`"
+        ) from error
+    with client:
+        # priority keeps the order; a take is no pure function: it writes files
+        futures = {
+            client.submit(serve, task.text(), pure=False, priority=-number): task for number, task in enumerate(tasks)
+        }
+        for future in as_completed(futures):
+            if future.status == "finished":
+                yield Record.of_text(future.result())
+            else:
+                why = repr(future.exception()) if future.status == "error" else future.status
+                yield failed(futures[future].take, f"the cluster did not do it: {why}")

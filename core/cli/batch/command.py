@@ -1,0 +1,183 @@
+"""`perfanim batch`: many takes, solved, retargeted and told about."""
+
+import argparse
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from ...body.foot_lock import FEET
+from ...database.store import open_database
+from ...errors import FormatError, PerfanimError, SettingsError
+from ...formats.markers.marker_files import READABLE
+from ...formats.motion.read_motion import read_skeleton
+from ...geometry.rig_file import load_rig
+from ...labelling.take_import import UPS
+from ...markers.label_matching import AUTO, load_names
+from ...markers.marker_set import load_marker_set
+from ...markers.subject import load_subject
+from ...retarget.retargeter import RootMotion
+from ...solver.settings import METHODS
+from ..options import add_motion_options
+from ..outcome import Outcome
+from ..retarget import check_blender
+from . import worker
+from .plan import ALSO, SAVED_AS, Plan, TakePlan, Value, plan_of, read_plan
+from .processes import in_processes
+from .run import BatchResult, DoTasks, run_batch
+from .summary import counts, facts, text_table
+from .take_record import BAD
+
+_GIVEN = (
+    "database", "subject", "skeleton", "marker_set", "names", "use", "up", "method", "smooth", "feet", "units",
+    "naming", "rate", "also", "cameras", "to", "map", "root_motion", "save_as", "blender",
+)  # fmt: skip
+_CHECKS: dict[str, Callable[[str], object]] = {
+    "database": open_database,
+    "subject": load_subject,
+    "skeleton": read_skeleton,
+    "names": load_names,
+    "marker_set": lambda name: name == AUTO or load_marker_set(name),
+    "cameras": load_rig,
+}
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command."""
+    parser = subparsers.add_parser(
+        "batch",
+        help="many takes: solve, retarget, tell how good each is; goes on where it stopped",
+        description="Solve many takes, in parallel. What is done already is left alone, a bad take does not hold up "
+        "the others. Exit status 1 when any take was bad.",
+    )
+    parser.add_argument(
+        "takes",
+        nargs="+",
+        metavar="PLAN.toml | TAKES",
+        help=f"a plan file, or takes ({', '.join(READABLE)}), folders and patterns of them",
+    )
+    parser.add_argument("--out", metavar="DIR", help="folder of the results (default: the plan's out)")
+    shared = parser.add_argument_group("for all takes; a plan's [[take]] tables may say otherwise")
+    shared.add_argument("--database", metavar="DB", help="motion database")
+    shared.add_argument("--subject", metavar="FILE", help="calibrated subject")
+    shared.add_argument("--skeleton", metavar="FILE", help=".asf or .bvh whose bones are used; needs --marker-set")
+    shared.add_argument(
+        "--marker-set", metavar="NAME", help=f"shipped marker set or TOML file, or {AUTO} (of marker files)"
+    )
+    shared.add_argument(
+        "--names", metavar="FILE", help="TOML file that says which label of marker files is which marker"
+    )
+    shared.add_argument("--use", metavar="N|NAME,...", help="solve marker takes with a few of a suit's markers")
+    shared.add_argument("--up", choices=UPS, help="axis of marker files that points up (default: y)")
+    shared.add_argument("--method", choices=METHODS, help="how poses are found (default best)")
+    shared.add_argument("--smooth", type=float, metavar="HZ", help="low-pass markers before and motion after")
+    shared.add_argument("--feet", choices=FEET, help="hold feet in place (default off)")
+    add_motion_options(shared, defaults=False)
+    shared.add_argument(
+        "--also", action="append", choices=ALSO, help="another file of each motion, beside the BVH; any number of times"
+    )
+    shared.add_argument("--cameras", metavar="cameras.toml", help="calibration of videos, another of .perftakes")
+    shared.add_argument("--to", metavar="CHARACTER", help="also retarget: .blend, .glb, .gltf, .vrm or .fbx file")
+    shared.add_argument("--map", metavar="PRESET_OR_FILE", help="bone map (default: found)")
+    shared.add_argument(
+        "--root-motion",
+        choices=[kind.name.lower().replace("_", "-") for kind in RootMotion],
+        help="what carries the character through the room (default hips)",
+    )
+    shared.add_argument("--save-as", choices=SAVED_AS, help="kind of the characters' files (default blend)")
+    shared.add_argument("--blender", metavar="FILE", help="Blender to retarget with (default: its Python module, bpy)")
+    parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: one a core)")
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", help="have a Dask cluster do the takes (tcp://HOST:8786), see docs/batch.md"
+    )
+    parser.set_defaults(run=run, wrong_usage=parser.error)
+
+
+def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+    """Do the takes and tell of each."""
+    if args.jobs is not None and not 1 <= args.jobs <= 1000:
+        raise SettingsError(f"--jobs {args.jobs} is out of range", advice="give 1 to 1000")
+    if args.jobs is not None and args.scheduler is not None:
+        args.wrong_usage("argument --jobs: with --scheduler the cluster's workers count")
+    plan = _plan(args)
+    out = args.out or plan.out
+    if not out:
+        args.wrong_usage("the following arguments are required: --out")
+    progress(0.0, "checking the plan")
+    _check(plan)
+    result = run_batch(plan.takes, Path(out), _doer(args), progress)
+    return _told(result, out)
+
+
+def _plan(args: argparse.Namespace) -> Plan:
+    given: dict[str, Value] = {key: value for key in _GIVEN if (value := getattr(args, key)) is not None}
+    if any(name.lower().endswith(".toml") for name in args.takes):
+        if len(args.takes) > 1:
+            args.wrong_usage("a plan stands alone: name further takes in it")
+        return read_plan(args.takes[0], given)
+    return plan_of(args.takes, given)
+
+
+def _doer(args: argparse.Namespace) -> DoTasks:
+    if args.scheduler is None:
+        return partial(in_processes, worker.serve, args.jobs or os.cpu_count() or 1)
+    from .cluster import on_cluster  # Dask is slow to load, and not needed without a cluster
+
+    return partial(on_cluster, args.scheduler, worker.serve_task)
+
+
+def _check(plan: Plan) -> None:
+    """Raise for options that cannot be meant and files that cannot be used, before any work.
+
+    The takes themselves are not looked at: a bad one does not keep the others from being done.
+    """
+    lines: set[str] = set()
+    files: set[tuple[str, str]] = set()
+    characters: set[tuple[str, str]] = set()
+    for take in plan.takes:
+        line = repr((take.options, take.is_tracked, Path(take.take).suffix.lower()))
+        if line not in lines:
+            lines.add(line)
+            try:
+                _check_options(take)
+            except PerfanimError as error:
+                raise SettingsError(f"{take.source}: {error}") from error
+        files |= {(key, str(value)) for key, value in take.options.items() if key in _CHECKS}
+        if "to" in take.options:
+            characters.add((str(take.options["to"]), str(take.options.get("blender", ""))))
+    for key, value in sorted(files):
+        _CHECKS[key](value)
+    for character, blender in sorted(characters):
+        _check_character(Path(character), blender or None)
+
+
+def _check_options(take: TakePlan) -> None:
+    worker.parsed("solve", [take.take or "x.take.npz", *take.options_of("solve"), "--out", "x.bvh"])
+    if take.is_tracked:
+        worker.parsed("track", [*take.options_of("track"), "--out", "x.take.npz"])
+    if take.options_of("retarget"):
+        worker.parsed("retarget", ["x.bvh", *take.options_of("retarget"), "--out", "x.blend"])
+
+
+def _check_character(path: Path, blender: str | None) -> None:
+    if not path.is_file():
+        raise FormatError("cannot be read (no such file)", where=str(path), advice="check the path")
+    check_blender(blender)
+
+
+def _told(result: BatchResult, out: str) -> Outcome:
+    """Return the summary, for a person the table and what to look at."""
+    place = Path(out)
+    rows = []
+    for record in result.records:
+        outputs = {kind: str(place / file) for kind, file in record.outputs.items()}
+        before = record.name in result.finished_before
+        rows.append(facts(replace(record, outputs=outputs)) | {"finished_before": before})
+    counted = counts(result.records)
+    page, done = str(place / result.page.name), len(result.finished_before)
+    line = ", ".join(f"{count} {status}" for status, count in counted.items())
+    failure = f"{out}: {counted[BAD]} of {len(rows)} takes are bad; see {page}" if counted[BAD] else ""
+    text = f"{text_table(result.records)}\n\n{line}; {done} were done before\n{page}"
+    return Outcome(counted | {"finished_before": done, "takes": rows, "page": page}, text, failure)

@@ -1,0 +1,89 @@
+"""What tells whether a take's outputs are still those that its inputs and settings give."""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from ... import __version__
+from ...errors import PerfanimError
+from ...formats.markers.marker_files import is_recorded
+from ...formats.take_file.reading import read_take_file
+from .plan import KEYS, Kind, TakePlan
+
+_VERSION = 1  # of what a batch makes of a take
+_BLOCK = 1 << 20
+
+
+class ContentDigests:
+    """SHA-256 of files, each read once."""
+
+    def __init__(self) -> None:
+        self._known: dict[Path, str] = {}
+
+    def of_file(self, path: Path) -> str:
+        """Return the digest of a file's bytes, "" when it cannot be read."""
+        if path not in self._known:
+            self._known[path] = file_digest(path)
+        return self._known[path]
+
+    def of_source(self, source: str) -> list[list[str]]:
+        """Return names and digests of the files of a file, a folder or a pattern."""
+        path = Path(source)
+        if path.is_file():
+            return [["", self.of_file(path)]]
+        folder, pattern = (path, "*") if path.is_dir() else (path.parent, path.name)
+        files = sorted(file for file in folder.glob(pattern) if file.is_file())
+        return [[file.name, self.of_file(file)] for file in files]
+
+
+def file_digest(path: Path) -> str:
+    """Return the SHA-256 of a file's bytes, "" when it cannot be read."""
+    digest = hashlib.sha256()
+    try:
+        with path.open("rb") as stream:
+            while block := stream.read(_BLOCK):
+                digest.update(block)
+    except OSError:
+        return ""
+    return digest.hexdigest()
+
+
+def take_digest(take: TakePlan, contents: ContentDigests) -> str:
+    """Return what all the outputs of a take depend on: its content, what it is solved with, and this program.
+
+    Where the files lie does not count, nor do the other takes of the batch.
+    """
+    facts: dict[str, Any] = {
+        "software": __version__,
+        "version": _VERSION,
+        "name": take.name,
+        "options": {key: _content(key, value, contents) for key, value in sorted(take.options.items())},
+    }
+    if not take.is_tracked:
+        facts["take"] = [Path(take.take).suffix.lower(), contents.of_file(Path(take.take))]
+        if is_recorded(take.take) and "database" not in take.options:
+            facts["database"] = contents.of_file(Path(_recorded_database(take.take)))
+    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+
+
+def _content(key: str, value: Any, contents: ContentDigests) -> Any:
+    kind = KEYS[key].kind
+    if kind is Kind.FILE or (kind is Kind.NAME_OR_FILE and Path(value).is_absolute()):
+        return contents.of_file(Path(value))
+    if kind is Kind.SOURCE:
+        return contents.of_source(value)
+    if kind is Kind.SOURCES:
+        return [contents.of_source(source) for source in value]
+    if kind is Kind.CAMERAS:
+        parts = [camera.rpartition("=") for camera in value]
+        return [[name, contents.of_source(source)] for name, _, source in parts]
+    return value
+
+
+def _recorded_database(path: str) -> str:
+    """Return the database that a recorded take was solved with, "" when it does not tell."""
+    try:
+        return str(read_take_file(path).setup.database.get("path", ""))
+    except PerfanimError:
+        return ""

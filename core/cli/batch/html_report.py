@@ -1,0 +1,84 @@
+"""The takes of a batch on one page, in one file, the bad ones first."""
+
+import base64
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+from urllib.parse import quote
+
+from .quality import LEAST_CONFIDENCE, LIMITS
+from .take_record import BAD, DOUBTFUL, GOOD, Record
+
+_ORDER = (BAD, DOUBTFUL, GOOD)
+_MOST = {limit.figure: limit.most for limit in LIMITS}
+_COLUMNS = (
+    ("frames", "frames", "{:.0f}"),
+    ("marker_rms_mm", "marker error, mm", "{:.1f}"),
+    ("confidence", "confidence", "{:.0%}"),
+    ("hidden", "hidden", "{:.1%}"),
+    ("longest_gap_s", "longest gap, s", "{:.2f}"),
+    ("foot_skate_cm_s", "foot skate, cm/s", "{:.0f}"),
+)
+_STYLE = """
+body { font: 14px/1.4 system-ui, sans-serif; margin: 2em; color: #222; background: #fafafa; }
+table { border-collapse: collapse; background: #fff; }
+th, td { padding: 6px 10px; border-bottom: 1px solid #ddd; text-align: right; vertical-align: middle; }
+th { position: sticky; top: 0; background: #eee; font-weight: 600; }
+th:first-child, td:first-child { text-align: left; min-width: 20em; overflow-wrap: anywhere; }
+th:last-child { text-align: left; }
+td:last-child { padding: 2px; }
+tr.bad td:first-child { border-left: 6px solid #c62828; background: #fdecea; }
+tr.doubtful td:first-child { border-left: 6px solid #f0a500; background: #fff7e0; }
+tr.good td:first-child { border-left: 6px solid #4b9b4b; }
+.reason { color: #a31515; } .doubtful .reason { color: #8a5a00; } .warning { color: #666; font-size: 12px; }
+td.out { background: #fff0c2; font-weight: 600; } tr.bad td.out { background: #f9d0cc; }
+img { display: block; }
+"""
+
+
+def page_text(records: Sequence[Record], out: Path) -> str:
+    """Return the page (HTML, nothing outside of it but links to the motions).
+
+    Args:
+        records: of the takes.
+        out: folder of the results, in which the page will be.
+    """
+    counted = ", ".join(f"{sum(r.status == status for r in records)} {status}" for status in _ORDER)
+    heads = "".join(f"<th>{title}</th>" for _, title, _ in _COLUMNS)
+    ordered = sorted(records, key=lambda record: (_ORDER.index(record.status), record.name))
+    rows = "\n".join(_row(record, out) for record in ordered)
+    return f"""<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><title>Batch of {len(records)} takes</title><style>{_STYLE}</style></head>
+<body><h1>{len(records)} takes: {counted}</h1>
+<p>The line below the poses is the take's time: green where the pose is sure, red where it is guessed, black where there
+is none.</p>
+<table><tr><th>take</th>{heads}<th>poses</th></tr>
+{rows}
+</table></body></html>
+"""
+
+
+def _row(record: Record, out: Path) -> str:
+    motion = record.outputs.get("character") or record.outputs.get("motion")
+    name = f'<a href="{quote(motion)}">{escape(record.name)}</a>' if motion else escape(record.name)
+    told = [f'<div class="reason">{escape(reason)}</div>' for reason in record.reasons]
+    told += [f'<div class="warning">{escape(warning)}</div>' for warning in record.warnings]
+    cells = "".join(_cell(record, figure, pattern) for figure, _, pattern in _COLUMNS)
+    first = name + "".join(told)
+    return f'<tr class="{record.status}"><td>{first}</td>{cells}<td>{_picture(record, out)}</td></tr>'
+
+
+def _cell(record: Record, figure: str, pattern: str) -> str:
+    value = record.figures.get(figure)
+    if value is None:
+        return "<td></td>"
+    stands_out = value < LEAST_CONFIDENCE if figure == "confidence" else value > _MOST.get(figure, float("inf"))
+    kind = ' class="out"' if stands_out else ""
+    return f"<td{kind}>{pattern.format(value)}</td>"
+
+
+def _picture(record: Record, out: Path) -> str:
+    if "picture" not in record.outputs:
+        return ""
+    data = base64.b64encode((out / record.outputs["picture"]).read_bytes()).decode()
+    return f'<img loading="lazy" alt="poses of {escape(record.name, quote=True)}" src="data:image/jpeg;base64,{data}">'

@@ -1,0 +1,302 @@
+"""Which takes a batch has and what becomes of each: a plan file, or files and options.
+
+A plan is TOML. Its top level holds what all takes share, `[[take]]` tables what the takes they name have of their own.
+Keys are the long options of `perfanim track`, `solve` and `retarget`, with _ for -; paths are relative to the plan.
+"""
+
+import glob
+import os
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path, PurePath
+from typing import Any
+
+from ...errors import SettingsError
+from ...formats.markers.marker_files import READABLE, is_recorded
+from ...formats.motion.write_motion import ANGLES, BVH, MOTION_ENDINGS
+from ...system.files import read_toml
+
+Value = str | float | bool | list[str]
+
+
+class Kind(Enum):
+    """What a key's value is."""
+
+    FILE = "a file"
+    NAME_OR_FILE = "a name or a file"
+    SOURCE = "a video, a folder or pattern of images"
+    SOURCES = "a list of videos, folders or patterns of images"
+    CAMERAS = "a list of NAME=SOURCE"
+    WORD = "a word"
+    NUMBER = "a number"
+    MOTIONS = "a list of angles.csv, vrma"
+    CHARACTER = "one of blend, fbx, glb"
+    SWITCH = "true or false"
+
+
+@dataclass(frozen=True)
+class Key:
+    """One key: what its value is, and the commands that take it as an option."""
+
+    kind: Kind
+    commands: tuple[str, ...]
+
+
+KEYS = {
+    "cameras": Key(Kind.FILE, ("track",)),  # of a recorded take an option of solve, see `options_of`
+    "left": Key(Kind.SOURCE, ("track",)),
+    "right": Key(Kind.SOURCE, ("track",)),
+    "camera": Key(Kind.CAMERAS, ("track",)),
+    "background": Key(Kind.SOURCES, ("track",)),
+    "fps": Key(Kind.NUMBER, ("track",)),
+    "floor": Key(Kind.WORD, ("track",)),
+    "no_time_offset": Key(Kind.SWITCH, ("track",)),
+    "marker_set": Key(Kind.NAME_OR_FILE, ("track", "solve")),
+    "database": Key(Kind.FILE, ("solve",)),
+    "subject": Key(Kind.FILE, ("solve",)),
+    "skeleton": Key(Kind.FILE, ("solve",)),
+    "names": Key(Kind.FILE, ("solve",)),
+    "use": Key(Kind.WORD, ("solve",)),
+    "up": Key(Kind.WORD, ("solve",)),
+    "method": Key(Kind.WORD, ("solve",)),
+    "smooth": Key(Kind.NUMBER, ("solve",)),
+    "feet": Key(Kind.WORD, ("solve",)),
+    "units": Key(Kind.WORD, ("solve",)),
+    "naming": Key(Kind.WORD, ("solve",)),
+    "rate": Key(Kind.NUMBER, ("solve",)),
+    "also": Key(Kind.MOTIONS, ()),
+    "to": Key(Kind.FILE, ("retarget",)),
+    "map": Key(Kind.NAME_OR_FILE, ("retarget",)),
+    "root_motion": Key(Kind.WORD, ("retarget",)),
+    "save_as": Key(Kind.CHARACTER, ()),
+    "blender": Key(Kind.FILE, ("retarget",)),
+}
+ALSO = tuple(ending.removeprefix(".") for ending in MOTION_ENDINGS if ending != BVH)
+SAVED_AS = ("blend", "fbx", "glb")
+_BODIES = ("subject", "skeleton")  # a take's own of either takes the place of both that all takes share
+_PATTERN = "*?["
+_FORBIDDEN = '<>:"/\\|?*'  # in file names, on some system
+
+
+@dataclass(frozen=True)
+class TakePlan:
+    """What becomes of one take; plain values only, so that it goes to other processes as JSON.
+
+    Args:
+        name: of its outputs.
+        source: the take as the plan names it.
+        take: the file that is solved; "" when it is tracked from the videos of the options.
+        options: values of `KEYS`, paths absolute.
+        digest: tells all that its outputs depend on (see `digest`); "" until it is computed.
+    """
+
+    name: str
+    source: str
+    take: str
+    options: Mapping[str, Value] = field(default_factory=dict)
+    digest: str = ""
+
+    @property
+    def is_tracked(self) -> bool:
+        """Whether it begins with videos."""
+        return not self.take
+
+    def options_of(self, command: str) -> list[str]:
+        """Return the command line options that the take's settings give a command."""
+        line: list[str] = []
+        for key, value in self.options.items():
+            commands = KEYS[key].commands
+            if key == "cameras" and not self.is_tracked:
+                commands = ("solve",) if is_recorded(self.take) else ()
+            if key in ("up", "names") and (self.is_tracked or is_recorded(self.take)):
+                commands = ()  # what cameras saw has y up, and the set's names
+            if key == "use" and is_recorded(self.take):
+                commands = ()  # for marker takes
+            if key == "blender" and "to" not in self.options:
+                commands = ()
+            if command not in commands or value is False:
+                continue
+            flag = f"--{key.replace('_', '-')}"
+            if KEYS[key].kind is Kind.CAMERAS and isinstance(value, list):
+                line += [part for camera in value for part in (flag, camera)]
+            elif isinstance(value, list):
+                line += [flag, *value]
+            else:
+                line += [flag] if value is True else [flag, str(value)]
+        return line
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The takes of a batch, sorted by name, and the folder that its file names for the results ("" when none)."""
+
+    takes: tuple[TakePlan, ...]
+    out: str = ""
+
+
+def read_plan(path: Path | str, given: Mapping[str, Value]) -> Plan:
+    """Return the plan of a TOML file.
+
+    Args:
+        path: the plan.
+        given: options that stand over those which its takes share; paths relative to the current folder.
+
+    Raises:
+        FormatError: it cannot be read. SettingsError: it says what cannot be meant.
+    """
+    where = str(path)
+    tables = dict(read_toml(path))
+    folder = Path(path).absolute().parent
+    rows, out = tables.pop("take", []), tables.pop("out", "")
+    if not isinstance(out, str):
+        raise SettingsError("out must be a folder", where=where)
+    if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
+        raise SettingsError("names no takes", where=where, advice='add [[take]] tables with take = "FILE"')
+    shared = _over(_resolved(tables, folder, where), _resolved(given, Path.cwd(), "options"))
+    found: list[tuple[str, TakePlan]] = []
+    for number, row in enumerate(rows, 1):
+        found += _row(row, shared, folder, f"{where}, take {number}")
+    return Plan(_named(found), str(folder / out) if out else "")
+
+
+def plan_of(sources: Sequence[str], given: Mapping[str, Value]) -> Plan:
+    """Return the plan for takes named on the command line: files, folders and patterns, with shared options."""
+    shared = _resolved(given, Path.cwd(), "options")
+    takes = [take for source in sources for take in _takes(source, Path.cwd(), "takes")]
+    return Plan(_named([("", TakePlan("", label, path, shared)) for label, path in takes]))
+
+
+def _row(row: Mapping[str, Any], shared: Mapping[str, Value], folder: Path, where: str) -> list[tuple[str, TakePlan]]:
+    """Return the takes of one table, and the name that it gives, "" when none."""
+    own = dict(row)
+    take, name = own.pop("take", ""), own.pop("name", "")
+    if not isinstance(take, str) or not isinstance(name, str):
+        raise SettingsError("take and name must be text", where=where)
+    if name and (set(name) & set(_FORBIDDEN) or name != name.strip(". ")):
+        raise SettingsError(f"{name!r} cannot be the name of a file", where=where, advice="choose another name")
+    options = _over(shared, _resolved(own, folder, where))
+    if take:
+        takes = _takes(take, folder, where)
+        if name and len(takes) > 1:
+            raise SettingsError(f"{len(takes)} takes have one name", where=where, advice="leave name out")
+        return [(name, TakePlan("", label, path, options)) for label, path in takes]
+    images = [key for key in ("left", "camera") if key in own]
+    if not images:
+        raise SettingsError("has neither take nor left", where=where, advice="name a marker take, or videos")
+    if "cameras" not in options:
+        raise SettingsError("has videos without cameras", where=where, advice="name their calibration")
+    first = own[images[0]]
+    first = first[0].rpartition("=")[2] if isinstance(first, list) else first
+    return [(name, TakePlan("", first, "", options))]
+
+
+def _over(shared: Mapping[str, Value], own: Mapping[str, Value]) -> dict[str, Value]:
+    """Return a take's settings: its own over those that all share."""
+    left = {key: value for key, value in shared.items() if key not in _BODIES or not set(_BODIES) & set(own)}
+    return {**left, **own}
+
+
+def _resolved(table: Mapping[str, Any], folder: Path, where: str) -> dict[str, Value]:
+    """Return the values of keys, checked, with absolute paths."""
+    result: dict[str, Value] = {}
+    for key, value in table.items():
+        if key not in KEYS:
+            raise SettingsError(f"there is no key {key!r}", where=where, advice="keys: " + ", ".join(sorted(KEYS)))
+        result[key] = _value(KEYS[key].kind, value, folder, f"{where}: {key}")
+    return result
+
+
+def _value(kind: Kind, value: Any, folder: Path, where: str) -> Value:
+    if kind is Kind.SWITCH and isinstance(value, bool):
+        return value
+    if kind is Kind.NUMBER and isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    if kind is Kind.MOTIONS and isinstance(value, list) and all(item in ALSO for item in value):
+        return sorted(set(value))
+    if kind is Kind.CHARACTER and value in SAVED_AS:
+        return value
+    if kind in (Kind.SOURCES, Kind.CAMERAS) and isinstance(value, list) and all(isinstance(v, str) for v in value):
+        return [_source(text, folder, kind is Kind.CAMERAS) for text in value]
+    if isinstance(value, str) and value:
+        if kind is Kind.WORD or (kind is Kind.NAME_OR_FILE and not (folder / value).is_file()):
+            return value
+        if kind in (Kind.FILE, Kind.NAME_OR_FILE, Kind.SOURCE):
+            return _absolute(value, folder)
+    raise SettingsError(f"{value!r} is not {kind.value}", where=where)
+
+
+def _source(text: str, folder: Path, named: bool) -> str:
+    name, equals, source = text.partition("=")
+    return f"{name}={_absolute(source, folder)}" if named and equals else _absolute(text, folder)
+
+
+def _absolute(text: str, folder: Path) -> str:
+    return os.path.abspath(folder / text)  # noqa: PTH100 - links stay as they were named
+
+
+def _takes(text: str, folder: Path, where: str) -> list[tuple[str, str]]:
+    """Return what the plan calls each take of a file, folder or pattern, and its path."""
+    path = Path(_absolute(text, folder))
+    if path.is_dir():
+        found = [file for file in path.rglob("*") if file.is_file() and _is_take(file.name.lower())]
+    elif path.exists() or not set(text) & set(_PATTERN):
+        found = [path]  # one that is not there is a bad take, and the others are done
+    else:
+        found = [Path(name) for name in glob.glob(str(path), recursive=True)]  # noqa: PTH207 - a whole path
+    if not found:
+        raise SettingsError("there are no takes", where=f"{where}: {text}", advice="check the path")
+    return [(_label(file, folder), str(file)) for file in sorted(found)]
+
+
+def _is_take(name: str) -> bool:
+    return name.endswith(READABLE) and not name.endswith(ANGLES)
+
+
+def _label(path: Path, folder: Path) -> str:
+    return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)
+
+
+def _named(found: Sequence[tuple[str, TakePlan]]) -> tuple[TakePlan, ...]:
+    """Return takes under names that differ, sorted by them; what a take is called depends on no order.
+
+    A take is called by its file; those of one file name by their folders as well, and then by their endings.
+    """
+    chosen = [name or _stem(take.source) for name, take in found]
+    for wider in (_with_folders, _whole):
+        counts = Counter(map(str.casefold, chosen))
+        chosen = [
+            wider(take.source) if not name and counts[own.casefold()] > 1 else own
+            for own, (name, take) in zip(chosen, found, strict=True)
+        ]
+    taken: dict[str, str] = {}
+    for name, (_, take) in zip(chosen, found, strict=True):
+        if name.casefold() in taken:
+            raise SettingsError(
+                f"{taken[name.casefold()]} and {take.source} would both be called {name}",
+                advice='leave one out, or give it another name (name = "...")',
+            )
+        taken[name.casefold()] = take.source
+    named = [
+        TakePlan(name, take.source, take.take, take.options) for name, (_, take) in zip(chosen, found, strict=True)
+    ]
+    return tuple(sorted(named, key=lambda take: take.name))
+
+
+def _stem(source: str) -> str:
+    name = PurePath(source).name
+    ending = next((ending for ending in READABLE if name.lower().endswith(ending)), PurePath(name).suffix)
+    return _safe(name[: len(name) - len(ending)] or name)
+
+
+def _with_folders(source: str) -> str:
+    return _safe("-".join((*PurePath(source).parent.parts, _stem(source))))
+
+
+def _whole(source: str) -> str:
+    return _safe("-".join(PurePath(source).parts))
+
+
+def _safe(name: str) -> str:
+    return "".join("_" if c in _FORBIDDEN or ord(c) < 32 else c for c in name).strip(". ") or "take"

@@ -1,0 +1,176 @@
+"""One take of a batch, from its file or videos to its outputs and what is told of it."""
+
+import os
+import shutil
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+from ...errors import PerfanimError
+from ...formats.markers.marker_files import declared_frames
+from ...formats.motion.write_motion import write_motion
+from ...retarget.joint_naming import OWN
+from ...session.solve_take import SolvedTake
+from .content_hash import file_digest
+from .plan import ALSO, TakePlan
+from .quality import figures_of, why_bad, why_doubtful
+from .take_record import BAD, DOUBTFUL, GOOD, REPORT, Record, Task, failed, record_path
+from .thumbnail_strip import write_strip
+
+
+class Commands(Protocol):
+    """The commands of the command line that a take goes through, which do all the work; each raises PerfanimError."""
+
+    def track(self, options: Sequence[str]) -> dict[str, Any]:
+        """Run `perfanim track`."""
+
+    def solve(self, options: Sequence[str]) -> tuple[SolvedTake, dict[str, Any]]:
+        """Run `perfanim solve`; return poses and motion, and facts."""
+
+    def retarget(self, options: Sequence[str]) -> dict[str, Any]:
+        """Run `perfanim retarget`."""
+
+
+def run_task(task: Task, commands: Commands) -> Record:
+    """Do one take: its outputs and its record are written whole, or it is told why there are none."""
+    take, out, work = task.take, Path(task.out), Path(task.work) / task.take.name
+    try:
+        work.mkdir(parents=True)
+        record = _Chain(take, work, commands).run()
+        if record.is_kept:
+            _hand_over(record, work, out)
+    except OSError as error:
+        return failed(take, f"cannot be written ({error.strerror or error})")
+    except Exception as error:  # the last resort: the other takes go on
+        return failed(take, f"failed unexpectedly: {type(error).__name__}: {error}")
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+    return record
+
+
+class _Chain:
+    """The steps of one take, in a folder of its own."""
+
+    def __init__(self, take: TakePlan, work: Path, commands: Commands) -> None:
+        self._take = take
+        self._work = work
+        self._commands = commands
+        self._outputs: dict[str, str] = {}
+        self._warnings: list[str] = []
+        self._doubts: list[str] = []
+
+    def run(self) -> Record:
+        """Return what came of the steps; the files of its outputs lie in the folder."""
+        try:
+            solved = self._solve()
+        except PerfanimError as error:
+            # what cannot be written is no fault of the take's
+            return self._record(BAD, [self._said(error)], is_kept=not error.where.startswith(str(self._work)))
+        figures = figures_of(solved)
+        self._keep("picture", f"{self._take.name}.jpg", lambda path: write_strip(solved, path))
+        wrong = why_bad(figures)
+        if wrong:
+            self._outputs = {kind: name for kind, name in self._outputs.items() if kind not in ("motion", *ALSO)}
+            return self._record(BAD, [wrong], figures)
+        try:
+            self._retarget()
+        except PerfanimError as error:
+            return self._record(BAD, [self._said(error)], figures, is_kept=False)
+        doubts = [*self._doubts, *why_doubtful(figures)]
+        return self._record(DOUBTFUL if doubts else GOOD, doubts, figures)
+
+    def _solve(self) -> SolvedTake:
+        name, source = self._take.name, self._take.take
+        if self._take.is_tracked:
+            self._track()
+            source = str(self._work / self._outputs["markers"])
+        motion = self._work / f"{name}.bvh"
+        solved, facts = self._commands.solve([source, *self._take.options_of("solve"), "--out", str(motion)])
+        self._warnings += [self._plain(text) for text in facts["warnings"]]
+        self._outputs["motion"] = motion.name
+        self._write_also(solved)
+        declared = 0 if self._take.is_tracked else declared_frames(source)
+        if declared > len(solved.poses):
+            self._doubts.append(f"the file was cut off: it holds {len(solved.poses)} of {declared} frames")
+        if not facts.get("complete", True):
+            self._doubts.append("the recording was cut off")
+        return solved
+
+    def _write_also(self, solved: SolvedTake) -> None:
+        """Write the motion in the other forms that are wished."""
+        options = self._take.options
+        kinds, naming, rate = options.get("also"), str(options.get("naming", OWN)), options.get("rate")
+
+        def write(path: Path) -> None:
+            write_motion(solved.motion, path, naming=naming, rate=rate if isinstance(rate, float) else None)
+
+        for ending in kinds if isinstance(kinds, list) else ():
+            self._keep(ending, f"{self._take.name}.{ending}", write)
+
+    def _track(self) -> None:
+        def write(path: Path) -> None:
+            facts = self._commands.track([*self._take.options_of("track"), "--out", str(path)])
+            self._warnings += [self._plain(text) for text in facts["warnings"]]
+
+        self._keep("markers", f"{self._take.name}.take.npz", write)
+
+    def _retarget(self) -> None:
+        options = self._take.options_of("retarget")
+        if not options:
+            return
+        motion = self._work / self._outputs["motion"]
+
+        def write(path: Path) -> None:
+            facts = self._commands.retarget([str(motion), *options, "--out", str(path)])
+            if facts["doubtful"] or facts["unmapped"]:
+                joints = ", ".join(sorted({**facts["doubtful"], **facts["unmapped"]}))
+                self._warnings.append(f"doubtful or without a bone: {joints}")
+
+        ending = self._take.options.get("save_as", "blend")
+        self._keep("character", f"{self._take.name}.{ending}", write)
+
+    def _keep(self, kind: str, name: str, write: Callable[[Path], object]) -> None:
+        write(self._work / name)
+        self._outputs[kind] = name
+
+    def _record(
+        self,
+        status: str,
+        reasons: list[str],
+        figures: dict[str, float | int | None] | None = None,
+        *,
+        is_kept: bool = True,
+    ) -> Record:
+        outputs = {kind: f"{REPORT}/{name}" if kind == "picture" else name for kind, name in self._outputs.items()}
+        return Record(
+            self._take.name, self._take.source, self._take.digest, status, tuple(reasons), tuple(self._warnings),
+            figures or {}, outputs if is_kept else {}, is_kept=is_kept,
+        )  # fmt: skip
+
+    def _said(self, error: PerfanimError) -> str:
+        text = " ".join(str(error).split())
+        # which take is known
+        is_own = error.where in (self._take.take, self._take.name)
+        return self._plain(text.removeprefix(f"{error.where}: ") if is_own else text)
+
+    def _plain(self, text: str) -> str:
+        """Return a message without the places of this machine."""
+        known = {str(self._work) + os.sep: "", self._take.take: self._take.source}
+        for place, told in known.items():
+            text = text.replace(place, told) if place else text
+        return text
+
+
+def _hand_over(record: Record, work: Path, out: Path) -> None:
+    """Move the outputs to their places, and the record last: what has one is whole."""
+    (out / REPORT).mkdir(parents=True, exist_ok=True)
+    for file in record.outputs.values():
+        made = work / Path(file).name
+        record.sha256[file] = file_digest(made)
+        made.replace(out / file)
+    text = work / f"{record.name}.json"
+    with text.open("w", encoding="utf-8", newline="\n") as stream:
+        stream.write(record.text() + "\n")
+        stream.flush()
+        os.fsync(stream.fileno())
+    text.replace(record_path(out, record.name))

@@ -1,0 +1,142 @@
+"""What tells a good solve from a bad one where the truth is not known."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...body.motion import Motion
+from ...body.pose_frame import PoseFrame
+from ...body.skeleton import forward_kinematics
+
+if TYPE_CHECKING:
+    from ...session.solve_take import SolvedTake
+
+Array = NDArray[np.float64]
+
+_DIGITS = 4  # of figures in files: their last bits may differ from machine to machine
+_TOES = ("ltoes", "rtoes")
+_FLOOR_PERCENTILE = 2.0  # of a toe's heights: a toe stands at most times, and a few frames may lie too low
+_NEAR_FLOOR_M = 0.025
+
+WRONG_MM = 100.0  # median marker error from which a body was not found: as far as that labels are wrong (`Session`)
+
+
+@dataclass(frozen=True)
+class Limit:
+    """From where on a figure is doubtful, and how that is said."""
+
+    figure: str
+    most: float
+    text: str
+
+
+LIMITS = (
+    Limit("marker_rms_mm", 30.0, "markers are {:.0f} mm off"),
+    Limit("hidden", 0.2, "{:.0%} of the markers are hidden"),
+    Limit("longest_gap_s", 1.0, "a marker is hidden for {:.1f} s"),
+    Limit("foot_skate_cm_s", 50.0, "feet slide at {:.0f} cm/s"),
+)
+LEAST_CONFIDENCE = 0.5
+
+
+def figures_of(solved: "SolvedTake") -> dict[str, float | int | None]:
+    """Return the figures of a solved take; None where one cannot be told.
+
+    Returns:
+        frames, fps, duration_s.
+        marker_rms_mm: RMS distance of located and solved markers over the take; marker_median_mm: the median of the
+            frames' RMS distances; marker_worst_mm: the largest.
+        confidence: mean over the frames; confidence_low: that which 95 % of the frames reach.
+        hidden: share of the markers that no camera shows; longest_gap_s: the longest time that one is hidden.
+        unsolved: share of the frames without a pose of their own.
+        foot_skate_cm_s: see `foot_skate_cm_s`.
+    """
+    poses, motion = solved.poses, solved.motion
+    rms = np.array([pose.marker_rms_m for pose in poses])
+    rms_mm = 1e3 * rms[np.isfinite(rms)]
+    confidence = np.array([pose.confidence for pose in poses])
+    hidden = np.array([~np.isfinite(pose.observed_m[:, 0]) & (pose.single_cameras < 0) for pose in poses])
+    figures = {
+        "frames": len(poses),
+        "fps": motion.fps,
+        "duration_s": motion.frames / motion.fps,
+        "marker_rms_mm": float(np.sqrt(np.mean(rms_mm**2))) if len(rms_mm) else float("nan"),
+        "marker_median_mm": float(np.median(rms_mm)) if len(rms_mm) else float("nan"),
+        "marker_worst_mm": float(rms_mm.max()) if len(rms_mm) else float("nan"),
+        "confidence": float(np.mean(confidence)),
+        "confidence_low": float(np.percentile(confidence, 5)),
+        "hidden": float(np.mean(hidden)),
+        "longest_gap_s": _longest_run(hidden) / motion.fps,
+        "unsolved": float(np.mean(is_unsolved(poses))),
+        "foot_skate_cm_s": foot_skate_cm_s(motion),
+    }
+    return {name: _rounded(value) for name, value in figures.items()}
+
+
+def is_unsolved(poses: Sequence[PoseFrame]) -> NDArray[np.bool_]:
+    """Return (F,) which frames have no pose of their own but repeat the last one, or wait in the T pose."""
+    return np.array([pose.confidence == 0.0 and not np.isfinite(pose.marker_rms_m) for pose in poses])
+
+
+def foot_skate_cm_s(motion: Motion) -> float:
+    """Return how fast the toes slide over the floor, cm/s.
+
+    Each toe's floor is the height it does not go below. A toe less than 2.5 cm above it counts with its horizontal
+    speed v as v (2 - 2^(h / H)), so fully on the floor and not at all at H (Zhang et al. 2018, Mode-Adaptive Neural
+    Networks, section 8); NaN when none ever is.
+    """
+    toes = [motion.skeleton.names.index(name) for name in _TOES if name in motion.skeleton.names]
+    if not toes or motion.frames < 2:
+        return float("nan")
+    positions = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)[0][:, toes]
+    speed = np.linalg.norm(np.diff(positions, axis=0)[..., [0, 2]], axis=-1) * motion.fps
+    height = positions[..., 1] - np.percentile(positions[..., 1], _FLOOR_PERCENTILE, axis=0)
+    height = np.clip(0.5 * (height[1:] + height[:-1]), 0.0, _NEAR_FLOOR_M)
+    near = height < _NEAR_FLOOR_M
+    if not np.any(near):
+        return float("nan")
+    return 100.0 * float(np.mean((speed * (2.0 - 2.0 ** (height / _NEAR_FLOOR_M)))[near]))
+
+
+def why_bad(figures: dict[str, float | int | None]) -> str:
+    """Return why a solved take is of no use, "" when it is."""
+    if figures["unsolved"] == 1.0:
+        return "no frame shows the markers of the torso"
+    median = figures["marker_median_mm"]
+    if median is not None and median >= WRONG_MM:
+        return (
+            f"no body fits the markers: the solved ones are {median:.0f} mm off; "
+            "check their names, the unit and whose subject it is"
+        )
+    return ""
+
+
+def why_doubtful(figures: dict[str, float | int | None]) -> list[str]:
+    """Return what makes a solved take worth a look."""
+    reasons = []
+    for limit in LIMITS:
+        value = figures[limit.figure]
+        if value is not None and value > limit.most:
+            reasons.append(limit.text.format(value))
+    confidence = figures["confidence"]
+    if confidence is not None and confidence < LEAST_CONFIDENCE:
+        reasons.append(f"confidence is {confidence:.0%}")
+    return reasons
+
+
+def _longest_run(hidden: NDArray[np.bool_]) -> int:
+    """Return the longest run of true along the frames of any column."""
+    longest = 0
+    for column in hidden.T:
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], column, [False])).astype(np.int8)))
+        longest = max(longest, *(edges[1::2] - edges[::2]).tolist(), 0)
+    return longest
+
+
+def _rounded(value: float | int) -> float | int | None:
+    if isinstance(value, int):
+        return value
+    return round(value, _DIGITS) if np.isfinite(value) else None

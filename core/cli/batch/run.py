@@ -1,0 +1,142 @@
+"""A batch from its plan to its summary: what is done already is left, what is bad does not hold up the rest."""
+
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from ...errors import FormatError, SettingsError
+from ...formats.take_file.lock import lock
+from .content_hash import ContentDigests, take_digest
+from .plan import TakePlan
+from .summary import write_summary
+from .take_record import BAD, REPORT, Record, Task, finished_record, remove_old
+
+Progress = Callable[[float, str], None]
+DoTasks = Callable[[Sequence[Task]], Generator[Record, None, None]]
+
+_UNFINISHED = ".unfinished-"
+
+
+@dataclass(frozen=True)
+class BatchResult:
+    """What came of a batch.
+
+    Args:
+        records: of its takes, sorted by name.
+        finished_before: names of those that an earlier run had done.
+        page: the summary with pictures.
+    """
+
+    records: tuple[Record, ...]
+    finished_before: frozenset[str]
+    page: Path
+
+
+def run_batch(takes: Sequence[TakePlan], out: Path, do_tasks: DoTasks, progress: Progress) -> BatchResult:
+    """Do the takes that are not done yet, and tell of all.
+
+    What the folder holds afterwards depends on the takes alone, not on their order, on who did them, or on how often
+    it was interrupted.
+
+    Args:
+        takes: with names that differ.
+        out: folder of the results; made if it is not there.
+        do_tasks: does takes and yields their records in any order (see `in_processes`, `on_cluster`).
+        progress: told how far it is.
+
+    Raises:
+        FormatError: the folder cannot be written. SettingsError: another batch is writing there.
+    """
+    with _workplace(out) as work:
+        progress(0.0, "looking what is done")
+        contents = ContentDigests()
+        takes = sorted((replace(take, digest=take_digest(take, contents)) for take in takes), key=lambda t: t.name)
+        done: dict[str, Record] = {}
+        left: list[TakePlan] = []
+        for take in takes:
+            record = finished_record(take, out)
+            if record is None:
+                remove_old(take, out)
+                left.append(take)
+            else:
+                done[take.name] = replace(record, source=take.source)
+        finished_before = frozenset(done)
+        if left:
+            _do(left, out, work, do_tasks, done, progress)
+        records = tuple(done[take.name] for take in takes)
+        progress(1.0, "writing the summary")
+        page = write_summary(records, out, work)
+        return BatchResult(records, finished_before, page)
+
+
+def _do(
+    left: Sequence[TakePlan],
+    out: Path,
+    work: Path,
+    do_tasks: DoTasks,
+    done: dict[str, Record],
+    progress: Progress,
+) -> None:
+    """Do the takes and enter their records."""
+    weights = {take.name: _weight(take) for take in left}
+    # takes of one performer after each other, who is prepared once; of these the long ones first, or the last process
+    # would be busy with one while the others have nothing to do
+    ordered = sorted(left, key=lambda take: (take.options_of("solve"), -weights[take.name], take.name))
+    total, finished, solved, started = sum(weights.values()), 0, 0, time.monotonic()
+    before, bad = len(done), sum(record.status == BAD for record in done.values())
+    count = before + len(left)
+    progress(0.0, f"{before} of {count} takes")
+    with closing(do_tasks([Task(take, str(out.absolute()), str(work)) for take in ordered])) as records:
+        for record in records:
+            done[record.name] = record
+            finished += weights[record.name]
+            bad += record.status == BAD
+            solved += weights[record.name] * (record.status != BAD)
+            line = f"{len(done)} of {count} takes, {bad} bad"
+            if solved:  # a file that is empty tells nothing of how long the others take
+                left_s = (time.monotonic() - started) * (total - finished) / solved
+                line += f", {_duration(left_s)} left"
+            progress(finished / total, line)
+
+
+def _weight(take: TakePlan) -> int:
+    """Return what a take's work is taken to grow with: the bytes of its files."""
+    sources = [take.take] if take.take else [str(take.options.get(key, "")) for key in ("left", "right")]
+    return 1 + sum(Path(source).stat().st_size for source in sources if source and Path(source).is_file())
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
+
+
+@contextmanager
+def _workplace(out: Path) -> Iterator[Path]:
+    """Yield a new folder below `out` for what is not finished; nobody else writes there, and it goes in the end."""
+    try:
+        (out / REPORT).mkdir(parents=True, exist_ok=True)
+        handle = os.open(out / REPORT / ".lock", os.O_RDWR | os.O_CREAT, 0o666)
+    except OSError as error:
+        raise FormatError(
+            f"cannot be written ({error.strerror})", where=str(out), advice="choose a folder you may write to"
+        ) from error
+    try:
+        if not lock(handle):
+            raise SettingsError(
+                "another batch is writing there", where=str(out), advice="wait for it, or choose another folder"
+            )
+        for old in out.glob(f"{_UNFINISHED}*"):  # of a run that was ended by force
+            shutil.rmtree(old, ignore_errors=True)
+        work = Path(tempfile.mkdtemp(prefix=_UNFINISHED, dir=out)).absolute()
+        try:
+            yield work
+        finally:
+            shutil.rmtree(work, ignore_errors=True)
+    finally:
+        os.close(handle)

@@ -1,0 +1,68 @@
+"""A solved take at a glance: poses in a row, and below them how sure each moment is."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...body.skeleton import forward_kinematics
+from ...errors import FormatError
+from ...session.solve_take import SolvedTake
+from ...simulate.preview import CharacterPainter, floor_image, preview_camera
+from .quality import is_unsolved
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+_POSES = 6
+_CELL = (96, 124)  # pixels, width and height
+_DRAWN = (144, 186)  # larger, and made smaller afterwards: edges become smooth
+_BAR = 7  # pixels
+_QUALITY = 75  # of the JPEG
+_SOLE_M = 0.03  # from a joint of the foot to the floor
+# BGR of confidence 0, 0.5 and 1, and of frames without a pose
+_COLOURS = np.array([[60.0, 60.0, 200.0], [60.0, 190.0, 235.0], [90.0, 175.0, 90.0]])
+_UNSOLVED = (30.0, 30.0, 30.0)
+
+
+def write_strip(solved: SolvedTake, path: Path) -> None:
+    """Write the picture of a take as a JPEG.
+
+    Raises:
+        FormatError: it cannot be written.
+    """
+    done, data = cv2.imencode(".jpg", np.vstack((_poses(solved), _bar(solved))), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    if not done:
+        raise FormatError("the picture could not be made", where=str(path))
+    path.write_bytes(data.tobytes())
+
+
+def _poses(solved: SolvedTake) -> Image:
+    """Return poses of equal times side by side, each in the middle of its cell on the floor that the lowest touches."""
+    motion = solved.motion
+    camera = preview_camera([0.0, 1.0, 0.0], _DRAWN)
+    stage, painter = floor_image(camera), CharacterPainter(camera, motion.skeleton)
+    shown = ((np.arange(_POSES) + 0.5) / _POSES * motion.frames).astype(int)
+    rotations, heights = motion.rotations[shown], motion.root_positions_m[shown, 1]
+    lowest = forward_kinematics(motion.skeleton, rotations, motion.root_positions_m[shown])[0][..., 1].min()
+    cells = []
+    for pose, height in zip(rotations, heights, strict=True):
+        cell = stage.copy()
+        painter.draw(cell, pose, np.array([0.0, height - lowest + _SOLE_M, 0.0]))
+        cells.append(cv2.resize(cell, _CELL, interpolation=cv2.INTER_AREA))
+    return np.hstack(cells)
+
+
+def _bar(solved: SolvedTake) -> Image:
+    """Return a line of the time that shows the least confidence of each moment, black where there is no pose."""
+    width = _POSES * _CELL[0]
+    frames = len(solved.poses)
+    confidence = np.array([pose.confidence for pose in solved.poses])
+    unsolved = is_unsolved(solved.poses)
+    row = np.empty((width, 3))
+    for column in range(width):
+        part = slice(column * frames // width, max((column + 1) * frames // width, column * frames // width + 1))
+        colour = [np.interp(confidence[part].min(), (0.0, 0.5, 1.0), channel) for channel in _COLOURS.T]
+        row[column] = _UNSOLVED if unsolved[part].any() else colour
+    return np.broadcast_to(np.rint(row).astype(np.uint8), (_BAR, width, 3))

@@ -1,0 +1,117 @@
+"""What does the takes of a batch: a process that runs `serve`, or a worker of a cluster, which calls `serve_task`."""
+
+import os
+import queue
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, redirect_stderr
+from io import StringIO
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import argparse
+
+    from ...session.solve_take import SolvedTake
+
+_local = threading.local()
+
+
+def serve_task(text: str) -> str:
+    """Do one take, JSON in and out (`batch.record.Task`, `Record`).
+
+    What takes share stays open for the next one: a database is opened once by each thread that does takes.
+    """
+    from .process_take import run_task
+    from .take_record import Task
+
+    if not hasattr(_local, "commands"):
+        _local.commands = CommandLine()
+    return run_task(Task.of_text(text), _local.commands).text()
+
+
+class CommandLine:
+    """The commands that a take goes through (`batch.take.Commands`), run here, with what takes share."""
+
+    def __init__(self) -> None:
+        import cv2
+
+        from ...session.session_cache import SolverStore
+
+        cv2.setNumThreads(1)  # there is a process for each core
+        self._store = SolverStore()
+
+    def track(self, options: Sequence[str]) -> dict[str, Any]:
+        """Run `perfanim track`."""
+        return _run("track", options)
+
+    def solve(self, options: Sequence[str]) -> "tuple[SolvedTake, dict[str, Any]]":
+        """Run `perfanim solve`; return poses and motion, and facts."""
+        from ..solve import solve
+
+        args = parsed("solve", options)
+        with _usage_told():
+            return solve(args, _quiet, self._store)
+
+    def retarget(self, options: Sequence[str]) -> dict[str, Any]:
+        """Run `perfanim retarget`."""
+        return _run("retarget", options)
+
+
+def _run(command: str, options: Sequence[str]) -> dict[str, Any]:
+    """Run a command and return its summary."""
+    args = parsed(command, options)
+    with _usage_told():
+        summary: dict[str, Any] = args.run(args, _quiet)
+    return summary
+
+
+def parsed(command: str, options: Sequence[str]) -> "argparse.Namespace":
+    """Return the options of a command; SettingsError where the command line would end with wrong usage."""
+    from .. import solve
+    from ..main import build_parser
+
+    with _usage_told():
+        args = build_parser([command]).parse_args([command, *options])
+        if command == "solve":
+            solve.check(args)
+    return args
+
+
+@contextmanager
+def _usage_told() -> Iterator[None]:
+    """Raise SettingsError where the command line would end with wrong usage."""
+    from ...errors import SettingsError
+
+    said = StringIO()
+    try:
+        with redirect_stderr(said):
+            yield
+    except SystemExit as error:
+        if error.code != 2:  # another end than for wrong usage
+            raise
+        line = said.getvalue().strip().splitlines()[-1]
+        raise SettingsError(line.rpartition("error: ")[2]) from None
+
+
+def _quiet(fraction: float, text: str) -> None:
+    """Take signs of progress that nobody sees."""
+
+
+def serve() -> None:
+    """Do the takes that standard input names and tell of each on standard output, until it ends."""
+    # what libraries print must not come between the answers
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+    requests: queue.SimpleQueue[str] = queue.SimpleQueue()
+    threading.Thread(target=_listen, args=(requests,), daemon=True).start()
+    while True:
+        answers.write(serve_task(requests.get()) + "\n")
+        answers.flush()
+
+
+def _listen(requests: queue.SimpleQueue[str]) -> None:
+    """Hand requests over; when their sender is gone, however it ended, so is this process, whatever it is doing."""
+    for line in sys.stdin:
+        requests.put(line)
+    os._exit(0)

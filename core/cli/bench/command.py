@@ -1,0 +1,53 @@
+"""`perfanim bench`: the paper's tables and figures and ours, on real data."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ...errors import SettingsError
+from .accuracy import accuracy
+from .end_to_end import end_to_end
+from .figure5 import figure5
+from .figure6 import figure6
+from .gap import gap
+from .heterogeneity import heterogeneity
+from .offset import offset
+from .scale import scale
+from .speed import speed
+from .table1 import table1
+from .tuning import tuning
+from .vision import vision
+
+_BENCHES = {
+    "vision": (vision, "centres, points and labels against the truth of the simulated cameras"),
+    "offset": (offset, "time between two simulated cameras that are not synchronised, and the points located with it"),
+    "table1": (table1, "frames that the search visits, and its error"),
+    "figure5": (figure5, "error of models of pose by their dimension"),
+    "end-to-end": (end_to_end, "recorded motion filmed by simulated cameras, tracked and solved, beside true markers"),
+    "figure6": (figure6, "nearest, lwr, local-pca and best frame by frame"),
+    "accuracy": (accuracy, "every method on six takes, with the clip unseen and with the whole subject unseen"),
+    "gap": (gap, "what the distance to the paper's Figure 6 is made of: data, rate, markers, unit, model"),
+    "speed": (speed, "time of detection, of two streams to labelled points, of solve, search and import"),
+    "scale": (scale, "time to open, search and solve, and the error, by the size of the database"),
+    "heterogeneity": (heterogeneity, "walking solved with a database of walks and with one of everything"),
+    "tuning": (tuning, "local-pca over a grid of K, B and weights, on takes that no figure reports"),
+}
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add the command group."""
+    group = subparsers.add_parser("bench", help="the tables and figures of the paper on real data")
+    commands = group.add_subparsers(metavar="WHAT", required=True)
+    for name, (bench, text) in _BENCHES.items():
+        parser = commands.add_parser(name, help=text)
+        parser.add_argument("--data", required=True, metavar="DIR", help="folder that holds cmu/ and bandai/")
+        parser.add_argument("--out", required=True, metavar="DIR", help="folder to write to; databases are kept there")
+        parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes that read (default 2)")
+        parser.set_defaults(run=_run, bench=bench)
+
+
+def _run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+    if args.workers < 1:
+        raise SettingsError(f"--workers {args.workers} is out of range", advice="give 1 or more")
+    return args.bench(Path(args.data), Path(args.out), args.workers, progress)

@@ -1,0 +1,109 @@
+"""The motion that benchmarks run on: test takes, and databases without them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...body.motion import Motion, resampled, sliced
+from ...database.build import build_database
+from ...database.store import Clip, Database, open_database
+from ...database.subset import write_subset
+from ...errors import FormatError
+from ...formats.motion.motion_sources import motion_files
+from ...formats.motion.read_motion import read_motion
+
+Progress = Callable[[float, str], None]
+
+FPS = 60.0
+CMU, BANDAI = "cmu", "bandai"
+LEFT_OUT = ("16_16", "35_01", "16_02", "09_03", "86_01")  # takes that no database of a benchmark holds
+SPLIT, SPLIT_AT = "14_02", 2 / 3  # the first two thirds of this take are in the databases, the last is a test
+
+
+@dataclass(frozen=True)
+class TestTake:
+    """A take, or a part of one, that is solved.
+
+    Args:
+        title: what it is called in tables and plots.
+        trial: name of its file.
+        first, last: shares of the take at which the part begins and ends.
+    """
+
+    title: str
+    trial: str
+    first: float = 0.0
+    last: float = 1.0
+
+
+WALKING = TestTake("walking (16_16)", "16_16")
+BOXING = TestTake("boxing (14_02, last third)", SPLIT, SPLIT_AT)
+# settings are chosen on these, with their frames and those of the test takes out of the database
+DEVELOPMENT_SPLIT_AT = 1 / 3
+DEVELOPMENT = (
+    TestTake("walking (16_31)", "16_31"),
+    TestTake("walking (07_08)", "07_08"),
+    TestTake("jumping (16_06)", "16_06"),
+    TestTake("running (09_06)", "09_06"),
+    TestTake("boxing (14_02, second third)", SPLIT, DEVELOPMENT_SPLIT_AT, SPLIT_AT),
+)
+
+
+def data_folders(data: Path, names: tuple[str, ...]) -> list[Path]:
+    """Return the folders of motion below `data`; FormatError names the one that is missing."""
+    folders = [data / name for name in names]
+    for folder in folders:
+        if not folder.is_dir():
+            raise FormatError(
+                "there is no such folder",
+                where=str(folder),
+                advice=f"give the folder that holds {' and '.join(names)} with --data",
+            )
+    return folders
+
+
+def read_take(data: Path, take: TestTake, fps: float = FPS) -> Motion:
+    """Return a test take, at the rate of the databases unless told otherwise."""
+    with motion_files(data_folders(data, (CMU,))) as files:
+        for file in files:
+            if file.stem == take.trial:
+                motion = resampled(read_motion(file.path, file.skeleton), fps)
+                return sliced(motion, int(motion.frames * take.first), int(motion.frames * take.last))
+    raise FormatError(f"take {take.trial} is missing", where=str(data / CMU))
+
+
+def whole_database(data: Path, out: Path, sets: tuple[str, ...], workers: int, progress: Progress) -> Database:
+    """Return the database of all motion of the sets, built in `out` if it is not there."""
+    path = out / "databases" / ("-".join(sets) + ".perfdb")
+    if not path.exists():
+        build_database(
+            data_folders(data, sets), path, FPS, workers=workers, progress=lambda f, text: progress(0.2 * f, text)
+        )
+    return open_database(path)
+
+
+def without_tests(
+    database: Database, path: Path, chosen: Callable[[Clip], bool] = lambda clip: True, split_at: float = SPLIT_AT
+) -> Database:
+    """Return a database without the test takes, of the other clips that are chosen, built if it is not there.
+
+    Args:
+        split_at: share of the take that is split that is kept.
+    """
+    return _without(database, path, LEFT_OUT, split_at, chosen)
+
+
+def without_development(database: Database, path: Path) -> Database:
+    """Return a database without the test takes and the development takes, built if it is not there."""
+    left_out = LEFT_OUT + tuple(take.trial for take in DEVELOPMENT if take.trial != SPLIT)
+    return _without(database, path, left_out, DEVELOPMENT_SPLIT_AT, lambda clip: True)
+
+
+def _without(
+    database: Database, path: Path, left_out: tuple[str, ...], split_at: float, chosen: Callable[[Clip], bool]
+) -> Database:
+    if path.exists():
+        return open_database(path)
+    frames = {clip: clip.stop - clip.start for clip in database.clips if clip.name not in left_out and chosen(clip)}
+    frames |= {clip: int(count * split_at) for clip, count in frames.items() if clip.name == SPLIT}
+    return write_subset(database, path, [(clip, 0, count) for clip, count in frames.items() if count > 0])

@@ -1,0 +1,109 @@
+"""Figure 6 of the paper: nearest neighbour, locally weighted regression and the local model, frame by frame."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...body.motion import Motion
+from ...body.motion_metrics import evaluate
+from ...database.store import Database
+from ...geometry import rotations as rot
+from ...markers.marker_set import load_marker_set
+from ...markers.subject import Subject
+from ...session.solve_take import solve_take
+from ...simulate.markers import simulate_markers
+from ...solver.settings import SolveSettings
+from .data import BOXING, CMU, WALKING, Progress, read_take, whole_database, without_tests
+from .methods import METHODS
+from .plots import Line, Panel, check_plots, write_plot
+from .report import write_json, write_rows
+
+# degrees per joint angle
+PAPER = {
+    BOXING.title: {"nearest": 7.67, "lwr": 6.15, "local-pca (paper's range)": 2.31},
+    WALKING.title: {"nearest": 4.46, "lwr": 3.32, "local-pca (paper's range)": 1.30},
+}
+MARKER_SET = "boxing"
+_UNITS = ("deg_per_joint", "deg_per_angle", "mpjpe_mm", "bone_direction_deg", "twist_deg", "jitter_ratio")
+
+
+def figure6(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
+    """Solve a boxing and a walking take that are out of the database by every method, and write the figure.
+
+    Args:
+        data: folder that holds `cmu`.
+        out: folder to write to.
+        workers: processes that read motion.
+
+    Returns:
+        rows (take, method, errors, the paper's value), ratios between methods, database, outputs.
+
+    Raises:
+        FormatError: the data are not there.
+        SettingsError: matplotlib is missing.
+    """
+    check_plots()
+    whole = whole_database(data, out, (CMU,), workers, progress)
+    database = without_tests(whole, out / "databases" / "cmu-without-tests.perfdb")
+    rows, curves, panels = [], [], []
+    takes = (BOXING, WALKING)
+    for number, take in enumerate(takes):
+        truth = read_take(data, take)
+        lines = []
+        for done, (name, settings) in enumerate(METHODS.items()):
+            at = 0.25 + 0.75 * (number + done / len(METHODS)) / len(takes)
+            progress(at, f"{take.title}: {name}")
+            motion, milliseconds = solved(truth, database, settings)
+            errors = evaluate(motion, truth)
+            row = {"take": take.title, "method": name, "frames": truth.frames}
+            row |= {unit: round(errors[unit], 4) for unit in _UNITS}
+            paper = PAPER[take.title].get(name, "")
+            rows.append(row | {"ms_per_frame_median": round(milliseconds, 2), "paper_deg_per_angle": paper})
+            frame_errors = degrees_per_joint(motion, truth)
+            lines.append(Line(name, np.arange(truth.frames), frame_errors))
+            curves += [
+                {"take": take.title, "method": name, "frame": frame, "deg_per_joint": round(float(error), 4)}
+                for frame, error in enumerate(frame_errors)
+            ]
+        panels.append(Panel(f"{take.title}, {truth.fps:g} Hz", lines))
+    figures = {"rows": rows, "ratios": ratios(rows), "database": describe(database), "marker_set": MARKER_SET}
+    write_json(out / "figure6.json", figures)
+    write_rows(out / "figure6.csv", rows)
+    write_rows(out / "figure6-frames.csv", curves)
+    plots = write_plot(out / "figure6", panels, "frame", "error (degrees per joint)")
+    names = ("figure6.json", "figure6.csv", "figure6-frames.csv")
+    return figures | {"outputs": [str(out / name) for name in names] + [str(path) for path in plots]}
+
+
+def solved(
+    truth: Motion, database: Database, settings: SolveSettings, marker_set: str = MARKER_SET
+) -> tuple[Motion, float]:
+    """Return what the markers of a motion are solved to, and the median time of a frame, ms."""
+    subject = Subject(truth.name, truth.skeleton, load_marker_set(marker_set))
+    take, _ = simulate_markers(truth, subject)
+    result = solve_take(take, subject, database, settings, lambda fraction, text: None)
+    return result.motion, 1e3 * float(np.median(result.seconds))
+
+
+def degrees_per_joint(motion: Motion, truth: Motion) -> NDArray[np.float64]:
+    """Return (F,) the mean angle between the local rotations of all joints but the root, degrees."""
+    between = rot.angle_between(motion.rotations[:, 1:], truth.rotations[:, 1:])
+    return np.asarray(np.degrees(between.mean(axis=1)))
+
+
+def ratios(rows: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
+    """Return, per take, the deg/joint of one method as a share of another's."""
+    tuned, paper = "local-pca (tuned)", "local-pca (paper's range)"
+    pairs = ((paper, "nearest"), (tuned, "nearest"), ("best", paper), ("best", tuned))
+    result: dict[str, dict[str, float]] = {}
+    for take in dict.fromkeys(row["take"] for row in rows):
+        error = {row["method"]: row["deg_per_joint"] for row in rows if row["take"] == take}
+        result[take] = {f"{a} / {b}": round(error[a] / error[b], 3) for a, b in pairs}
+    return result
+
+
+def describe(database: Database) -> dict[str, Any]:
+    """Return the size of a database."""
+    return {"frames": database.frames, "fps": database.fps, "clips": len(database.clips)}

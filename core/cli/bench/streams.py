@@ -1,0 +1,205 @@
+"""Two streams of images, from images in hand to labelled points, through what live capture runs."""
+
+import struct
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from multiprocessing.shared_memory import SharedMemory
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...body.pose_frame import PoseFrame
+from ...database.store import Database
+from ...errors import CaptureError
+from ...geometry.camera import CameraRig
+from ...markers.marker_frame import MarkerFrame
+from ...markers.marker_frame_codec import pack, unpack
+from ...markers.subject import Subject
+from ...session.session import Session
+from ...simulate.studio.source import open_simulated
+from ...vision.live import live_frames, live_settings
+from ...vision.pipeline import MarkerPipeline
+from ...vision.sources.image_set import ImageSet
+
+Image = NDArray[np.uint8]
+
+STAGES = ("detect", "locate", "label")
+_FPS = 240.0  # of the cameras: as many as are to be followed
+_EMPTY = 30  # images of the room that the background is learned from
+_SKIPPED_S, _LEAST_S = 4.0, 3.0  # of the performance: T pose and arms down come first
+_BLOCK = 40  # pairs that one measurement of processor time goes over: the clock's steps are coarse
+_STAMP = struct.Struct("<d")
+
+
+@dataclass(frozen=True)
+class Streams:
+    """Images of the simulated studio, drawn beforehand.
+
+    Args:
+        rig, subject: the true cameras and performer.
+        empty: (E, C, H, W, 3) of the room.
+        images: (N, C, H, W, 3) one moment after another.
+    """
+
+    rig: CameraRig
+    subject: Subject
+    empty: Image
+    images: Image
+
+    def moments(self, passes: int) -> list[int]:
+        """Return which images to show, one after another: forward and backward, so that the performer never jumps."""
+        count = len(self.images)
+        return (list(range(count)) + list(range(count - 2, 0, -1))) * passes
+
+
+def render_streams(pairs: int) -> Streams:
+    """Return a performer who boxes in a furnished room before two cameras of 640x480."""
+    source = open_simulated({"behaviour": "boxing", "fps": _FPS, "seconds": _LEAST_S + pairs / _FPS})
+    first = round(_SKIPPED_S * _FPS)
+    empty = np.array(list(source.background_frames(_EMPTY)))
+    return Streams(source.rig, source.subject, empty, np.array([source.frame(first + i).images for i in range(pairs)]))
+
+
+def _sets(images: Image, moments: Sequence[int]) -> Iterator[ImageSet]:
+    for number, moment in enumerate(moments):
+        yield ImageSet(number, (number / _FPS,) * images.shape[1], tuple(images[moment]))
+
+
+def _pipeline(rig: CameraRig, empty: Image) -> MarkerPipeline:
+    pipeline = MarkerPipeline(rig, live_settings())
+    pipeline.learn_empty(tuple(moment) for moment in empty)
+    return pipeline
+
+
+@dataclass(frozen=True)
+class StageTimes:
+    """Processor time of a pair, milliseconds, as measured over blocks of pairs, and what came of it.
+
+    Args:
+        milliseconds: per stage (B,).
+        poses: (N,) solved with the points, which the labels go by.
+        located: share of the markers that were located in space and labelled.
+    """
+
+    milliseconds: dict[str, NDArray[np.float64]]
+    poses: tuple[PoseFrame, ...]
+    located: float
+
+
+def stage_times(streams: Streams, database: Database) -> StageTimes:
+    """Take the streams through one stage after another, block by block, in this process."""
+    pipeline = _pipeline(streams.rig, streams.empty)
+    session = Session(streams.subject, database, streams.rig)
+    labelling = Session(streams.subject, database, streams.rig)
+    milliseconds: dict[str, list[float]] = {stage: [] for stage in STAGES}
+    poses: list[PoseFrame] = []
+    located = 0
+    sets = list(_sets(streams.images, range(len(streams.images))))
+    for start in range(0, len(sets), _BLOCK):
+        block = sets[start : start + _BLOCK]
+        clock = [time.process_time()]
+        seen = [pipeline.detect(images) for images in block]
+        clock.append(time.process_time())
+        frames = [pipeline.locate(moment) for moment in seen]
+        clock.append(time.process_time())
+        poses += [session.step(frame) for frame in frames]
+        before = [poses[max(start + i - 1, 0)] for i in range(len(frames))]
+        labels_from = time.process_time()
+        observed = [_label(labelling, frame, pose) for frame, pose in zip(frames, before, strict=True)]
+        taken = [*np.diff(clock), time.process_time() - labels_from]
+        for stage, seconds in zip(milliseconds, taken, strict=True):
+            milliseconds[stage].append(1e3 * seconds / len(block))
+        located += sum(observed)
+    share = located / (len(sets) * len(streams.subject.marker_set))
+    return StageTimes({stage: np.array(rows) for stage, rows in milliseconds.items()}, tuple(poses), share)
+
+
+def _label(session: Session, frame: MarkerFrame, before: PoseFrame) -> int:
+    """Label what a frame shows by the pose before; return how many markers are located."""
+    return int(session.label_followed(frame, before.markers_m, 1.0 / _FPS).located.sum())
+
+
+@dataclass(frozen=True)
+class Throughput:
+    """How fast pairs go through two processes.
+
+    Args:
+        pairs_s: pairs a second, from the first in hand to the last labelled.
+        cameras_ms, labels_ms: processor time of a pair in the cameras' process and in the one that labels.
+        located: as in `StageTimes`.
+    """
+
+    pairs_s: float
+    cameras_ms: float
+    labels_ms: float
+    located: float
+
+
+def throughput(streams: Streams, database: Database, poses: Sequence[PoseFrame], passes: int) -> Throughput:
+    """Send the streams through the cameras' process, as fast as it takes them, and label here what it hands over.
+
+    Raises:
+        CaptureError: that process failed.
+    """
+    moments = streams.moments(passes)
+    session = Session(streams.subject, database, streams.rig)
+    memory = SharedMemory(create=True, size=streams.images.nbytes + streams.empty.nbytes)
+    shapes = (streams.empty.shape, streams.images.shape)
+    for part, images in zip(_shared(memory, shapes), (streams.empty, streams.images), strict=True):
+        part[:] = images
+    context = get_context("spawn")
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=_film, args=(memory.name, shapes, streams.rig, moments, sender))
+    try:
+        process.start()
+        sender.close()  # or its end would not show here
+        located, first_s, last_s = 0, 0.0, 0.0
+        for number in range(len(moments)):
+            data = receiver.recv_bytes()
+            if number == 0:
+                labels_from_s, first_s = time.process_time(), _STAMP.unpack_from(data)[0]
+            before = poses[moments[max(number - 1, 0)]]
+            located += _label(session, unpack(data[_STAMP.size :]), before)
+            last_s = time.perf_counter()
+        labels_s = time.process_time() - labels_from_s
+        (cameras_s,) = _STAMP.unpack(receiver.recv_bytes())
+    except EOFError as error:
+        raise CaptureError("ended before all images were through", where="the cameras' process") from error
+    finally:
+        process.join()
+        memory.close()
+        memory.unlink()
+    return Throughput(
+        len(moments) / (last_s - first_s),
+        1e3 * cameras_s / len(moments),
+        1e3 * labels_s / len(moments),
+        located / (len(moments) * len(streams.subject.marker_set)),
+    )
+
+
+def _shared(memory: SharedMemory, shapes: Sequence[tuple[int, ...]]) -> list[Image]:
+    """Return arrays of 8 bits in shared memory, one after another."""
+    starts = np.concatenate(([0], np.cumsum([np.prod(shape) for shape in shapes]))).tolist()
+    return [
+        np.ndarray(shape, dtype=np.uint8, buffer=memory.buf, offset=start)
+        for shape, start in zip(shapes, starts[:-1], strict=True)
+    ]
+
+
+def _film(
+    name: str, shapes: Sequence[tuple[int, ...]], rig: CameraRig, moments: Sequence[int], sender: Connection
+) -> None:
+    """Be the cameras' process; at the end send its processor time."""
+    cv2.setNumThreads(1)  # as `camera_job`
+    memory = SharedMemory(name)
+    empty, images = (np.array(part) for part in _shared(memory, shapes))
+    memory.close()
+    pipeline = _pipeline(rig, empty)
+    started_s = time.process_time()
+    for stamp_s, frame in live_frames(_sets(images, moments), pipeline, lambda warning: None, exact=False):
+        sender.send_bytes(_STAMP.pack(stamp_s) + pack(frame))
+    sender.send_bytes(_STAMP.pack(time.process_time() - started_s))

@@ -1,0 +1,1 @@
+"""`perfanim calibrate` and its subcommands."""

@@ -1,0 +1,89 @@
+"""`perfanim calibrate floor`: floor, origin and scale of calibrated cameras from markers that lie on the floor."""
+
+import argparse
+from collections.abc import Callable
+from typing import Any
+
+Progress = Callable[[float, str], None]
+
+_BACKGROUND_SAMPLES = 240
+
+
+def add_parser(group: Any) -> None:
+    """Add `calibrate floor`."""
+    parser = group.add_parser("floor", help="floor, origin and scale from three or more markers lying on the floor")
+    parser.add_argument("--cameras", metavar="cameras.toml", required=True, help="the calibration")
+    source = "a video, or a folder or pattern of images, in which the markers lie still for a second"
+    parser.add_argument("--left", metavar="SRC", required=True, help=source)
+    parser.add_argument("--right", metavar="SRC", required=True, help="the same for the right camera")
+    parser.add_argument(
+        "--camera", metavar="SRC", action="append", default=[], help="any further camera, in the calibration's order"
+    )
+    parser.add_argument(
+        "--background", metavar="SRC", nargs="+", help="the same room without the markers, one source per camera "
+        "(default: all else is taken for dark)"
+    )  # fmt: skip
+    parser.add_argument(
+        "--threshold", metavar="LEVELS", type=float, help="grey levels above the background (default: automatic)"
+    )
+    parser.add_argument(
+        "--height-mm", metavar="MM", type=float, default=0.0,
+        help="of the markers' middles above the floor, such as the radius of balls (default 0)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--longest-mm", metavar="MM", type=float,
+        help="distance between the two markers farthest apart, as measured, which the calibration is scaled to "
+        "(default: its scale is kept)",
+    )  # fmt: skip
+    parser.add_argument("--out", metavar="level.toml", required=True, help="the calibration to write")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Find the floor, write the calibration in the world that has it at y = 0, return the summary."""
+    from ...errors import CalibrationError
+    from ...geometry.rig_file import load_rig, save_rig
+    from ...vision.calibration.floor import rig_on_floor
+    from ...vision.calibration.floor_markers import scaled_to
+
+    rig = load_rig(args.cameras)
+    watch = _watched(args, rig, progress)
+    if watch.points_m is None:
+        raise CalibrationError(
+            "no markers lie still on the floor for a second", where=str(args.left), advice=watch.advice
+        )
+    points_m, scale = watch.points_m, 1.0
+    if args.longest_mm is not None:
+        rig, points_m, scale = scaled_to(rig, points_m, 1e-3 * args.longest_mm)
+    level = rig_on_floor(rig, points_m, above_m=1e-3 * args.height_mm)
+    save_rig(level, args.out)
+    heights_mm = {camera.name: 1e3 * float(camera.centre_m[1]) for camera in level.cameras}
+    return {"markers": len(points_m), "scale": scale, "camera_heights_mm": heights_mm, "out": str(args.out)}
+
+
+def _watched(args: argparse.Namespace, rig: Any, progress: Progress) -> Any:
+    from ...vision.calibration.floor_markers import FloorWatch
+    from ...vision.detection.detector import DetectionSettings
+    from ...vision.pipeline import MarkerPipeline, PipelineSettings
+    from ...vision.sources.spec import open_image_source
+
+    pipeline = MarkerPipeline(rig, PipelineSettings(detection=(DetectionSettings(threshold=args.threshold),)))
+    if args.background:
+        progress(0.0, "learning the background")
+        empty = open_image_source(*args.background)
+        try:
+            pipeline.learn_empty(empty.samples(_BACKGROUND_SAMPLES))
+        finally:
+            empty.close()
+    watch = FloorWatch()
+    source = open_image_source(args.left, args.right, *args.camera)
+    try:
+        total = max(int(getattr(source, "frames", 0)), 1)
+        for number, images in enumerate(source):
+            progress(min(number / total, 1.0), f"looking for markers: moment {number + 1}")
+            watch.see(images.times_s[0], pipeline.process(images).points_m)
+            if watch.points_m is not None:
+                break
+    finally:
+        source.close()
+    return watch

@@ -1,0 +1,64 @@
+"""`perfanim calibrate prop`: a rigid thing with markers, measured from a take of it."""
+
+import argparse
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...formats.markers.marker_files import is_recorded, read_take
+from ...formats.take_file.reading import rate, read_take_file
+from ...labelling.trajectory_linking import track_markers
+from ...markers.marker_take import MarkerTake
+from ...markers.prop import save_prop
+from ...subjects.prop_calibration import calibrate_prop
+from .subject import part
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add `prop` to the `calibrate` group."""
+    parser = subparsers.add_parser("prop", help="a sword, stick or camera with markers of its own")
+    parser.add_argument(
+        "take",
+        metavar="TAKE",
+        help="take of the prop alone, lying before the cameras or moved slowly: of `perfanim track` without "
+        "--marker-set, a .perftake, or another system's",
+    )
+    parser.add_argument("--out", required=True, metavar="prop.toml", help="definition to write")
+    parser.add_argument("--name", metavar="NAME", help="of the prop (default: the file's)")
+    parser.add_argument("--frames", metavar="A:B", help="look only at these frames of the take")
+    parser.add_argument(
+        "--markers", metavar="M,M,...", help="its markers (default: the largest group that keeps its distances)"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+    """Measure the prop and write it."""
+    progress(0.0, "reading")
+    take = part(_trajectories(args.take), args.frames)
+    name = args.name or Path(args.out).stem
+    found = calibrate_prop(take, name, args.markers.split(",") if args.markers else ())
+    save_prop(found.prop, args.out)
+    places = found.prop.positions_m
+    return {
+        "name": name,
+        "markers_mm": dict(zip(found.prop.names, (1e3 * places).round(1).tolist(), strict=True)),
+        "residual_mm": 1e3 * found.prop.residual_m,
+        "frames": found.frames,
+        "left_out": list(found.left_out),
+        "advice": list(found.advice),
+        "out": str(args.out),
+    }
+
+
+def _trajectories(path: str) -> MarkerTake:
+    """Return the trajectories of all points of a take, whatever they were taken for."""
+    if not is_recorded(path):
+        return read_take(path)
+    take = read_take_file(path)
+    frames = [replace(frame, labels=np.full(len(frame.points_m), -1)) for frame in take.frames]
+    numbers, times_s = np.array([frame.number for frame in frames]), np.array([frame.time_s for frame in frames])
+    return track_markers(frames, take.notes.name, rate(times_s, numbers)).take

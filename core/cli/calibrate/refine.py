@@ -1,0 +1,95 @@
+"""`perfanim calibrate refine`: places of calibrated cameras anew, from the markers of a take."""
+
+import argparse
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+Progress = Callable[[float, str], None]
+
+_LOOKED_AT = 300  # moments of a take
+_BACKGROUND_SAMPLES = 31
+
+
+def add_parser(group: Any) -> None:
+    """Add `calibrate refine`."""
+    parser = group.add_parser(
+        "refine", help="find out whether a camera was bumped, and where it is now, from any moving markers"
+    )
+    parser.add_argument("--cameras", metavar="cameras.toml", required=True, help="the calibration to refine")
+    source = "a video, or a folder or pattern of images, in which markers (or a single one) move through the space"
+    parser.add_argument("--left", metavar="SRC", required=True, help=source)
+    parser.add_argument("--right", metavar="SRC", required=True, help="the same for the right camera")
+    parser.add_argument(
+        "--camera", metavar="SRC", action="append", default=[], help="any further camera, in the calibration's order"
+    )
+    parser.add_argument("--out", metavar="refined.toml", required=True, help="the calibration to write")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Refine, write the rig, return the summary."""
+    from ...errors import CalibrationError
+    from ...geometry.rig_file import load_rig, save_rig
+    from ...vision.calibration.refine import refine_rig
+    from ...vision.pipeline import MarkerPipeline
+    from ...vision.sources.spec import open_image_source
+
+    rig = load_rig(args.cameras)
+    source = open_image_source(args.left, args.right, *args.camera)
+    try:
+        pipeline = MarkerPipeline(rig)
+        progress(0.0, "learning the background")
+        samples = list(source.samples(_BACKGROUND_SAMPLES))
+        if len(samples) > 1:
+            pipeline.learn_behind(samples)
+        frames = []
+        for number, images in enumerate(source.samples(_LOOKED_AT)):
+            _check(rig, images)
+            progress(0.8 * number / _LOOKED_AT, f"looking for markers: moment {number + 1}")
+            frames.append([d.detect(image) for d, image in zip(pipeline.detectors, images, strict=True)])
+    finally:
+        source.close()
+    progress(0.8, "placing the cameras")
+    result = refine_rig(rig, frames)
+    names = [camera.name for camera in rig.cameras]
+    moved = names[int(np.argmax(result.turned_deg))]
+    if result.bumped and not result.sure:
+        raise CalibrationError(
+            f"{moved} was bumped against {names[0]}, and the markers tell where it is to "
+            f"{100.0 * result.depth_sigma:.1f} % of their distance only",
+            where=str(args.cameras),
+            advice="calibrate again with the board",
+        )
+    if result.bumped:
+        advice = [f"{moved} was bumped against {names[0]}: use the refined calibration, or calibrate again"]
+    elif not result.sure:
+        advice = ["the cameras stand as calibrated; the markers do not tell it more closely, so nothing was changed"]
+    else:
+        advice = []
+    save_rig(replace(rig, cameras=result.rig.cameras) if result.sure else rig, args.out)
+    return {
+        "bumped": result.bumped,
+        "before_px": result.before_px,
+        "after_px": result.after_px,
+        "turned_deg": dict(zip(names, result.turned_deg.tolist(), strict=True)),
+        "moved_mm": dict(zip(names, result.moved_mm.tolist(), strict=True)),
+        "depth_sigma_percent": 100.0 * result.depth_sigma,
+        "changed": result.sure,
+        "points": result.points,
+        "advice": advice,
+        "out": str(args.out),
+    }
+
+
+def _check(rig: Any, images: tuple[Any, ...]) -> None:
+    from ...errors import CalibrationError
+
+    sizes = [(image.shape[1], image.shape[0]) for image in images]
+    expected = [camera.image_size for camera in rig.cameras]
+    if sizes != expected:
+        raise CalibrationError(
+            f"images are {sizes}, the calibration is for {expected}", advice="use the calibration of these cameras"
+        )

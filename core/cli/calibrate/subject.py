@@ -1,0 +1,180 @@
+"""`perfanim calibrate subject`: skeleton and marker offsets from a calibration pose."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...body.calibration_poses import CALIBRATION, POSES
+from ...body.standard_skeleton import default_skeleton
+from ...database.store import open_database
+from ...errors import SettingsError
+from ...formats.markers.marker_files import read_take
+from ...markers.label_matching import AUTO, best_match, load_names, match_names, named_by_hand
+from ...markers.marker_set import MarkerSet, load_marker_set
+from ...markers.marker_take import MarkerTake
+from ...markers.subject import Subject, load_subject, save_subject
+from ...simulate.performer.bodies import load_bodies
+from ...subjects.from_motion import frames_of, subject_from_motion
+from ...subjects.pose_calibration import (
+    SubjectCalibration,
+    calibrate_markers,
+    calibrate_subject,
+    calibration_points,
+    pose_points,
+)
+from ...system.assets import SKELETONS
+
+_DOUBTFUL_M = 0.015  # a body that explains the motion's markers no better is not to be trusted
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add `subject` to the `calibrate` group."""
+    parser = subparsers.add_parser("subject", help="skeleton and marker offsets from held poses")
+    parser.add_argument("take", metavar="TAKE", help="take that shows the calibration pose, held still for a second")
+    parser.add_argument(
+        "--marker-set", required=True, metavar="NAME", help=f"shipped marker set or TOML file, or {AUTO}: by the labels"
+    )
+    parser.add_argument("--names", metavar="FILE", help="TOML file that says which label is which marker, as for solve")
+    parser.add_argument("--out", required=True, metavar="subject.toml", help="subject to write")
+    parser.add_argument("--name", metavar="NAME", help="of the person (default: --skeleton-from's, or the file's)")
+    held = parser.add_mutually_exclusive_group()
+    held.add_argument("--pose", choices=tuple(POSES), default="t", help="the one pose that is held (default t)")
+    held.add_argument(
+        "--poses",
+        metavar="P,P,...",
+        help="several poses, each held in the take for --seconds and found there, the first one upright: best "
+        + ",".join(CALIBRATION)
+        + ", which tell where the arms begin",
+    )
+    parser.add_argument("--seconds", type=float, default=1.0, metavar="S", help="how long each is held (default 1)")
+    parser.add_argument("--frames", metavar="A:B", help="look only at these frames of the take")
+    parser.add_argument(
+        "--skeleton-from",
+        metavar="subject.toml",
+        help="keep this subject's bones and measure the markers only: after one was added, taken off or moved",
+    )
+    parser.add_argument(
+        "--database",
+        metavar="DB",
+        help="nobody holds a pose: fit bones and offsets to the take's motion (at most its first 300 frames) with "
+        "poses from this motion database, drawn to the marker set's usual offsets",
+    )
+    parser.add_argument(
+        "--refine",
+        metavar="subject.toml",
+        help="with --database: begin with this subject and let the motion correct bones and offsets a little",
+    )
+    parser.add_argument(
+        "--height", type=float, metavar="M", help="with --database: of the person, metres (default 1.7)"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+    """Calibrate a subject and write it."""
+    if not 0.0 < args.seconds <= 60.0:
+        raise SettingsError(f"--seconds {args.seconds:g} is out of range", advice="give more than 0, up to 60")
+    progress(0.0, "reading")
+    take = part(read_take(args.take), args.frames)
+    if args.names is not None:
+        take = named_by_hand(take, load_names(args.names))
+    by_labels = args.marker_set == AUTO
+    marker_set = best_match(take.names, str(args.take)).marker_set if by_labels else load_marker_set(args.marker_set)
+    take = match_names(take.names, marker_set).renamed(take)
+    if args.refine and (not args.database or args.height is not None):
+        raise SettingsError("--refine needs --database and no --height", advice="the subject has its height")
+    known = load_subject(args.skeleton_from) if args.skeleton_from else None
+    before = load_subject(args.refine) if args.refine else known
+    name = args.name or (before.name if before else Path(args.out).stem)
+    if args.database:
+        if known:
+            raise SettingsError("--skeleton-from and --database exclude each other", advice="leave one of them out")
+        subject = _from_motion(args, take, marker_set, before, name, progress)
+        doubtful = subject.residual_m > _DOUBTFUL_M
+        facts: dict[str, Any] = {"advice": ["check --marker-set, or record a calibration pose"] if doubtful else []}
+    else:
+        result = _from_poses(args, take, marker_set, known, name)
+        subject, facts = result.subject, _trust(result)
+    save_subject(subject, args.out)
+    lengths = np.linalg.norm(subject.skeleton.tips_m, axis=1)
+    return {
+        "bones_mm": {joint: 1e3 * float(n) for joint, n in zip(subject.skeleton.names, lengths, strict=True)},
+        "offsets_mm": {
+            marker: (1e3 * np.asarray(offset)).round(1).tolist()
+            for marker, offset in zip(subject.marker_set.names, subject.marker_set.offsets_m, strict=True)
+        },
+        "residual_mm": 1e3 * subject.residual_m,
+        **facts,
+        "out": str(args.out),
+    }
+
+
+def _from_poses(
+    args: argparse.Namespace, take: MarkerTake, marker_set: MarkerSet, known: Subject | None, name: str
+) -> SubjectCalibration:
+    """Return the subject who holds the poses in the take."""
+    poses = tuple(args.poses.split(",")) if args.poses else (args.pose,)
+    if args.poses:
+        points = pose_points(take, marker_set, poses, args.seconds)
+    else:
+        points = calibration_points(take, marker_set, args.seconds)
+    if known:
+        return calibrate_markers(points, marker_set, known, name, *poses)
+    return calibrate_subject(points, marker_set, load_bodies(SKELETONS), name, *poses)
+
+
+def _trust(result: SubjectCalibration) -> dict[str, Any]:
+    """Return how far a calibration can be trusted."""
+    return {
+        "marker_residuals_mm": {marker: round(1e3 * off, 1) for marker, off in result.marker_residuals_m.items()},
+        "open_mm": {joint: round(1e3 * sigma, 1) for joint, sigma in result.sigmas_m.items()},
+        "verdict": result.verdict,
+        "advice": list(result.advice),
+    }
+
+
+def _from_motion(
+    args: argparse.Namespace,
+    take: MarkerTake,
+    marker_set: MarkerSet,
+    before: Subject | None,
+    name: str,
+    progress: Callable[[float, str], None],
+) -> Subject:
+    """Return the subject fitted to the take's motion, from one who is calibrated or an average one on."""
+    if before:
+        unknown = [marker for marker in marker_set.names if marker not in before.marker_set.names]
+        if unknown:
+            raise SettingsError(
+                "the subject to refine is calibrated without " + ", ".join(unknown),
+                where=str(args.refine),
+                advice="give the marker set that it was calibrated with",
+            )
+        start = Subject(name, before.skeleton, before.marker_set.subset(marker_set.names))
+    else:
+        height_m = 1.7 if args.height is None else args.height
+        if not 1.0 <= height_m <= 2.5:
+            raise SettingsError(f"--height {height_m:g} is out of range", advice="give metres, 1 to 2.5")
+        start = Subject(name, default_skeleton(height_m), marker_set)
+    return subject_from_motion(take, start, open_database(args.database), progress).subject
+
+
+def part(take: MarkerTake, text: str | None) -> MarkerTake:
+    """Return the frames "A:B" of a take, all of it for None; SettingsError when they are none."""
+    if text is None:
+        return take
+    start, colon, stop = text.partition(":")
+    try:
+        frames = slice(int(start) if start else None, int(stop) if stop else None)
+    except ValueError:
+        colon = ""
+    if not colon:
+        raise SettingsError(f"--frames {text!r} is not A:B", advice="for example 0:90")
+    if len(range(*frames.indices(take.frames))) == 0:
+        raise SettingsError(
+            f"--frames {text} leaves nothing", where=take.name, advice=f"the take has the frames 0:{take.frames}"
+        )
+    return frames_of(take, frames)

@@ -1,0 +1,1 @@
+"""`perfanim take` and its subcommands."""

@@ -1,0 +1,104 @@
+"""`perfanim take fill`: gaps of a marker take filled, and noise taken out, by the body that the markers show."""
+
+import argparse
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from ...body.standard_skeleton import default_skeleton
+from ...database.store import Database, open_database
+from ...errors import SettingsError, TakeError
+from ...formats.markers.marker_files import WRITABLE, check_writable, is_recorded, read_take
+from ...formats.markers.rewrite_take import rewrite_take
+from ...markers.filtering import smoothed_on_body
+from ...markers.gap_filling import gaps_of, with_gaps_filled, without_shoulders
+from ...markers.label_matching import AUTO, best_match, load_names, match_names, named_by_hand
+from ...markers.marker_set import load_marker_set
+from ...markers.marker_take import MarkerTake
+from ...markers.subject import Subject, load_subject
+from ...markers.take_frames import is_unnamed
+from ...session.solve_take import solve_take
+from ...solver.settings import SolveSettings
+from ...subjects.from_motion import subject_from_motion
+
+Progress = Callable[[float, str], None]
+
+
+def add_parser(group: Any) -> None:
+    """Add `fill` to the `take` group."""
+    parser = group.add_parser("fill", help="fill gaps of a marker take, and take noise out, by the body it shows")
+    parser.add_argument("take", metavar="TAKE", help="marker take: .c3d, .trc, .csv, .tsv, .take.npz; it is left alone")
+    parser.add_argument(
+        "--out",
+        required=True,
+        metavar="FILE",
+        help=f"take to write ({', '.join(WRITABLE)}); in the take's own format all else that it holds is kept",
+    )
+    parser.add_argument("--database", required=True, metavar="DB", help="motion database")
+    parser.add_argument("--subject", metavar="FILE", help="calibrated subject (default: fitted to the take's motion)")
+    parser.add_argument(
+        "--height", type=float, default=1.75, metavar="M", help="of the performer, roughly, without --subject"
+    )
+    parser.add_argument(
+        "--marker-set",
+        default=AUTO,
+        metavar="NAME",
+        help=f"without --subject: shipped marker set or TOML file, or {AUTO}: by the take's labels (default {AUTO})",
+    )
+    parser.add_argument("--names", metavar="FILE", help="TOML file that says which label is which marker, as for solve")
+    parser.add_argument(
+        "--filter",
+        type=float,
+        metavar="HZ",
+        help="take noise out of the measured positions, too: what the body leaves of them, low-passed without lag; 10 "
+        "suits most motion (default: what was measured stays as it is)",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Fill the gaps of a take and write it."""
+    if not 1.0 <= args.height <= 2.5:
+        raise SettingsError(f"--height {args.height:g} is out of range", advice="give metres, 1 to 2.5")
+    check_writable(args.out)
+    progress(0.0, "reading")
+    database, read = open_database(args.database), read_take(args.take)
+    if is_recorded(args.take) or is_unnamed(read):
+        advice = "gaps are filled of marker takes whose markers have places and names"
+        raise TakeError("holds no trajectories to fill", where=str(args.take), advice=advice)
+    take = named_by_hand(read, load_names(args.names)) if args.names is not None else read
+    subject, take = _worn(args, take, database, progress)
+    solved = solve_take(without_shoulders(take), subject, database, SolveSettings(), progress)
+    filled = with_gaps_filled(take, subject.marker_set, solved.motion)
+    if args.filter is not None:
+        solved = solve_take(filled, subject, database, SolveSettings(), progress)
+        filled = smoothed_on_body(filled, subject.marker_set, solved.motion, args.filter)
+    new = filled.visible & ~take.visible
+    lengths = [gap.frames for gap in gaps_of(take.visible) if new[gap.start, gap.marker]]
+    warnings = rewrite_take(args.take, replace(read, positions_m=filled.positions_m), args.out)
+    left = sorted({name for name, open_ in zip(read.names, ~filled.visible.all(axis=0), strict=True) if open_})
+    warnings += [f"gaps are left in {', '.join(left)}: no markers of the set, or never seen"] * bool(left)
+    return {
+        "frames": take.frames,
+        "gaps": len(lengths),
+        "filled": int(new.sum()),
+        "longest_gap_s": max(lengths, default=0) / take.fps,
+        "marker_set": subject.marker_set.name,
+        "marker_rms_mm": solved.summary()["marker_rms_mm"],
+        "warnings": warnings,
+        "out": str(args.out),
+    }
+
+
+def _worn(
+    args: argparse.Namespace, take: MarkerTake, database: Database, progress: Progress
+) -> tuple[Subject, MarkerTake]:
+    """Return who wears the markers, and the take under the markers' names."""
+    if args.subject is not None:
+        subject = load_subject(args.subject)
+        return subject, match_names(take.names, subject.marker_set).renamed(take)
+    by_labels = args.marker_set == AUTO
+    marker_set = best_match(take.names, str(args.take)).marker_set if by_labels else load_marker_set(args.marker_set)
+    named = match_names(take.names, marker_set).renamed(take)
+    start = Subject("performer", default_skeleton(args.height), marker_set)
+    return subject_from_motion(named, start, database, progress).subject, named

@@ -1,0 +1,151 @@
+"""`perfanim take import`: marker takes of other systems, solved and kept as recorded takes."""
+
+import argparse
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ...body.standard_skeleton import default_skeleton
+from ...database.store import Database, open_database
+from ...errors import FormatError, MarkerSetError, PerfanimError, SettingsError, SubjectError, TakeError
+from ...formats.markers.marker_files import READABLE, declared_frames, is_recorded, read_take
+from ...formats.take_file.edit import recover
+from ...formats.take_file.reading import ENDING, read_take_file, take_name, unused_path
+from ...labelling.take_import import UPS, brought_in
+from ...markers.label_matching import AUTO, best_match, load_names, named_by_hand
+from ...markers.marker_set import MarkerSet, load_marker_set
+from ...markers.subject import Subject, load_subject
+from ...markers.take_frames import is_unnamed
+from ...session.save_solved_take import keep_markers
+from ...solver.settings import METHODS, SolveSettings
+from ...subjects.marker_selection import worn_in
+
+Progress = Callable[[float, str], None]
+
+_DOUBTFUL_MM = 100.0  # live, solved markers so far off mean that labels or pose are wrong
+
+
+def add_parser(group: Any) -> None:
+    """Add `import` to the `take` group."""
+    parser = group.add_parser("import", help="solve marker takes of other systems and keep them as recorded takes")
+    parser.add_argument("takes", nargs="+", metavar="TAKE", help=f"{', '.join(READABLE)}; a {ENDING} is copied")
+    parser.add_argument("--out", required=True, metavar="DIR", help=f"folder for NAME{ENDING}; none is replaced")
+    parser.add_argument("--database", required=True, metavar="DB", help="motion database")
+    parser.add_argument(
+        "--subject", metavar="FILE", help="calibrated subject (default: an average body, markers at their usual places)"
+    )
+    parser.add_argument("--height", type=float, default=1.75, metavar="M", help="of the average body (default 1.75)")
+    parser.add_argument(
+        "--marker-set",
+        metavar="NAME",
+        help=f"shipped marker set or TOML file, or {AUTO}: the shipped one to which most of a take's labels belong "
+        f"(default: the subject's, {AUTO} without a subject)",
+    )
+    parser.add_argument(
+        "--names",
+        metavar="FILE",
+        help='TOML file whose table [names] says which label is which marker ("Knee 1" = "LKNE"); the other labels are '
+        "markers whose name they spell, whatever the case, separators and the subject before them",
+    )
+    parser.add_argument("--method", choices=METHODS, default="best", help="how poses are found (default best)")
+    parser.add_argument(
+        "--up",
+        choices=UPS,
+        default="auto",
+        help="axis of the file that points up: auto for that which the performer stands along (default), feet for the "
+        "floor on which the feet stand, which becomes y = 0",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Keep marker takes as recorded ones; a bad one does not keep the others out."""
+    progress(0.0, "reading")
+    if args.subject is None and not 1.0 <= args.height <= 2.5:
+        raise SettingsError(f"--height {args.height:g} is out of range", advice="give metres, 1 to 2.5")
+    database = open_database(args.database)
+    chosen = load_marker_set(args.marker_set) if args.marker_set not in (None, AUTO) else None
+    by_take = args.marker_set == AUTO or (args.marker_set is None and args.subject is None)
+    subject = None if by_take else _worn(args, chosen)
+    names = load_names(args.names) if args.names is not None else {}
+    kept: list[dict[str, Any]] = []
+    failed: list[PerfanimError] = []
+    for number, path in enumerate(args.takes):
+        share = 1.0 / len(args.takes)
+
+        def part(fraction: float, text: str, done: float = number * share, share: float = share) -> None:
+            progress(done + share * fraction, text)
+
+        try:
+            kept.append(_imported(args, Path(path), subject, names, database, part))
+        except (FormatError, TakeError, MarkerSetError, SubjectError) as error:
+            failed.append(error)
+    if not kept:
+        raise failed[0]
+    return {
+        "frames": sum(take["frames"] for take in kept),
+        "takes": kept,
+        "failed": [str(error) for error in failed],
+        "out": str(args.out),
+    }
+
+
+def _worn(args: argparse.Namespace, marker_set: MarkerSet | None) -> Subject:
+    """Return who performs, with the markers that are worn: those of the set, or without one the subject's."""
+    if args.subject is None:
+        assert marker_set is not None  # noqa: S101 - without a subject the labels choose a set
+        return Subject("average body", default_skeleton(args.height), marker_set)
+    subject = load_subject(args.subject)
+    if marker_set is None:
+        return subject
+    unknown = [name for name in marker_set.names if name not in subject.marker_set.names]
+    if unknown:
+        raise SubjectError(
+            f"is calibrated without {', '.join(unknown)} of the marker set {marker_set.name}",
+            where=str(args.subject),
+            advice="calibrate the subject with this marker set",
+        )
+    return replace(subject, marker_set=subject.marker_set.subset(marker_set.names))
+
+
+def _imported(
+    args: argparse.Namespace,
+    path: Path,
+    subject: Subject | None,
+    names: Mapping[str, str],
+    database: Database,
+    progress: Progress,
+) -> dict[str, Any]:
+    """Write one take and return what is to be told of it; without a subject the take's labels choose the markers."""
+    progress(0.0, f"reading {path.name}")
+    if is_recorded(path):
+        recorded = read_take_file(path)
+        out = unused_path(Path(args.out), recorded.notes.name)
+        recover(recorded, out)
+        return {"take": path.name, "frames": recorded.frame_count, "warnings": recorded.problems, "out": str(out)}
+    take = read_take(path)
+    declared = declared_frames(path)
+    warnings = [f"{path.name} holds {take.frames} of {declared} frames"] * (take.frames < declared)
+    take = named_by_hand(take, names) if names else take
+    subject = subject or _worn(args, best_match(take.names, str(path)).marker_set)
+    take = brought_in(replace(take, name=_stem(path)), subject.marker_set, args.up)
+    lacking = [] if is_unnamed(take) else [name for name in subject.marker_set.names if name not in take.names]
+    warnings += [f"not in {path.name}: {', '.join(lacking)}"] * bool(lacking)
+    out = unused_path(Path(args.out), take.name)
+    take = replace(take, name=take_name(out))  # two of one name are told apart in a list, too
+    capture = {"imported": str(path), "up": args.up}
+    worn, settings = worn_in(take, subject), SolveSettings(method=args.method)
+    solved = keep_markers(out, take, worn, database, settings, capture, progress)
+    figures = solved.summary()
+    if not figures["marker_rms_mm"] <= _DOUBTFUL_MM:
+        off = f"{figures['marker_rms_mm']:.0f} mm off"
+        warnings.append(f"no body explains the markers of {path.name} ({off}): check marker set and performer")
+    matched = {"marker_set": subject.marker_set.name, "markers": len(subject.marker_set) - len(lacking)}
+    return {"take": path.name, "warnings": warnings, "out": str(out)} | matched | figures
+
+
+def _stem(path: Path) -> str:
+    """Return a file's name without the ending that tells its kind."""
+    ending = next((ending for ending in READABLE if path.name.lower().endswith(ending)), "")
+    return path.name[: len(path.name) - len(ending)] or path.name

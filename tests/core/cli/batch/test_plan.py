@@ -1,0 +1,154 @@
+"""What a plan says about each take."""
+
+import pytest
+from perfanim.core.cli.batch.command.plan import plan_of, read_plan
+from perfanim.core.errors import FormatError, SettingsError
+
+
+@pytest.fixture
+def plan(tmp_path):
+    """plan(text, **given) -> the plan of a file in a folder with some takes."""
+    for name in ("day1/walk.c3d", "day1/run.c3d", "day2/walk.trc", "day2/notes.txt"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    for name in ("own.toml", "other.toml", "rig.toml"):
+        (tmp_path / name).touch()
+
+    def read(text, **given):
+        (tmp_path / "plan.toml").write_text(text)
+        return read_plan(tmp_path / "plan.toml", given)
+
+    return read
+
+
+def test_what_takes_share_and_what_they_have_of_their_own(plan, tmp_path):
+    read = plan(
+        """
+        out = "results"
+        database = "all.pfdb"
+        subject = "own.toml"
+        marker_set = "boxing"
+        smooth = 6
+        names = "names.toml"
+        use = "9"
+        [[take]]
+        take = "day1/*.c3d"
+        [[take]]
+        take = "day2"
+        skeleton = "person.asf"
+        marker_set = "other.toml"
+        to = "hero.glb"
+        root_motion = "object"
+        """,
+        smooth=8.0,
+    )
+    assert read.out == str(tmp_path / "results")
+    day1, day2, run = read.takes
+    assert [take.source for take in read.takes] == ["day1/walk.c3d", "day2/walk.trc", "day1/run.c3d"]
+    assert [take.name for take in read.takes] == ["day1-walk", "day2-walk", "run"]
+    assert (run.take, run.is_tracked) == (str(tmp_path / "day1" / "run.c3d"), False)
+    assert _pairs(run.options_of("solve")) == {
+        "--database": str(tmp_path / "all.pfdb"),
+        "--subject": str(tmp_path / "own.toml"),
+        "--marker-set": "boxing",
+        "--smooth": "8.0",
+        "--names": str(tmp_path / "names.toml"),
+        "--use": "9",
+    }
+    assert run.options_of("retarget") == []
+    assert day1.options == run.options
+    solve = _pairs(day2.options_of("solve"))
+    assert "--subject" not in solve  # its own skeleton takes the place of the shared subject
+    assert (solve["--skeleton"], solve["--marker-set"]) == (str(tmp_path / "person.asf"), str(tmp_path / "other.toml"))
+    assert _pairs(day2.options_of("retarget")) == {"--to": str(tmp_path / "hero.glb"), "--root-motion": "object"}
+
+
+def test_videos_are_tracked(plan, tmp_path):
+    (take,) = plan("""
+        database = "all.pfdb"
+        cameras = "rig.toml"
+        marker_set = "boxing"
+        [[take]]
+        left = "wave-left.mp4"
+        camera = ["middle=wave-middle.mp4", "right/*.png"]
+        no_time_offset = true
+        background = ["empty-left.mp4", "empty-right.mp4"]
+        """).takes
+    assert (take.name, take.take, take.is_tracked) == ("wave-left", "", True)
+    assert take.options_of("track") == [
+        *("--cameras", str(tmp_path / "rig.toml"), "--marker-set", "boxing"),
+        *("--left", str(tmp_path / "wave-left.mp4")),
+        *("--camera", f"middle={tmp_path / 'wave-middle.mp4'}", "--camera", str(tmp_path / "right" / "*.png")),
+        *("--no-time-offset", "--background", str(tmp_path / "empty-left.mp4"), str(tmp_path / "empty-right.mp4")),
+    ]
+    assert "--cameras" not in take.options_of("solve")
+
+
+def test_what_is_shared_is_asked_of_none_that_has_no_use_for_it(plan, tmp_path):
+    shared = 'cameras = "rig.toml"\nup = "z"\nuse = "9"\nnames = "n.toml"\n'
+    text = f'{shared}[[take]]\ntake = "night.perftake"\n[[take]]\ntake = "walk.c3d"'
+    recorded, markers = plan(text).takes
+    assert recorded.options_of("solve") == ["--cameras", str(tmp_path / "rig.toml")]
+    assert _pairs(markers.options_of("solve")) == {"--up": "z", "--use": "9", "--names": str(tmp_path / "n.toml")}
+
+
+def test_names_depend_on_no_order(plan, tmp_path):
+    sources = ["day1/walk.c3d", "day2/walk.trc", "day1/run.c3d"]
+    for order in (sources, sources[::-1]):
+        takes = plan("".join(f'[[take]]\ntake = "{source}"\n' for source in order)).takes
+        assert {take.name: take.source for take in takes} == {
+            "day1-walk": "day1/walk.c3d",
+            "day2-walk": "day2/walk.trc",
+            "run": "day1/run.c3d",
+        }
+    (tmp_path / "day1" / "walk.trc").touch()
+    takes = plan('[[take]]\ntake = "day1/walk.*"\n[[take]]\ntake = "day1/run.c3d"\nname = "Race 1"').takes
+    assert [take.name for take in takes] == ["Race 1", "day1-walk.c3d", "day1-walk.trc"]
+
+
+def test_takes_of_the_command_line(plan, tmp_path, monkeypatch):
+    plan('[[take]]\ntake = "day1"')
+    monkeypatch.chdir(tmp_path)
+    takes = plan_of(["day1", "day2/*.trc", "none.c3d"], {"database": "all.pfdb"}).takes
+    assert [take.source for take in takes] == ["day1/walk.c3d", "day2/walk.trc", "none.c3d", "day1/run.c3d"]
+    assert takes[0].options == {"database": str(tmp_path / "all.pfdb")}
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ('database = "a"', "names no takes"),
+        ("take = 3", "names no takes"),
+        ('[[take]]\ntake = "day1"\ntempo = 3', "there is no key 'tempo'"),
+        ('method = 3\n[[take]]\ntake = "day1"', "method: 3 is not a word"),
+        ('smooth = "6"\n[[take]]\ntake = "day1"', "smooth: '6' is not a number"),
+        ('background = "x.mp4"\n[[take]]\ntake = "day1"', "is not a list of videos"),
+        ('no_time_offset = 1\n[[take]]\ntake = "day1"', "is not true or false"),
+        ('also = ["bvh"]\n[[take]]\ntake = "day1"', "is not a list of angles.csv, vrma"),
+        ('also = [["vrma"]]\n[[take]]\ntake = "day1"', "is not a list of angles.csv, vrma"),
+        ('also = "vrma"\n[[take]]\ntake = "day1"', "is not a list of angles.csv, vrma"),
+        ('save_as = "obj"\n[[take]]\ntake = "day1"', "is not one of blend, fbx, glb"),
+        ('[[take]]\ntake = "day3/*.c3d"', "there are no takes"),
+        ('[[take]]\ntake = "day1"\nname = "walk"', "2 takes have one name"),
+        ('[[take]]\ntake = "day1/run.c3d"\nname = "../run"', "cannot be the name of a file"),
+        ('[[take]]\ntake = "day1/run.c3d"\nname = "X"\n[[take]]\ntake = "day2/walk.trc"\nname = "x"', "both be called"),
+        ('[[take]]\ntake = "day1/run.c3d"\n[[take]]\ntake = "day1/run.c3d"', "both be called"),
+        ('[[take]]\nsubject = "own.toml"', "has neither take nor left"),
+        ('[[take]]\nleft = "a.mp4"\nright = "b.mp4"', "has videos without cameras"),
+        ('out = 3\n[[take]]\ntake = "day1"', "out must be a folder"),
+    ],
+)
+def test_what_cannot_be_meant(plan, text, what):
+    with pytest.raises(SettingsError, match=what):
+        plan(text)
+
+
+def test_a_plan_that_is_none(plan, tmp_path):
+    with pytest.raises(FormatError, match="not valid TOML"):
+        plan("[[take")
+    with pytest.raises(FormatError, match="cannot be read"):
+        read_plan(tmp_path / "none.toml", {})
+
+
+def _pairs(options):
+    return dict(zip(options[::2], options[1::2], strict=True))

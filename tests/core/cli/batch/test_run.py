@@ -1,0 +1,198 @@
+"""What a folder of takes becomes, and that it becomes the same again however it is come by."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+
+import pytest
+from perfanim.core.cli.batch.command.plan import plan_of
+from perfanim.core.cli.batch.command.run import run_batch
+from perfanim.core.cli.batch.command.take_record import BAD, DOUBTFUL, GOOD, failed
+from perfanim.core.errors import FormatError, SettingsError
+from perfanim.core.formats.markers.marker_files import read_take
+from perfanim.core.formats.motion.read_motion import read_motion
+from perfanim.core.formats.take_file.lock import lock
+from perfanim.core.session.session.save_solved_take import keep_markers
+from perfanim.core.solver.settings import SolveSettings
+from perfanim.tests.core.cli.batch.conftest import FRAMES, do_here, files, in_others, run
+
+REASONS = {
+    "blank": "no frame shows the markers of the torso",
+    "broken": "broken.trc, line 3: ends within its header",
+    "empty": "is empty",
+    "exchanged": "no body fits the markers",
+    "foreign": "choose the marker set that was worn",
+}
+
+
+def test_good_takes_are_done_and_bad_ones_named_with_the_reason(finished):
+    out, result = finished
+    status = {record.name: record.status for record in result.records}
+    assert [name for name, word in status.items() if word == BAD] == sorted(REASONS)
+    assert set(status) - set(REASONS) == {"a", "b", "c", "d"}
+    for record in result.records:
+        if record.name in REASONS:
+            assert REASONS[record.name] in record.reasons[0]
+            assert not (out / f"{record.name}.bvh").exists()
+            assert str(out) not in record.reasons[0]
+        else:
+            motion = read_motion(out / record.outputs["motion"])
+            assert motion.frames == record.figures["frames"] == FRAMES
+            assert record.figures["marker_rms_mm"] < 10.0
+            assert (out / record.outputs["picture"]).read_bytes().startswith(b"\xff\xd8")
+    assert not list(out.glob(".unfinished*"))
+
+
+def test_a_second_run_does_nothing_again(finished, inputs):
+    out, first = finished
+    before, times = files(out), {p: p.stat().st_mtime_ns for p in out.glob("*.bvh")}
+
+    def nobody(tasks):
+        raise AssertionError(f"{len(tasks)} takes are done again")
+
+    again = run(inputs.plan(), out, nobody)
+    assert again.records == first.records
+    assert again.finished_before == {record.name for record in first.records}
+    assert files(out) == before
+    assert {p: p.stat().st_mtime_ns for p in out.glob("*.bvh")} == times
+
+
+def test_only_what_has_changed_is_done_again(finished, inputs, tmp_path):
+    out, takes, took = tmp_path / "out", tmp_path / "takes", []
+    shutil.copytree(finished[0], out)
+    shutil.copytree(inputs.takes, takes)
+    elsewhere = replace(inputs, takes=takes)
+
+    def noted(tasks):
+        took.extend(task.take.name for task in tasks)
+        yield from (failed(task.take, "is not done here") for task in tasks)
+
+    run(elsewhere.plan(), out, noted)
+    assert took == []
+    (out / "a.bvh").write_text("damaged")
+    (out / "report" / "b.json").write_text("damaged")
+    (out / "report" / "c.jpg").unlink()
+    (takes / "d.take.npz").write_bytes(b"no take any more")
+    run(elsewhere.plan(), out, noted)
+    assert sorted(took) == ["a", "b", "c", "d"]
+    assert not (out / "d.bvh").exists()  # of another file
+    assert not (out / "report" / "d.json").exists()
+    took.clear()
+    run(elsewhere.plan("blank.csv", method="nearest"), out, noted)
+    assert took == ["blank"]
+
+
+def test_killed_in_the_middle_and_started_again(finished, inputs, tmp_path):
+    """The batch is killed when two takes are done and its two workers have begun others; what is left is done in
+    another order, by one process. All is as if it had never been interrupted."""
+    script, out = tmp_path / "killed.py", tmp_path / "out"
+    given = {"database": str(inputs.database), "subject": str(inputs.subject)}
+    script.write_text(f"""
+import os, signal
+from pathlib import Path
+from perfanim.core.cli.batch.command.plan import plan_of
+from perfanim.core.cli.batch.command.processes import in_processes
+from perfanim.core.cli.batch.command.plan import plan_of
+from perfanim.core.cli.batch.command.run import run_batch
+from perfanim.core.cli import batch_worker
+
+def dying(tasks):
+    for number, record in enumerate(in_processes(batch_worker.SERVE, 2, tasks)):
+        if number == 2:
+            os.kill(os.getpid(), signal.SIGKILL)
+        yield record
+
+plan = plan_of([{str(inputs.takes)!r}], {given!r})
+run_batch(plan.takes, Path({str(out)!r}), dying, lambda fraction, text: None)
+""")
+    killed = subprocess.run([sys.executable, str(script)], check=False)
+    assert killed.returncode == -signal.SIGKILL
+    assert not (out / "summary.html").exists()
+    result = run(inputs.plan()[::-1], out, lambda tasks: in_others(1, tasks[::-1]))
+    assert 2 <= len(result.finished_before) < len(result.records)
+    assert files(out) == files(finished[0])
+
+
+def test_doubtful_takes_say_why(inputs, tmp_path):
+    whole = (inputs.takes / "a.c3d").read_bytes()
+    (tmp_path / "cut.c3d").write_bytes(whole[: len(whole) - 600])
+    result = run(replace(inputs, takes=tmp_path).plan("cut.c3d"), tmp_path / "out")
+    record = result.records[0]
+    assert record.status == DOUBTFUL
+    assert f"of {FRAMES} frames" in record.reasons[0]
+    assert (tmp_path / "out" / "cut.bvh").exists()
+
+
+def test_what_cannot_be_written_is_tried_again(inputs, tmp_path):
+    out = tmp_path / "out"
+    (out / "a.bvh").mkdir(parents=True)
+    record = run(inputs.plan("a.c3d"), out).records[0]
+    assert (record.status, record.is_kept) == (BAD, False)
+    assert "cannot be written" in record.reasons[0]
+    (out / "a.bvh").rmdir()
+    result = run(inputs.plan("a.c3d"), out)
+    assert (result.records[0].status, len(result.finished_before)) == (GOOD, 0)
+
+
+def test_one_batch_at_a_time_writes_into_a_folder(inputs, tmp_path):
+    (tmp_path / "report").mkdir()
+    handle = os.open(tmp_path / "report" / ".lock", os.O_RDWR | os.O_CREAT)
+    try:
+        assert lock(handle)
+        with pytest.raises(SettingsError, match="another batch"):
+            run(inputs.plan("a.c3d"), tmp_path)
+    finally:
+        os.close(handle)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FormatError, match="cannot be written"):
+        run(inputs.plan("a.c3d"), tmp_path / "file" / "out")
+
+
+def test_the_summary_in_three_forms(finished):
+    out, result = finished
+    told = json.loads((out / "summary.json").read_text())
+    assert (told["good"] + told["doubtful"], told["bad"]) == (4, 5)
+    assert [take["name"] for take in told["takes"]] == [record.name for record in result.records]
+    rows = (out / "summary.csv").read_text().splitlines()
+    assert len(rows) == 10
+    assert rows[0].startswith("name,take,status,reasons,")
+    page = (out / "summary.html").read_text()
+    assert "<h1>9 takes: 5 bad" in page
+    assert page.index("exchanged") < page.index(">a</a>")  # bad ones first
+    assert page.count("data:image/jpeg;base64,") == 4 + 2  # two bad ones were solved, to nothing
+    assert "http" not in page
+
+
+def test_progress_tells_how_long_it_takes(inputs, tmp_path):
+    told = []
+    run_batch(inputs.plan("a.c3d", "empty.c3d"), tmp_path, do_here, lambda f, text: told.append((f, text)))
+    fractions = [fraction for fraction, text in told if "takes" in text]
+    assert fractions == sorted(fractions)
+    assert told[-2][1] == "2 of 2 takes, 1 bad, 0 s left"
+    alone = []
+    plan = inputs.plan("empty.c3d", "a.c3d")
+    run_batch(plan, tmp_path / "alone", first_of(do_here), lambda f, text: alone.append(text))
+    assert "1 of 2 takes, 1 bad" in alone  # what an empty file took says nothing of the others
+
+
+def first_of(do_tasks):
+    """Do the bad take first, whatever comes first by its size."""
+    return lambda tasks: do_tasks(sorted(tasks, key=lambda task: task.take.name, reverse=True))
+
+
+def test_a_recorded_take_needs_nothing_else(inputs, subject, database, tmp_path):
+    """It holds its subject and tells its database and method."""
+    markers = read_take(inputs.takes / "a.c3d")
+    settings = SolveSettings(method="nearest")
+    keep_markers(tmp_path / "a.perftake", markers, subject, database, settings, {}, lambda fraction, text: None)
+    recorded = plan_of([str(tmp_path / "a.perftake")], {}).takes
+    record = run(recorded, tmp_path / "out").records[0]
+    assert record.status in (GOOD, DOUBTFUL)
+    alone = read_motion(tmp_path / "out" / "a.bvh")
+    again = run(inputs.plan("a.c3d", method="nearest"), tmp_path / "again").records[0]
+    assert record.figures == again.figures
+    assert alone.frames == FRAMES
