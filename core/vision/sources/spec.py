@@ -97,6 +97,7 @@ def _kind(text: str) -> str:
 
 
 def frame_rate(spec: Mapping[str, Any]) -> float | None:
+    """Return the frame rate of a description, None if it gives none."""
     value = spec.get("fps")
     if value is None:
         return None
@@ -107,6 +108,7 @@ def frame_rate(spec: Mapping[str, Any]) -> float | None:
 
 
 def listed_values(spec: Mapping[str, Any], key: str) -> Sequence[Any]:
+    """Return the list under `key`, which must not be empty."""
     value = spec.get(key)
     if not isinstance(value, list | tuple) or not value:
         raise SettingsError(f"the image source lacks {key!r}")
