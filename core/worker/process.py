@@ -54,39 +54,39 @@ def _job(name: str) -> ModuleType:
     """
     match name:
         case "capture":
-            from . import capture_job
+            from .jobs import capture
 
-            return capture_job
+            return capture
         case "cameras":
-            from . import camera_job
+            from .jobs import cameras
 
-            return camera_job
+            return cameras
         case "trackers":
-            from . import tracker_job
+            from .jobs import trackers
 
-            return tracker_job
+            return trackers
         case "command":
-            from . import command_job
+            from .jobs import command
 
-            return command_job
+            return command
         case "record board":
-            from . import record_board
+            from .jobs import record_board
 
             return record_board
         case "record floor":
-            from . import record_floor
+            from .jobs import record_floor
 
             return record_floor
         case "record floor markers":
-            from . import record_floor_markers
+            from .jobs import record_floor_markers
 
             return record_floor_markers
         case "record pose":
-            from . import record_pose
+            from .jobs import record_pose
 
             return record_pose
         case "calibrate performer":
-            from . import calibrate_performer
+            from .jobs import calibrate_performer
 
             return calibrate_performer
         case _:

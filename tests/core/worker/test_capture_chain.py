@@ -28,7 +28,7 @@ from perfanim.core.simulate.studio.carried_prop import in_hand
 from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import Message, MessageKind
-from perfanim.core.worker.seam import Seam
+from perfanim.core.worker.restart_point import Seam
 
 PATIENCE_S = 180.0
 ROOT_M = 0.3  # a quarter of what two performers are apart: nobody is taken for the other

@@ -13,26 +13,26 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from ..body.calibration_poses import INSTRUCTIONS, POSES
-from ..errors import CalibrationError, CaptureError, TakeError
-from ..formats.markers.marker_files import write_take
-from ..geometry.camera import CameraRig
-from ..geometry.rig_file import save_rig
-from ..labelling.single_camera_trajectories import single_views
-from ..labelling.trajectory_linking import track_markers
-from ..labelling.trajectory_naming import named_take
-from ..markers.floor_from_feet import floor_points, moved_to_rig
-from ..markers.marker_frame import MarkerFrame
-from ..markers.marker_set import MarkerSet, load_marker_set
-from ..markers.marker_take import MarkerTake
-from ..simulate.studio.placement import ARRIVAL_S
-from ..subjects.pose_calibration import check_poses
-from ..vision.calibration.floor import rig_on_floor
-from ..vision.sources.spec import ImageSetLike, ImageSource
-from .camera_job import Stopped, opened
-from .channel import Channel
+from ...body.calibration_poses import INSTRUCTIONS, POSES
+from ...errors import CalibrationError, CaptureError, TakeError
+from ...formats.markers.marker_files import write_take
+from ...geometry.camera import CameraRig
+from ...geometry.rig_file import save_rig
+from ...labelling.single_camera_trajectories import single_views
+from ...labelling.trajectory_linking import track_markers
+from ...labelling.trajectory_naming import named_take
+from ...markers.floor_from_feet import floor_points, moved_to_rig
+from ...markers.marker_frame import MarkerFrame
+from ...markers.marker_set import MarkerSet, load_marker_set
+from ...markers.marker_take import MarkerTake
+from ...simulate.studio.placement import ARRIVAL_S
+from ...subjects.pose_calibration import check_poses
+from ...vision.calibration.floor import rig_on_floor
+from ...vision.sources.spec import ImageSetLike, ImageSource
+from ..channel import Channel
+from ..source_traits import is_live, is_simulated
+from .cameras import Stopped, opened
 from .countdown import Line, counted_down
-from .source_kind import is_live, is_simulated
 
 _LONGEST_S = 60.0  # of a recording in which poses are looked for
 

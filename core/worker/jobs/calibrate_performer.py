@@ -7,13 +7,13 @@ that of `record_pose` with "subject" (the file), "residual_mm", "verdict" and "a
 from collections.abc import Mapping
 from typing import Any
 
-from ..markers.marker_set import load_marker_set
-from ..markers.subject import save_subject
-from ..simulate.performer.bodies import load_bodies
-from ..subjects.pose_calibration import calibrate_subject, pose_points
-from ..system.assets import SKELETONS
-from .camera_job import Stopped
-from .channel import Channel
+from ...markers.marker_set import load_marker_set
+from ...markers.subject import save_subject
+from ...simulate.performer.bodies import load_bodies
+from ...subjects.pose_calibration import calibrate_subject, pose_points
+from ...system.assets import SKELETONS
+from ..channel import Channel
+from .cameras import Stopped
 from .record_pose import recorded
 
 

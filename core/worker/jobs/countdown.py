@@ -5,9 +5,9 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ..vision.sources.spec import ImageSetLike
-from .camera_job import Stopped
-from .channel import Channel
+from ...vision.sources.spec import ImageSetLike
+from ..channel import Channel
+from .cameras import Stopped
 
 
 @dataclass

@@ -15,7 +15,7 @@ from perfanim.core.geometry.camera import Camera, CameraRig
 from perfanim.core.geometry.rig_file import load_rig, rig_from, save_rig
 from perfanim.core.simulate.studio.floor_markers import MIDDLE_M, PLACES_M, SETTINGS, FloorMarkers
 from perfanim.core.simulate.studio.rig import default_rig
-from perfanim.core.worker import record_floor_markers
+from perfanim.core.worker.jobs import record_floor_markers
 
 # Centres known to 0.05 px are 1 mm off in depth; over four of them on 1 m x 0.6 m the floor tilts by 1.7 mrad, which is
 # 6 mm at the cameras; five times that.

@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
-from ..cli.main import COMMANDS, build_parser
-from ..errors import CaptureError
-from .channel import Channel
+from ...cli.main import COMMANDS, build_parser
+from ...errors import CaptureError
+from ..channel import Channel
 
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .channel import Channel
+from ..channel import Channel
 
 Image = NDArray[np.uint8]
 

@@ -28,30 +28,30 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..body.foot_lock import floor_of
-from ..body.pose_frame import PoseFrame
-from ..database.store import Database, identity, open_database
-from ..errors import CaptureError, PerfanimError, SettingsError
-from ..formats.take_file.pose_codec import SolvedPose, pack_solved
-from ..formats.take_file.setup import TakeNotes, TakeSetup
-from ..formats.take_file.writer import TakeWriter
-from ..geometry.camera import CameraRig
-from ..geometry.rig_file import load_rig
-from ..markers.marker_frame import MarkerFrame
-from ..markers.marker_frame_codec import pack_stamped, unpack_stamped
-from ..markers.prop import load_prop
-from ..markers.subject import load_subject
-from ..session.pose_filters import PoseShaper, Shape
-from ..simulate.studio.rig import default_rig
-from ..solver.settings import SolveSettings
-from .channel import Channel
-from .client import WorkerClient
-from .protocol import Message, MessageKind
-from .seam import Seam, Shift, missing_text
-from .source_kind import has_no_cameras, is_live, is_repeatable, is_simulated
+from ...body.foot_lock import floor_of
+from ...body.pose_frame import PoseFrame
+from ...database.store import Database, identity, open_database
+from ...errors import CaptureError, PerfanimError, SettingsError
+from ...formats.take_file.pose_codec import SolvedPose, pack_solved
+from ...formats.take_file.setup import TakeNotes, TakeSetup
+from ...formats.take_file.writer import TakeWriter
+from ...geometry.camera import CameraRig
+from ...geometry.rig_file import load_rig
+from ...markers.marker_frame import MarkerFrame
+from ...markers.marker_frame_codec import pack_stamped, unpack_stamped
+from ...markers.prop import load_prop
+from ...markers.subject import load_subject
+from ...session.pose_filters import PoseShaper, Shape
+from ...simulate.studio.rig import default_rig
+from ...solver.settings import SolveSettings
+from ..channel import Channel
+from ..client import WorkerClient
+from ..protocol import Message, MessageKind
+from ..restart_point import Seam, Shift, missing_text
+from ..source_traits import has_no_cameras, is_live, is_repeatable, is_simulated
 
 if TYPE_CHECKING:
-    from ..session.multi_target_session import Stepper
+    from ...session.multi_target_session import Stepper
 
 STOP_LIMIT_S = 5.0
 GONE_LIMIT_S = 1.0  # the same when Blender is gone: the process has three seconds then, see `channel`
@@ -132,8 +132,8 @@ def _setup(
 
 def _session(setup: TakeSetup, database: Database, settings: SolveSettings) -> "Stepper":
     """Return what solves the frames."""
-    from ..session.multi_target_session import followed
-    from ..session.session import Session
+    from ...session.multi_target_session import followed
+    from ...session.session import Session
 
     subjects, rig = (setup.worn_subject(), *setup.further_subjects()), setup.camera_rig()
     return followed([Session(subject, database, rig, settings) for subject in subjects], setup.carried_props())
@@ -145,7 +145,7 @@ def _shaper(request: Mapping[str, Any], setup: TakeSetup, cameras: Mapping[str, 
     others = [subject.skeleton for subject in setup.further_subjects()]
     if not request.get("vmc"):
         return PoseShaper(skeleton, floor_m, shape, others)
-    from .broadcast import BroadcastShaper  # a capture that sends nothing does not load it
+    from ..vmc_output import BroadcastShaper  # a capture that sends nothing does not load it
 
     host, port = request["vmc"]
     return BroadcastShaper(skeleton, floor_m, shape, str(host), int(port), channel.send_warning, others)
@@ -302,7 +302,7 @@ class _Relay:
 
     def _labelled(self, pictures: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Return what the cameras see with the names of the markers as they were solved last."""
-        from ..vision.blob_preview import draw_labels  # this process needs no OpenCV otherwise
+        from ...vision.blob_preview import draw_labels  # this process needs no OpenCV otherwise
 
         rig, pose = self._session.rig, self._pose
         if rig is None or pose is None or pose.confidence == 0.0:

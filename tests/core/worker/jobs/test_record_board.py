@@ -17,8 +17,8 @@ from perfanim.core.simulate.studio.boards import board_on_floor
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.vision.sources.files import read_image
 from perfanim.core.vision.sources.image_set import ImageSet
-from perfanim.core.worker import record_board, record_floor
 from perfanim.core.worker.client import WorkerClient
+from perfanim.core.worker.jobs import record_board, record_floor
 from perfanim.core.worker.protocol import Message, MessageKind, encode_preview
 
 PATIENCE_S = 300.0

@@ -8,12 +8,12 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from ..errors import CaptureError
-from ..formats.vmc.link import Receiver
-from ..formats.vmc.tracker_stream import TrackerStream
-from ..markers.label_matching import listed
-from ..markers.subject import load_subject
-from .channel import Channel
+from ...errors import CaptureError
+from ...formats.vmc.link import Receiver
+from ...formats.vmc.tracker_stream import TrackerStream
+from ...markers.label_matching import listed
+from ...markers.subject import load_subject
+from ..channel import Channel
 
 _LOOK_S = 0.1
 _SILENT_S = 1.0  # without a marker for so long, and the reason is told

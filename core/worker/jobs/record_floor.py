@@ -12,20 +12,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import CalibrationError
-from ..geometry.rig_file import load_rig, rig_tables
-from ..simulate.studio.boards import CarriedBoard, board_on_floor
-from ..simulate.studio.render import Renderer
-from ..simulate.studio.rig import default_rig
-from ..vision.calibration.board import Board, find_board, parse_board
-from ..vision.calibration.board_preview import draw_corners
-from ..vision.calibration.board_watch import BoardWatch, Look
-from ..vision.calibration.floor import board_in_space, rig_on_floor
-from ..vision.sources.image_set import moment_of, usable_images
-from ..vision.sources.spec import ImageSource
-from .channel import Channel
-from .open_source import open_source
-from .preview import PreviewSender
+from ...errors import CalibrationError
+from ...geometry.rig_file import load_rig, rig_tables
+from ...simulate.studio.boards import CarriedBoard, board_on_floor
+from ...simulate.studio.render import Renderer
+from ...simulate.studio.rig import default_rig
+from ...vision.calibration.board import Board, find_board, parse_board
+from ...vision.calibration.board_preview import draw_corners
+from ...vision.calibration.board_watch import BoardWatch, Look
+from ...vision.calibration.floor import board_in_space, rig_on_floor
+from ...vision.sources.image_set import moment_of, usable_images
+from ...vision.sources.spec import ImageSource
+from ..channel import Channel
+from ..open_source import open_source
+from .camera_preview import PreviewSender
 from .record_board import camera_names
 
 Image = NDArray[np.uint8]

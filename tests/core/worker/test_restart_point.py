@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from perfanim.core.markers.marker_frame import MarkerFrame
-from perfanim.core.worker.seam import Seam, Shift, missing_text
+from perfanim.core.worker.restart_point import Seam, Shift, missing_text
 
 
 def test_a_camera_that_began_anew_goes_on_by_the_clock() -> None:

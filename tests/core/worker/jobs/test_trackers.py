@@ -15,7 +15,7 @@ from perfanim.core.formats.vmc.packets import BONE
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, save_subject
-from perfanim.core.worker import tracker_job
+from perfanim.core.worker.jobs import trackers
 from trackers_sent import Program, free_port, tracker_packet
 
 PATIENCE_S = 60.0
@@ -46,7 +46,7 @@ class Running:
     def __init__(self, subject: Path, sender: str = "127.0.0.1", **more: Any) -> None:
         self.port, self.blender = free_port(), Blender()
         request = {"source": {"kind": "vmc", "port": self.port, "sender": sender}, "subject": str(subject), **more}
-        self._thread = threading.Thread(target=tracker_job.run, args=(request, self.blender))
+        self._thread = threading.Thread(target=trackers.run, args=(request, self.blender))
 
     def __enter__(self) -> "Running":
         self._thread.start()
@@ -77,7 +77,7 @@ def subject(tmp_path: Path) -> Path:
 
 @pytest.fixture(autouse=True)
 def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tracker_job, "_SILENT_S", 0.4)
+    monkeypatch.setattr(trackers, "_SILENT_S", 0.4)
 
 
 def test_each_reason_why_no_markers_come_is_told_and_that_they_are_back(subject: Path) -> None:
@@ -117,16 +117,16 @@ def test_a_port_that_is_taken_and_a_sender_that_is_not_known_are_told(subject: P
     with Receiver(0, "127.0.0.1") as other:
         taken = {"source": {"kind": "vmc", "port": other.port, "sender": ""}, "subject": str(subject)}
         with pytest.raises(CaptureError, match=f"port {other.port}: cannot be listened to .* choose another port"):
-            tracker_job.run(taken, blender)
+            trackers.run(taken, blender)
         # who takes the place of a process that has not given it back yet waits for it, while it is wanted
         blender.stop_requested.set()
         with pytest.raises(CaptureError):
-            tracker_job.run({**taken, "after": 7}, blender)
+            trackers.run({**taken, "after": 7}, blender)
         blender.stop_requested.clear()
         threading.Timer(0.2, other._socket.close).start()
         threading.Timer(0.5, blender.stop_requested.set).start()
-        tracker_job.run({**taken, "after": 7}, blender)
+        trackers.run({**taken, "after": 7}, blender)
     assert blender.told[0] == f"waiting for trackers on port {other.port}"
     unknown = {"source": {"kind": "vmc", "port": 0, "sender": "no such computer"}, "subject": str(subject)}
     with pytest.raises(CaptureError, match="no such computer: is no computer that is known"):
-        tracker_job.run(unknown, blender)
+        trackers.run(unknown, blender)

@@ -21,19 +21,19 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import CaptureError
-from ..geometry.camera import CameraRig
-from ..geometry.rig_file import load_rig
-from ..system.files import atomic_path
-from ..vision.blob_preview import draw_blobs
-from ..vision.detection.background import Background
-from ..vision.live import live_frames, live_settings
-from ..vision.pipeline import MarkerPipeline
-from ..vision.sources.spec import ImageSetLike, ImageSource
-from .channel import Channel
-from .open_source import open_source
-from .preview import PreviewSender
-from .source_kind import is_live, is_repeatable, is_simulated
+from ...errors import CaptureError
+from ...geometry.camera import CameraRig
+from ...geometry.rig_file import load_rig
+from ...system.files import atomic_path
+from ...vision.blob_preview import draw_blobs
+from ...vision.detection.background import Background
+from ...vision.live import live_frames, live_settings
+from ...vision.pipeline import MarkerPipeline
+from ...vision.sources.spec import ImageSetLike, ImageSource
+from ..channel import Channel
+from ..open_source import open_source
+from ..source_traits import is_live, is_repeatable, is_simulated
+from .camera_preview import PreviewSender
 
 Image = NDArray[np.uint8]
 

@@ -7,7 +7,7 @@ from perfanim.core.formats.vmc.humanoid import bone_poses
 from perfanim.core.formats.vmc.link import Receiver
 from perfanim.core.formats.vmc.packets import BONE, Placed, frame_packet, read_packet
 from perfanim.core.session.session.pose_filters import PoseShaper, Shape
-from perfanim.core.worker.broadcast import BroadcastShaper
+from perfanim.core.worker.vmc_output import BroadcastShaper
 
 SMOOTH = Shape(smoothing_s=0.05)
 

@@ -19,21 +19,21 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cli.calibrate.cameras import summary_of
-from ..errors import CaptureError
-from ..geometry.rig_file import rig_tables
-from ..simulate.studio.boards import CarriedBoard, board_poses
-from ..simulate.studio.render import Renderer
-from ..simulate.studio.rig import default_rig
-from ..system.files import atomic_path
-from ..vision.calibration.board import Board, parse_board
-from ..vision.calibration.board_preview import draw_corners, draw_coverage, draw_taken, draw_wanted
-from ..vision.calibration.board_session import BoardSession, Sight
-from ..vision.sources.image_set import camera_title, moment_of, usable_images
-from ..vision.sources.spec import ImageSetLike, ImageSource
-from .channel import Channel
-from .open_source import open_source
-from .preview import PreviewSender
+from ...cli.calibrate.cameras import summary_of
+from ...errors import CaptureError
+from ...geometry.rig_file import rig_tables
+from ...simulate.studio.boards import CarriedBoard, board_poses
+from ...simulate.studio.render import Renderer
+from ...simulate.studio.rig import default_rig
+from ...system.files import atomic_path
+from ...vision.calibration.board import Board, parse_board
+from ...vision.calibration.board_preview import draw_corners, draw_coverage, draw_taken, draw_wanted
+from ...vision.calibration.board_session import BoardSession, Sight
+from ...vision.sources.image_set import camera_title, moment_of, usable_images
+from ...vision.sources.spec import ImageSetLike, ImageSource
+from ..channel import Channel
+from ..open_source import open_source
+from .camera_preview import PreviewSender
 
 Image = NDArray[np.uint8]
 

@@ -12,22 +12,22 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
-from ..errors import CalibrationError
-from ..geometry.camera import CameraRig
-from ..geometry.rig_file import load_rig, rig_tables
-from ..simulate.studio.floor_markers import FloorMarkers
-from ..simulate.studio.rig import default_rig
-from ..vision.blob_preview import draw_blobs
-from ..vision.calibration.floor import rig_on_floor
-from ..vision.calibration.floor_markers import FloorWatch, scaled_to
-from ..vision.live import live_settings
-from ..vision.pipeline import MarkerPipeline
-from ..vision.sources.image_set import moment_of
-from ..vision.sources.spec import ImageSource
-from .camera_job import Stopped, opened
-from .channel import Channel
-from .preview import PreviewSender
-from .source_kind import is_simulated
+from ...errors import CalibrationError
+from ...geometry.camera import CameraRig
+from ...geometry.rig_file import load_rig, rig_tables
+from ...simulate.studio.floor_markers import FloorMarkers
+from ...simulate.studio.rig import default_rig
+from ...vision.blob_preview import draw_blobs
+from ...vision.calibration.floor import rig_on_floor
+from ...vision.calibration.floor_markers import FloorWatch, scaled_to
+from ...vision.live import live_settings
+from ...vision.pipeline import MarkerPipeline
+from ...vision.sources.image_set import moment_of
+from ...vision.sources.spec import ImageSource
+from ..channel import Channel
+from ..source_traits import is_simulated
+from .camera_preview import PreviewSender
+from .cameras import Stopped, opened
 
 _EMPTY_FRAMES = 30  # of the simulated room
 

@@ -1,0 +1,1 @@
+"""Jobs of worker processes, one module each."""
