@@ -14,8 +14,8 @@ from ..core.body.skeleton import Skeleton
 from ..core.errors import CharacterError, FormatError
 from ..core.formats.motion.bvh_axes import moved_bvh
 from ..core.system.files import atomic_path
-from .action_channels import play, played
-from .actions import scene_frames, write_action
+from .animation.actions import scene_frames, write_action
+from .animation.channels import play, played
 from .bone_names import named_for
 from .character import find_armature
 from .posing import bones_of

@@ -21,7 +21,7 @@ from ..core.errors import CharacterError, PerfanimError
 from ..core.formats.motion.read_motion import read_motion
 from ..core.system.files import atomic_path
 from . import axes
-from .actions import write_action
+from .animation.actions import write_action
 from .character import create_character
 from .character_mesh import ensure_nodes
 from .character_shapes import SOLE_BELOW_TOES_M, girth_scale

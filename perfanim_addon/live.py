@@ -14,11 +14,11 @@ from ..core.body.standard_skeleton import default_skeleton
 from ..core.errors import PerfanimError
 from ..core.geometry import rotations as rot
 from . import capture_setup, overlay, preview, running, sound, takes
-from .actions import scene_frames, write_action
+from .animation.actions import scene_frames, write_action
+from .animation.suspended_actions import HeldActions
 from .armature_driver import ArmatureDriver
 from .capture_state import CaptureRun, Phase
 from .character import create_character
-from .held_actions import HeldActions
 from .job import Job, command
 from .others import Others, write_others
 from .properties import settings

@@ -11,10 +11,10 @@ from ..core.body.pose_frame import PoseFrame
 from ..core.body.skeleton import forward_kinematics
 from ..core.markers.subject import Subject
 from . import targets
-from .actions import write_posing
+from .animation.actions import write_posing
+from .animation.suspended_actions import HeldActions
 from .armature_driver import ArmatureDriver
 from .character import create_character
-from .held_actions import HeldActions
 from .posing import posing_of
 from .result import placement
 from .room import Carried, Room

@@ -26,7 +26,7 @@ from ..core.retarget.bone_map import BoneMap, State, checked_map
 from ..core.retarget.bone_map_files import named_bone_map
 from ..core.retarget.retargeter import Retargeter, RootMotion
 from ..core.system.files import atomic_path
-from .actions import scene_frames, write_posing
+from .animation.actions import scene_frames, write_posing
 from .export_animation import ENDINGS, Form, write_played
 from .export_blend import add_stage, render, set_up_rendering, write_scene
 from .posing import find_map, retarget_posing

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from ..core.body.pose_frame import PoseFrame, PropPose
 from ..core.markers.prop import Prop
 from . import targets
-from .action_placement import Onto, Placement
-from .actions import write_object_action
-from .held_actions import HeldActions
+from .animation.actions import write_object_action
+from .animation.placement import Onto, Placement
+from .animation.suspended_actions import HeldActions
 from .room import Room
 
 Array = NDArray[np.float64]

@@ -13,7 +13,8 @@ from perfanim.core.formats.motion.bvh import read_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.retarget.joint_naming import NAMINGS
 from perfanim.core.system.assets import MOTION
-from perfanim.perfanim_addon import actions, character
+from perfanim.perfanim_addon import character
+from perfanim.perfanim_addon.animation import actions
 from perfanim.perfanim_addon.export_animation import ENDINGS, Form, export_poses
 from played import curves_of
 

@@ -200,7 +200,7 @@ def test_one_arm_is_captured_while_the_rest_plays_its_own_animation(part: Any, m
     armature = bpy.data.objects[name]
     nod = swing(skeleton, ("head", "lradius", "rradius"), 100)
     still = np.tile([0.0, 1.0, 0.0], (100, 1))
-    part("actions").write_action(name, np.arange(1.0, 101.0), nod, still, skeleton, name="Nod")
+    part("animation.actions").write_action(name, np.arange(1.0, 101.0), nod, still, skeleton, name="Nod")
     alone = {frame: {bone: quaternion_at(armature, bone, frame) for bone in ("head", "rradius")} for frame in (31, 60)}
     turned = swing(skeleton, ("lradius", "lfemur", "head"), 200)[::2]
     run = play_worker(part, monkeypatch, skeleton, turned)

@@ -13,7 +13,7 @@ from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import CharacterError
 from perfanim.core.retarget.retargeter import RootMotion
 from perfanim.perfanim_addon import character
-from perfanim.perfanim_addon.actions import write_action
+from perfanim.perfanim_addon.animation.actions import write_action
 from perfanim.perfanim_addon.armature_driver import ArmatureDriver
 from played import curves_of
 from retargeted import played
@@ -28,7 +28,7 @@ def test_live_poses_are_the_recorded_ones(mixamo_blend: Path, addon: ModuleType,
     chosen.armature = hero
     hero.perfanim_character.root_motion = root_motion.name
     motion = clip("boxing-01-neutral", 8)
-    actions = sys.modules[f"{addon.__name__}.perfanim_addon.actions"]
+    actions = sys.modules[f"{addon.__name__}.perfanim_addon.animation.actions"]
     drivers = sys.modules[f"{addon.__name__}.perfanim_addon.armature_driver"]
     actions.write_action("Hero", np.arange(1.0, 9.0), motion.rotations, motion.root_positions_m, motion.skeleton)
     recorded = played(hero, 8, [bone.name for bone in hero.pose.bones])
@@ -169,7 +169,7 @@ def test_a_linked_rig_is_driven_through_its_override(mixamo_blend: Path, addon: 
     chosen.armature = own
     assert states.character(chosen).ready
     motion = clip("boxing-01-neutral", 4)
-    actions = sys.modules[f"{addon.__name__}.perfanim_addon.actions"]
+    actions = sys.modules[f"{addon.__name__}.perfanim_addon.animation.actions"]
     actions.write_action(own.name, np.arange(1.0, 5.0), motion.rotations, motion.root_positions_m, motion.skeleton)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))

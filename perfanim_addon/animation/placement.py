@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .action_channels import HAS_SLOTS, assign, channels_of, slot_of
+from .channels import HAS_SLOTS, assign, channels_of, slot_of
 from .keyframes import KeyBounds
 
 Array = NDArray[np.float64]

@@ -6,10 +6,11 @@ import pytest
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import CharacterError
 from perfanim.core.geometry import rotations as rot
-from perfanim.perfanim_addon import action_placement, actions
-from perfanim.perfanim_addon.action_placement import Onto, Placement
+from perfanim.perfanim_addon.animation import actions
+from perfanim.perfanim_addon.animation import placement as action_placement
+from perfanim.perfanim_addon.animation.keyframes import KeyBounds
+from perfanim.perfanim_addon.animation.placement import Onto, Placement
 from perfanim.perfanim_addon.armature_driver import ArmatureDriver
-from perfanim.perfanim_addon.keyframes import KeyBounds
 from played import curves_of, played_poses
 
 SKELETON = default_skeleton(1.68)

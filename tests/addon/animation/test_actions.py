@@ -7,7 +7,7 @@ from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton
 from perfanim.core.errors import CharacterError
 from perfanim.core.geometry import rotations as rot
-from perfanim.perfanim_addon import actions
+from perfanim.perfanim_addon.animation import actions
 from played import curves_of, key_times, played_poses, points_from_blender
 
 SKELETON = default_skeleton(1.68)

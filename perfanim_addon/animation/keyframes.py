@@ -6,8 +6,8 @@ import bpy
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.body.keyframe_reduction import location_keys, rotation_keys, slopes
-from .action_channels import new_channels, new_curve
+from ...core.body.keyframe_reduction import location_keys, rotation_keys, slopes
+from .channels import new_channels, new_curve
 
 Array = NDArray[np.float64]
 

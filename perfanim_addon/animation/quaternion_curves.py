@@ -7,8 +7,8 @@ import bpy
 import numpy as np
 from mathutils import Euler, Quaternion
 
-from ..core.geometry import rotations as rot
-from .action_channels import channels_of, new_curve, slot_of
+from ...core.geometry import rotations as rot
+from .channels import channels_of, new_curve, slot_of
 from .keyframes import bone_path, fill
 
 
