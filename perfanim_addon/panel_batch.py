@@ -3,7 +3,7 @@
 import bpy
 
 from . import panels, preferences, running
-from .live import Capture
+from .capture.live_capture import Capture
 from .sidebar_tab import SidebarPanel, register_panels, unregister_panels
 
 KEY = "batch"

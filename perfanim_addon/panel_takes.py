@@ -14,7 +14,7 @@ from ..core.formats.take_file.reading import TakeSummary, summarise
 from ..core.formats.take_file.setup import MOST_STARS
 from ..core.solver.settings import SolveSettings
 from . import panels, preferences, result, running, takes
-from .live import Capture
+from .capture.live_capture import Capture
 from .sidebar_tab import SidebarPanel, register_panels, unregister_panels
 
 KEY = "takes"

@@ -5,7 +5,7 @@ from typing import Any
 import bpy
 
 from . import panel_character, panels, preferences, running, targets
-from .live import Capture
+from .capture.live_capture import Capture
 from .sidebar_tab import SidebarPanel, register_panels, unregister_panels
 
 KEY = "targets"

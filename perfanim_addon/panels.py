@@ -7,8 +7,8 @@ import bpy
 
 from . import panel_character, preferences, running, states
 from .body_parts import PARTS
+from .capture.live_capture import Capture
 from .job import Job
-from .live import Capture
 from .panel_camera_controls import PERFANIM_PT_camera_controls
 from .panel_sending import PERFANIM_PT_sending
 from .properties import settings

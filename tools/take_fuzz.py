@@ -40,7 +40,7 @@ from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.system.assets import MOTION
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import MessageKind
-from perfanim.perfanim_addon.capture_state import CaptureRun, Phase
+from perfanim.perfanim_addon.capture.capture_run import CaptureRun, Phase
 
 VICTIMS = (
     ("solver", signal.SIGKILL),

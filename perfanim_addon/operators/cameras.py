@@ -8,7 +8,9 @@ from bpy_extras.io_utils import ExportHelper
 
 from ...core.errors import CalibrationError
 from ...core.geometry.rig_file import rig_from, save_rig
-from .. import capture_setup, sound, states
+from .. import states
+from ..capture import request as capture_setup
+from ..capture import sound
 from ..place import absolute, user_folder
 from ..properties import PERFANIM_PG_settings, settings
 from .jobs import JobOperator

@@ -7,7 +7,7 @@ import bpy
 
 from ...core.errors import CaptureError, PerfanimError
 from .. import preferences, running, states
-from ..live import Capture
+from ..capture.live_capture import Capture
 from ..properties import settings
 from . import common
 from .database import starter_arguments

@@ -12,10 +12,10 @@ from ...core.errors import CharacterError, PerfanimError
 from ...core.retarget.bone_map import BoneMap, checked_map
 from ...core.retarget.bone_map_files import preset_paths, read_bone_map, write_bone_map
 from .. import running, states
-from ..armature_driver import ArmatureDriver
 from ..bone_list import store_map
+from ..capture.armature_driver import ArmatureDriver
+from ..capture.write_take import add_character
 from ..character import check_armature, find_armature
-from ..live import add_character
 from ..panel_character import shown_armature
 from ..place import absolute, user_folder
 from ..posing import PRESETS_FOLDER, find_map

@@ -5,8 +5,8 @@ from typing import Any
 import bpy
 
 from .. import diagnostics, running, states
+from ..capture.self_test import PANEL, SelfTest
 from ..job import Job
-from ..self_test import PANEL, SelfTest
 from .database import starter_arguments
 from .jobs import JobOperator
 

@@ -9,7 +9,9 @@ from ...core.body.calibration_poses import CALIBRATION
 from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import SubjectError
 from ...core.markers.subject import Subject, save_subject
-from .. import capture_setup, running, sound, states
+from .. import running, states
+from ..capture import request as capture_setup
+from ..capture import sound
 from ..place import absolute, user_folder
 from ..properties import settings
 from . import common

@@ -16,12 +16,13 @@ from ...core.labelling.take_import import UPS
 from ...core.retarget.joint_naming import OWN
 from ...core.session.pose_filters import Shape, shaped
 from ...core.solver.settings import METHODS
-from .. import capture_setup, panel_takes, running, states, takes
+from .. import panel_takes, running, states, takes
+from ..capture import request as capture_setup
+from ..capture.further_targets import write_others
+from ..capture.performer_driver import roles_of
+from ..capture.write_take import add_character, frames_of, increasing, pose_arrays, write_poses
 from ..export_animation import ENDINGS, Form, export_poses
 from ..job import Job, command
-from ..live import add_character, frames_of, increasing, pose_arrays, write_poses
-from ..others import write_others
-from ..performer_driver import roles_of
 from ..place import absolute
 from ..properties import settings
 from ..result import start_frame

@@ -27,7 +27,7 @@ def test_only_programs_of_this_computer_without_online_access(part: Any, monkeyp
     assert states.cameras(chosen).text == f"port {told.port}"  # no calibration is asked for
     assert "use an average body" in states.first_problem(chosen)
     assert not bpy.ops.perfanim.calibrate_performer.poll()
-    assert part("capture_setup").cameras(chosen)["source"] == {"kind": "vmc", "port": 39540, "sender": "127.0.0.1"}
+    assert part("capture.request").cameras(chosen)["source"] == {"kind": "vmc", "port": 39540, "sender": "127.0.0.1"}
     for online, sender, ready in ((False, "192.168.1.7", False), (False, " ", False), (True, " ", True)):
         monkeypatch.setattr(sending, "is_online_allowed", lambda online=online: online)
         told.sender = sender
@@ -50,7 +50,7 @@ def test_trackers_move_the_character_and_a_sender_that_pauses_is_told(part: Any,
     chosen.marker_set = "boxing"
     bpy.context.scene.perfanim_receiving.port = free_port()
     assert part("states").first_problem(chosen) == ""
-    capture, limit_s = part("live").Capture(None, []), time.monotonic() + PATIENCE_S
+    capture, limit_s = part("capture.live_capture").Capture(None, []), time.monotonic() + PATIENCE_S
     sent: list[int] = []
 
     def go_on(condition: Any, frames: Any = ()) -> None:

@@ -14,7 +14,7 @@ from perfanim.core.errors import CharacterError
 from perfanim.core.retarget.retargeter import RootMotion
 from perfanim.perfanim_addon import character
 from perfanim.perfanim_addon.animation.actions import write_action
-from perfanim.perfanim_addon.armature_driver import ArmatureDriver
+from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver
 from played import curves_of
 from retargeted import played
 
@@ -29,7 +29,7 @@ def test_live_poses_are_the_recorded_ones(mixamo_blend: Path, addon: ModuleType,
     hero.perfanim_character.root_motion = root_motion.name
     motion = clip("boxing-01-neutral", 8)
     actions = sys.modules[f"{addon.__name__}.perfanim_addon.animation.actions"]
-    drivers = sys.modules[f"{addon.__name__}.perfanim_addon.armature_driver"]
+    drivers = sys.modules[f"{addon.__name__}.perfanim_addon.capture.armature_driver"]
     actions.write_action("Hero", np.arange(1.0, 9.0), motion.rotations, motion.root_positions_m, motion.skeleton)
     recorded = played(hero, 8, [bone.name for bone in hero.pose.bones])
     hero.animation_data.action = None
@@ -90,7 +90,7 @@ def test_joints_are_where_the_scene_s_scale_puts_them(
     bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
     hero, motion = bpy.data.objects["Hero"], clip("boxing-01-neutral", 8)
     hero.perfanim_character.root_motion = root_motion.name
-    drivers = sys.modules[f"{addon.__name__}.perfanim_addon.armature_driver"]
+    drivers = sys.modules[f"{addon.__name__}.perfanim_addon.capture.armature_driver"]
 
     def joints() -> np.ndarray:
         drivers.ArmatureDriver("Hero", motion.skeleton).apply(motion.rotations[7], motion.root_positions_m[7])

@@ -75,7 +75,7 @@ def test_the_chosen_markers_must_be_the_subjects(
     states: Any, chosen: Any, extension: str, database: Path, tmp_path: Path
 ) -> None:
     chosen.database = str(database)
-    setup = sys.modules[f"{extension}.perfanim_addon.capture_setup"]
+    setup = sys.modules[f"{extension}.perfanim_addon.capture.request"]
     path = tmp_path / "anna.toml"
     save_subject(Subject("Anna", default_skeleton(), load_marker_set("locomotion"), 0.006), path)
     chosen.subject = str(path)

@@ -10,7 +10,7 @@ from perfanim.perfanim_addon.animation import actions
 from perfanim.perfanim_addon.animation import placement as action_placement
 from perfanim.perfanim_addon.animation.keyframes import KeyBounds
 from perfanim.perfanim_addon.animation.placement import Onto, Placement
-from perfanim.perfanim_addon.armature_driver import ArmatureDriver
+from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver
 from played import curves_of, played_poses
 
 SKELETON = default_skeleton(1.68)

@@ -7,17 +7,17 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.body.pose_frame import PoseFrame
-from ..core.body.skeleton import forward_kinematics
-from ..core.markers.subject import Subject
-from . import targets
-from .animation.actions import write_posing
-from .animation.suspended_actions import HeldActions
+from ...core.body.pose_frame import PoseFrame
+from ...core.body.skeleton import forward_kinematics
+from ...core.markers.subject import Subject
+from .. import targets
+from ..animation.actions import write_posing
+from ..animation.suspended_actions import HeldActions
+from ..character import create_character
+from ..posing import posing_of
+from ..result import placement
 from .armature_driver import ArmatureDriver
-from .character import create_character
-from .posing import posing_of
-from .result import placement
-from .room import Carried, Room
+from .capture_space import Carried, Room
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from perfanim.core.body.pose_frame import PoseFrame
 from perfanim.core.errors import CaptureError
 from perfanim.core.formats.take_file.pose_codec import SolvedPose, pack_solved
 from perfanim.core.worker.protocol import Decoder, Message, MessageKind, encode, encode_json, encode_preview
-from perfanim.perfanim_addon.capture_state import STOP_LIMIT_S, CaptureRun, Phase
+from perfanim.perfanim_addon.capture.capture_run import STOP_LIMIT_S, CaptureRun, Phase
 
 
 class Clock:

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Sequence
 from enum import Enum
 
-from ..core.body.pose_frame import PoseFrame
+from ...core.body.pose_frame import PoseFrame
 
 
 class Cue(Enum):

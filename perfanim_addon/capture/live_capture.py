@@ -1,91 +1,31 @@
 """A capture in Blender: the worker's frames through the session onto an armature, and at the end into an Action."""
 
 import contextlib
-from collections.abc import Sequence
 from typing import Any
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.body.pose_frame import PoseFrame
-from ..core.body.skeleton import Skeleton
-from ..core.body.standard_skeleton import default_skeleton
-from ..core.errors import PerfanimError
-from ..core.geometry import rotations as rot
-from . import capture_setup, overlay, preview, running, sound, takes
-from .animation.actions import scene_frames, write_action
-from .animation.suspended_actions import HeldActions
+from ...core.body.pose_frame import PoseFrame
+from ...core.body.skeleton import Skeleton
+from ...core.body.standard_skeleton import default_skeleton
+from ...core.errors import PerfanimError
+from ...core.geometry import rotations as rot
+from .. import overlay, preview, running, takes
+from ..animation.suspended_actions import HeldActions
+from ..job import Job, command
+from ..properties import settings
+from ..result import start_frame
+from . import request, sound
 from .armature_driver import ArmatureDriver
-from .capture_state import CaptureRun, Phase
-from .character import create_character
-from .job import Job, command
-from .others import Others, write_others
-from .properties import settings
+from .capture_run import CaptureRun, Phase
+from .capture_space import Room
+from .further_targets import Others, write_others
 from .recording import Cue, Recording
-from .result import placement, start_frame
-from .room import Room
-from .stage import free_place, look_at
+from .write_take import add_character, frames_of, pose_arrays, write_poses
 
 Array = NDArray[np.float64]
-
-LEAST_STEP_S = 1e-4
-
-
-def add_character(context: bpy.types.Context, skeleton: Skeleton) -> str:
-    """Add a character of these proportions beside what stands in the scene, choose it, show it, return its name."""
-    place = free_place(context)
-    name = create_character(context, skeleton)
-    character = bpy.data.objects[name]
-    character.location = place
-    settings(context).armature = character
-    look_at(context, place)
-    return name
-
-
-def pose_arrays(poses: Sequence[PoseFrame]) -> tuple[Array, Array, Array]:
-    """Return times (F,) in seconds, rotations (F, J, 4) and root positions (F, 3) in metres of poses."""
-    times_s = np.array([pose.time_s for pose in poses])
-    return times_s, np.stack([p.rotations for p in poses]), np.stack([p.root_position_m for p in poses])
-
-
-def write_poses(
-    context: bpy.types.Context,
-    object_name: str,
-    times_s: Array,
-    rotations: Array,
-    root_positions_m: Array,
-    skeleton: Skeleton,
-    start_frame: float,
-    name: str,
-    only: frozenset[str] | None = None,
-) -> str:
-    """Write poses onto an armature, or a new character where that is gone, as is chosen; return the action's name.
-
-    Args:
-        times_s: (F,) the first stands at `start_frame`, t seconds later is `start_frame` + t * the scene's frames per
-            second.
-        rotations, root_positions_m: (F, J, 4), (F, 3) as `write_action` takes them.
-        skeleton: the performer's.
-        name: wished name of the action.
-        only: bones that are written, None for all; the others keep the animation that they have.
-
-    Raises:
-        CharacterError: the armature cannot be driven, or there are no poses.
-    """
-    if object_name not in bpy.data.objects:
-        object_name, only = add_character(context, skeleton), None
-    frames = scene_frames(increasing(times_s), context.scene, start_frame)
-    chosen = placement(context, bpy.data.objects.get(object_name), only)
-    action = write_action(object_name, frames, rotations, root_positions_m, skeleton, name=name, placement=chosen)
-    if settings(context).extend_scene:
-        context.scene.frame_end = max(context.scene.frame_end, int(np.ceil(frames[-1])))
-    return action
-
-
-def frames_of(context: bpy.types.Context, poses: Sequence[PoseFrame], start_frame: float) -> Array:
-    """Return the scene frames (F,) on which poses stand, of which the first is at `start_frame`."""
-    return scene_frames(increasing(np.array([pose.time_s for pose in poses])), context.scene, start_frame)
 
 
 class Capture:
@@ -216,7 +156,7 @@ class Capture:
     def _begin(self, context: bpy.types.Context) -> None:
         """Check the files and the armature, if one is chosen, and start the worker."""
         chosen = settings(context)
-        setup = capture_setup.make(chosen)
+        setup = request.make(chosen)
         self._skeleton = setup.skeleton
         if setup.props or setup.performers:
             self._others = Others(context, setup.props, setup.performers, chosen.body_parts)
@@ -260,7 +200,7 @@ class Capture:
     def tune(self, chosen: Any) -> None:
         """Go on with the smoothing and the foot lock of the settings."""
         if self.run is not None:
-            self.run.tune(capture_setup.shape(chosen))
+            self.run.tune(request.shape(chosen))
 
     def stop(self) -> None:
         """Ask for a clean end; `tick` goes on until `done`."""
@@ -330,9 +270,3 @@ def _after_frame_change(*_: object) -> None:
     if isinstance(capture, Capture):
         with contextlib.suppress(PerfanimError):  # the next tick tells
             capture.pose_again()
-
-
-def increasing(times_s: Array) -> Array:
-    """Return times (F,) with those that do not come after their predecessor moved to 0.1 ms behind it."""
-    ramp = LEAST_STEP_S * np.arange(len(times_s))
-    return np.maximum.accumulate(times_s - ramp) + ramp

@@ -19,7 +19,7 @@ from ticking import tick_until
 
 
 def test_the_defaults_capture_a_new_character_into_one_action(part: Any) -> None:
-    live, states, database = part("live"), part("states"), part("operators.database")
+    live, states, database = part("capture.live_capture"), part("states"), part("operators.database")
     bpy.context.scene.render.fps = 24
     bpy.context.scene.frame_current = 11
     prepare = [] if states.starter_database_path().exists() else database.starter_arguments()
@@ -74,7 +74,7 @@ def check_drawn_over(character: Any, drawn: Any) -> None:
 
 
 def test_stop_before_the_first_frame_leaves_the_old_action(part: Any) -> None:
-    live, character = part("live"), part("operators.character")
+    live, character = part("capture.live_capture"), part("operators.character")
     name = live.add_character(bpy.context, character.performer_skeleton(bpy.context.scene.perfanim))
     armature = bpy.data.objects[name]
     old = bpy.data.actions.new("Old")
@@ -121,7 +121,7 @@ def play_worker(part: Any, monkeypatch: pytest.MonkeyPatch, skeleton: Any, rotat
     setup = SimpleNamespace(
         skeleton=skeleton, props=(), performers=(), request={"take": "a.perftake"}, start=lambda _python: run
     )
-    monkeypatch.setattr(part("capture_setup"), "make", lambda _chosen: setup)
+    monkeypatch.setattr(part("capture.request"), "make", lambda _chosen: setup)
     return run
 
 
@@ -134,7 +134,7 @@ def test_a_recording_of_a_length_says_which_part_of_the_take_it_is(part: Any, mo
     monkeypatch.setattr(part("takes"), "mark_played", lambda *_: None)
     monkeypatch.setattr(part("takes"), "mark_recorded", lambda *what: noted.append(what))
     bpy.context.scene.perfanim.record_length_s = 0.5
-    capture = part("live").Capture(None, [])
+    capture = part("capture.live_capture").Capture(None, [])
     for _ in range(45):
         capture.tick(bpy.context)
     assert capture.recording is None
@@ -154,7 +154,7 @@ def test_a_rehearsal_records_what_the_button_says(part: Any, monkeypatch: pytest
     monkeypatch.setattr(part("takes"), "mark_played", lambda *_: None)
     monkeypatch.setattr(part("takes"), "mark_recorded", lambda *what: noted.append(what))
     chosen.record_by_button = True
-    capture = part("live").Capture(None, [])
+    capture = part("capture.live_capture").Capture(None, [])
     monkeypatch.setattr(running, "current", lambda: capture)
     assert not bpy.ops.perfanim.record.poll()  # nothing is captured yet
 
@@ -185,7 +185,7 @@ def test_a_rehearsal_without_a_recording_keeps_the_scene_as_it_was(part: Any, mo
     skeleton = part("operators.character").performer_skeleton(chosen)
     play_worker(part, monkeypatch, skeleton, swing(skeleton, ("head",), 60))
     chosen.record_by_button = True
-    capture = part("live").Capture(None, [])
+    capture = part("capture.live_capture").Capture(None, [])
     for _ in range(9):
         capture.tick(bpy.context)
     assert capture.keep(bpy.context) == ""
@@ -193,7 +193,7 @@ def test_a_rehearsal_without_a_recording_keeps_the_scene_as_it_was(part: Any, mo
 
 
 def test_one_arm_is_captured_while_the_rest_plays_its_own_animation(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    live, running, chosen = part("live"), part("running"), bpy.context.scene.perfanim
+    live, running, chosen = part("capture.live_capture"), part("running"), bpy.context.scene.perfanim
     bpy.context.scene.render.fps = 60
     skeleton = part("operators.character").performer_skeleton(chosen)
     name = live.add_character(bpy.context, skeleton)
@@ -233,7 +233,7 @@ def test_parts_of_a_foreign_rig_take_the_bones_between(part: Any) -> None:
     posing = part("posing")
     parts = part("body_parts")
     skeleton = part("operators.character").performer_skeleton(bpy.context.scene.perfanim)
-    armature = bpy.data.objects[part("live").add_character(bpy.context, skeleton)]
+    armature = bpy.data.objects[part("capture.live_capture").add_character(bpy.context, skeleton)]
     product = posing.posing_of(armature, skeleton)
     assert parts.bones_of_parts(armature, product, parts.PARTS) is None
     by_part = {one: parts.bones_of_parts(armature, product, {one}) for one in parts.PARTS}
@@ -254,7 +254,7 @@ def test_parts_of_a_foreign_rig_take_the_bones_between(part: Any) -> None:
 def test_what_is_recorded_is_kept_when_blender_takes_the_capture_down(part: Any, way_out: str) -> None:
     prepare = [] if part("states").starter_database_path().exists() else part("operators.database").starter_arguments()
     running, operator = part("running"), part("operators.capture").PERFANIM_OT_start_capture
-    capture = part("live").Capture(None, prepare)
+    capture = part("capture.live_capture").Capture(None, prepare)
     running.begin(bpy.context, capture, 1.0)
     tick_until(capture, lambda: capture.run is not None and len(capture.run.poses) >= 10)
     keys: list[int] = []
@@ -282,7 +282,7 @@ def test_what_is_recorded_is_kept_when_blender_takes_the_capture_down(part: Any,
 
 
 def test_a_character_deleted_while_capturing_does_not_lose_the_take(part: Any) -> None:
-    live = part("live")
+    live = part("capture.live_capture")
     prepare = [] if part("states").starter_database_path().exists() else part("operators.database").starter_arguments()
     capture = live.Capture(None, prepare)
     errors = sys.modules[live.__name__.replace("perfanim_addon.live", "core.errors")]
@@ -299,7 +299,7 @@ def test_a_character_deleted_while_capturing_does_not_lose_the_take(part: Any) -
 
 
 def test_times_that_stand_still_are_spread(part: Any) -> None:
-    times = part("live").increasing(np.array([0.0, 0.1, 0.1, 0.05, 0.2]))
+    times = part("capture.live_capture").increasing(np.array([0.0, 0.1, 0.1, 0.05, 0.2]))
     assert np.all(np.diff(times) > 0)
     np.testing.assert_allclose(times, [0.0, 0.1, 0.1, 0.1, 0.2], atol=1e-3)
 
@@ -318,7 +318,7 @@ def test_image_folders_are_captured_to_their_end(part: Any, tmp_path: Path) -> N
     chosen.left_folder, chosen.right_folder = str(tmp_path / "left"), str(tmp_path / "right")
     chosen.calibration, chosen.subject = str(tmp_path / "cameras.toml"), str(tmp_path / "subject.toml")
     prepare = [] if part("states").starter_database_path().exists() else part("operators.database").starter_arguments()
-    capture = part("live").Capture(None, prepare)
+    capture = part("capture.live_capture").Capture(None, prepare)
     try:
         tick_until(capture, lambda: capture.done)
         text = capture.keep(bpy.context)

@@ -6,16 +6,16 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.body.pose_frame import PoseFrame
-from ..core.body.skeleton import Skeleton
-from ..core.markers.prop import Prop
-from ..core.markers.subject import Subject
-from .character import find_armature
+from ...core.body.pose_frame import PoseFrame
+from ...core.body.skeleton import Skeleton
+from ...core.markers.prop import Prop
+from ...core.markers.subject import Subject
+from ..character import find_armature
+from ..posing import Posing, posing_of
+from ..result import placement
+from .capture_space import Room
 from .performer_driver import PerformerDriver, Role, write_performer_actions
-from .posing import Posing, posing_of
-from .result import placement
-from .room import Room
-from .target_driver import TargetDriver, write_prop_actions
+from .prop_driver import TargetDriver, write_prop_actions
 
 Array = NDArray[np.float64]
 

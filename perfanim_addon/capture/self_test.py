@@ -5,13 +5,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..core.body.standard_skeleton import default_skeleton
-from ..core.errors import CaptureError
-from ..core.markers.marker_set import load_marker_set
-from ..core.markers.subject import Subject, save_subject
-from ..core.worker.client import WorkerClient
-from .capture_state import CaptureRun, Phase
-from .job import Job, command
+from ...core.body.standard_skeleton import default_skeleton
+from ...core.errors import CaptureError
+from ...core.markers.marker_set import load_marker_set
+from ...core.markers.subject import Subject, save_subject
+from ...core.worker.client import WorkerClient
+from ..job import Job, command
+from .capture_run import CaptureRun, Phase
 
 PANEL = "diagnostics"  # whose message tells how it ended
 MARKER_SET = "boxing"

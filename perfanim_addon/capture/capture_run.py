@@ -10,10 +10,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.body.pose_frame import PoseFrame
-from ..core.errors import CaptureError, PerfanimError
-from ..core.worker.protocol import Message, MessageKind
-from ..core.worker.restart_point import Seam
+from ...core.body.pose_frame import PoseFrame
+from ...core.errors import CaptureError, PerfanimError
+from ...core.worker.protocol import Message, MessageKind
+from ...core.worker.restart_point import Seam
 
 STOP_LIMIT_S = 8.0
 FREEZE_NOTICE_S = 0.2

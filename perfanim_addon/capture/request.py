@@ -8,18 +8,18 @@ from typing import Any
 
 import bpy
 
-from ..core.body.skeleton import Skeleton
-from ..core.body.standard_skeleton import default_skeleton
-from ..core.errors import CaptureError, PerfanimError
-from ..core.geometry.camera import CameraRig
-from ..core.geometry.rig_file import save_rig
-from ..core.markers.prop import Prop, check_together
-from ..core.markers.subject import Subject, save_subject
-from ..core.worker.client import WorkerClient
-from . import preferences, receiving, sending, states, takes, targets
-from .capture_state import CaptureRun
-from .place import absolute, user_folder
-from .targets import SIMULATED_HEIGHT_M
+from ...core.body.skeleton import Skeleton
+from ...core.body.standard_skeleton import default_skeleton
+from ...core.errors import CaptureError, PerfanimError
+from ...core.geometry.camera import CameraRig
+from ...core.geometry.rig_file import save_rig
+from ...core.markers.prop import Prop, check_together
+from ...core.markers.subject import Subject, save_subject
+from ...core.worker.client import WorkerClient
+from .. import preferences, receiving, sending, states, takes, targets
+from ..place import absolute, user_folder
+from ..targets import SIMULATED_HEIGHT_M
+from .capture_run import CaptureRun
 
 _PARTNERS = ("boxing", "kendo")  # who do it on the spot
 

@@ -7,13 +7,13 @@ import numpy as np
 from mathutils import Quaternion, Vector
 from numpy.typing import NDArray
 
-from ..core.body.pose_frame import PoseFrame, PropPose
-from ..core.markers.prop import Prop
-from . import targets
-from .animation.actions import write_object_action
-from .animation.placement import Onto, Placement
-from .animation.suspended_actions import HeldActions
-from .room import Room
+from ...core.body.pose_frame import PoseFrame, PropPose
+from ...core.markers.prop import Prop
+from .. import targets
+from ..animation.actions import write_object_action
+from ..animation.placement import Onto, Placement
+from ..animation.suspended_actions import HeldActions
+from .capture_space import Room
 
 Array = NDArray[np.float64]
 

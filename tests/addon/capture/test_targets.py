@@ -92,7 +92,7 @@ def check_placed(target: Any, wanted: Matrix) -> None:
 
 
 def test_a_sword_is_in_the_characters_hand_live_and_in_the_action(part: Any, shown: Any, tmp_path: Path) -> None:
-    live, scene = part("live"), bpy.context.scene
+    live, scene = part("capture.live_capture"), bpy.context.scene
     build_database([str(MOTION / "kendo-01-proud.bvh")], tmp_path / "kendo.perfdb", 30.0)
     scene.perfanim.database = str(tmp_path / "kendo.perfdb")
     scene.render.fps, scene.frame_current = 60, 5
@@ -141,14 +141,14 @@ def test_a_sword_is_in_the_characters_hand_live_and_in_the_action(part: Any, sho
 
 
 def test_an_objects_own_action_is_given_back_when_nothing_is_kept(part: Any, shown: Any) -> None:
-    driver, prop = part("target_driver"), load_prop("sword")
-    live, character = part("live"), part("operators.character")
+    driver, prop = part("capture.prop_driver"), load_prop("sword")
+    live, character = part("capture.live_capture"), part("operators.character")
     skeleton = character.performer_skeleton(bpy.context.scene.perfanim)
     armature = bpy.data.objects[live.add_character(bpy.context, skeleton)]
     entry = shown.entries.add()
     entry.object = cube = bpy.data.objects.new("Cube", None)
     cube.animation_data_create().action = old = bpy.data.actions.new("Old")
-    room = part("room").Room(armature, part("posing").posing_of(armature, skeleton))
+    room = part("capture.capture_space").Room(armature, part("posing").posing_of(armature, skeleton))
     following = driver.TargetDriver(bpy.context, [prop])
     pose = sys.modules[f"{driver.__package__.rpartition('.')[0]}.core.markers.prop"].PropPose
     following.apply(bpy.context, [pose(np.array([1.0, 0, 0, 0]), np.zeros(3))], room)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from perfanim.core.body.pose_frame import PoseFrame
-from perfanim.perfanim_addon.recording import Cue, Recording
+from perfanim.perfanim_addon.capture.recording import Cue, Recording
 
 
 class Clock:

@@ -86,12 +86,12 @@ def play(part: Any, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
         asked = SimpleNamespace(
             skeleton=FIRST, props=(), performers=SUBJECTS, request={"take": "a.perftake"}, start=lambda _python: run
         )
-        monkeypatch.setattr(part("capture_setup"), "make", lambda _chosen: asked)
+        monkeypatch.setattr(part("capture.request"), "make", lambda _chosen: asked)
         for name in ("mark_played", "mark_recorded"):
             monkeypatch.setattr(part("takes"), name, lambda *_: None)
         bpy.context.scene.render.fps = 60
         bpy.context.scene.frame_set(1)
-        return part("live").Capture(None, [])
+        return part("capture.live_capture").Capture(None, [])
 
     return start
 
@@ -142,12 +142,12 @@ def test_what_the_worker_is_asked_for(part: Any, shown: Any, ben: Any) -> None:
     build_path = str(part("place").user_folder("databases") / "a.perfdb")
     build_database([str(MOTION / "boxing-01-neutral.bvh")], build_path, 10.0)
     scene.perfanim.database, scene.perfanim.behaviour = build_path, "boxing"
-    setup = part("capture_setup").make(scene.perfanim)
+    setup = part("capture.request").make(scene.perfanim)
     assert [subject.name for subject in setup.performers] == ["Ben"]
     assert [part("states").subject(path).name for path in setup.request["performers"]] == ["Ben"]
     assert setup.request["cameras"]["source"]["partners"] == [{"behaviour": "kendo"}]
     shown.entries.clear()
-    assert "performers" not in part("capture_setup").make(scene.perfanim).request
+    assert "performers" not in part("capture.request").make(scene.perfanim).request
 
 
 def test_a_new_character_stands_beside_the_first_as_the_performers_do(part: Any, play: Any, ben: Any) -> None:
@@ -209,7 +209,7 @@ def test_a_character_that_is_chosen_is_carried_into_the_room(part: Any, play: An
     # it looks where its performer looks: as a character of the first's own room would
     twin = bpy.data.objects[create(bpy.context, SECOND, "Twin")]
     twin.matrix_world = chosen.armature.matrix_world
-    part("armature_driver").ArmatureDriver("Twin", SECOND).apply(first.rotations, first.root_position_m)
+    part("capture.armature_driver").ArmatureDriver("Twin", SECOND).apply(first.rotations, first.root_position_m)
     for bone in ("root", "head", "lradius"):
         np.testing.assert_allclose(in_scene(ben.armature, bone)[1], in_scene(twin, bone)[1], atol=1e-4)
 
@@ -243,7 +243,7 @@ def test_nothing_recorded_leaves_the_scene_as_it_was(part: Any, play: Any, ben: 
     capture.close()
     assert ben.armature.animation_data.action is old
     assert list(bpy.data.actions) == [old]
-    assert part("live")._after_frame_change not in bpy.app.handlers.frame_change_post
+    assert part("capture.live_capture")._after_frame_change not in bpy.app.handlers.frame_change_post
 
 
 def test_a_character_deleted_meanwhile_does_no_harm(part: Any, play: Any, ben: Any) -> None:
@@ -361,7 +361,7 @@ def test_a_take_names_all_and_each_can_be_exported(part: Any, ben: Any, tmp_path
 
 
 def test_two_before_the_cameras_live_and_solved_again(part: Any, shown: Any, tmp_path: Path) -> None:
-    live, scene = part("live"), bpy.context.scene
+    live, scene = part("capture.live_capture"), bpy.context.scene
     build_database([str(MOTION)], tmp_path / "two.perfdb", 10.0)
     scene.perfanim.database, scene.perfanim.behaviour = str(tmp_path / "two.perfdb"), "kendo"
     scene.render.fps = 60

@@ -1,0 +1,1 @@
+"""Live capture: from the worker's poses to bones and actions."""
