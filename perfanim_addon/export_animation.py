@@ -17,8 +17,8 @@ from ..core.system.files import atomic_path
 from .animation.actions import scene_frames, write_action
 from .animation.channels import play, played
 from .bone_names import named_for
-from .character import find_armature
-from .posing import bones_of
+from .character.create_character import find_armature
+from .character.posing import bones_of
 
 Array = NDArray[np.float64]
 

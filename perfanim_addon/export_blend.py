@@ -20,11 +20,11 @@ from ..core.body.skeleton import forward_kinematics
 from ..core.errors import CharacterError, PerfanimError
 from ..core.formats.motion.read_motion import read_motion
 from ..core.system.files import atomic_path
-from . import axes
 from .animation.actions import write_action
-from .character import create_character
-from .character_mesh import ensure_nodes
-from .character_shapes import SOLE_BELOW_TOES_M, girth_scale
+from .character import axes
+from .character.create_character import create_character
+from .character.mesh.body_mesh import ensure_nodes
+from .character.mesh.shapes import SOLE_BELOW_TOES_M, girth_scale
 
 Array = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ import bpy
 
 from ..core.retarget.bone_map import EXPECTED, State
 from ..core.retarget.bone_map_files import preset_paths
-from .bone_list import joint_label
-from .character import check_armature
+from .character.bone_map_settings import joint_label
+from .character.create_character import check_armature
+from .character.posing import PRESETS_FOLDER
 from .place import user_folder
-from .posing import PRESETS_FOLDER
 from .properties import settings
 
 _SHOWN = "perfanim_armature"  # in the context of the buttons and the menu

@@ -6,8 +6,8 @@ from typing import Any
 import bpy
 
 from . import panel_character, preferences, running, states
-from .body_parts import PARTS
 from .capture.live_capture import Capture
+from .character.body_parts import PARTS
 from .job import Job
 from .panel_camera_controls import PERFANIM_PT_camera_controls
 from .panel_sending import PERFANIM_PT_sending

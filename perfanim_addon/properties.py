@@ -6,8 +6,8 @@ import bpy
 
 from ..core.markers.marker_set import marker_set_names
 from . import running
+from .character.posing import fill_map
 from .hung import hung_on
-from .posing import fill_map
 
 SOURCES = (
     ("SIMULATED", "Simulated Performer", "A performer, room and two cameras drawn by the computer: needs no hardware"),

@@ -25,7 +25,6 @@ def _other_modules() -> Sequence[ModuleType]:
 
     from . import (
         batch_settings,
-        bone_list,
         command_line,
         defaults,
         panel_batch,
@@ -40,11 +39,12 @@ def _other_modules() -> Sequence[ModuleType]:
         sending,
         targets,
     )
+    from .character import bone_map_settings
     from .operators import batch, cameras, capture, character, database, jobs, self_test, subject, take_files, takes
     from .operators import targets as target_operators
 
     return (
-        bone_list,
+        bone_map_settings,
         properties,
         targets,
         sending,

@@ -27,10 +27,10 @@ from ..core.retarget.bone_map_files import named_bone_map
 from ..core.retarget.retargeter import Retargeter, RootMotion
 from ..core.system.files import atomic_path
 from .animation.actions import scene_frames, write_posing
+from .character.posing import find_map, retarget_posing
+from .character.rig import read_armature_rest
 from .export_animation import ENDINGS, Form, write_played
 from .export_blend import add_stage, render, set_up_rendering, write_scene
-from .posing import find_map, retarget_posing
-from .retarget_rig import read_armature_rest
 
 Array = NDArray[np.float64]
 

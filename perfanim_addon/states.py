@@ -13,8 +13,8 @@ from ..core.markers.marker_set import MarkerSet, load_marker_set
 from ..core.markers.prop import Prop, load_prop
 from ..core.markers.subject import Subject, load_subject
 from . import receiving
+from .character.posing import map_problem
 from .place import absolute, user_folder
-from .posing import map_problem
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,9 @@ from ..core.markers.prop import Prop, check_together
 from ..core.markers.subject import Subject
 from ..core.system.assets import PROPS
 from . import states
+from .character.posing import map_problem
+from .character.prop_mesh import add_prop_object
 from .place import absolute
-from .posing import map_problem
-from .prop_mesh import add_prop_object
 from .properties import find_bones, is_armature
 
 SHIPPED = str(PROPS / "sword.toml")  # what is meant where no definition is chosen

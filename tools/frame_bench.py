@@ -36,7 +36,7 @@ from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.worker.protocol import Decoder, MessageKind, encode
 from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver
-from perfanim.perfanim_addon.character import create_character
+from perfanim.perfanim_addon.character.create_character.create_character import create_character
 
 MEDIAN_MS, P99_MS = 4.0, 8.0
 PROCESSES = 2

@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 from ...core.body.skeleton import Skeleton
 from ...core.errors import CharacterError
 from ...core.geometry import rotations as rot
-from ..character import find_armature
-from ..posing import Posing, posing_of
-from ..retarget_rig import clear_offsets, delta_transforms
+from ..character.create_character import find_armature
+from ..character.posing import Posing, posing_of
+from ..character.rig import clear_offsets, delta_transforms
 from .keyframes import KeyWriter, bone_path
 from .placement import BLEND_S, Onto, Placement, new_action, put
 from .quaternion_curves import keep_in_quaternions

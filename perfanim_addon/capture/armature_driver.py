@@ -7,10 +7,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...core.body.skeleton import Skeleton
 from ..animation.quaternion_curves import keep_in_quaternions
-from ..body_parts import PARTS, bones_of_parts
-from ..character import find_armature
-from ..posing import Posing, posing_of
-from ..retarget_rig import clear_offsets, delta_transforms
+from ..character.body_parts import PARTS, bones_of_parts
+from ..character.create_character import find_armature
+from ..character.posing import Posing, posing_of
+from ..character.rig import clear_offsets, delta_transforms
 
 _QUATERNION_MODE = 0  # PoseBone.rotation_mode "QUATERNION" as foreach_get returns it
 

@@ -15,8 +15,8 @@ from mathutils import Matrix, Quaternion, Vector
 from numpy.typing import ArrayLike, NDArray
 
 from ...core.geometry import rotations as rot
-from ..axes import BLENDER_FROM_PRODUCT
-from ..posing import Posing, ProductPosing
+from ..character.axes import BLENDER_FROM_PRODUCT
+from ..character.posing import Posing, ProductPosing
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from ...core.body.pose_frame import PoseFrame
 from ...core.body.skeleton import Skeleton
 from ...core.markers.prop import Prop
 from ...core.markers.subject import Subject
-from ..character import find_armature
-from ..posing import Posing, posing_of
+from ..character.create_character import find_armature
+from ..character.posing import Posing, posing_of
 from ..result import placement
 from .capture_space import Room
 from .performer_driver import PerformerDriver, Role, write_performer_actions

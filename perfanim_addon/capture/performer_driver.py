@@ -13,8 +13,8 @@ from ...core.markers.subject import Subject
 from .. import targets
 from ..animation.actions import write_posing
 from ..animation.suspended_actions import HeldActions
-from ..character import create_character
-from ..posing import posing_of
+from ..character.create_character import create_character
+from ..character.posing import posing_of
 from ..result import placement
 from .armature_driver import ArmatureDriver
 from .capture_space import Carried, Room

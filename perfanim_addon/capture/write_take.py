@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from ...core.body.pose_frame import PoseFrame
 from ...core.body.skeleton import Skeleton
 from ..animation.actions import scene_frames, write_action
-from ..character import create_character
+from ..character.create_character import create_character
+from ..character.free_place import free_place, look_at
 from ..properties import settings
 from ..result import placement
-from ..stage import free_place, look_at
 
 Array = NDArray[np.float64]
 

@@ -12,15 +12,15 @@ from ...core.errors import CharacterError, PerfanimError
 from ...core.retarget.bone_map import BoneMap, checked_map
 from ...core.retarget.bone_map_files import preset_paths, read_bone_map, write_bone_map
 from .. import running, states
-from ..bone_list import store_map
 from ..capture.armature_driver import ArmatureDriver
 from ..capture.write_take import add_character
-from ..character import check_armature, find_armature
+from ..character.bone_map_settings import store_map
+from ..character.create_character import check_armature, find_armature
+from ..character.posing import PRESETS_FOLDER, find_map
+from ..character.rig import read_armature_rest
 from ..panel_character import shown_armature
 from ..place import absolute, user_folder
-from ..posing import PRESETS_FOLDER, find_map
 from ..properties import PERFANIM_PG_settings, settings
-from ..retarget_rig import read_armature_rest
 from . import common
 
 PANEL = "character"

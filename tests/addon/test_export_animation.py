@@ -13,8 +13,8 @@ from perfanim.core.formats.motion.bvh import read_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.retarget.joint_naming import NAMINGS
 from perfanim.core.system.assets import MOTION
-from perfanim.perfanim_addon import character
 from perfanim.perfanim_addon.animation import actions
+from perfanim.perfanim_addon.character.create_character import create_character
 from perfanim.perfanim_addon.export_animation import ENDINGS, Form, export_poses
 from played import curves_of
 
@@ -29,7 +29,7 @@ def motion() -> Motion:
 
 @pytest.fixture
 def performer(addon: object, motion: Motion) -> str:
-    return character.create_character(bpy.context, default_skeleton(1.9))
+    return create_character.create_character(bpy.context, default_skeleton(1.9))
 
 
 def export(performer: str, target: Path, kind: str, motion: Motion, **form: Any) -> int:

@@ -230,8 +230,8 @@ def test_one_arm_is_captured_while_the_rest_plays_its_own_animation(part: Any, m
 
 
 def test_parts_of_a_foreign_rig_take_the_bones_between(part: Any) -> None:
-    posing = part("posing")
-    parts = part("body_parts")
+    posing = part("character.posing")
+    parts = part("character.body_parts")
     skeleton = part("operators.character").performer_skeleton(bpy.context.scene.perfanim)
     armature = bpy.data.objects[part("capture.live_capture").add_character(bpy.context, skeleton)]
     product = posing.posing_of(armature, skeleton)

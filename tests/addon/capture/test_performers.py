@@ -127,7 +127,7 @@ def test_the_list_says_who_cannot_be_followed(part: Any, shown: Any, ben: Any, t
     assert "not calibrated" in targets.problem(scene)
     ben.subject = str(tmp_path / "ben.toml")
     assert targets.problem(scene) == ""
-    scene.perfanim.armature = bpy.data.objects[part("character").create_character(bpy.context, FIRST)]
+    scene.perfanim.armature = bpy.data.objects[part("character.create_character").create_character(bpy.context, FIRST)]
     ben.armature = scene.perfanim.armature
     assert "Performer: cannot follow two performers" in targets.problem(scene)
     ben.armature = bpy.data.objects.new("Lamp", bpy.data.armatures.new("Lamp"))
@@ -177,7 +177,7 @@ def test_a_new_character_stands_beside_the_first_as_the_performers_do(part: Any,
 
 def test_a_character_that_is_chosen_is_carried_into_the_room(part: Any, play: Any, ben: Any) -> None:
     """However it stands, and twice as large: there where its performer is first seen, from then on by its own steps."""
-    chosen, create = bpy.context.scene.perfanim, part("character").create_character
+    chosen, create = bpy.context.scene.perfanim, part("character.create_character").create_character
     chosen.armature = bpy.data.objects[create(bpy.context, FIRST, "Anna")]
     chosen.armature.location, chosen.armature.rotation_euler = (1.0, 2.0, 0.5), (0.0, 0.0, 0.6)
     ben.armature = bpy.data.objects[create(bpy.context, SECOND, "Giant")]
@@ -215,7 +215,7 @@ def test_a_character_that_is_chosen_is_carried_into_the_room(part: Any, play: An
 
 
 def test_each_recording_is_an_action_and_own_actions_are_given_back(part: Any, play: Any, ben: Any) -> None:
-    chosen, create = bpy.context.scene.perfanim, part("character").create_character
+    chosen, create = bpy.context.scene.perfanim, part("character.create_character").create_character
     ben.armature = bpy.data.objects[create(bpy.context, SECOND, "Actor")]
     ben.armature.animation_data_create().action = old = bpy.data.actions.new("Old")
     chosen.record_by_button = True
@@ -233,7 +233,7 @@ def test_each_recording_is_an_action_and_own_actions_are_given_back(part: Any, p
 
 
 def test_nothing_recorded_leaves_the_scene_as_it_was(part: Any, play: Any, ben: Any) -> None:
-    create = part("character").create_character
+    create = part("character.create_character").create_character
     ben.armature = bpy.data.objects[create(bpy.context, SECOND, "Actor")]
     ben.armature.animation_data_create().action = old = bpy.data.actions.new("Old")
     bpy.context.scene.perfanim.record_by_button = True
@@ -258,7 +258,7 @@ def test_a_character_deleted_meanwhile_does_no_harm(part: Any, play: Any, ben: A
 
 
 def test_strips_and_selected_bones_count_for_all(part: Any, play: Any, ben: Any) -> None:
-    chosen, create = bpy.context.scene.perfanim, part("character").create_character
+    chosen, create = bpy.context.scene.perfanim, part("character.create_character").create_character
     chosen.armature = bpy.data.objects[create(bpy.context, FIRST, "Anna")]
     ben.armature = bpy.data.objects[create(bpy.context, SECOND, "Actor")]
     bpy.context.scene.perfanim_result.onto = "STRIP"
@@ -280,7 +280,7 @@ def test_strips_and_selected_bones_count_for_all(part: Any, play: Any, ben: Any)
 
 
 def test_bones_of_another_armature_than_the_first_are_found_and_kept(part: Any, ben: Any) -> None:
-    create, posing = part("character").create_character, part("posing")
+    create, posing = part("character.create_character").create_character, part("character.posing")
     first = bpy.context.scene.perfanim.armature = bpy.data.objects[create(bpy.context, FIRST, "Anna")]
     other = bpy.data.objects[create(bpy.context, SECOND, "Other")]
     for bone in other.data.bones:
@@ -310,7 +310,7 @@ def taken(part: Any, name: str) -> Path:
 
 
 def test_a_take_is_put_on_the_characters_that_are_meant(part: Any, shown: Any, ben: Any) -> None:
-    path, create = taken(part, "duel"), part("character").create_character
+    path, create = taken(part, "duel"), part("character.create_character").create_character
     shown.entries.add()  # a prop
     other = shown.entries.add()
     other.kind = "PERFORMER"

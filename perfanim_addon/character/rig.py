@@ -12,9 +12,9 @@ import numpy as np
 from mathutils import Quaternion
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.errors import CharacterError
-from ..core.geometry import rotations as rot
-from ..core.retarget.armature_rest import ArmatureRest
+from ...core.errors import CharacterError
+from ...core.geometry import rotations as rot
+from ...core.retarget.armature_rest import ArmatureRest
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

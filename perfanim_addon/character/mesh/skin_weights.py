@@ -10,9 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.body.skeleton import Skeleton
-from .character_shapes import Figure
-from .character_surface import Array
+from ....core.body.skeleton import Skeleton
+from .shapes import Figure
+from .surface import Array
 
 
 def skin_weights(

@@ -12,9 +12,9 @@ from mathutils import Matrix
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import CharacterError
 from perfanim.core.retarget.retargeter import RootMotion
-from perfanim.perfanim_addon import character
 from perfanim.perfanim_addon.animation.actions import write_action
 from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver
+from perfanim.perfanim_addon.character.create_character import create_character
 from played import curves_of
 from retargeted import played
 
@@ -73,7 +73,7 @@ def test_a_character_that_the_scene_shows_distorted_is_refused_with_what_to_do(
     assert said in states.character(chosen).problem
     chosen.armature = hero
     assert hero.perfanim_character.joints["head"].bone == "mixamorig:Neck1"
-    for name in ("Hero", character.create_character(bpy.context, default_skeleton())):
+    for name in ("Hero", create_character.create_character(bpy.context, default_skeleton())):
         obj = bpy.data.objects[name]
         obj.parent, obj.matrix_basis = hero.parent, hero.matrix_basis
         bpy.context.view_layer.update()

@@ -11,10 +11,10 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.body.skeleton import Skeleton, forward_kinematics
-from ..core.errors import CharacterError
-from ..core.geometry import rotations as rot
-from ..core.retarget.character_rest_pose import facing
+from ...core.body.skeleton import Skeleton, forward_kinematics
+from ...core.errors import CharacterError
+from ...core.geometry import rotations as rot
+from ...core.retarget.character_rest_pose import facing
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -10,7 +10,7 @@ import pytest
 
 @pytest.fixture
 def stage(addon: ModuleType, extension: str) -> Any:
-    return sys.modules[f"{extension}.perfanim_addon.stage"]
+    return sys.modules[f"{extension}.perfanim_addon.character.free_place"]
 
 
 def place(stage: Any) -> list[float]:

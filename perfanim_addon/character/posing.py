@@ -8,17 +8,17 @@ import bpy
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..core.body.skeleton import Skeleton
-from ..core.body.standard_skeleton import JOINT_NAMES
-from ..core.errors import CharacterError
-from ..core.retarget.bone_map import BoneMap, find_bone_map
-from ..core.retarget.bone_map_files import read_presets
-from ..core.retarget.retargeter import CharacterPose, Retargeter, RootMotion
+from ...core.body.skeleton import Skeleton
+from ...core.body.standard_skeleton import JOINT_NAMES
+from ...core.errors import CharacterError
+from ...core.retarget.bone_map import BoneMap, find_bone_map
+from ...core.retarget.bone_map_files import read_presets
+from ...core.retarget.retargeter import CharacterPose, Retargeter, RootMotion
+from ..place import user_folder
 from .axes import PoseMap
-from .bone_list import clear_map, store_map, store_problem, stored_map, stored_root_motion
-from .character import check_armature, read_rest
-from .place import user_folder
-from .retarget_rig import check_scale, followed_bones, is_constrained, read_armature_rest, switch_to_fk
+from .bone_map_settings import clear_map, store_map, store_problem, stored_map, stored_root_motion
+from .create_character import check_armature, read_rest
+from .rig import check_scale, followed_bones, is_constrained, read_armature_rest, switch_to_fk
 
 _SAME_SHARE = 0.003  # of the length of both legs, up to which a bone is as long as the performer's
 _LINKED = "make a library override of it (Object > Library Override > Make)"

@@ -6,11 +6,11 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.body.skeleton import Skeleton
-from . import axes
-from .character_shapes import Figure, Part, parts_of
-from .character_surface import Array, Field, mesh_of, union
-from .character_weights import skin_weights
+from ....core.body.skeleton import Skeleton
+from .. import axes
+from .shapes import Figure, Part, parts_of
+from .skin_weights import skin_weights
+from .surface import Array, Field, mesh_of, union
 
 _LEAST_WEIGHT = 0.002  # smaller shares are dropped: they cost time in every frame and move nothing visibly
 _COVERED = {("head", "hair"), ("hair", "head")}  # (part, what covers it in every pose: both move as one)

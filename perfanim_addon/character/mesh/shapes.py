@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.body.skeleton import Skeleton
-from ..core.body.standard_skeleton import default_skeleton
-from .character_surface import Array, Loft, ball
+from ....core.body.skeleton import Skeleton
+from ....core.body.standard_skeleton import default_skeleton
+from .surface import Array, Loft, ball
 
 SOLE_BELOW_TOES_M = 0.024  # how far the sole lies below the toe joint of a body of 1.75 m
 

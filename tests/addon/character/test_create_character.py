@@ -8,9 +8,9 @@ from perfanim.core.body.skeleton import Skeleton, forward_kinematics
 from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton, scaled
 from perfanim.core.errors import CharacterError
 from perfanim.core.geometry import rotations as rot
-from perfanim.perfanim_addon import axes, character
 from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver
-from perfanim.perfanim_addon.character_mesh import make_body
+from perfanim.perfanim_addon.character.create_character import axes, create_character
+from perfanim.perfanim_addon.character.create_character.mesh.body_mesh import make_body
 from played import points_from_blender
 
 SKELETON = default_skeleton()
@@ -62,7 +62,7 @@ def edit_bones(object_name: str, change) -> None:
 
 @pytest.mark.parametrize("skeleton", [SKELETON, default_skeleton(1.45), uneven_skeleton(1), uneven_skeleton(2)])
 def test_bones_stand_where_forward_kinematics_puts_the_joints(skeleton):
-    name = character.create_character(bpy.context, skeleton)
+    name = create_character.create_character(bpy.context, skeleton)
     driver = ArmatureDriver(name, skeleton)
     for seed in range(5):
         rotations, root = random_pose(seed)
@@ -75,29 +75,31 @@ def test_bones_stand_where_forward_kinematics_puts_the_joints(skeleton):
 
 
 def test_a_second_character_gets_a_name_of_its_own_and_leaves_edit_mode():
-    first = character.create_character(bpy.context, SKELETON)
+    first = create_character.create_character(bpy.context, SKELETON)
     bpy.ops.object.mode_set(mode="EDIT")
-    second = character.create_character(bpy.context, SKELETON)
+    second = create_character.create_character(bpy.context, SKELETON)
     assert {first, second} <= set(bpy.data.objects.keys())
     assert first != second
     assert bpy.context.view_layer.objects.active.name == second
     assert bpy.data.objects[second].mode == "OBJECT"
     assert {bone.rotation_mode for bone in bpy.data.objects[second].pose.bones} == {"QUATERNION"}
-    assert character.check_armature(bpy.data.objects[second]) == []
+    assert create_character.check_armature(bpy.data.objects[second]) == []
 
 
 def test_bones_without_length_survive():
     tips = SKELETON.tips_m.copy()
     tips[SKELETON.index("lthumb")] = 0.0
     tips[SKELETON.index("head")] *= 0.01
-    name = character.create_character(bpy.context, Skeleton(SKELETON.names, SKELETON.parents, SKELETON.offsets_m, tips))
-    assert character.check_armature(bpy.data.objects[name]) == []
+    name = create_character.create_character(
+        bpy.context, Skeleton(SKELETON.names, SKELETON.parents, SKELETON.offsets_m, tips)
+    )
+    assert create_character.check_armature(bpy.data.objects[name]) == []
 
 
 def test_knees_and_elbows_bend_the_right_way():
-    name = character.create_character(bpy.context, SKELETON)
+    name = create_character.create_character(bpy.context, SKELETON)
     driver = ArmatureDriver(name, SKELETON)
-    standing = character.standing_root_m(SKELETON)
+    standing = create_character.standing_root_m(SKELETON)
     driver.apply(turned(ltibia=(80.0, 0.0, 0.0), rradius=(0.0, 80.0, 0.0)), standing)
     heads = posed_heads(name)
     # a positive turn about x (to the left) takes the shank back, the feet point forward, the right forearm goes forward
@@ -123,7 +125,7 @@ def point_up(bones):
 @pytest.mark.parametrize("change", [roll, point_up])
 def test_bones_as_importers_leave_them_are_driven_alike(change):
     # importers give bones rolls and tails of their own choice; joints must still stand where they belong
-    name = character.create_character(bpy.context, SKELETON)
+    name = create_character.create_character(bpy.context, SKELETON)
     edit_bones(name, change)
     rotations, root = random_pose(4)
     ArmatureDriver(name, SKELETON).apply(rotations, root)
@@ -132,7 +134,7 @@ def test_bones_as_importers_leave_them_are_driven_alike(change):
 
 
 def test_the_object_places_and_scales_the_performance():
-    name = character.create_character(bpy.context, SKELETON)
+    name = create_character.create_character(bpy.context, SKELETON)
     obj = bpy.data.objects[name]
     obj.location = (1.0, 2.0, 3.0)
     obj.rotation_euler = (0.0, 0.0, np.radians(90.0))
@@ -147,7 +149,7 @@ def test_the_object_places_and_scales_the_performance():
 
 def test_a_rig_in_centimetres_with_y_up_is_driven_alike():
     # as FBX files come in: the object turns and shrinks what the armature has
-    name = character.create_character(bpy.context, SKELETON)
+    name = create_character.create_character(bpy.context, SKELETON)
     obj = bpy.data.objects[name]
     obj.data.transform(Matrix(axes.BLENDER_FROM_PRODUCT.T.tolist()).to_4x4() @ Matrix.Scale(100.0, 4))
     obj.matrix_world = Matrix(axes.BLENDER_FROM_PRODUCT.tolist()).to_4x4() @ Matrix.Scale(0.01, 4)
@@ -159,8 +161,8 @@ def test_a_rig_in_centimetres_with_y_up_is_driven_alike():
 
 def test_a_rig_that_rests_in_an_a_pose_takes_the_same_poses():
     lowered = turned(lhumerus=(0.0, 0.0, -45.0), rhumerus=(0.0, 0.0, 45.0), lfemur=(0.0, 0.0, -18.0))
-    name = character.create_character(bpy.context, SKELETON)
-    ArmatureDriver(name, SKELETON).apply(lowered, character.standing_root_m(SKELETON))
+    name = create_character.create_character(bpy.context, SKELETON)
+    ArmatureDriver(name, SKELETON).apply(lowered, create_character.standing_root_m(SKELETON))
     bpy.context.view_layer.objects.active = bpy.data.objects[name]
     bpy.ops.object.mode_set(mode="POSE")
     bpy.ops.pose.armature_apply(selected=False)  # the A pose becomes the rest pose
@@ -174,7 +176,7 @@ def test_a_rig_that_rests_in_an_a_pose_takes_the_same_poses():
 
 
 def test_euler_bones_are_switched_and_other_bones_left_alone():
-    name = character.create_character(bpy.context, SKELETON)
+    name = create_character.create_character(bpy.context, SKELETON)
 
     def add_prop(bones):
         prop = bones.new("sword")
@@ -196,9 +198,9 @@ def test_euler_bones_are_switched_and_other_bones_left_alone():
 
 
 def test_a_character_that_lacks_bones_follows_with_the_others():
-    name = character.create_character(bpy.context, SKELETON)
+    name = create_character.create_character(bpy.context, SKELETON)
     edit_bones(name, lambda bones: [bones.remove(bones[joint]) for joint in ("lthumb", "rtoes")])
-    assert character.check_armature(bpy.data.objects[name]) == ["rtoes", "lthumb"]
+    assert create_character.check_armature(bpy.data.objects[name]) == ["rtoes", "lthumb"]
     driver = ArmatureDriver(name, SKELETON)
     rotations, root = random_pose(10)
     driver.apply(rotations, root)
@@ -211,7 +213,7 @@ def test_a_character_that_lacks_bones_follows_with_the_others():
 
 
 def test_a_character_without_legs_is_refused():
-    name = character.create_character(bpy.context, SKELETON)
+    name = create_character.create_character(bpy.context, SKELETON)
     driver = ArmatureDriver(name, SKELETON)
     legs = ("femur", "tibia", "foot", "toes")
     edit_bones(name, lambda bones: [bones.remove(bones[joint]) for joint in JOINT_NAMES if joint[1:] in legs])
@@ -220,7 +222,7 @@ def test_a_character_without_legs_is_refused():
 
 
 def test_a_lost_or_wrong_object_is_a_clear_error():
-    name = character.create_character(bpy.context, SKELETON)
+    name = create_character.create_character(bpy.context, SKELETON)
     driver = ArmatureDriver(name, SKELETON)
     with pytest.raises(CharacterError, match="is no armature but a mesh"):
         ArmatureDriver(f"{name} body", SKELETON)
@@ -230,7 +232,7 @@ def test_a_lost_or_wrong_object_is_a_clear_error():
 
 
 def test_the_driver_survives_a_file_load(tmp_path):
-    name = character.create_character(bpy.context, SKELETON)
+    name = create_character.create_character(bpy.context, SKELETON)
     driver = ArmatureDriver(name, SKELETON)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
@@ -241,7 +243,7 @@ def test_the_driver_survives_a_file_load(tmp_path):
 
 
 def test_the_driver_survives_undo():
-    name = character.create_character(bpy.context, SKELETON)
+    name = create_character.create_character(bpy.context, SKELETON)
     driver = ArmatureDriver(name, SKELETON)
     bpy.ops.ed.undo_push(message="before")
     driver.apply(*random_pose(13))
@@ -256,13 +258,13 @@ def test_the_driver_survives_undo():
 def test_a_skeleton_of_other_joints_makes_no_character():
     other = Skeleton(("hips", "leg"), np.array([-1, 0]), np.zeros((2, 3)), np.ones((2, 3)))
     with pytest.raises(CharacterError, match="lacks joints: root, lfemur"):
-        character.create_character(bpy.context, other)
+        create_character.create_character(bpy.context, other)
     assert len(bpy.data.objects) == 0
 
 
 @pytest.mark.parametrize("skeleton", [SKELETON, default_skeleton(1.2), uneven_skeleton(3)])
 def test_the_body_fits_its_skeleton(skeleton):
-    heads = skeleton.rest_positions_m + character.standing_root_m(skeleton)
+    heads = skeleton.rest_positions_m + create_character.standing_root_m(skeleton)
     body = make_body(skeleton, heads)
     assert 2000 < len(body.vertices_m) < 6000
     assert np.allclose(body.weights.sum(axis=1), 1.0)
@@ -279,7 +281,7 @@ def test_the_body_fits_its_skeleton(skeleton):
 
 
 def test_faces_look_outward_and_sides_mirror_each_other():
-    body = make_body(SKELETON, SKELETON.rest_positions_m + character.standing_root_m(SKELETON))
+    body = make_body(SKELETON, SKELETON.rest_positions_m + create_character.standing_root_m(SKELETON))
     corners = body.vertices_m[body.faces]
     normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
     # six times the enclosed volume by the divergence theorem: positive when the faces look outward
@@ -291,9 +293,9 @@ def test_faces_look_outward_and_sides_mirror_each_other():
 
 
 def test_the_body_moves_with_the_bones():
-    name = character.create_character(bpy.context, SKELETON)
+    name = create_character.create_character(bpy.context, SKELETON)
     driver = ArmatureDriver(name, SKELETON)
-    standing = character.standing_root_m(SKELETON)
+    standing = create_character.standing_root_m(SKELETON)
     weights = make_body(SKELETON, SKELETON.rest_positions_m + standing).weights
     rest = body_points(name)
     rotations, root = turned(root=(10.0, 50.0, 0.0), lhumerus=(0.0, -30.0, 60.0), rfemur=(-90.0, 0.0, 0.0)), standing
@@ -307,14 +309,14 @@ def test_the_body_moves_with_the_bones():
 
 
 def test_deep_bends_tear_nothing():
-    name = character.create_character(bpy.context, SKELETON)
+    name = create_character.create_character(bpy.context, SKELETON)
     rest = body_points(name)
     faces = np.array([face.vertices for face in bpy.data.objects[f"{name} body"].data.polygons])
     squat = turned(
         lfemur=(-110.0, 0.0, 0.0), rfemur=(-110.0, 0.0, 0.0), ltibia=(130.0, 0.0, 0.0), rtibia=(130.0, 0.0, 0.0),
         lhumerus=(0.0, 0.0, -80.0), rhumerus=(0.0, 0.0, 80.0), lradius=(0.0, -130.0, 0.0), head=(0.0, 60.0, 0.0),
     )  # fmt: skip
-    ArmatureDriver(name, SKELETON).apply(squat, character.standing_root_m(SKELETON))
+    ArmatureDriver(name, SKELETON).apply(squat, create_character.standing_root_m(SKELETON))
     bent = body_points(name)
 
     def edges(points):

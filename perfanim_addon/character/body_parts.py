@@ -4,8 +4,8 @@ from collections.abc import Collection
 
 import bpy
 
-from .bone_list import stored_map
-from .place import user_folder
+from ..place import user_folder
+from .bone_map_settings import stored_map
 from .posing import PRESETS_FOLDER, Posing, ProductPosing, find_map
 
 _MIDDLE = {

@@ -4,12 +4,12 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.body.skeleton import Skeleton
-from ..core.body.standard_skeleton import JOINT_NAMES
-from ..core.errors import CharacterError
+from ...core.body.skeleton import Skeleton
+from ...core.body.standard_skeleton import JOINT_NAMES
+from ...core.errors import CharacterError
 from . import axes
-from .character_mesh import add_body
-from .character_shapes import SOLE_BELOW_TOES_M, girth_scale
+from .mesh.body_mesh import add_body
+from .mesh.shapes import SOLE_BELOW_TOES_M, girth_scale
 
 Array = NDArray[np.float64]
 

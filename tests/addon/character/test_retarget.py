@@ -20,8 +20,8 @@ from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.retarget.joint_naming import NAMINGS
 from perfanim.core.retarget.retargeter import RootMotion
 from perfanim.core.system.assets import MOTION
-from perfanim.perfanim_addon import character
 from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver
+from perfanim.perfanim_addon.character.create_character import create_character
 from perfanim.perfanim_addon.export_animation import Form
 from perfanim.perfanim_addon.retarget_file import main as retarget_main
 from perfanim.perfanim_addon.retarget_file import retarget_file
@@ -217,7 +217,7 @@ def test_a_character_with_the_products_names_and_other_legs_stands_where_the_per
     motion = clip("walking-01-neutral", 40)
     factors = np.ones(len(motion.skeleton))
     factors[[motion.skeleton.index(side + "tibia") for side in "lr"]] = 1.2  # thighs a fifth longer
-    name = character.create_character(bpy.context, scaled(motion.skeleton, factors))
+    name = create_character.create_character(bpy.context, scaled(motion.skeleton, factors))
     driver = ArmatureDriver(name, motion.skeleton)
     toes = []
     for rotations, root in zip(motion.rotations, motion.root_positions_m, strict=True):

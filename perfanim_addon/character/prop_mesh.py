@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.markers.prop import Prop
+from ...core.markers.prop import Prop
 from .axes import points_to_blender
 
 Array = NDArray[np.float64]

@@ -1,0 +1,1 @@
+"""Armatures that are driven, and the character of our own."""
