@@ -4,7 +4,7 @@ import bpy
 
 from . import preferences
 from .place import ADDON
-from .properties import settings
+from .settings.capture_settings import settings
 from .sidebar_tab import SidebarPanel
 
 

@@ -10,7 +10,7 @@ from .character.bone_map_settings import joint_label
 from .character.create_character import check_armature
 from .character.posing import PRESETS_FOLDER
 from .place import user_folder
-from .properties import settings
+from .settings.capture_settings import settings
 
 _SHOWN = "perfanim_armature"  # in the context of the buttons and the menu
 _ICONS = {State.MAPPED.value: "CHECKMARK", State.DOUBTFUL.value: "QUESTION"}

@@ -2,7 +2,8 @@
 
 import bpy
 
-from . import running, sending
+from . import running
+from .settings import vmc_output
 from .sidebar_tab import SidebarPanel
 
 
@@ -27,6 +28,6 @@ class PERFANIM_PT_sending(SidebarPanel, bpy.types.Panel):
         column.enabled = chosen.on and running.current() is None
         column.prop(chosen, "host")
         column.prop(chosen, "port")
-        wrong = sending.problem(chosen) if chosen.on else ""
+        wrong = vmc_output.problem(chosen) if chosen.on else ""
         if wrong:
             self.layout.label(text=wrong, icon="ERROR")

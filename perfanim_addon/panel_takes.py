@@ -13,8 +13,9 @@ from ..core.formats.take_file.edit import append_notes
 from ..core.formats.take_file.reading import TakeSummary, summarise
 from ..core.formats.take_file.setup import MOST_STARS
 from ..core.solver.settings import SolveSettings
-from . import panels, preferences, result, running, takes
+from . import panels, preferences, running, takes
 from .capture.live_capture import Capture
+from .settings import result_settings
 from .sidebar_tab import SidebarPanel, register_panels, unregister_panels
 
 KEY = "takes"
@@ -129,7 +130,7 @@ def _draw_take(context: bpy.types.Context, layout: bpy.types.UILayout, item: PER
     header, body = layout.panel("perfanim_result", default_closed=True)
     header.label(text="Onto")
     if body is not None:
-        result.draw(body, context)
+        result_settings.draw(body, context)
     row = layout.row(align=True)
     row.operator("perfanim.solve_take", icon="FILE_REFRESH").path = item.path
     row.operator_menu_enum("perfanim.export_take", "kind", text="Export", icon="EXPORT").path = item.path

@@ -4,8 +4,9 @@ from typing import Any
 
 import bpy
 
-from . import panel_character, panels, preferences, running, targets
+from . import panel_character, panels, preferences, running
 from .capture.live_capture import Capture
+from .settings import target_settings
 from .sidebar_tab import SidebarPanel, register_panels, unregister_panels
 
 KEY = "targets"
@@ -22,7 +23,7 @@ class PERFANIM_UL_targets(bpy.types.UIList):
         context: bpy.types.Context,
         layout: bpy.types.UILayout,
         data: Any,
-        item: targets.PERFANIM_PG_target,
+        item: target_settings.PERFANIM_PG_target,
         icon: int,
         active_data: Any,
         active_property: str,
@@ -30,7 +31,7 @@ class PERFANIM_UL_targets(bpy.types.UIList):
         """Draw."""
         split = layout.split(factor=0.5)
         is_prop = item.kind == "PROP"
-        split.label(text=targets.title(item), icon="EMPTY_AXIS" if is_prop else "USER")
+        split.label(text=target_settings.title(item), icon="EMPTY_AXIS" if is_prop else "USER")
         moved = item.object if is_prop else item.armature
         split.label(text=moved.name if moved else "new at start")
 
@@ -47,7 +48,7 @@ class PERFANIM_PT_targets(SidebarPanel, bpy.types.Panel):
         entries = context.scene.perfanim_targets.entries
         row = self.layout.row()
         if entries:
-            problem = targets.problem(context.scene)
+            problem = target_settings.problem(context.scene)
             row.alert = bool(problem)
             row.label(text=str(len(entries)), icon="ERROR" if problem else "CHECKMARK")
         row.separator()
@@ -67,12 +68,12 @@ class PERFANIM_PT_targets(SidebarPanel, bpy.types.Panel):
             fields.use_property_split = True
             fields.use_property_decorate = False
             _draw_fields(fields, shown.entries[shown.active], shown.active)
-        panels.draw_text(context, layout, targets.problem(context.scene), "ERROR")
+        panels.draw_text(context, layout, target_settings.problem(context.scene), "ERROR")
         panels.draw_job(layout, KEY)
         panels.draw_text(context, layout, *running.message(KEY))
 
 
-def _draw_fields(layout: bpy.types.UILayout, entry: targets.PERFANIM_PG_target, index: int) -> None:
+def _draw_fields(layout: bpy.types.UILayout, entry: target_settings.PERFANIM_PG_target, index: int) -> None:
     layout.row().prop(entry, "kind", expand=True)
     if entry.kind == "PROP":
         layout.prop(entry, "definition")

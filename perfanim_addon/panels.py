@@ -5,13 +5,14 @@ from typing import Any
 
 import bpy
 
-from . import panel_character, preferences, running, states
+from . import panel_character, preferences, running
 from .capture.live_capture import Capture
 from .character.body_parts import PARTS
 from .job import Job
 from .panel_camera_controls import PERFANIM_PT_camera_controls
 from .panel_sending import PERFANIM_PT_sending
-from .properties import settings
+from .settings import readiness
+from .settings.capture_settings import settings
 from .sidebar_tab import SidebarPanel, register_panels, unregister_panels
 
 # Width of a character, and of what a line has beside its text (icon, margins, tabs), in unscaled pixels.
@@ -25,7 +26,7 @@ class _Step(SidebarPanel):
     """What the sub-panels share."""
 
     bl_options = {"DEFAULT_CLOSED"}
-    state: Callable[[Any], states.State]
+    state: Callable[[Any], readiness.State]
     key = ""
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
@@ -65,7 +66,7 @@ class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
     """Source of the images and calibration."""
 
     bl_label = "Cameras"
-    state = staticmethod(states.cameras)
+    state = staticmethod(readiness.cameras)
     key = "cameras"
 
     def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
@@ -73,14 +74,14 @@ class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
         layout.prop(chosen, "source")
         if chosen.source == "SIMULATED":
             _props(layout, chosen, "behaviour", "practise")
-            if states.is_known(chosen):
+            if readiness.is_known(chosen):
                 return
         elif chosen.source == "CAMERAS":
             _props(layout, chosen, "left_device", "right_device")
             if chosen.right_device >= 0:
                 layout.prop(chosen, "further_devices")
             _props(layout, chosen, "width", "height", "camera_fps")
-        elif not states.has_cameras(chosen):
+        elif not readiness.has_cameras(chosen):
             _props(layout, chosen.id_data.perfanim_receiving, "port", "sender")
             return
         elif chosen.source == "VIDEOS":
@@ -115,7 +116,7 @@ class PERFANIM_PT_markers(_Step, bpy.types.Panel):
     """Which markers are worn and how they are found."""
 
     bl_label = "Markers"
-    state = staticmethod(states.markers)
+    state = staticmethod(readiness.markers)
     key = "markers"
 
     def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
@@ -124,7 +125,7 @@ class PERFANIM_PT_markers(_Step, bpy.types.Panel):
         row.enabled = not chosen.marker_set_file
         row.prop(chosen, "marker_set")
         layout.prop(chosen, "marker_set_file")
-        if not states.has_cameras(chosen):
+        if not readiness.has_cameras(chosen):
             return
         if chosen.source == "CAMERAS":
             layout.prop(chosen, "background_s")
@@ -138,7 +139,7 @@ class PERFANIM_PT_subject(_Step, bpy.types.Panel):
     """Who performs."""
 
     bl_label = "Subject"
-    state = staticmethod(states.performer)
+    state = staticmethod(readiness.performer)
     key = "subject"
 
     def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
@@ -148,7 +149,7 @@ class PERFANIM_PT_subject(_Step, bpy.types.Panel):
         row.operator_menu_enum("perfanim.use_profile", "profile", text="", icon="COMMUNITY")
         box = layout.box().column()
         box.prop(chosen, "subject_name")
-        if not states.is_known(chosen) and states.has_cameras(chosen) and not states.is_one_camera(chosen):
+        if not readiness.is_known(chosen) and readiness.has_cameras(chosen) and not readiness.is_one_camera(chosen):
             if chosen.source == "CAMERAS":
                 _props(box, chosen, "countdown_s", "between_s")
             box.operator("perfanim.calibrate_performer", icon="OUTLINER_OB_ARMATURE")
@@ -164,7 +165,7 @@ class PERFANIM_PT_database(_Step, bpy.types.Panel):
     """Recorded motion that fills in what the markers do not show."""
 
     bl_label = "Motion Database"
-    state = staticmethod(states.motion)
+    state = staticmethod(readiness.motion)
     key = "database"
 
     def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
@@ -180,7 +181,7 @@ class PERFANIM_PT_character(_Step, bpy.types.Panel):
     """Who moves along."""
 
     bl_label = "Character"
-    state = staticmethod(states.character)
+    state = staticmethod(readiness.character)
     key = "character"
 
     def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
@@ -204,7 +205,7 @@ class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
         if isinstance(activity, Capture):
             row.label(text=activity.line, icon="REC")
         else:
-            problem = states.first_problem(settings(context))
+            problem = readiness.first_problem(settings(context))
             row.alert = bool(problem)
             row.label(text="not ready" if problem else "ready", icon="ERROR" if problem else "CHECKMARK")
         row.separator()
@@ -223,7 +224,7 @@ class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
             self._draw_figures(context, layout, activity)
         else:
             row.operator("perfanim.start_capture", icon="REC")
-            problem = states.first_problem(settings(context))
+            problem = readiness.first_problem(settings(context))
             draw_text(context, layout, problem, "ERROR")
             if not problem:
                 draw_text(context, layout, *running.message("capture"))

@@ -23,33 +23,19 @@ def _other_modules() -> Sequence[ModuleType]:
     """Import the rest, in the order in which it is registered."""
     import scipy  # noqa: F401  # fails here if its wheel is broken, before anything is registered
 
-    from . import (
-        batch_settings,
-        command_line,
-        defaults,
-        panel_batch,
-        panel_character,
-        panel_takes,
-        panel_targets,
-        panels,
-        properties,
-        receiving,
-        result,
-        running,
-        sending,
-        targets,
-    )
+    from . import command_line, defaults, panel_batch, panel_character, panel_takes, panel_targets, panels, running
     from .character import bone_map_settings
     from .operators import batch, cameras, capture, character, database, jobs, self_test, subject, take_files, takes
     from .operators import targets as target_operators
+    from .settings import batch_settings, capture_settings, result_settings, target_settings, vmc_input, vmc_output
 
     return (
         bone_map_settings,
-        properties,
-        targets,
-        sending,
-        receiving,
-        result,
+        capture_settings,
+        target_settings,
+        vmc_output,
+        vmc_input,
+        result_settings,
         batch_settings,
         jobs,
         cameras,

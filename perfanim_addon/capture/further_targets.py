@@ -12,7 +12,7 @@ from ...core.markers.prop import Prop
 from ...core.markers.subject import Subject
 from ..character.create_character import find_armature
 from ..character.posing import Posing, posing_of
-from ..result import placement
+from ..settings.result_settings import placement
 from .capture_space import Room
 from .performer_driver import PerformerDriver, Role, write_performer_actions
 from .prop_driver import TargetDriver, write_prop_actions

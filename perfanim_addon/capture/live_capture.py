@@ -15,8 +15,8 @@ from ...core.geometry import rotations as rot
 from .. import overlay, preview, running, takes
 from ..animation.suspended_actions import HeldActions
 from ..job import Job, command
-from ..properties import settings
-from ..result import start_frame
+from ..settings.capture_settings import settings
+from ..settings.result_settings import start_frame
 from . import request, sound
 from .armature_driver import ArmatureDriver
 from .capture_run import CaptureRun, Phase

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from ...core.body.pose_frame import PoseFrame
 from ...core.body.skeleton import forward_kinematics
 from ...core.markers.subject import Subject
-from .. import targets
 from ..animation.actions import write_posing
 from ..animation.suspended_actions import HeldActions
 from ..character.create_character import create_character
 from ..character.posing import posing_of
-from ..result import placement
+from ..settings import target_settings
+from ..settings.result_settings import placement
 from .armature_driver import ArmatureDriver
 from .capture_space import Carried, Room
 
@@ -70,7 +70,7 @@ class Role:
 def roles_of(context: bpy.types.Context, subjects: Sequence[Subject]) -> list[Role]:
     """Return the further performers of a take, or of a capture that begins, with the characters that are chosen."""
     roles = []
-    for index, target in enumerate(targets.meant_for(context.scene, [subject.name for subject in subjects])):
+    for index, target in enumerate(target_settings.meant_for(context.scene, [subject.name for subject in subjects])):
         chosen = context.scene.perfanim_targets.entries[target].armature if target is not None else None
         roles.append(Role(subjects[index], index, target, chosen.name if _is_there(chosen) else ""))
     return roles

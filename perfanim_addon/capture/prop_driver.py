@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from ...core.body.pose_frame import PoseFrame, PropPose
 from ...core.markers.prop import Prop
-from .. import targets
 from ..animation.actions import write_object_action
 from ..animation.placement import Onto, Placement
 from ..animation.suspended_actions import HeldActions
+from ..settings import target_settings
 from .capture_space import Room
 
 Array = NDArray[np.float64]
@@ -29,8 +29,8 @@ class TargetDriver:
     """
 
     def __init__(self, context: bpy.types.Context, props: Sequence[Prop]) -> None:
-        for entry in targets.of_kind(context.scene, "PROP"):
-            targets.check_object(entry.object)
+        for entry in target_settings.of_kind(context.scene, "PROP"):
+            target_settings.check_object(entry.object)
         self._props = list(props)
         self._names: list[str | None] = [None] * len(props)  # an object is made when its prop is first seen
         self._held = HeldActions()
@@ -50,7 +50,7 @@ class TargetDriver:
                 target.rotation_quaternion, target.location = Quaternion(turn), Vector(place)
 
     def _begin(self, context: bpy.types.Context, index: int) -> str:
-        name = targets.object_of(context, self._props[index])
+        name = target_settings.object_of(context, self._props[index])
         target = bpy.data.objects[name]
         target.rotation_mode = "QUATERNION"
         self._held.take(target)
@@ -94,8 +94,8 @@ def write_prop_actions(
         turns, places = room.brought(
             np.array([pose.rotation for pose in found]), np.array([pose.position_m for pose in found])
         )
-        target = bpy.data.objects[targets.object_of(context, prop)]
-        targets.check_object(target)
+        target = bpy.data.objects[target_settings.object_of(context, prop)]
+        target_settings.check_object(target)
         how = Placement(Onto.STRIP if placement.onto is Onto.LAYER else placement.onto, None, placement.bounds)
         written.append(
             write_object_action(target, frames[rows], turns, places, name=f"{name} {prop.name}", placement=how)

@@ -16,9 +16,10 @@ from ...core.geometry.rig_file import save_rig
 from ...core.markers.prop import Prop, check_together
 from ...core.markers.subject import Subject, save_subject
 from ...core.worker.client import WorkerClient
-from .. import preferences, receiving, sending, states, takes, targets
+from .. import preferences, takes
 from ..place import absolute, user_folder
-from ..targets import SIMULATED_HEIGHT_M
+from ..settings import readiness, target_settings, vmc_input, vmc_output
+from ..settings.target_settings import SIMULATED_HEIGHT_M
 from .capture_run import CaptureRun
 
 _PARTNERS = ("boxing", "kendo")  # who do it on the spot
@@ -50,11 +51,11 @@ def make(settings: Any) -> Setup:
     Raises:
         PerfanimError: a file is missing or bad.
     """
-    marker_set = _good(states.marker_set(settings))
-    database_path = str(states.database_path(settings))
-    _good(states.database_frames(database_path))
+    marker_set = _good(readiness.marker_set(settings))
+    database_path = str(readiness.database_path(settings))
+    _good(readiness.database_frames(database_path))
     if settings.subject:
-        subject: Subject = _good(states.worn_subject(settings))
+        subject: Subject = _good(readiness.worn_subject(settings))
     else:  # the simulated performer's true body and markers
         subject = Subject("Simulated performer", default_skeleton(SIMULATED_HEIGHT_M), marker_set)
     subject_path = str(user_folder("subjects") / ".captured.toml")
@@ -71,7 +72,7 @@ def make(settings: Any) -> Setup:
         "database": database_path,
         "settings": {"method": preferences.method(bpy.context)},
         "shape": shape(settings),
-        "vmc": sending.target(settings.id_data),
+        "vmc": vmc_output.target(settings.id_data),
         "take": str(takes.new_path()),
         "character": settings.armature.name if settings.armature else "",
     }
@@ -84,11 +85,11 @@ def _with_targets(setup: Setup, settings: Any) -> Setup:
     The simulated performer carries the first prop, and each further performer is shown by another simulated one.
     """
     scene = settings.id_data
-    props, performers = targets.props(scene), targets.performers(scene)
+    props, performers = target_settings.props(scene), target_settings.performers(scene)
     if not props and not performers:
         return setup
     check_together(props)
-    paths = [targets.path_of(entry) for entry in targets.of_kind(scene, "PROP")]
+    paths = [target_settings.path_of(entry) for entry in target_settings.of_kind(scene, "PROP")]
     files = [_performer_file(index, subject) for index, subject in enumerate(performers)]
     request = {**setup.request, "props": paths, "performers": files}
     if settings.source == "SIMULATED":
@@ -127,7 +128,7 @@ def cameras(settings: Any) -> dict[str, Any]:
     """
     return {
         "source": source(settings),
-        "rig": _calibration(settings) if states.has_cameras(settings) and not states.is_known(settings) else None,
+        "rig": _calibration(settings) if readiness.has_cameras(settings) and not readiness.is_known(settings) else None,
         "background_s": float(settings.background_s),
         "threshold": None if settings.threshold_auto else float(settings.threshold),
     }
@@ -136,8 +137,8 @@ def cameras(settings: Any) -> dict[str, Any]:
 def _calibration(settings: Any) -> str:
     """Return the file of the calibration of the cameras in use."""
     path = absolute(settings.calibration)
-    rig: CameraRig = _good(states.rig(path))
-    if len(rig) > 1 and states.is_one_camera(settings):
+    rig: CameraRig = _good(readiness.rig(path))
+    if len(rig) > 1 and readiness.is_one_camera(settings):
         path = str(user_folder("calibrations") / ".left.toml")
         save_rig(CameraRig(rig.cameras[:1], rig.metadata), path)
     return path
@@ -161,19 +162,19 @@ def source(settings: Any) -> dict[str, Any]:
             "behaviour": settings.behaviour,
             "height_m": SIMULATED_HEIGHT_M,
             "loop": True,
-            "marker_set": states.marker_set_source(settings),
+            "marker_set": readiness.marker_set_source(settings),
         }
     if settings.source == "CAMERAS":
         return {
             "kind": "cameras",
-            "devices": list(states.devices(settings))[: 1 if states.is_one_camera(settings) else None],
+            "devices": list(readiness.devices(settings))[: 1 if readiness.is_one_camera(settings) else None],
             "size": [settings.width, settings.height],
             "fps": settings.camera_fps,
             "controls": preferences.camera_controls(bpy.context),
         }
-    if not states.has_cameras(settings):
-        return receiving.source(settings.id_data)
-    paths = [absolute(getattr(settings, name)) for name in states.source_paths(settings)]
+    if not readiness.has_cameras(settings):
+        return vmc_input.source(settings.id_data)
+    paths = [absolute(getattr(settings, name)) for name in readiness.source_paths(settings)]
     for path in paths:
         if not Path(path).exists():
             raise CaptureError("not found", where=path, advice="choose another under Cameras")

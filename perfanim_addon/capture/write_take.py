@@ -11,8 +11,8 @@ from ...core.body.skeleton import Skeleton
 from ..animation.actions import scene_frames, write_action
 from ..character.create_character import create_character
 from ..character.free_place import free_place, look_at
-from ..properties import settings
-from ..result import placement
+from ..settings.capture_settings import settings
+from ..settings.result_settings import placement
 
 Array = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import bpy
 
-from .. import batch_settings, states
 from ..job import Job, command
-from ..properties import settings
+from ..settings import batch_settings, readiness
+from ..settings.capture_settings import settings
 from .database import starter_arguments
 from .jobs import JobOperator
 
@@ -34,7 +34,7 @@ class PERFANIM_OT_run_batch(JobOperator, bpy.types.Operator):
         needs_starter = not context.scene.perfanim_batch.plan and not settings(context).database
         first = None
         request = self.request(context)
-        if needs_starter and not states.starter_database_path().exists():
+        if needs_starter and not readiness.starter_database_path().exists():
             first = Job("Making the starter database", PANEL, command(starter_arguments()), python)
         return Job(self.title, PANEL, request, python, first=first)
 

@@ -8,11 +8,11 @@ from bpy_extras.io_utils import ExportHelper
 
 from ...core.errors import CalibrationError
 from ...core.geometry.rig_file import rig_from, save_rig
-from .. import states
 from ..capture import request as capture_setup
 from ..capture import sound
 from ..place import absolute, user_folder
-from ..properties import PERFANIM_PG_settings, settings
+from ..settings import readiness
+from ..settings.capture_settings import PERFANIM_PG_settings, settings
 from .jobs import JobOperator
 
 PANEL = "cameras"
@@ -89,7 +89,7 @@ class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
         chosen = settings(context)
         watched = _watched(chosen)
         if chosen.source == "CAMERAS":  # all that are chosen, though the present calibration may be of one alone
-            watched["source"]["devices"] = list(states.devices(chosen))
+            watched["source"]["devices"] = list(readiness.devices(chosen))
         return {
             **watched,
             "job": "record board",
@@ -124,7 +124,7 @@ class _FloorFinding(_Watching):
     @classmethod
     def lacks(cls, context: bpy.types.Context) -> str:
         """Needs a calibration."""
-        return super().lacks(context) or states.cameras(settings(context)).problem
+        return super().lacks(context) or readiness.cameras(settings(context)).problem
 
 
 class PERFANIM_OT_set_floor(_FloorFinding, bpy.types.Operator):
@@ -160,7 +160,7 @@ class PERFANIM_OT_set_floor_markers(_FloorFinding, bpy.types.Operator):
     @classmethod
     def lacks(cls, context: bpy.types.Context) -> str:
         """Needs two cameras."""
-        alone = states.is_one_camera(settings(context))
+        alone = readiness.is_one_camera(settings(context))
         return super().lacks(context) or ("One camera alone finds the floor from the board" if alone else "")
 
     def request(self, context: bpy.types.Context) -> dict[str, Any]:

@@ -6,9 +6,10 @@ import traceback
 import bpy
 
 from ...core.errors import CaptureError, PerfanimError
-from .. import preferences, running, states
+from .. import preferences, running
 from ..capture.live_capture import Capture
-from ..properties import settings
+from ..settings import readiness
+from ..settings.capture_settings import settings
 from . import common
 from .database import starter_arguments
 
@@ -29,7 +30,7 @@ class PERFANIM_OT_start_capture(bpy.types.Operator):
         """Only if every step is ready."""
         if not (common.in_scene(cls, context) and common.idle(cls)):
             return False
-        problem = states.first_problem(settings(context))
+        problem = readiness.first_problem(settings(context))
         if problem:
             cls.poll_message_set(problem)
         return not problem
@@ -40,7 +41,7 @@ class PERFANIM_OT_start_capture(bpy.types.Operator):
         chosen = settings(context)
         prepare = []
         try:
-            if not chosen.database and not states.starter_database_path().exists():
+            if not chosen.database and not readiness.starter_database_path().exists():
                 prepare = starter_arguments()
             capture = Capture(preferences.worker_python(context), prepare)
         except PerfanimError as error:

@@ -11,7 +11,7 @@ from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import CharacterError, PerfanimError
 from ...core.retarget.bone_map import BoneMap, checked_map
 from ...core.retarget.bone_map_files import preset_paths, read_bone_map, write_bone_map
-from .. import running, states
+from .. import running
 from ..capture.armature_driver import ArmatureDriver
 from ..capture.write_take import add_character
 from ..character.bone_map_settings import store_map
@@ -20,7 +20,8 @@ from ..character.posing import PRESETS_FOLDER, find_map
 from ..character.rig import read_armature_rest
 from ..panel_character import shown_armature
 from ..place import absolute, user_folder
-from ..properties import PERFANIM_PG_settings, settings
+from ..settings import readiness
+from ..settings.capture_settings import PERFANIM_PG_settings, settings
 from . import common
 
 PANEL = "character"
@@ -28,7 +29,7 @@ PANEL = "character"
 
 def performer_skeleton(chosen: PERFANIM_PG_settings) -> Skeleton:
     """Return the proportions for a new character: the subject's if there is one, else an average adult's."""
-    found = states.subject(absolute(chosen.subject)) if chosen.subject else None
+    found = readiness.subject(absolute(chosen.subject)) if chosen.subject else None
     return default_skeleton() if found is None or isinstance(found, PerfanimError) else found.skeleton
 
 

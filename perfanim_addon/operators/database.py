@@ -8,9 +8,10 @@ from bpy_extras.io_utils import ImportHelper
 
 from ...core.errors import DatabaseError
 from ...core.system.assets import MOTION
-from .. import preferences, running, states
+from .. import preferences, running
 from ..place import user_folder
-from ..properties import settings
+from ..settings import readiness
+from ..settings.capture_settings import settings
 from . import common
 from .jobs import JobOperator
 
@@ -25,7 +26,7 @@ def starter_arguments() -> list[str]:
     """
     if not MOTION.is_dir() or not any(MOTION.iterdir()):
         raise DatabaseError("the starter motion is missing", where=str(MOTION), advice="install the add-on again")
-    return ["database", "build", str(MOTION), "--out", str(states.starter_database_path())]
+    return ["database", "build", str(MOTION), "--out", str(readiness.starter_database_path())]
 
 
 class PERFANIM_OT_build_database(JobOperator, bpy.types.Operator, ImportHelper):

@@ -4,9 +4,10 @@ from typing import Any
 
 import bpy
 
-from .. import diagnostics, running, states
+from .. import diagnostics, running
 from ..capture.self_test import PANEL, SelfTest
 from ..job import Job
+from ..settings import readiness
 from .database import starter_arguments
 from .jobs import JobOperator
 
@@ -20,7 +21,7 @@ class PERFANIM_OT_self_test(JobOperator, bpy.types.Operator):
 
     def begin(self, context: bpy.types.Context, python: str | None) -> Job:
         """Start it."""
-        database = states.starter_database_path()
+        database = readiness.starter_database_path()
         self._test = SelfTest(str(database), [] if database.exists() else starter_arguments(), python)
         return self._test
 

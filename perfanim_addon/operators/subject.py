@@ -9,11 +9,12 @@ from ...core.body.calibration_poses import CALIBRATION
 from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import SubjectError
 from ...core.markers.subject import Subject, save_subject
-from .. import running, states
+from .. import running
 from ..capture import request as capture_setup
 from ..capture import sound
 from ..place import absolute, user_folder
-from ..properties import settings
+from ..settings import readiness
+from ..settings.capture_settings import settings
 from . import common
 from .jobs import JobOperator
 
@@ -42,7 +43,7 @@ class PERFANIM_OT_calibrate_subject(JobOperator, bpy.types.Operator):
         take = absolute(chosen.subject_take)
         if not Path(take).is_file():
             raise SubjectError("not found", where=take, advice="choose a marker take")
-        marker_set, target = states.marker_set_source(chosen), str(profile(chosen))
+        marker_set, target = readiness.marker_set_source(chosen), str(profile(chosen))
         command = ["calibrate", "subject", take, "--marker-set", marker_set, "--out", target]
         command += ["--name", chosen.subject_name]
         return [*command, "--poses", ",".join(CALIBRATION)] if chosen.take_poses else command
@@ -62,9 +63,9 @@ class _Recording(JobOperator):
     def lacks(cls, context: bpy.types.Context) -> str:
         """Needs calibrated cameras and a marker set."""
         chosen = settings(context)
-        if not states.has_cameras(chosen):
+        if not readiness.has_cameras(chosen):
             return "Needs cameras: record a capture with an average body, and calibrate from its take"
-        return states.cameras(chosen).problem or states.markers(chosen).problem
+        return readiness.cameras(chosen).problem or readiness.markers(chosen).problem
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Poll the worker at each tick, and let the performer hear where it is."""
@@ -129,7 +130,7 @@ class PERFANIM_OT_average_performer(bpy.types.Operator):
         """Needs a marker set."""
         if not common.in_scene(cls, context) or not common.idle(cls):
             return False
-        problem = states.markers(settings(context)).problem
+        problem = readiness.markers(settings(context)).problem
         if problem:
             cls.poll_message_set(problem)
         return not problem
@@ -139,7 +140,7 @@ class PERFANIM_OT_average_performer(bpy.types.Operator):
         chosen = settings(context)
         target = profile(chosen)
         body = default_skeleton(chosen.subject_height)
-        save_subject(Subject(chosen.subject_name, body, states.marker_set(chosen)), target)
+        save_subject(Subject(chosen.subject_name, body, readiness.marker_set(chosen)), target)
         chosen.subject = str(target)
         running.set_message(PANEL, "average body, markers at their usual places")
         return {"FINISHED"}
@@ -150,7 +151,7 @@ _profiles: list[tuple[str, str, str]] = []  # Blender keeps no reference to a dy
 
 def _profile_items(_self: object, _context: object) -> list[tuple[str, str, str]]:
     files = sorted(user_folder("subjects").glob("[!.]*.toml"))
-    _profiles[:] = [(str(file), states.performer_text(str(file)), str(file)) for file in files]
+    _profiles[:] = [(str(file), readiness.performer_text(str(file)), str(file)) for file in files]
     return _profiles
 
 
@@ -213,7 +214,7 @@ def _recording(context: bpy.types.Context, job: str, poses: tuple[str, ...], tak
     return {
         **capture_setup.cameras(chosen),
         "job": job,
-        "marker_set": states.marker_set_source(chosen),
+        "marker_set": readiness.marker_set_source(chosen),
         "poses": poses,
         "countdown_s": chosen.countdown_s,
         "between_s": chosen.between_s,

@@ -16,7 +16,7 @@ from ...core.labelling.take_import import UPS
 from ...core.retarget.joint_naming import OWN
 from ...core.session.pose_filters import Shape, shaped
 from ...core.solver.settings import METHODS
-from .. import panel_takes, running, states, takes
+from .. import panel_takes, running, takes
 from ..capture import request as capture_setup
 from ..capture.further_targets import write_others
 from ..capture.performer_driver import roles_of
@@ -24,8 +24,9 @@ from ..capture.write_take import add_character, frames_of, increasing, pose_arra
 from ..export_animation import ENDINGS, Form, export_poses
 from ..job import Job, command
 from ..place import absolute
-from ..properties import settings
-from ..result import start_frame
+from ..settings import readiness
+from ..settings.capture_settings import settings
+from ..settings.result_settings import start_frame
 from . import common
 from .database import starter_arguments
 from .jobs import JobOperator
@@ -62,7 +63,7 @@ class _TakeJob(JobOperator):
         """Start the work."""
         chosen, first = settings(context), None
         request = self.request(context)
-        if not chosen.database and not states.starter_database_path().exists():
+        if not chosen.database and not readiness.starter_database_path().exists():
             first = Job("Making the starter database", PANEL, command(starter_arguments()), python)
         return Job(self.title, PANEL, request, python, first=first)
 
@@ -176,7 +177,7 @@ class PERFANIM_OT_solve_take(_OfTake, _TakeJob, bpy.types.Operator):
         """Return the command."""
         chosen, given = settings(context), ["--method", self.method]
         if self.database == "CHOSEN":
-            given += ["--database", str(states.database_path(chosen))]
+            given += ["--database", str(readiness.database_path(chosen))]
         for source, name, option, panel in (
             (self.performer, "subject", "--subject", "Subject"),
             (self.cameras, "calibration", "--cameras", "Cameras"),
@@ -226,10 +227,10 @@ class PERFANIM_OT_import_takes(_TakeJob, bpy.types.Operator, ImportHelper):
         layout.use_property_split = True
         layout.prop(self, "up")
         layout.prop(self, "method")
-        who = states.performer_text(absolute(chosen.subject)) if chosen.subject else "average body"
+        who = readiness.performer_text(absolute(chosen.subject)) if chosen.subject else "average body"
         height = "" if chosen.subject else f", {chosen.subject_height:.2f} m"
         layout.label(text=f"Performer: {who}{height}", icon="USER")
-        layout.label(text=f"Markers: {Path(states.marker_set_source(chosen)).stem}", icon="DOT")
+        layout.label(text=f"Markers: {Path(readiness.marker_set_source(chosen)).stem}", icon="DOT")
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         """Return the command."""
@@ -241,8 +242,8 @@ class PERFANIM_OT_import_takes(_TakeJob, bpy.types.Operator, ImportHelper):
         performer = (
             ["--subject", absolute(chosen.subject)] if chosen.subject else ["--height", str(chosen.subject_height)]
         )
-        markers = ["--marker-set", states.marker_set_source(chosen)]
-        solver = ["--database", str(states.database_path(chosen)), "--method", self.method]
+        markers = ["--marker-set", readiness.marker_set_source(chosen)]
+        solver = ["--database", str(readiness.database_path(chosen)), "--method", self.method]
         return ["take", "import", *files, *performer, *markers, *solver, "--up", self.up, "--out", str(takes.folder())]
 
     def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:

@@ -111,28 +111,28 @@ def test_own_takes_are_solved_for_who_was_recorded(part: Any, folder: Path, tmp_
     chosen = bpy.context.scene.perfanim_batch
     chosen.out = str(tmp_path / "out")  # no folder of takes: those of the list
     bpy.context.scene.perfanim.subject = ""
-    path = part("batch_settings").plan_file(bpy.context, chosen)
+    path = part("settings.batch_settings").plan_file(bpy.context, chosen)
     plan = tomllib.loads(path.read_text())
     assert plan["take"] == [{"take": str(own), "name": "ben"}]
     assert plan["database"] == str(folder / "walk.perfdb")
     chosen.takes = str(folder / "takes")
-    errors = sys.modules[part("batch_settings").SettingsError.__module__]
+    errors = sys.modules[part("settings.batch_settings").SettingsError.__module__]
     with pytest.raises(errors.SettingsError, match="choose one under Subject"):
-        part("batch_settings").plan_file(bpy.context, chosen)
+        part("settings.batch_settings").plan_file(bpy.context, chosen)
     bpy.context.scene.perfanim.subject = str(folder / "anna.toml")
     chosen.character, chosen.save_as = str(folder / "anna.toml"), "fbx"
-    monkeypatch.setattr(part("batch_settings"), "blender_program", lambda: "/opt/blender")
-    plan = tomllib.loads(part("batch_settings").plan_file(bpy.context, chosen).read_text())
+    monkeypatch.setattr(part("settings.batch_settings"), "blender_program", lambda: "/opt/blender")
+    plan = tomllib.loads(part("settings.batch_settings").plan_file(bpy.context, chosen).read_text())
     assert {key: plan[key] for key in ("to", "save_as", "blender")} == {
         "to": str(folder / "anna.toml"), "save_as": "fbx", "blender": "/opt/blender",
     }  # fmt: skip
-    rows = tomllib.loads(part("batch_settings").plan_file(bpy.context, chosen).read_text())["take"]
+    rows = tomllib.loads(part("settings.batch_settings").plan_file(bpy.context, chosen).read_text())["take"]
     assert {row["name"] for row in rows} == {"again", "broken", "walk"}
     assert {row["subject"] for row in rows} == {str(folder / "anna.toml")}
 
 
 def test_what_is_missing_is_said_on_the_button(part: Any, folder: Path) -> None:
-    chosen, problem = bpy.context.scene.perfanim_batch, part("batch_settings").problem
+    chosen, problem = bpy.context.scene.perfanim_batch, part("settings.batch_settings").problem
     assert problem(chosen) == "choose a folder for the results"
     chosen.takes = str(folder / "nowhere")
     assert problem(chosen) == "the folder of takes is not there"

@@ -35,10 +35,10 @@ def test_motion_is_imported_and_used(part: Any, tmp_path: Path) -> None:
     )
     text = run_job(part, operator, played)
     chosen = bpy.context.scene.perfanim
-    frames = part("states").database_frames(chosen.database)
+    frames = part("settings.readiness").database_frames(chosen.database)
     assert text == f"{frames} frames imported, 1 files skipped"
     assert 170 <= frames <= 190
-    assert part("states").motion(chosen).text == f"{frames} frames"
+    assert part("settings.readiness").motion(chosen).text == f"{frames} frames"
     played.mirror = played.cull = True
     run_job(part, operator, played)
     mirrored = open_database(chosen.database)
@@ -79,7 +79,7 @@ def test_cameras_are_calibrated_from_board_pictures(part: Any, extension: str, t
             assert cv2.imwrite(str(tmp_path / side / f"{picture.number:03d}.png"), image)
     text = run_job(part, operator, SimpleNamespace())
     assert "px" in text
-    state = part("states").cameras(
+    state = part("settings.readiness").cameras(
         SimpleNamespace(
             source="CAMERAS",
             left_device=0,
@@ -130,7 +130,7 @@ def test_the_board_is_written_to_be_printed(part: Any, tmp_path: Path) -> None:
 
 def test_a_newcomer_calibrates_everything_in_the_sidebar(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Board pictures, cameras, the performer in three poses: with the simulated ones treated like real ones."""
-    chosen, states = bpy.context.scene.perfanim, part("states")
+    chosen, states = bpy.context.scene.perfanim, part("settings.readiness")
     chosen.practise = True
     assert "calibrate the cameras" in states.first_problem(chosen)
     assert not bpy.ops.perfanim.record_t_pose.poll()

@@ -72,7 +72,7 @@ def test_the_marker_sets_are_offered(part: Any) -> None:
 def test_a_capture_is_asked_for_with_the_method_of_the_preferences(
     part: Any, preferences: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(part("states"), "database_frames", lambda path: 1)
+    monkeypatch.setattr(part("settings.readiness"), "database_frames", lambda path: 1)
     make = part("capture.request").make
     assert make(bpy.context.scene.perfanim).request["settings"] == {"method": "best"}
     preferences.method = "lwr"

@@ -123,7 +123,7 @@ def test_nothing_to_import_is_said_before_any_work(part: Any, walk: SimpleNamesp
 
 def test_without_a_database_the_starter_is_made_first(part: Any, walk: SimpleNamespace, monkeypatch: Any) -> None:
     bpy.context.scene.perfanim.database = ""
-    target = part("states").starter_database_path()
+    target = part("settings.readiness").starter_database_path()
     made = ["database", "build", str(walk.folder / "walk.bvh"), "--fps", "30", "--out", str(target)]
     monkeypatch.setattr(part("operators.takes"), "starter_arguments", lambda: made)
     assert not target.exists()

@@ -74,7 +74,11 @@ def shown(part: Any) -> list[Any]:
 
 def test_a_worker_that_is_killed_leaves_a_take_that_can_be_recovered(part: Any) -> None:
     live, takes = part("capture.live_capture"), part("takes")
-    prepare = [] if part("states").starter_database_path().exists() else part("operators.database").starter_arguments()
+    prepare = (
+        []
+        if part("settings.readiness").starter_database_path().exists()
+        else part("operators.database").starter_arguments()
+    )
     capture = live.Capture(None, prepare)
     limit = time.monotonic() + PATIENCE_S
     try:

@@ -19,7 +19,7 @@ from ticking import tick_until
 
 
 def test_the_defaults_capture_a_new_character_into_one_action(part: Any) -> None:
-    live, states, database = part("capture.live_capture"), part("states"), part("operators.database")
+    live, states, database = part("capture.live_capture"), part("settings.readiness"), part("operators.database")
     bpy.context.scene.render.fps = 24
     bpy.context.scene.frame_current = 11
     prepare = [] if states.starter_database_path().exists() else database.starter_arguments()
@@ -79,7 +79,11 @@ def test_stop_before_the_first_frame_leaves_the_old_action(part: Any) -> None:
     armature = bpy.data.objects[name]
     old = bpy.data.actions.new("Old")
     armature.animation_data_create().action = old
-    prepare = [] if part("states").starter_database_path().exists() else part("operators.database").starter_arguments()
+    prepare = (
+        []
+        if part("settings.readiness").starter_database_path().exists()
+        else part("operators.database").starter_arguments()
+    )
     capture = live.Capture(None, prepare)
     try:
         tick_until(capture, lambda: capture.run is not None)
@@ -252,7 +256,11 @@ def test_parts_of_a_foreign_rig_take_the_bones_between(part: Any) -> None:
 
 @pytest.mark.parametrize("way_out", ["closed window", "file load"])
 def test_what_is_recorded_is_kept_when_blender_takes_the_capture_down(part: Any, way_out: str) -> None:
-    prepare = [] if part("states").starter_database_path().exists() else part("operators.database").starter_arguments()
+    prepare = (
+        []
+        if part("settings.readiness").starter_database_path().exists()
+        else part("operators.database").starter_arguments()
+    )
     running, operator = part("running"), part("operators.capture").PERFANIM_OT_start_capture
     capture = part("capture.live_capture").Capture(None, prepare)
     running.begin(bpy.context, capture, 1.0)
@@ -283,7 +291,11 @@ def test_what_is_recorded_is_kept_when_blender_takes_the_capture_down(part: Any,
 
 def test_a_character_deleted_while_capturing_does_not_lose_the_take(part: Any) -> None:
     live = part("capture.live_capture")
-    prepare = [] if part("states").starter_database_path().exists() else part("operators.database").starter_arguments()
+    prepare = (
+        []
+        if part("settings.readiness").starter_database_path().exists()
+        else part("operators.database").starter_arguments()
+    )
     capture = live.Capture(None, prepare)
     errors = sys.modules[live.__name__.replace("perfanim_addon.live", "core.errors")]
     try:
@@ -317,7 +329,11 @@ def test_image_folders_are_captured_to_their_end(part: Any, tmp_path: Path) -> N
     chosen.source = "IMAGES"
     chosen.left_folder, chosen.right_folder = str(tmp_path / "left"), str(tmp_path / "right")
     chosen.calibration, chosen.subject = str(tmp_path / "cameras.toml"), str(tmp_path / "subject.toml")
-    prepare = [] if part("states").starter_database_path().exists() else part("operators.database").starter_arguments()
+    prepare = (
+        []
+        if part("settings.readiness").starter_database_path().exists()
+        else part("operators.database").starter_arguments()
+    )
     capture = part("capture.live_capture").Capture(None, prepare)
     try:
         tick_until(capture, lambda: capture.done)

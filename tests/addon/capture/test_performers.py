@@ -115,7 +115,7 @@ def to_blender(point: np.ndarray) -> np.ndarray:
 
 
 def test_the_list_says_who_cannot_be_followed(part: Any, shown: Any, ben: Any, tmp_path: Path) -> None:
-    targets, scene = part("targets"), bpy.context.scene
+    targets, scene = part("settings.target_settings"), bpy.context.scene
     assert (targets.title(ben), targets.problem(scene)) == ("Ben", "")
     assert [subject.name for subject in targets.performers(scene)] == ["Ben"]
     assert targets.props(scene) == []
@@ -144,7 +144,7 @@ def test_what_the_worker_is_asked_for(part: Any, shown: Any, ben: Any) -> None:
     scene.perfanim.database, scene.perfanim.behaviour = build_path, "boxing"
     setup = part("capture.request").make(scene.perfanim)
     assert [subject.name for subject in setup.performers] == ["Ben"]
-    assert [part("states").subject(path).name for path in setup.request["performers"]] == ["Ben"]
+    assert [part("settings.readiness").subject(path).name for path in setup.request["performers"]] == ["Ben"]
     assert setup.request["cameras"]["source"]["partners"] == [{"behaviour": "kendo"}]
     shown.entries.clear()
     assert "performers" not in part("capture.request").make(scene.perfanim).request
@@ -315,7 +315,7 @@ def test_a_take_is_put_on_the_characters_that_are_meant(part: Any, shown: Any, b
     other = shown.entries.add()
     other.kind = "PERFORMER"
     shown.entries.move(0, 2)  # Ben is the last now
-    entries = {part("targets").title(entry): entry for entry in shown.entries}
+    entries = {part("settings.target_settings").title(entry): entry for entry in shown.entries}
     meant = entries["Ben"].armature = bpy.data.objects[create(bpy.context, SECOND, "Meant")]
     bpy.context.scene.render.fps = 60
     bpy.context.scene.frame_set(11)

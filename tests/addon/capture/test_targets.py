@@ -25,7 +25,7 @@ PLACE_M, TURN_DEG = 0.01, 3.0
 
 
 def test_the_list_says_what_is_wrong(part: Any, shown: Any, tmp_path: Path) -> None:
-    targets, scene = part("targets"), bpy.context.scene
+    targets, scene = part("settings.target_settings"), bpy.context.scene
     assert targets.problem(scene) == ""
     first = shown.entries.add()
     assert targets.title(first) == "sword"
@@ -73,8 +73,8 @@ def test_a_prop_is_measured_from_the_chosen_take(part: Any, shown: Any, tmp_path
     told = run_job(part, operator, played)
     listed.entries.clear()
     assert told.startswith("My Sword: 5 markers, rigid to ")
-    assert part("targets").title(shown.entries[0]) == "My Sword"
-    assert part("targets").problem(bpy.context.scene) == ""
+    assert part("settings.target_settings").title(shown.entries[0]) == "My Sword"
+    assert part("settings.target_settings").problem(bpy.context.scene) == ""
 
 
 def expected_matrix(part: Any, armature: Any, turn: np.ndarray, place: np.ndarray) -> Matrix:

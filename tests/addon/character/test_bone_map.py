@@ -12,7 +12,7 @@ import pytest
 def test_the_map_is_found_when_an_armature_is_chosen_and_can_be_edited(mixamo_blend: Path, addon: ModuleType) -> None:
     bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
     hero, chosen = bpy.data.objects["Hero"], bpy.context.scene.perfanim
-    states = sys.modules[f"{addon.__name__}.perfanim_addon.states"]
+    states = sys.modules[f"{addon.__name__}.perfanim_addon.settings.readiness"]
     chosen.armature = hero
     kept = hero.perfanim_character
     assert kept.origin == "names"

@@ -66,7 +66,7 @@ def test_a_character_that_the_scene_shows_distorted_is_refused_with_what_to_do(
 ) -> None:
     bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
     hero, chosen = bpy.data.objects["Hero"], bpy.context.scene.perfanim
-    states = sys.modules[f"{addon.__name__}.perfanim_addon.states"]
+    states = sys.modules[f"{addon.__name__}.perfanim_addon.settings.readiness"]
     chosen.armature = hero
     hero.perfanim_character.joints["head"].bone = "mixamorig:Neck1"  # by hand
     stood(hero, own, above)
@@ -163,7 +163,7 @@ def test_a_linked_rig_is_driven_through_its_override(mixamo_blend: Path, addon: 
     bpy.context.scene.collection.objects.link(linked)
     chosen = bpy.context.scene.perfanim
     chosen.armature = linked
-    states = sys.modules[f"{addon.__name__}.perfanim_addon.states"]
+    states = sys.modules[f"{addon.__name__}.perfanim_addon.settings.readiness"]
     assert "make a library override" in states.character(chosen).problem
     own = linked.override_hierarchy_create(bpy.context.scene, bpy.context.view_layer, do_fully_editable=True)
     chosen.armature = own

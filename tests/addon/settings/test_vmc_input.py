@@ -22,7 +22,7 @@ PATIENCE_S = 300.0
 
 def test_only_programs_of_this_computer_without_online_access(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     chosen, told = bpy.context.scene.perfanim, bpy.context.scene.perfanim_receiving
-    states, sending = part("states"), part("sending")
+    states, sending = part("settings.readiness"), part("settings.vmc_output")
     chosen.source = "VMC"
     assert states.cameras(chosen).text == f"port {told.port}"  # no calibration is asked for
     assert "use an average body" in states.first_problem(chosen)
@@ -49,7 +49,7 @@ def test_trackers_move_the_character_and_a_sender_that_pauses_is_told(part: Any,
     chosen.source, chosen.subject, chosen.database = "VMC", str(tmp_path / "anna.toml"), str(tmp_path / "walk.pfdb")
     chosen.marker_set = "boxing"
     bpy.context.scene.perfanim_receiving.port = free_port()
-    assert part("states").first_problem(chosen) == ""
+    assert part("settings.readiness").first_problem(chosen) == ""
     capture, limit_s = part("capture.live_capture").Capture(None, []), time.monotonic() + PATIENCE_S
     sent: list[int] = []
 

@@ -4,8 +4,8 @@ from typing import Any
 
 import bpy
 
-from .animation.keyframes import KeyBounds
-from .animation.placement import Onto, Placement
+from ..animation.keyframes import KeyBounds
+from ..animation.placement import Onto, Placement
 
 _ONTO = (
     (Onto.ACTION.name, "New Action", "A new action, which takes the place of the one in use; that is kept in the file"),

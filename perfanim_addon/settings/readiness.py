@@ -5,16 +5,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..core.database.store import open_database
-from ..core.errors import CaptureError, PerfanimError, SubjectError
-from ..core.geometry.camera import CameraRig
-from ..core.geometry.rig_file import load_rig
-from ..core.markers.marker_set import MarkerSet, load_marker_set
-from ..core.markers.prop import Prop, load_prop
-from ..core.markers.subject import Subject, load_subject
-from . import receiving
-from .character.posing import map_problem
-from .place import absolute, user_folder
+from ...core.database.store import open_database
+from ...core.errors import CaptureError, PerfanimError, SubjectError
+from ...core.geometry.camera import CameraRig
+from ...core.geometry.rig_file import load_rig
+from ...core.markers.marker_set import MarkerSet, load_marker_set
+from ...core.markers.prop import Prop, load_prop
+from ...core.markers.subject import Subject, load_subject
+from ..character.posing import map_problem
+from ..place import absolute, user_folder
+from . import vmc_input
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def cameras(settings: Any) -> State:
     if is_known(settings):
         return State(True, "simulated")
     if not has_cameras(settings):
-        wrong = receiving.problem(settings.id_data.perfanim_receiving)
+        wrong = vmc_input.problem(settings.id_data.perfanim_receiving)
         text = "online access is off" if wrong else f"port {settings.id_data.perfanim_receiving.port}"
         return State(not wrong, text, wrong)
     for name in source_paths(settings):

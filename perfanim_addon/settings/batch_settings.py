@@ -5,14 +5,15 @@ from typing import Any
 
 import bpy
 
-from ..core.cli.batch.plan import plan_of
-from ..core.errors import SettingsError
-from ..core.formats.markers.marker_files import is_recorded
-from ..core.system.files import write_toml
-from . import preferences, states, takes
-from .hung import hung_on
-from .place import absolute
-from .properties import settings
+from ...core.cli.batch.plan import plan_of
+from ...core.errors import SettingsError
+from ...core.formats.markers.marker_files import is_recorded
+from ...core.system.files import write_toml
+from .. import preferences, takes
+from ..hung import hung_on
+from ..place import absolute
+from . import readiness
+from .capture_settings import settings
 
 PLAN = "plan.toml"  # in the folder of the results
 
@@ -92,7 +93,7 @@ def plan_file(context: bpy.types.Context, chosen: Any) -> Path:
         return Path(absolute(chosen.plan))
     scene = settings(context)
     source = absolute(chosen.takes) or str(takes.folder())
-    performer = {"marker_set": states.marker_set_source(scene), "up": "auto", "subject": absolute(scene.subject)}
+    performer = {"marker_set": readiness.marker_set_source(scene), "up": "auto", "subject": absolute(scene.subject)}
     rows = []
     for take in plan_of([source], {}).takes:
         own = is_recorded(take.take)
@@ -105,7 +106,7 @@ def plan_file(context: bpy.types.Context, chosen: Any) -> Path:
     path = Path(absolute(chosen.out)) / PLAN
     shared: dict[str, Any] = {
         "out": str(path.parent),
-        "database": str(states.database_path(scene)),
+        "database": str(readiness.database_path(scene)),
         "method": preferences.method(context),
         "feet": scene.feet,
         "naming": chosen.naming,

@@ -4,9 +4,9 @@ from typing import Any
 
 import bpy
 
-from ..core.formats.vmc.ports import PERFORMER_PORT
-from . import sending
-from .hung import hung_on
+from ...core.formats.vmc.ports import PERFORMER_PORT
+from ..hung import hung_on
+from . import vmc_output
 
 THIS_COMPUTER = "127.0.0.1"
 
@@ -32,7 +32,7 @@ class PERFANIM_PG_receiving(bpy.types.PropertyGroup):
 def problem(chosen: Any) -> str:
     """Return why nothing can be received, "" when it can."""
     sender = chosen.sender.strip()
-    if sending.is_online_allowed() or (sender and sending.is_this_computer(sender)):
+    if vmc_output.is_online_allowed() or (sender and vmc_output.is_this_computer(sender)):
         return ""
     return f"Online access is off: programs of this computer only, {THIS_COMPUTER}"
 

@@ -21,7 +21,7 @@ from perfanim.core.simulate.studio.rig import default_rig
 
 @pytest.fixture
 def states(addon: ModuleType, extension: str) -> Any:
-    return sys.modules[f"{extension}.perfanim_addon.states"]
+    return sys.modules[f"{extension}.perfanim_addon.settings.readiness"]
 
 
 @pytest.fixture

@@ -8,17 +8,17 @@ from typing import Any
 
 import bpy
 
-from ..core.body.standard_skeleton import default_skeleton
-from ..core.errors import CharacterError, PerfanimError, SettingsError, SubjectError
-from ..core.markers.marker_set import MarkerSet
-from ..core.markers.prop import Prop, check_together
-from ..core.markers.subject import Subject
-from ..core.system.assets import PROPS
-from . import states
-from .character.posing import map_problem
-from .character.prop_mesh import add_prop_object
-from .place import absolute
-from .properties import find_bones, is_armature
+from ...core.body.standard_skeleton import default_skeleton
+from ...core.errors import CharacterError, PerfanimError, SettingsError, SubjectError
+from ...core.markers.marker_set import MarkerSet
+from ...core.markers.prop import Prop, check_together
+from ...core.markers.subject import Subject
+from ...core.system.assets import PROPS
+from ..character.posing import map_problem
+from ..character.prop_mesh import add_prop_object
+from ..place import absolute
+from . import readiness
+from .capture_settings import find_bones, is_armature
 
 SHIPPED = str(PROPS / "sword.toml")  # what is meant where no definition is chosen
 SIMULATED_HEIGHT_M = 1.75
@@ -81,17 +81,17 @@ def path_of(entry: PERFANIM_PG_target) -> str:
 
 def found_prop(entry: PERFANIM_PG_target) -> Prop | PerfanimError:
     """Return a target's prop, or what is wrong with its definition."""
-    return states.prop(path_of(entry))
+    return readiness.prop(path_of(entry))
 
 
 def found_subject(entry: PERFANIM_PG_target) -> Subject | PerfanimError:
     """Return who a further performer is, with all markers of their calibration, or why nobody knows."""
     if entry.subject:
-        return states.subject(absolute(entry.subject))
+        return readiness.subject(absolute(entry.subject))
     scene, chosen = entry.id_data, entry.id_data.perfanim
-    if not states.is_known(chosen):
+    if not readiness.is_known(chosen):
         return SubjectError("a further performer is not calibrated", advice="choose the subject under Further Targets")
-    markers: MarkerSet | PerfanimError = states.marker_set(chosen)
+    markers: MarkerSet | PerfanimError = readiness.marker_set(chosen)
     if isinstance(markers, PerfanimError):
         return markers
     number = of_kind(scene, "PERFORMER").index(entry) + 2
@@ -167,8 +167,8 @@ def performers(scene: bpy.types.Scene) -> list[Subject]:
             if reason:
                 raise CharacterError(reason, where=entry.armature.name)
         found.append(subject)
-    if found and (states.is_one_camera(scene.perfanim) or not states.has_cameras(scene.perfanim)):
-        what = "one camera cannot" if states.has_cameras(scene.perfanim) else "trackers cannot"
+    if found and (readiness.is_one_camera(scene.perfanim) or not readiness.has_cameras(scene.perfanim)):
+        what = "one camera cannot" if readiness.has_cameras(scene.perfanim) else "trackers cannot"
         raise SettingsError(f"{what} tell several performers apart", advice="use two cameras")
     return found
 

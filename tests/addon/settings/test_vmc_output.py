@@ -28,7 +28,7 @@ def test_switched_on_it_goes_to_host_and_port(asked: Any) -> None:
 
 
 def test_without_online_access_only_this_computer_is_sent_to(asked: Any, part: Any, monkeypatch: Any) -> None:
-    chosen, sending = bpy.context.scene.perfanim_sending, part("sending")
+    chosen, sending = bpy.context.scene.perfanim_sending, part("settings.vmc_output")
     chosen.on, chosen.host = True, "192.168.1.20"
     for allowed in (False, True):
         monkeypatch.setattr(sending, "is_online_allowed", lambda allowed=allowed: allowed)

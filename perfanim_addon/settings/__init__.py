@@ -1,0 +1,1 @@
+"""Property groups stored in the scene."""
