@@ -22,7 +22,7 @@ from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.errors import PerfanimError
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.system.assets import MOTION
-from perfanim.perfanim_addon.retarget_file import retarget_file
+from perfanim.perfanim_addon.export.retarget_file import retarget_file
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests" / "helpers"))
 

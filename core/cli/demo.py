@@ -48,7 +48,13 @@ def _write_blend(out: Path, progress: Callable[[float, str], None]) -> Path:
     progress(0.97, "writing the character")
     target = out / "demo.blend"
     package = __package__.rsplit(".", 2)[0]
-    command = [sys.executable, "-m", f"{package}.perfanim_addon.export_blend", str(out / "demo.bvh"), str(target)]
+    command = [
+        sys.executable,
+        "-m",
+        f"{package}.perfanim_addon.export.export_blend",
+        str(out / "demo.bvh"),
+        str(target),
+    ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         reason = (done.stderr.strip().splitlines() or ["no message"])[-1]

@@ -105,8 +105,8 @@ def _command(blender: str | None, arguments: Sequence[str]) -> list[str]:
     blender = _named(blender)
     if blender is None:
         package = (__package__ or "").rpartition(".core.")[0]
-        return [sys.executable, "-m", f"{package}.perfanim_addon.retarget_file", *arguments]
-    order = helper_process.order("perfanim.perfanim_addon.retarget_file:main", arguments)
+        return [sys.executable, "-m", f"{package}.perfanim_addon.export.retarget_file", *arguments]
+    order = helper_process.order("perfanim.perfanim_addon.export.retarget_file:main", arguments)
     return [
         blender,
         "--background",

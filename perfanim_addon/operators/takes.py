@@ -21,7 +21,7 @@ from ..capture import request as capture_setup
 from ..capture.further_targets import write_others
 from ..capture.performer_driver import roles_of
 from ..capture.write_take import add_character, frames_of, increasing, pose_arrays, write_poses
-from ..export_animation import ENDINGS, Form, export_poses
+from ..export.export_animation import ENDINGS, Form, export_poses
 from ..job import Job, command
 from ..place import absolute
 from ..settings import readiness

@@ -22,9 +22,9 @@ from perfanim.core.retarget.retargeter import RootMotion
 from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver
 from perfanim.perfanim_addon.character.create_character import create_character
-from perfanim.perfanim_addon.export_animation import Form
-from perfanim.perfanim_addon.retarget_file import main as retarget_main
-from perfanim.perfanim_addon.retarget_file import retarget_file
+from perfanim.perfanim_addon.export.export_animation import Form
+from perfanim.perfanim_addon.export.retarget_file import main as retarget_main
+from perfanim.perfanim_addon.export.retarget_file import retarget_file
 from played import curves_of
 from retargeted import measured, played
 

@@ -15,7 +15,7 @@ from perfanim.core.retarget.joint_naming import NAMINGS
 from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon.animation import actions
 from perfanim.perfanim_addon.character.create_character import create_character
-from perfanim.perfanim_addon.export_animation import ENDINGS, Form, export_poses
+from perfanim.perfanim_addon.export.export_animation import ENDINGS, Form, export_poses
 from played import curves_of
 
 SAME_M = 0.001

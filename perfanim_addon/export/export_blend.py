@@ -1,6 +1,6 @@
 """A motion as a Blender file: character, action, floor, light and camera; run headless with the `bpy` wheel.
 
-    python -m perfanim.perfanim_addon.export_blend MOTION.bvh OUT.blend [--render OUT.png] [--frame N]
+    python -m perfanim.perfanim_addon.export.export_blend MOTION.bvh OUT.blend [--render OUT.png] [--frame N]
 
 Start it in a process of its own: it begins with an empty scene.
 """
@@ -15,16 +15,16 @@ import numpy as np
 from mathutils import Vector
 from numpy.typing import NDArray
 
-from ..core.body.motion import Motion
-from ..core.body.skeleton import forward_kinematics
-from ..core.errors import CharacterError, PerfanimError
-from ..core.formats.motion.read_motion import read_motion
-from ..core.system.files import atomic_path
-from .animation.actions import write_action
-from .character import axes
-from .character.create_character import create_character
-from .character.mesh.body_mesh import ensure_nodes
-from .character.mesh.shapes import SOLE_BELOW_TOES_M, girth_scale
+from ...core.body.motion import Motion
+from ...core.body.skeleton import forward_kinematics
+from ...core.errors import CharacterError, PerfanimError
+from ...core.formats.motion.read_motion import read_motion
+from ...core.system.files import atomic_path
+from ..animation.actions import write_action
+from ..character import axes
+from ..character.create_character import create_character
+from ..character.mesh.body_mesh import ensure_nodes
+from ..character.mesh.shapes import SOLE_BELOW_TOES_M, girth_scale
 
 Array = NDArray[np.float64]
 

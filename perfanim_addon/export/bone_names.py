@@ -5,8 +5,8 @@ from contextlib import contextmanager
 
 import bpy
 
-from ..core.errors import CharacterError
-from ..core.retarget.joint_naming import naming_of
+from ...core.errors import CharacterError
+from ...core.retarget.joint_naming import naming_of
 
 _PASSING = "perfanim renaming {}"  # so that no bone meets another's name on the way
 

@@ -10,15 +10,15 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.body.skeleton import Skeleton
-from ..core.errors import CharacterError, FormatError
-from ..core.formats.motion.bvh_axes import moved_bvh
-from ..core.system.files import atomic_path
-from .animation.actions import scene_frames, write_action
-from .animation.channels import play, played
+from ...core.body.skeleton import Skeleton
+from ...core.errors import CharacterError, FormatError
+from ...core.formats.motion.bvh_axes import moved_bvh
+from ...core.system.files import atomic_path
+from ..animation.actions import scene_frames, write_action
+from ..animation.channels import play, played
+from ..character.create_character import find_armature
+from ..character.posing import bones_of
 from .bone_names import named_for
-from .character.create_character import find_armature
-from .character.posing import bones_of
 
 Array = NDArray[np.float64]
 

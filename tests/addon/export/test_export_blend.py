@@ -17,7 +17,7 @@ SKELETON = default_skeleton(1.7)
 
 
 def export(*arguments: Path | str) -> subprocess.CompletedProcess:
-    command = [sys.executable, "-m", "perfanim.perfanim_addon.export_blend", *map(str, arguments)]
+    command = [sys.executable, "-m", "perfanim.perfanim_addon.export.export_blend", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 

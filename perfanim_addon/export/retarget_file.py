@@ -1,6 +1,6 @@
 """A motion onto the character of a file, run headless with the `bpy` wheel; `perfanim retarget` starts it.
 
-    python -m perfanim.perfanim_addon.retarget_file MOTION CHARACTER OUT [--map NAME_OR_FILE] [...]
+    python -m perfanim.perfanim_addon.export.retarget_file MOTION CHARACTER OUT [--map NAME_OR_FILE] [...]
 
 Start it in a process of its own: it opens another scene. The last line on stdout is a JSON object.
 """
@@ -19,16 +19,16 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.body.motion import Motion
-from ..core.errors import CharacterError, FormatError, PerfanimError
-from ..core.formats.motion.read_motion import read_motion
-from ..core.retarget.bone_map import BoneMap, State, checked_map
-from ..core.retarget.bone_map_files import named_bone_map
-from ..core.retarget.retargeter import Retargeter, RootMotion
-from ..core.system.files import atomic_path
-from .animation.actions import scene_frames, write_posing
-from .character.posing import find_map, retarget_posing
-from .character.rig import read_armature_rest
+from ...core.body.motion import Motion
+from ...core.errors import CharacterError, FormatError, PerfanimError
+from ...core.formats.motion.read_motion import read_motion
+from ...core.retarget.bone_map import BoneMap, State, checked_map
+from ...core.retarget.bone_map_files import named_bone_map
+from ...core.retarget.retargeter import Retargeter, RootMotion
+from ...core.system.files import atomic_path
+from ..animation.actions import scene_frames, write_posing
+from ..character.posing import find_map, retarget_posing
+from ..character.rig import read_armature_rest
 from .export_animation import ENDINGS, Form, write_played
 from .export_blend import add_stage, render, set_up_rendering, write_scene
 
