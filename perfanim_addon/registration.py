@@ -23,9 +23,21 @@ def _other_modules() -> Sequence[ModuleType]:
     """Import the rest, in the order in which it is registered."""
     import scipy  # noqa: F401  # fails here if its wheel is broken, before anything is registered
 
-    from . import command_line, defaults, panel_batch, panel_character, panel_takes, panel_targets, panels, running
+    from . import defaults, panel_batch, panel_character, panel_takes, panel_targets, panels, running
     from .character import bone_map_settings
-    from .operators import batch, cameras, capture, character, database, jobs, self_test, subject, take_files, takes
+    from .operators import (
+        batch,
+        cameras,
+        capture,
+        character,
+        command_line,
+        database,
+        jobs,
+        self_test,
+        subject,
+        take_files,
+        takes,
+    )
     from .operators import targets as target_operators
     from .settings import batch_settings, capture_settings, result_settings, target_settings, vmc_input, vmc_output
 

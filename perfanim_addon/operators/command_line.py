@@ -13,7 +13,7 @@ from typing import Any
 
 import bpy
 
-from . import preferences
+from .. import preferences
 
 NAME = "perfanim"
 
@@ -26,10 +26,10 @@ def run(arguments: Sequence[str]) -> int:
     Args:
         arguments: what stands behind the command's name.
     """
-    from ..core.cli import in_blender
-    from ..core.cli.retarget import BLENDER_VARIABLE
-    from ..core.system import helper_process
-    from ..core.worker.client import library_paths
+    from ...core.cli import in_blender
+    from ...core.cli.retarget import BLENDER_VARIABLE
+    from ...core.system import helper_process
+    from ...core.worker.client import library_paths
 
     python = preferences.worker_python(bpy.context) or sys.executable
     # characters are retargeted by another Blender like this one, where it is a program
