@@ -2,9 +2,10 @@
 
 import bpy
 
-from . import panels, preferences, running
+from . import panels, running
 from .capture.live_capture import Capture
-from .sidebar_tab import SidebarPanel, register_panels, unregister_panels
+from .preferences import preferences
+from .preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
 
 KEY = "batch"
 

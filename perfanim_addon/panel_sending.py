@@ -3,8 +3,8 @@
 import bpy
 
 from . import running
+from .preferences.sidebar_tab import SidebarPanel
 from .settings import vmc_output
-from .sidebar_tab import SidebarPanel
 
 
 class PERFANIM_PT_sending(SidebarPanel, bpy.types.Panel):

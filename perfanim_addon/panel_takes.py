@@ -13,10 +13,11 @@ from ..core.formats.take_file.edit import append_notes
 from ..core.formats.take_file.reading import TakeSummary, summarise
 from ..core.formats.take_file.setup import MOST_STARS
 from ..core.solver.settings import SolveSettings
-from . import panels, preferences, running, takes
+from . import panels, running, take_library
 from .capture.live_capture import Capture
+from .preferences import preferences
+from .preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
 from .settings import result_settings
-from .sidebar_tab import SidebarPanel, register_panels, unregister_panels
 
 KEY = "takes"
 ROWS = 4
@@ -34,7 +35,7 @@ def _changed(item: "PERFANIM_PG_take", _context: bpy.types.Context) -> None:
         append_notes(item.path, replace(known, name=item.title, notes=item.notes, rating=item.rating))
     except PerfanimError as error:
         running.set_message(KEY, str(error), "ERROR")
-    takes.forget()
+    take_library.forget()
 
 
 class PERFANIM_PG_take(bpy.types.PropertyGroup):
@@ -101,7 +102,7 @@ class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
             layout.label(text="Takes are listed after the capture")
             return
         shown = _list(context)
-        if not takes.listed():
+        if not take_library.listed():
             layout.label(text="Every capture is kept here")
         elif shown.entries:
             layout.template_list("PERFANIM_UL_takes", "", shown, "entries", shown, "active", rows=ROWS)
@@ -139,10 +140,10 @@ def _draw_take(context: bpy.types.Context, layout: bpy.types.UILayout, item: PER
 
 def _draw_room(layout: bpy.types.UILayout, count: int) -> None:
     """Draw how much room the takes need, and what can be done about it."""
-    listed, gone = takes.room()
+    listed, gone = take_library.room()
     if count or gone:
-        text = f"{count} take{'s' * (count != 1)}, {takes.size_text(listed)}"
-        text += f"; deleted {takes.size_text(gone)}" if gone else ""
+        text = f"{count} take{'s' * (count != 1)}, {take_library.size_text(listed)}"
+        text += f"; deleted {take_library.size_text(gone)}" if gone else ""
         layout.label(text=text, icon="DISK_DRIVE")
         row = layout.row(align=True)
         row.operator("perfanim.clean_up_takes", text="Clean Up")
@@ -154,7 +155,7 @@ def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
     """Offer, below the Capture panel, to recover the newest take that was cut off; nothing while capturing."""
     if isinstance(running.current(), Capture):
         return
-    cut = takes.cut_off()
+    cut = take_library.cut_off()
     if cut:
         count = "A capture was" if len(cut) == 1 else f"{len(cut)} captures were"
         panels.draw_text(context, panel.layout, f"{count} cut off", "ERROR")
@@ -170,7 +171,7 @@ def _list(context: bpy.types.Context) -> PERFANIM_PG_takes:
     current = [
         (item.path, item.title, item.notes, item.rating, item.complete, item.character) for item in shown.entries
     ]
-    if current != [_facts(take) for take in takes.listed()] and not bpy.app.timers.is_registered(_fill):
+    if current != [_facts(take) for take in take_library.listed()] and not bpy.app.timers.is_registered(_fill):
         bpy.app.timers.register(_fill)
     return shown
 
@@ -187,7 +188,7 @@ def _fill() -> None:
     _wanted[0] = ""
     with _not_by_the_user():
         shown.entries.clear()
-        for take in takes.listed():
+        for take in take_library.listed():
             _set(shown.entries.add(), take)
     paths = [item.path for item in shown.entries]
     shown.active = paths.index(chosen) if chosen in paths else 0
@@ -198,7 +199,7 @@ def _set(item: PERFANIM_PG_take, take: TakeSummary) -> None:
     item.path, item.title, item.notes, item.rating, item.complete, item.character = _facts(take)
     item.length = f"{int(take.duration_s) // 60}:{int(take.duration_s) % 60:02d}"
     item.created = take.created.replace("T", " ")[:16]
-    item.held = f"{take.frames} frames, {takes.size_text(takes.size([take.path]))}"
+    item.held = f"{take.frames} frames, {take_library.size_text(take_library.size([take.path]))}"
     item.used = ", ".join(
         text
         for text in (
@@ -221,7 +222,7 @@ def active_path(context: bpy.types.Context) -> str:
 def choose(path: Path) -> None:
     """Make a new take the active one of the list."""
     _wanted[0] = str(path)
-    takes.forget()
+    take_library.forget()
 
 
 @contextmanager

@@ -4,10 +4,11 @@ from typing import Any
 
 import bpy
 
-from . import panel_character, panels, preferences, running
+from . import panel_character, panels, running
 from .capture.live_capture import Capture
+from .preferences import preferences
+from .preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
 from .settings import target_settings
-from .sidebar_tab import SidebarPanel, register_panels, unregister_panels
 
 KEY = "targets"
 _ROWS = 2

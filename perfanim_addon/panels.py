@@ -5,15 +5,16 @@ from typing import Any
 
 import bpy
 
-from . import panel_character, preferences, running
+from . import panel_character, running
 from .capture.live_capture import Capture
 from .character.body_parts import PARTS
 from .job import Job
 from .panel_camera_controls import PERFANIM_PT_camera_controls
 from .panel_sending import PERFANIM_PT_sending
+from .preferences import preferences
+from .preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
 from .settings import readiness
 from .settings.capture_settings import settings
-from .sidebar_tab import SidebarPanel, register_panels, unregister_panels
 
 # Width of a character, and of what a line has beside its text (icon, margins, tabs), in unscaled pixels.
 CHARACTER_PX = 6.2

@@ -9,12 +9,12 @@ import traceback
 from collections.abc import Sequence
 from types import ModuleType
 
-from . import diagnostics
+from .preferences import diagnostics
 
 
 def _first_modules() -> Sequence[ModuleType]:
     """Import what is registered before any library is needed."""
-    from . import diagnostics_ui, preferences, translations
+    from .preferences import diagnostics_ui, preferences, translations
 
     return translations, preferences, diagnostics_ui
 
@@ -23,7 +23,7 @@ def _other_modules() -> Sequence[ModuleType]:
     """Import the rest, in the order in which it is registered."""
     import scipy  # noqa: F401  # fails here if its wheel is broken, before anything is registered
 
-    from . import defaults, panel_batch, panel_character, panel_takes, panel_targets, panels, running
+    from . import panel_batch, panel_character, panel_takes, panel_targets, panels, running
     from .character import bone_map_settings
     from .operators import (
         batch,
@@ -39,6 +39,7 @@ def _other_modules() -> Sequence[ModuleType]:
         takes,
     )
     from .operators import targets as target_operators
+    from .preferences import new_file_defaults
     from .settings import batch_settings, capture_settings, result_settings, target_settings, vmc_input, vmc_output
 
     return (
@@ -60,7 +61,7 @@ def _other_modules() -> Sequence[ModuleType]:
         target_operators,
         batch,
         self_test,
-        defaults,
+        new_file_defaults,
         panel_character,
         panels,
         panel_targets,

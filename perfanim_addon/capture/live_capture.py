@@ -12,7 +12,7 @@ from ...core.body.skeleton import Skeleton
 from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import PerfanimError
 from ...core.geometry import rotations as rot
-from .. import overlay, preview, running, takes
+from .. import overlay, preview, running, take_library
 from ..animation.suspended_actions import HeldActions
 from ..job import Job, command
 from ..settings.capture_settings import settings
@@ -217,7 +217,7 @@ class Capture:
         if self.run is not None:
             self.run.tick()
             self.run.close()
-            takes.forget()  # this one is there now
+            take_library.forget()  # this one is there now
 
     def keep(self, context: bpy.types.Context) -> str:
         """Write each recording as one Action, once; return the line that says so, "" when there is nothing to keep.
@@ -251,9 +251,9 @@ class Capture:
             )
         first, last = parts[0][1][0], parts[-1][1][-1]
         with contextlib.suppress(PerfanimError):  # there may be no take: its disk is full, its worker was killed
-            takes.mark_played(self._take_path)
+            take_library.mark_played(self._take_path)
             if (first, last) != (all_poses[0], all_poses[-1]):
-                takes.mark_recorded(self._take_path, first.number, last.number)
+                take_library.mark_recorded(self._take_path, first.number, last.number)
         text = f"{sum(len(poses) for _, poses in parts)} frames recorded in {', '.join(actions)}"
         return f"{text}; {self.run.standing}" if self.run and self.run.standing else text
 

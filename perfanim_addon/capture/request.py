@@ -16,8 +16,9 @@ from ...core.geometry.rig_file import save_rig
 from ...core.markers.prop import Prop, check_together
 from ...core.markers.subject import Subject, save_subject
 from ...core.worker.client import WorkerClient
-from .. import preferences, takes
-from ..place import absolute, user_folder
+from .. import take_library
+from ..preferences import preferences
+from ..preferences.paths import absolute, user_folder
 from ..settings import readiness, target_settings, vmc_input, vmc_output
 from ..settings.target_settings import SIMULATED_HEIGHT_M
 from .capture_run import CaptureRun
@@ -73,7 +74,7 @@ def make(settings: Any) -> Setup:
         "settings": {"method": preferences.method(bpy.context)},
         "shape": shape(settings),
         "vmc": vmc_output.target(settings.id_data),
-        "take": str(takes.new_path()),
+        "take": str(take_library.new_path()),
         "character": settings.armature.name if settings.armature else "",
     }
     return _with_targets(Setup(request, subject.skeleton), settings)

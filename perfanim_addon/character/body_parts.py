@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 import bpy
 
-from ..place import user_folder
+from ..preferences.paths import user_folder
 from .bone_map_settings import stored_map
 from .posing import PRESETS_FOLDER, Posing, ProductPosing, find_map
 

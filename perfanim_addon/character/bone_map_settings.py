@@ -8,7 +8,7 @@ from ...core.body.standard_skeleton import JOINT_NAMES
 from ...core.errors import CharacterError
 from ...core.retarget.bone_map import BoneMap, JointMatch, State, checked_map
 from ...core.retarget.retargeter import RootMotion
-from ..hung import hung_on
+from ..preferences.attach_settings import hung_on
 from .rig import read_armature_rest
 
 JOINT_LABELS = {

@@ -14,7 +14,7 @@ from ...core.errors import CharacterError
 from ...core.retarget.bone_map import BoneMap, find_bone_map
 from ...core.retarget.bone_map_files import read_presets
 from ...core.retarget.retargeter import CharacterPose, Retargeter, RootMotion
-from ..place import user_folder
+from ..preferences.paths import user_folder
 from .axes import PoseMap
 from .bone_map_settings import clear_map, store_map, store_problem, stored_map, stored_root_motion
 from .create_character import check_armature, read_rest

@@ -10,7 +10,7 @@ from ...core.errors import CalibrationError
 from ...core.geometry.rig_file import rig_from, save_rig
 from ..capture import request as capture_setup
 from ..capture import sound
-from ..place import absolute, user_folder
+from ..preferences.paths import absolute, user_folder
 from ..settings import readiness
 from ..settings.capture_settings import PERFANIM_PG_settings, settings
 from .jobs import JobOperator

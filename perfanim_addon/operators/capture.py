@@ -6,8 +6,9 @@ import traceback
 import bpy
 
 from ...core.errors import CaptureError, PerfanimError
-from .. import preferences, running
+from .. import running
 from ..capture.live_capture import Capture
+from ..preferences import preferences
 from ..settings import readiness
 from ..settings.capture_settings import settings
 from . import common

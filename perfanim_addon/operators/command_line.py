@@ -13,7 +13,7 @@ from typing import Any
 
 import bpy
 
-from .. import preferences
+from ..preferences import preferences
 
 NAME = "perfanim"
 

@@ -8,8 +8,9 @@ from bpy_extras.io_utils import ImportHelper
 
 from ...core.errors import DatabaseError
 from ...core.system.assets import MOTION
-from .. import preferences, running
-from ..place import user_folder
+from .. import running
+from ..preferences import preferences
+from ..preferences.paths import user_folder
 from ..settings import readiness
 from ..settings.capture_settings import settings
 from . import common

@@ -6,8 +6,9 @@ from typing import Any
 import bpy
 
 from ...core.errors import CaptureError, PerfanimError
-from .. import preferences, preview, running
+from .. import preview, running
 from ..job import Job, command
+from ..preferences import preferences
 from . import common
 
 TICK_S = 0.1

@@ -4,9 +4,10 @@ from typing import Any
 
 import bpy
 
-from .. import diagnostics, running
+from .. import running
 from ..capture.self_test import PANEL, SelfTest
 from ..job import Job
+from ..preferences import diagnostics
 from ..settings import readiness
 from .database import starter_arguments
 from .jobs import JobOperator

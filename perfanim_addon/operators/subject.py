@@ -12,7 +12,7 @@ from ...core.markers.subject import Subject, save_subject
 from .. import running
 from ..capture import request as capture_setup
 from ..capture import sound
-from ..place import absolute, user_folder
+from ..preferences.paths import absolute, user_folder
 from ..settings import readiness
 from ..settings.capture_settings import settings
 from . import common

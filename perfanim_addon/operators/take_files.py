@@ -7,7 +7,7 @@ import bpy
 from ...core.errors import PerfanimError, TakeError
 from ...core.formats.take_file.reading import summarise
 from ...core.formats.take_file.setup import MOST_STARS
-from .. import running, takes
+from .. import running, take_library
 from ..panel_takes import KEY as PANEL
 from . import common
 
@@ -37,7 +37,7 @@ class PERFANIM_OT_delete_take(_Idle, bpy.types.Operator):
         """Move the file."""
         try:
             name = summarise(self.path).notes.name
-            takes.delete(Path(self.path))
+            take_library.delete(Path(self.path))
         except PerfanimError as error:
             return common.failed(self, PANEL, error)
         return _told(f"{name} deleted: Restore brings it back")
@@ -47,7 +47,7 @@ _deleted: list[tuple[str, str, str]] = []  # Blender keeps no reference to a dyn
 
 
 def _deleted_items(_self: object, _context: object) -> list[tuple[str, str, str]]:
-    _deleted[:] = [(str(take.path), take.notes.name, f"Of {take.created[:16]}") for take in takes.deleted()]
+    _deleted[:] = [(str(take.path), take.notes.name, f"Of {take.created[:16]}") for take in take_library.deleted()]
     return _deleted
 
 
@@ -63,7 +63,7 @@ class PERFANIM_OT_restore_take(bpy.types.Operator):
         """Needs one."""
         if not common.idle(cls):
             return False
-        if not takes.are_deleted():
+        if not take_library.are_deleted():
             cls.poll_message_set("No take is deleted")
             return False
         return True
@@ -72,7 +72,7 @@ class PERFANIM_OT_restore_take(bpy.types.Operator):
         """Move the file back."""
         try:
             name = summarise(self.take).notes.name
-            takes.restore(Path(self.take))
+            take_library.restore(Path(self.take))
         except PerfanimError as error:
             return common.failed(self, PANEL, error)
         return _told(f"{name} is back")
@@ -98,14 +98,14 @@ class PERFANIM_OT_clean_up_takes(_Idle, bpy.types.Operator):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Show what would go, and ask."""
-        takes.forget()
+        take_library.forget()
         return context.window_manager.invoke_props_dialog(self)
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw what there is, what is chosen, and what would go."""
         layout = self.layout
-        listed, _ = takes.room()
-        layout.label(text=f"{len(takes.listed())} takes, {takes.size_text(listed)}")
+        listed, _ = take_library.room()
+        layout.label(text=f"{len(take_library.listed())} takes, {take_library.size_text(listed)}")
         layout.prop(self, "deleted")
         layout.prop(self, "old")
         column = layout.column()
@@ -113,11 +113,14 @@ class PERFANIM_OT_clean_up_takes(_Idle, bpy.types.Operator):
         column.prop(self, "days")
         column.prop(self, "stars")
         going = self._going()
-        layout.label(text=f"Removed for good: {len(going)} files, {takes.size_text(takes.size(going))}", icon="ERROR")
+        layout.label(
+            text=f"Removed for good: {len(going)} files, {take_library.size_text(take_library.size(going))}",
+            icon="ERROR",
+        )
 
     def _going(self) -> list[Path]:
-        old = [take.path for take in takes.unloved(self.days, self.stars)] if self.old else []
-        return [*(takes.gone() if self.deleted else []), *old]
+        old = [take.path for take in take_library.unloved(self.days, self.stars)] if self.old else []
+        return [*(take_library.gone() if self.deleted else []), *old]
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Remove."""
@@ -125,10 +128,10 @@ class PERFANIM_OT_clean_up_takes(_Idle, bpy.types.Operator):
         try:
             if not going:
                 raise TakeError("nothing is chosen that could be removed")
-            freed = takes.remove(going)
+            freed = take_library.remove(going)
         except PerfanimError as error:
             return common.failed(self, PANEL, error)
-        return _told(f"{len(going)} files removed, {takes.size_text(freed)} free")
+        return _told(f"{len(going)} files removed, {take_library.size_text(freed)} free")
 
 
 _CLASSES = (PERFANIM_OT_delete_take, PERFANIM_OT_restore_take, PERFANIM_OT_clean_up_takes)

@@ -16,14 +16,14 @@ from ...core.labelling.take_import import UPS
 from ...core.retarget.joint_naming import OWN
 from ...core.session.pose_filters import Shape, shaped
 from ...core.solver.settings import METHODS
-from .. import panel_takes, running, takes
+from .. import panel_takes, running, take_library
 from ..capture import request as capture_setup
 from ..capture.further_targets import write_others
 from ..capture.performer_driver import roles_of
 from ..capture.write_take import add_character, frames_of, increasing, pose_arrays, write_poses
 from ..export.export_animation import ENDINGS, Form, export_poses
 from ..job import Job, command
-from ..place import absolute
+from ..preferences.paths import absolute
 from ..settings import readiness
 from ..settings.capture_settings import settings
 from ..settings.result_settings import start_frame
@@ -97,7 +97,7 @@ def _play(context: bpy.types.Context, path: Path) -> str:
     props, roles = take.setup.carried_props(), roles_of(context, take.setup.further_subjects())
     everything, at = [solved.pose for solved in take.poses], frames_of(context, poses, first_frame)
     actions += write_others(context, name, skeleton, props, roles, everything, poses, at, title)
-    takes.mark_played(path, name)
+    take_library.mark_played(path, name)
     text, unsolved = f"{len(poses)} frames in {', '.join(actions)} on {name}", take.frame_count - len(take.poses)
     return f"{text}; {unsolved} more were not solved live: solve it again for them" if unsolved > 0 else text
 
@@ -119,8 +119,8 @@ class PERFANIM_OT_recover_take(_OfTake, JobOperator, bpy.types.Operator):
     def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         """Set the cut file aside and play what was recovered."""
         path = Path(self.path)
-        path.rename(path.with_name(path.name + takes.SET_ASIDE))
-        takes.forget()
+        path.rename(path.with_name(path.name + take_library.SET_ASIDE))
+        take_library.forget()
         text = f"{summary['frames']} frames recovered, {summary['duration_s']:.1f} s"
         return f"{text}; {_play(context, self._target)}" if summary["poses"] else f"{text}: solve them again"
 
@@ -190,7 +190,7 @@ class PERFANIM_OT_solve_take(_OfTake, _TakeJob, bpy.types.Operator):
                     )
                 given += [option, path]
         name = summarise(self.path).notes.name
-        self._target = unused_path(takes.folder(), f"{name} ({self.method})")
+        self._target = unused_path(take_library.folder(), f"{name} ({self.method})")
         return ["solve", self.path, *given, "--out", str(self._target)]
 
     def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
@@ -244,7 +244,18 @@ class PERFANIM_OT_import_takes(_TakeJob, bpy.types.Operator, ImportHelper):
         )
         markers = ["--marker-set", readiness.marker_set_source(chosen)]
         solver = ["--database", str(readiness.database_path(chosen)), "--method", self.method]
-        return ["take", "import", *files, *performer, *markers, *solver, "--up", self.up, "--out", str(takes.folder())]
+        return [
+            "take",
+            "import",
+            *files,
+            *performer,
+            *markers,
+            *solver,
+            "--up",
+            self.up,
+            "--out",
+            str(take_library.folder()),
+        ]
 
     def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         """List them."""
@@ -325,7 +336,7 @@ class PERFANIM_OT_export_take(_OfTake, bpy.types.Operator, ExportHelper):
         column.use_property_split = True
         column.use_property_decorate = False
         column.prop(self, "kind")
-        names = next(([t.subject, *t.performers] for t in takes.listed() if str(t.path) == self.path), [])
+        names = next(([t.subject, *t.performers] for t in take_library.listed() if str(t.path) == self.path), [])
         if len(names) > 1:
             column.prop(self, "performer")
             column.label(text=names[min(self.performer, len(names)) - 1], icon="USER")

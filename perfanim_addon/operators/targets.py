@@ -6,7 +6,7 @@ import bpy
 
 from .. import panel_takes
 from ..panel_targets import KEY as PANEL
-from ..place import user_folder
+from ..preferences.paths import user_folder
 from . import common
 from .jobs import JobOperator
 

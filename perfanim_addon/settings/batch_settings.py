@@ -9,9 +9,10 @@ from ...core.cli.batch.plan import plan_of
 from ...core.errors import SettingsError
 from ...core.formats.markers.marker_files import is_recorded
 from ...core.system.files import write_toml
-from .. import preferences, takes
-from ..hung import hung_on
-from ..place import absolute
+from .. import take_library
+from ..preferences import preferences
+from ..preferences.attach_settings import hung_on
+from ..preferences.paths import absolute
 from . import readiness
 from .capture_settings import settings
 
@@ -31,7 +32,7 @@ class PERFANIM_PG_batch(bpy.types.PropertyGroup):
     plan: bpy.props.StringProperty(
         name="Plan", description="Plan file (TOML) that says all; empty: as chosen below", subtype="FILE_PATH"
     )
-    takes: bpy.props.StringProperty(
+    take_library: bpy.props.StringProperty(
         name="Takes",
         description="Folder of takes and those in it: C3D, TRC, CSV, TSV, recorded ones; empty: those of the list",
         subtype="DIR_PATH",
@@ -92,7 +93,7 @@ def plan_file(context: bpy.types.Context, chosen: Any) -> Path:
     if chosen.plan:
         return Path(absolute(chosen.plan))
     scene = settings(context)
-    source = absolute(chosen.takes) or str(takes.folder())
+    source = absolute(chosen.takes) or str(take_library.folder())
     performer = {"marker_set": readiness.marker_set_source(scene), "up": "auto", "subject": absolute(scene.subject)}
     rows = []
     for take in plan_of([source], {}).takes:

@@ -7,7 +7,7 @@ import bpy
 from ...core.markers.marker_set import marker_set_names
 from .. import running
 from ..character.posing import fill_map
-from ..hung import hung_on
+from ..preferences.attach_settings import hung_on
 
 SOURCES = (
     ("SIMULATED", "Simulated Performer", "A performer, room and two cameras drawn by the computer: needs no hardware"),

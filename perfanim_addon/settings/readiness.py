@@ -13,7 +13,7 @@ from ...core.markers.marker_set import MarkerSet, load_marker_set
 from ...core.markers.prop import Prop, load_prop
 from ...core.markers.subject import Subject, load_subject
 from ..character.posing import map_problem
-from ..place import absolute, user_folder
+from ..preferences.paths import absolute, user_folder
 from . import vmc_input
 
 

@@ -16,7 +16,7 @@ from ...core.markers.subject import Subject
 from ...core.system.assets import PROPS
 from ..character.posing import map_problem
 from ..character.prop_mesh import add_prop_object
-from ..place import absolute
+from ..preferences.paths import absolute
 from . import readiness
 from .capture_settings import find_bones, is_armature
 

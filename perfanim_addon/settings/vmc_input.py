@@ -5,7 +5,7 @@ from typing import Any
 import bpy
 
 from ...core.formats.vmc.ports import PERFORMER_PORT
-from ..hung import hung_on
+from ..preferences.attach_settings import hung_on
 from . import vmc_output
 
 THIS_COMPUTER = "127.0.0.1"

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 
 from ...core.formats.vmc.ports import MARIONETTE_PORT
-from ..hung import hung_on
+from ..preferences.attach_settings import hung_on
 
 
 class PERFANIM_PG_sending(bpy.types.PropertyGroup):

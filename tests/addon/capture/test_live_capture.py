@@ -49,7 +49,7 @@ def test_the_defaults_capture_a_new_character_into_one_action(part: Any) -> None
     figures, poses = capture.run.statistics, capture.run.poses
     assert figures.handed_over == figures.received == len(poses) >= 60
     assert f"{len(poses)} frames recorded" in text
-    take = read_take_file(part("takes").listed()[0].path)
+    take = read_take_file(part("take_library").listed()[0].path)
     assert take.complete
     assert len(take.frames) == len(take.poses) == len(poses)
     for kept, pose in zip(take.poses, poses, strict=True):
@@ -135,8 +135,8 @@ def test_a_recording_of_a_length_says_which_part_of_the_take_it_is(part: Any, mo
     bpy.context.scene.frame_set(7)
     run = play_worker(part, monkeypatch, skeleton, swing(skeleton, ("head",), 60))
     noted: list[Any] = []
-    monkeypatch.setattr(part("takes"), "mark_played", lambda *_: None)
-    monkeypatch.setattr(part("takes"), "mark_recorded", lambda *what: noted.append(what))
+    monkeypatch.setattr(part("take_library"), "mark_played", lambda *_: None)
+    monkeypatch.setattr(part("take_library"), "mark_recorded", lambda *what: noted.append(what))
     bpy.context.scene.perfanim.record_length_s = 0.5
     capture = part("capture.live_capture").Capture(None, [])
     for _ in range(45):
@@ -155,8 +155,8 @@ def test_a_rehearsal_records_what_the_button_says(part: Any, monkeypatch: pytest
     bpy.context.scene.render.fps = 60
     run = play_worker(part, monkeypatch, skeleton, swing(skeleton, ("head",), 60))
     noted: list[Any] = []
-    monkeypatch.setattr(part("takes"), "mark_played", lambda *_: None)
-    monkeypatch.setattr(part("takes"), "mark_recorded", lambda *what: noted.append(what))
+    monkeypatch.setattr(part("take_library"), "mark_played", lambda *_: None)
+    monkeypatch.setattr(part("take_library"), "mark_recorded", lambda *what: noted.append(what))
     chosen.record_by_button = True
     capture = part("capture.live_capture").Capture(None, [])
     monkeypatch.setattr(running, "current", lambda: capture)
@@ -284,8 +284,8 @@ def test_what_is_recorded_is_kept_when_blender_takes_the_capture_down(part: Any,
             if count_keys in bpy.app.handlers.load_pre:  # loading removes handlers that are not persistent
                 bpy.app.handlers.load_pre.remove(count_keys)
     assert keys == [len(capture.run.poses)]
-    assert part("takes").listed()[0].complete
-    assert part("takes").cut_off() == []  # what is in an action is not offered
+    assert part("take_library").listed()[0].complete
+    assert part("take_library").cut_off() == []  # what is in an action is not offered
     assert running.current() is None
 
 

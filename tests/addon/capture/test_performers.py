@@ -88,7 +88,7 @@ def play(part: Any, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
         )
         monkeypatch.setattr(part("capture.request"), "make", lambda _chosen: asked)
         for name in ("mark_played", "mark_recorded"):
-            monkeypatch.setattr(part("takes"), name, lambda *_: None)
+            monkeypatch.setattr(part("take_library"), name, lambda *_: None)
         bpy.context.scene.render.fps = 60
         bpy.context.scene.frame_set(1)
         return part("capture.live_capture").Capture(None, [])
@@ -139,7 +139,7 @@ def test_the_list_says_who_cannot_be_followed(part: Any, shown: Any, ben: Any, t
 
 def test_what_the_worker_is_asked_for(part: Any, shown: Any, ben: Any) -> None:
     scene = bpy.context.scene
-    build_path = str(part("place").user_folder("databases") / "a.perfdb")
+    build_path = str(part("preferences.paths").user_folder("databases") / "a.perfdb")
     build_database([str(MOTION / "boxing-01-neutral.bvh")], build_path, 10.0)
     scene.perfanim.database, scene.perfanim.behaviour = build_path, "boxing"
     setup = part("capture.request").make(scene.perfanim)
@@ -303,9 +303,9 @@ def taken(part: Any, name: str) -> Path:
     setup = TakeSetup.of(default_rig(), anna, {"method": "lwr"}, database, {}, performers=SUBJECTS)
     poses = moments(20)
     frames = [(0.0, MarkerFrame(pose.number, pose.time_s)) for pose in poses]
-    path = part("takes").folder() / f"{name}.perftake"
+    path = part("take_library").folder() / f"{name}.perftake"
     write_whole_take(path, setup, TakeNotes(name), frames, [SolvedPose(pose, 0.0) for pose in poses])
-    part("takes").forget()
+    part("take_library").forget()
     return path
 
 
@@ -395,7 +395,7 @@ def test_two_before_the_cameras_live_and_solved_again(part: Any, shown: Any, tmp
             place = in_scene(armature)[0] - np.array(scene.perfanim.armature.location)
             true = motion.root_positions_m[round(pose.number / 60 * motion.fps)]
             assert np.linalg.norm(place - to_blender(true)) < PLACE_M
-    take = read_take_file(part("takes").listed()[0].path)
+    take = read_take_file(part("take_library").listed()[0].path)
     for solved, pose in zip(take.poses, poses, strict=True):
         np.testing.assert_array_equal(solved.pose.others[0].rotations, pose.others[0].rotations)
     chosen = {"database": "CHOSEN", "performer": "RECORDED", "cameras": "RECORDED", "put_on": True}
@@ -403,4 +403,4 @@ def test_two_before_the_cameras_live_and_solved_again(part: Any, shown: Any, tmp
     text = run_job(part, operator, SimpleNamespace(path=str(take.path), method="nearest", **chosen))
     name = f"{take.notes.name} (nearest)"
     assert text.startswith(f"{len(poses)} frames in {name}, {name} Performer 2 on ")
-    assert part("takes").listed()[0].performers == ("Performer 2",)
+    assert part("take_library").listed()[0].performers == ("Performer 2",)

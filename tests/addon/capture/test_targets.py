@@ -124,7 +124,7 @@ def test_a_sword_is_in_the_characters_hand_live_and_in_the_action(part: Any, sho
     scene.frame_set(round(5 + 60 * (chosen.time_s - poses[0].time_s)))
     check_placed(sword, expected_matrix(part, character, turns[chosen.number], places[chosen.number]))
     # the take has it too, and is put on another object, of a character that stands elsewhere and is twice as large
-    take = read_take_file(part("takes").listed()[0].path)
+    take = read_take_file(part("take_library").listed()[0].path)
     assert [solved.pose.props[0].seen for solved in take.poses] == [pose.props[0].seen for pose in poses]
     character.location, character.scale = (3.0, 1.0, 0.0), (2.0, 2.0, 2.0)
     cube = bpy.data.objects.new("Cube", None)

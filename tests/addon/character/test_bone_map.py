@@ -66,7 +66,7 @@ def test_bone_maps_are_kept_and_loaded(mixamo_blend: Path, addon: ModuleType) ->
     kept.joints.clear()
     chosen.armature = hero  # what the user has kept for a rig comes before what is found
     assert (kept.origin, kept.joints["head"].bone) == ("Long_neck", "mixamorig:Neck1")
-    place = sys.modules[f"{addon.__name__}.perfanim_addon.place"]
+    place = sys.modules[f"{addon.__name__}.perfanim_addon.preferences.paths"]
     (place.user_folder("bone_maps") / "Long_neck.toml").unlink()
 
 

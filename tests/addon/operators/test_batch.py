@@ -106,7 +106,7 @@ def test_own_takes_are_solved_for_who_was_recorded(part: Any, folder: Path, tmp_
         0, 0.0, motion.rotations[0], motion.root_positions_m[0], 0.9, nowhere, nowhere, np.full(8, -1), 0.0
     )
     setup = TakeSetup.of(default_rig(), subject, {}, {"path": "x"}, {})
-    own = part("takes").folder() / "ben.perftake"
+    own = part("take_library").folder() / "ben.perftake"
     write_whole_take(own, setup, TakeNotes("ben"), [], [SolvedPose(pose, 0.0)])
     chosen = bpy.context.scene.perfanim_batch
     chosen.out = str(tmp_path / "out")  # no folder of takes: those of the list

@@ -56,7 +56,7 @@ def test_files_without_motion_are_an_error_and_leave_nothing(part: Any, extensio
     with pytest.raises(errors.PerfanimError):
         run_job(part, operator, played)
     assert bpy.context.scene.perfanim.database == ""
-    assert not list(part("place").user_folder("databases").glob("*broken*"))
+    assert not list(part("preferences.paths").user_folder("databases").glob("*broken*"))
     played.files = [SimpleNamespace(name="missing.bvh")]
     with pytest.raises(errors.DatabaseError, match=r"missing\.bvh"):
         operator.arguments(played, bpy.context)

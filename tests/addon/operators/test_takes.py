@@ -57,8 +57,8 @@ def part(part: Any, walk: SimpleNamespace) -> Any:
     chosen = bpy.context.scene.perfanim
     chosen.subject, chosen.database = str(walk.folder / "anna.toml"), str(walk.folder / "walk.perfdb")
     chosen.marker_set = "locomotion"
-    shutil.rmtree(part("takes").folder())
-    part("takes").forget()
+    shutil.rmtree(part("take_library").folder())
+    part("take_library").forget()
     return part
 
 
@@ -71,9 +71,9 @@ def recorded(part: Any, walk: SimpleNamespace, name: str, **notes: Any) -> Path:
     ]
     setup = TakeSetup.of(default_rig(), walk.subject, {"method": "lwr"}, {"path": "C:/data/walks.perfdb"}, {})
     frames = [(0.0, MarkerFrame(pose.number, pose.time_s)) for pose in poses]
-    path = part("takes").folder() / f"{name}.perftake"
+    path = part("take_library").folder() / f"{name}.perftake"
     write_whole_take(path, setup, TakeNotes(name, **notes), frames, [SolvedPose(pose, 0.0) for pose in poses])
-    part("takes").forget()
+    part("take_library").forget()
     return path
 
 
@@ -202,8 +202,8 @@ def test_a_deleted_take_can_be_had_back(part: Any, walk: SimpleNamespace) -> Non
     content = first.read_bytes()
     assert bpy.ops.perfanim.delete_take(path=str(first)) == {"FINISHED"}
     assert [item.title for item in shown(part)] == ["run"]
-    assert part("takes").room() == (second.stat().st_size, len(content))
-    (gone,) = part("takes").deleted()
+    assert part("take_library").room() == (second.stat().st_size, len(content))
+    (gone,) = part("take_library").deleted()
     recorded(part, walk, "walk")  # another of that name
     assert bpy.ops.perfanim.restore_take(take=str(gone.path)) == {"FINISHED"}
     assert sorted(item.title for item in shown(part)) == ["run", "walk", "walk"]
@@ -214,7 +214,7 @@ def test_a_deleted_take_can_be_had_back(part: Any, walk: SimpleNamespace) -> Non
 
 
 def test_clean_up_removes_what_is_deleted_or_old_and_nothing_else(part: Any, walk: SimpleNamespace) -> None:
-    takes = part("takes")
+    takes = part("take_library")
     for name, days, rating in (("old", 100, 0), ("old but good", 100, 3), ("new", 1, 0), ("gone", 1, 5)):
         path = recorded(part, walk, name, rating=rating)
         made = read_take_file(path)
@@ -236,7 +236,7 @@ def test_clean_up_removes_what_is_deleted_or_old_and_nothing_else(part: Any, wal
 
 
 def test_sizes_are_told_as_people_read_them(part: Any) -> None:
-    text = part("takes").size_text
+    text = part("take_library").size_text
     assert [text(n) for n in (0, 999, 1000, 2_340_000, 1_250_000_000)] == [
         "0 bytes",
         "999 bytes",

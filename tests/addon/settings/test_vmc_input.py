@@ -95,7 +95,7 @@ def test_trackers_move_the_character_and_a_sender_that_pauses_is_told(part: Any,
     for name, head_m in shown.items():
         x, y, z = placed[truth.skeleton.index(name)]
         np.testing.assert_allclose(head_m, (x, -z, y), atol=1e-3)
-    kept = read_take_file(part("takes").listed()[0].path)
+    kept = read_take_file(part("take_library").listed()[0].path)
     assert kept.complete
     assert len(kept.frames) == len(kept.poses) == len(poses)
     assert kept.setup.camera_rig() is None

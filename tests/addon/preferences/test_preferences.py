@@ -15,7 +15,7 @@ def preferences(addon: ModuleType, extension: str) -> Any:
 
 
 def test_data_goes_where_the_user_wants_it(part: Any, preferences: Any, tmp_path: Path) -> None:
-    user_folder = part("place").user_folder
+    user_folder = part("preferences.paths").user_folder
     own = {name: user_folder(name) for name in ("takes", "databases", "subjects", "calibrations", "bone_maps")}
     preferences.takes_folder = str(tmp_path / "Takes")
     preferences.databases_folder = str(tmp_path / "Motion")
@@ -25,13 +25,13 @@ def test_data_goes_where_the_user_wants_it(part: Any, preferences: Any, tmp_path
     assert user_folder("subjects") == tmp_path / "People" / "subjects"
     assert user_folder("calibrations", "board") == tmp_path / "People" / "calibrations" / "board"
     assert user_folder("bone_maps").is_dir()
-    assert part("takes").new_path().parent == tmp_path / "Takes"
+    assert part("take_library").new_path().parent == tmp_path / "Takes"
     preferences.takes_folder = preferences.databases_folder = preferences.profiles_folder = ""
     assert {name: user_folder(name) for name in own} == own
 
 
 def test_a_folder_that_cannot_be_used_loses_nothing_and_is_told(part: Any, preferences: Any, tmp_path: Path) -> None:
-    place = part("place")
+    place = part("preferences.paths")
     own = place.user_folder("takes")
     (tmp_path / "file").write_text("in the way")
     assert place.folder_problem("takes") == ""
@@ -65,8 +65,8 @@ def test_new_files_begin_with_the_defaults_of_the_preferences(
 
 
 def test_the_marker_sets_are_offered(part: Any) -> None:
-    assert {"boxing", "kendo", "locomotion"} <= set(part("preferences")._marker_sets(None, None, ""))
-    assert list(part("preferences")._marker_sets(None, None, "ken")) == ["kendo"]
+    assert {"boxing", "kendo", "locomotion"} <= set(part("preferences.preferences")._marker_sets(None, None, ""))
+    assert list(part("preferences.preferences")._marker_sets(None, None, "ken")) == ["kendo"]
 
 
 def test_a_capture_is_asked_for_with_the_method_of_the_preferences(

@@ -35,8 +35,8 @@ def part(part: Any) -> Iterator[Any]:
     """Return a module of the add-on by its name; there are no takes before and after."""
 
     def clear() -> None:
-        shutil.rmtree(part("takes").folder())
-        part("takes").forget()
+        shutil.rmtree(part("take_library").folder())
+        part("take_library").forget()
 
     clear()
     yield part
@@ -73,7 +73,7 @@ def shown(part: Any) -> list[Any]:
 
 
 def test_a_worker_that_is_killed_leaves_a_take_that_can_be_recovered(part: Any) -> None:
-    live, takes = part("capture.live_capture"), part("takes")
+    live, takes = part("capture.live_capture"), part("take_library")
     prepare = (
         []
         if part("settings.readiness").starter_database_path().exists()
@@ -112,7 +112,7 @@ def test_a_worker_that_is_killed_leaves_a_take_that_can_be_recovered(part: Any) 
 
 
 def test_the_list_shows_what_is_in_the_folder(part: Any) -> None:
-    takes = part("takes")
+    takes = part("take_library")
     folder = takes.folder()
     assert shown(part) == []
     write_take(folder, "walk")
@@ -136,7 +136,7 @@ def test_the_list_shows_what_is_in_the_folder(part: Any) -> None:
 
 
 def test_name_notes_and_rating_are_kept_in_the_file(part: Any) -> None:
-    path = write_take(part("takes").folder(), "walk")
+    path = write_take(part("take_library").folder(), "walk")
     (item,) = shown(part)
     item.title, item.notes, item.rating = "Gang 1", "left foot slides", 4
     assert read_take_file(path).notes == TakeNotes("Gang 1", "left foot slides", 4)
@@ -150,7 +150,7 @@ def test_name_notes_and_rating_are_kept_in_the_file(part: Any) -> None:
 
 
 def test_a_take_is_put_on_the_character(part: Any) -> None:
-    path = write_take(part("takes").folder(), "walk", frames=30, poses=20)
+    path = write_take(part("take_library").folder(), "walk", frames=30, poses=20)
     bpy.context.scene.render.fps = 60
     bpy.context.scene.frame_current = 11
     text = part("operators.takes")._play(bpy.context, path)
@@ -162,7 +162,7 @@ def test_a_take_is_put_on_the_character(part: Any) -> None:
 
 
 def test_a_capture_that_outlived_blender_is_offered_until_it_is_on_a_character(part: Any) -> None:
-    takes = part("takes")
+    takes = part("take_library")
     path = write_take(takes.folder(), "walk", orphaned=True)
     assert [take.path for take in takes.cut_off()] == [path]
     part("operators.takes")._play(bpy.context, path)

@@ -6,7 +6,7 @@ further pair of tables, one for buttons and one for all else.
 
 import bpy
 
-from .place import ADDON
+from .paths import ADDON
 
 _GERMAN_WORDS = {
     "Cameras": "Kameras",

@@ -7,8 +7,8 @@ import platform
 import sys
 from pathlib import Path
 
-from ..core import __version__
-from ..core.system.libraries import LIBRARIES
+from ...core import __version__
+from ...core.system.libraries import LIBRARIES
 
 problem = ""  # why the add-on is only partly registered; "" when all is well
 tested: list[str] = []  # what the self-test has found, a line each

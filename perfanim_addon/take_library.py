@@ -10,7 +10,7 @@ from ..core.errors import TakeError
 from ..core.formats.take_file.edit import append_notes
 from ..core.formats.take_file.lock import is_locked
 from ..core.formats.take_file.reading import ENDING, TakeSummary, has_frames, summarise, take_name, unused_path
-from .place import user_folder
+from .preferences.paths import user_folder
 
 SET_ASIDE = ".cut"  # behind the name of a file whose content has been recovered
 _DELETED = "deleted"  # folder in that of the takes, from which they can be had back

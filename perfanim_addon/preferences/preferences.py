@@ -5,9 +5,9 @@ from typing import Any
 
 import bpy
 
-from ..core.solver.settings import METHODS
+from ...core.solver.settings import METHODS
 from . import diagnostics_ui, sidebar_tab
-from .place import ADDON, CHOSEN_FOLDERS, folder_problem
+from .paths import ADDON, CHOSEN_FOLDERS, folder_problem
 from .sidebar_tab import DEFAULT_TAB
 
 _METHOD_TEXTS = {
@@ -23,7 +23,7 @@ def _tab_changed(preferences: "PERFANIM_AP_preferences", context: bpy.types.Cont
 
 
 def _marker_sets(_self: object, _context: object, typed: str) -> Iterator[str]:
-    from ..core.markers.marker_set import marker_set_names  # needs numpy, which may be what is broken
+    from ...core.markers.marker_set import marker_set_names  # needs numpy, which may be what is broken
 
     return (name for name in marker_set_names() if typed in name)
 

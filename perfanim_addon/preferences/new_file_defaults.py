@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..core.markers.marker_set import marker_set_names
+from ...core.markers.marker_set import marker_set_names
 from . import preferences
 
 

@@ -10,7 +10,7 @@ import pytest
 
 @pytest.fixture
 def german(addon: ModuleType, extension: str) -> dict[tuple[str, str], str]:
-    return importlib.import_module(f"{extension}.perfanim_addon.translations").tables()["de_DE"]
+    return importlib.import_module(f"{extension}.perfanim_addon.preferences.preferences.translations").tables()["de_DE"]
 
 
 def ours(kind: Any) -> list[Any]:

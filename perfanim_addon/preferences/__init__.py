@@ -1,0 +1,1 @@
+"""Preferences, folders, translations and diagnostics."""
