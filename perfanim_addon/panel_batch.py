@@ -2,8 +2,9 @@
 
 import bpy
 
-from . import panels, running
+from . import panels
 from .capture.live_capture import Capture
+from .jobs import activity
 from .preferences import preferences
 from .preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
 
@@ -23,7 +24,7 @@ class PERFANIM_PT_batch(SidebarPanel, bpy.types.Panel):
         column = layout.column()
         column.use_property_split = True
         column.use_property_decorate = False
-        column.enabled = running.current() is None
+        column.enabled = activity.current() is None
         column.prop(chosen, "plan")
         if not chosen.plan:
             for name in ("takes", "out", "naming", "angles", "vrma", "character"):
@@ -33,8 +34,8 @@ class PERFANIM_PT_batch(SidebarPanel, bpy.types.Panel):
         column.prop(chosen, "processes")
         layout.operator("perfanim.run_batch", icon="RENDER_ANIMATION")
         panels.draw_job(layout, KEY)
-        if not isinstance(running.current(), Capture):
-            panels.draw_text(context, layout, *running.message(KEY))
+        if not isinstance(activity.current(), Capture):
+            panels.draw_text(context, layout, *activity.message(KEY))
 
 
 def register() -> None:

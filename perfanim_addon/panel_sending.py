@@ -2,7 +2,7 @@
 
 import bpy
 
-from . import running
+from .jobs import activity
 from .preferences.sidebar_tab import SidebarPanel
 from .settings import vmc_output
 
@@ -16,7 +16,7 @@ class PERFANIM_PT_sending(SidebarPanel, bpy.types.Panel):
 
     def draw_header(self, context: bpy.types.Context) -> None:
         """Draw the switch."""
-        self.layout.enabled = running.current() is None
+        self.layout.enabled = activity.current() is None
         self.layout.prop(context.scene.perfanim_sending, "on", text="")
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -25,7 +25,7 @@ class PERFANIM_PT_sending(SidebarPanel, bpy.types.Panel):
         column = self.layout.column()
         column.use_property_split = True
         column.use_property_decorate = False
-        column.enabled = chosen.on and running.current() is None
+        column.enabled = chosen.on and activity.current() is None
         column.prop(chosen, "host")
         column.prop(chosen, "port")
         wrong = vmc_output.problem(chosen) if chosen.on else ""

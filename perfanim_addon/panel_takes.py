@@ -13,8 +13,9 @@ from ..core.formats.take_file.edit import append_notes
 from ..core.formats.take_file.reading import TakeSummary, summarise
 from ..core.formats.take_file.setup import MOST_STARS
 from ..core.solver.settings import SolveSettings
-from . import panels, running, take_library
+from . import panels, take_library
 from .capture.live_capture import Capture
+from .jobs import activity
 from .preferences import preferences
 from .preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
 from .settings import result_settings
@@ -34,7 +35,7 @@ def _changed(item: "PERFANIM_PG_take", _context: bpy.types.Context) -> None:
         known = summarise(item.path).notes
         append_notes(item.path, replace(known, name=item.title, notes=item.notes, rating=item.rating))
     except PerfanimError as error:
-        running.set_message(KEY, str(error), "ERROR")
+        activity.set_message(KEY, str(error), "ERROR")
     take_library.forget()
 
 
@@ -98,7 +99,7 @@ class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the list, and what is known of the active take."""
         layout = self.layout
-        if isinstance(running.current(), Capture):
+        if isinstance(activity.current(), Capture):
             layout.label(text="Takes are listed after the capture")
             return
         shown = _list(context)
@@ -109,7 +110,7 @@ class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
         if 0 <= shown.active < len(shown.entries):
             _draw_take(context, layout, shown.entries[shown.active])
         panels.draw_job(layout, KEY)
-        panels.draw_text(context, layout, *running.message(KEY))
+        panels.draw_text(context, layout, *activity.message(KEY))
         layout.operator("perfanim.import_takes", icon="IMPORT")
         _draw_room(layout, len(shown.entries))
 
@@ -153,7 +154,7 @@ def _draw_room(layout: bpy.types.UILayout, count: int) -> None:
 
 def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
     """Offer, below the Capture panel, to recover the newest take that was cut off; nothing while capturing."""
-    if isinstance(running.current(), Capture):
+    if isinstance(activity.current(), Capture):
         return
     cut = take_library.cut_off()
     if cut:
@@ -192,7 +193,7 @@ def _fill() -> None:
             _set(shown.entries.add(), take)
     paths = [item.path for item in shown.entries]
     shown.active = paths.index(chosen) if chosen in paths else 0
-    running.redraw_sidebars()
+    activity.redraw_sidebars()
 
 
 def _set(item: PERFANIM_PG_take, take: TakeSummary) -> None:

@@ -4,8 +4,9 @@ from typing import Any
 
 import bpy
 
-from . import panel_character, panels, running
+from . import panel_character, panels
 from .capture.live_capture import Capture
+from .jobs import activity
 from .preferences import preferences
 from .preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
 from .settings import target_settings
@@ -58,7 +59,7 @@ class PERFANIM_PT_targets(SidebarPanel, bpy.types.Panel):
         """Draw the list, and the fields of the active target."""
         layout, shown = self.layout, context.scene.perfanim_targets
         column = layout.column()
-        column.enabled = not isinstance(running.current(), Capture)
+        column.enabled = not isinstance(activity.current(), Capture)
         row = column.row()
         row.template_list("PERFANIM_UL_targets", "", shown, "entries", shown, "active", rows=_ROWS)
         buttons = row.column(align=True)
@@ -71,7 +72,7 @@ class PERFANIM_PT_targets(SidebarPanel, bpy.types.Panel):
             _draw_fields(fields, shown.entries[shown.active], shown.active)
         panels.draw_text(context, layout, target_settings.problem(context.scene), "ERROR")
         panels.draw_job(layout, KEY)
-        panels.draw_text(context, layout, *running.message(KEY))
+        panels.draw_text(context, layout, *activity.message(KEY))
 
 
 def _draw_fields(layout: bpy.types.UILayout, entry: target_settings.PERFANIM_PG_target, index: int) -> None:

@@ -5,10 +5,11 @@ from typing import Any
 
 import bpy
 
-from . import panel_character, running
+from . import panel_character
 from .capture.live_capture import Capture
 from .character.body_parts import PARTS
-from .job import Job
+from .jobs import activity as running
+from .jobs.job import Job
 from .panel_camera_controls import PERFANIM_PT_camera_controls
 from .panel_sending import PERFANIM_PT_sending
 from .preferences import preferences

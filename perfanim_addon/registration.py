@@ -23,8 +23,9 @@ def _other_modules() -> Sequence[ModuleType]:
     """Import the rest, in the order in which it is registered."""
     import scipy  # noqa: F401  # fails here if its wheel is broken, before anything is registered
 
-    from . import panel_batch, panel_character, panel_takes, panel_targets, panels, running
+    from . import panel_batch, panel_character, panel_takes, panel_targets, panels
     from .character import bone_map_settings
+    from .jobs import activity
     from .operators import (
         batch,
         cameras,
@@ -68,7 +69,7 @@ def _other_modules() -> Sequence[ModuleType]:
         panel_takes,
         panel_batch,
         command_line,
-        running,  # last, so that it ends what runs while all that this needs is still there
+        activity,  # last, so that it ends what runs while all that this needs is still there
     )
 
 

@@ -12,9 +12,10 @@ from ...core.body.skeleton import Skeleton
 from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import PerfanimError
 from ...core.geometry import rotations as rot
-from .. import overlay, preview, running, take_library
+from .. import overlay, preview, take_library
 from ..animation.suspended_actions import HeldActions
-from ..job import Job, command
+from ..jobs import activity
+from ..jobs.job import Job, command
 from ..settings.capture_settings import settings
 from ..settings.result_settings import start_frame
 from . import request, sound
@@ -141,7 +142,7 @@ class Capture:
             self.stop()
 
     def _tell(self, cue: Cue) -> None:
-        running.redraw_sidebars()  # they tell the seconds
+        activity.redraw_sidebars()  # they tell the seconds
         if self._sounds:
             sound.beep(cue.value)
 
@@ -266,7 +267,7 @@ def _plays(armature: bpy.types.Object | None) -> bool:
 
 def _after_frame_change(*_: object) -> None:
     """Let the live pose stand over what the timeline plays."""
-    capture = running.current()
+    capture = activity.current()
     if isinstance(capture, Capture):
         with contextlib.suppress(PerfanimError):  # the next tick tells
             capture.pose_again()

@@ -10,7 +10,7 @@ from ...core.errors import CaptureError
 from ...core.markers.marker_set import load_marker_set
 from ...core.markers.subject import Subject, save_subject
 from ...core.worker.client import WorkerClient
-from ..job import Job, command
+from ..jobs.job import Job, command
 from .capture_run import CaptureRun, Phase
 
 PANEL = "diagnostics"  # whose message tells how it ended

@@ -6,7 +6,7 @@ from typing import Any
 
 import bpy
 
-from ..job import Job, command
+from ..jobs.job import Job, command
 from ..settings import batch_settings, readiness
 from ..settings.capture_settings import settings
 from .database import starter_arguments

@@ -6,8 +6,8 @@ import traceback
 import bpy
 
 from ...core.errors import CaptureError, PerfanimError
-from .. import running
 from ..capture.live_capture import Capture
+from ..jobs import activity
 from ..preferences import preferences
 from ..settings import readiness
 from ..settings.capture_settings import settings
@@ -38,7 +38,7 @@ class PERFANIM_OT_start_capture(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Start; the timer goes on with it."""
-        running.set_message(PANEL, "")
+        activity.set_message(PANEL, "")
         chosen = settings(context)
         prepare = []
         try:
@@ -50,13 +50,13 @@ class PERFANIM_OT_start_capture(bpy.types.Operator):
         self._capture = capture
         self._shown_at = 0.0
         self._status = ""
-        running.begin(context, capture, TICK_S)
+        activity.begin(context, capture, TICK_S)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Advance at each tick; everything else passes through."""
-        if running.current() is not self._capture:
+        if activity.current() is not self._capture:
             return self._finish(context)
         if event.type == "ESC" and event.value == "PRESS":
             self._capture.stop()
@@ -85,7 +85,7 @@ class PERFANIM_OT_start_capture(bpy.types.Operator):
         now = time.perf_counter()
         if now - self._shown_at > (SIDEBAR_S if posed else 2.0 * SIDEBAR_S):
             self._shown_at = now
-            running.redraw_sidebars()
+            activity.redraw_sidebars()
             text = f"Perfanim: {self._capture.line}.  Esc or Stop Capture: end and keep"
             if text != self._status:
                 self._status = text
@@ -94,8 +94,8 @@ class PERFANIM_OT_start_capture(bpy.types.Operator):
     def _finish(self, context: bpy.types.Context, error: PerfanimError | None = None) -> set[str]:
         """End everything, keep what was captured as one Action."""
         capture = self._capture
-        if running.current() is capture:
-            running.end()
+        if activity.current() is capture:
+            activity.end()
         context.workspace.status_text_set(None)
         text = ""
         try:
@@ -107,23 +107,23 @@ class PERFANIM_OT_start_capture(bpy.types.Operator):
             if not text and capture.by_button and is_counting:
                 text = "nothing was recorded"
             text = text or ("stopped in the countdown" if is_counting else "stopped before the first frame")
-            running.set_message(PANEL, text)
+            activity.set_message(PANEL, text)
             self.report({"INFO"}, text)
         if error is not None:
             common.failed(self, PANEL, error)
-        running.redraw_sidebars()
+        activity.redraw_sidebars()
         return {"FINISHED"} if capture.run is not None and capture.run.poses else {"CANCELLED"}
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Blender takes the operator down (its window is closed): keep what was captured."""
-        if running.current() is not self._capture:
+        if activity.current() is not self._capture:
             return  # loading a file and switching the add-on off have done so
         try:
-            text = running.finish(context)
+            text = activity.finish(context)
         except PerfanimError as error:
             common.failed(self, PANEL, error)
             return
-        running.set_message(PANEL, text)
+        activity.set_message(PANEL, text)
         if text and bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message=self.bl_label)
 
@@ -137,14 +137,14 @@ class PERFANIM_OT_stop_capture(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Only while capturing."""
-        if not isinstance(running.current(), Capture):
+        if not isinstance(activity.current(), Capture):
             cls.poll_message_set("Nothing is being captured")
             return False
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Ask for the end; the capture's own timer finishes it."""
-        capture = running.current()
+        capture = activity.current()
         if isinstance(capture, Capture):
             capture.stop()
         return {"FINISHED"}
@@ -159,7 +159,7 @@ class PERFANIM_OT_record(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Only while capturing by button."""
-        capture = running.current()
+        capture = activity.current()
         if not isinstance(capture, Capture) or capture.run is None:
             cls.poll_message_set("Start the capture first")
             return False
@@ -170,10 +170,10 @@ class PERFANIM_OT_record(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Begin or end."""
-        capture = running.current()
+        capture = activity.current()
         if isinstance(capture, Capture):
             capture.record(settings(context))
-        running.redraw_sidebars()
+        activity.redraw_sidebars()
         return {"FINISHED"}
 
 

@@ -11,13 +11,13 @@ from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import CharacterError, PerfanimError
 from ...core.retarget.bone_map import BoneMap, checked_map
 from ...core.retarget.bone_map_files import preset_paths, read_bone_map, write_bone_map
-from .. import running
 from ..capture.armature_driver import ArmatureDriver
 from ..capture.write_take import add_character
 from ..character.bone_map_settings import store_map
 from ..character.create_character import check_armature, find_armature
 from ..character.posing import PRESETS_FOLDER, find_map
 from ..character.rig import read_armature_rest
+from ..jobs import activity
 from ..panel_character import shown_armature
 from ..preferences.paths import absolute, user_folder
 from ..settings import readiness
@@ -51,7 +51,7 @@ class PERFANIM_OT_add_character(bpy.types.Operator):
             add_character(context, performer_skeleton(settings(context)))
         except PerfanimError as error:
             return common.failed(self, PANEL, error)
-        running.set_message(PANEL, "")
+        activity.set_message(PANEL, "")
         return {"FINISHED"}
 
 
@@ -100,7 +100,7 @@ class PERFANIM_OT_use_active_armature(bpy.types.Operator):
         except CharacterError as error:
             return common.failed(self, PANEL, error)
         settings(context).armature = armature_object
-        running.set_message(PANEL, "")
+        activity.set_message(PANEL, "")
         return {"FINISHED"}
 
 
@@ -135,7 +135,7 @@ class _OnArmature:
             store_map(armature_object, found(armature_object))
         except PerfanimError as error:
             return common.failed(self, PANEL, error)
-        running.set_message(PANEL, "")
+        activity.set_message(PANEL, "")
         return {"FINISHED"}
 
 
@@ -167,7 +167,7 @@ class PERFANIM_OT_show_t_pose(_OnArmature, bpy.types.Operator):
             ArmatureDriver(self.meant(context).name, skeleton).apply(rotations, np.array([0.0, -lowest_m, 0.0]))
         except PerfanimError as error:
             return common.failed(self, PANEL, error)
-        running.set_message(PANEL, "")
+        activity.set_message(PANEL, "")
         return {"FINISHED"}
 
 
@@ -241,7 +241,7 @@ class PERFANIM_OT_save_bone_map(_OnArmature, bpy.types.Operator):
             write_bone_map(path, self.name, bones)
         except PerfanimError as error:
             return common.failed(self, PANEL, error)
-        running.set_message(PANEL, f"{self.name} is kept as {path}", "CHECKMARK")
+        activity.set_message(PANEL, f"{self.name} is kept as {path}", "CHECKMARK")
         return {"FINISHED"}
 
 

@@ -3,12 +3,12 @@
 import bpy
 
 from ...core.errors import PerfanimError
-from .. import running
+from ..jobs import activity
 
 
 def idle(operator: type[bpy.types.Operator]) -> bool:
     """For `poll`: whether nothing else runs; says so on the greyed button."""
-    if running.current() is not None:
+    if activity.current() is not None:
         operator.poll_message_set("Something is running: wait for its end, or stop it")
         return False
     return True
@@ -28,6 +28,6 @@ def in_scene(operator: type[bpy.types.Operator], context: bpy.types.Context) -> 
 def failed(operator: bpy.types.Operator, panel: str, error: PerfanimError) -> set[str]:
     """Report an error, keep it for the panel, and cancel."""
     text = str(error)
-    running.set_message(panel, text, "ERROR")
+    activity.set_message(panel, text, "ERROR")
     operator.report({"ERROR"}, text)
     return {"CANCELLED"}

@@ -8,7 +8,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from ...core.errors import DatabaseError
 from ...core.system.assets import MOTION
-from .. import running
+from ..jobs import activity
 from ..preferences import preferences
 from ..preferences.paths import user_folder
 from ..settings import readiness
@@ -96,7 +96,7 @@ class PERFANIM_OT_use_starter_database(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Forget the file."""
         settings(context).database = ""
-        running.set_message(PANEL, "")
+        activity.set_message(PANEL, "")
         return {"FINISHED"}
 
 

@@ -6,8 +6,9 @@ from typing import Any
 import bpy
 
 from ...core.errors import CaptureError, PerfanimError
-from .. import preview, running
-from ..job import Job, command
+from .. import preview
+from ..jobs import activity
+from ..jobs.job import Job, command
 from ..preferences import preferences
 from . import common
 
@@ -59,27 +60,27 @@ class JobOperator:
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Start the worker and go on by the timer."""
-        running.set_message(self.panel, "")
+        activity.set_message(self.panel, "")
         try:
             job = self.begin(context, preferences.worker_python(context))
         except PerfanimError as error:
             return common.failed(self, self.panel, error)
         self._job = job
-        running.begin(context, job, TICK_S)
+        activity.begin(context, job, TICK_S)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Poll the worker at each tick."""
         job = self._job
-        if running.current() is not job:
+        if activity.current() is not job:
             return self._finish(context, "stopped")
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         try:
             job.tick()
             if job.ended:
-                running.end()
+                activity.end()
                 if job.summary is None:
                     return self._finish(context, "stopped")
                 return self._finish(context, self.done(context, job.summary), ok=True)
@@ -87,31 +88,31 @@ class JobOperator:
             if picture is not None:
                 preview.show(picture, job.text)
         except PerfanimError as error:
-            running.end()
+            activity.end()
             context.workspace.status_text_set(None)
             return common.failed(self, self.panel, error)
         except Exception as error:
             # A defect must not leave timer and worker behind.
             traceback.print_exc()
-            running.end()
+            activity.end()
             context.workspace.status_text_set(None)
             text = f"{type(error).__name__}: {error}"
             return common.failed(self, self.panel, CaptureError(text, advice="see the console, and report this"))
         context.workspace.status_text_set(f"{job.title}: {job.fraction:.0%} {job.text}")
-        running.redraw_sidebars()
+        activity.redraw_sidebars()
         return {"PASS_THROUGH"}
 
     def _finish(self, context: bpy.types.Context, text: str, ok: bool = False) -> set[str]:
         context.workspace.status_text_set(None)
-        running.set_message(self.panel, text)
-        running.redraw_sidebars()
+        activity.set_message(self.panel, text)
+        activity.redraw_sidebars()
         self.report({"INFO"}, text)
         return {"FINISHED"} if ok else {"CANCELLED"}
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Blender takes the operator down (the window is closed, the add-on switched off)."""
-        if running.current() is self._job:
-            running.end()
+        if activity.current() is self._job:
+            activity.end()
 
 
 class PERFANIM_OT_cancel_job(bpy.types.Operator):
@@ -123,14 +124,14 @@ class PERFANIM_OT_cancel_job(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Only while a job runs."""
-        if not isinstance(running.current(), Job):
+        if not isinstance(activity.current(), Job):
             cls.poll_message_set("Nothing is running")
             return False
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """End it."""
-        running.end()
+        activity.end()
         return {"FINISHED"}
 
 
@@ -143,7 +144,7 @@ class PERFANIM_OT_finish_job(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Only while a job runs that can end early."""
-        job = running.current()
+        job = activity.current()
         if not (isinstance(job, Job) and job.finishable):
             cls.poll_message_set("Nothing is running that can be finished early")
             return False
@@ -151,7 +152,7 @@ class PERFANIM_OT_finish_job(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Ask for the end; the job's own timer takes the result."""
-        job = running.current()
+        job = activity.current()
         if isinstance(job, Job):
             job.finish()
         return {"FINISHED"}

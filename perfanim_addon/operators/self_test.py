@@ -4,9 +4,9 @@ from typing import Any
 
 import bpy
 
-from .. import running
 from ..capture.self_test import PANEL, SelfTest
-from ..job import Job
+from ..jobs import activity
+from ..jobs.job import Job
 from ..preferences import diagnostics
 from ..settings import readiness
 from .database import starter_arguments
@@ -30,7 +30,7 @@ class PERFANIM_OT_self_test(JobOperator, bpy.types.Operator):
         """Go on with it, and show in the preferences how far it is."""
         result = super().modal(context, event)
         if event.type == "TIMER" or "PASS_THROUGH" not in result:
-            state = running.message(PANEL)[0] or f"{self._test.text} ..."
+            state = activity.message(PANEL)[0] or f"{self._test.text} ..."
             diagnostics.tested = [*self._test.lines, f"Self-test: {state}"]
             _redraw_preferences(context)
         return result

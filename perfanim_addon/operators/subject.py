@@ -9,9 +9,9 @@ from ...core.body.calibration_poses import CALIBRATION
 from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import SubjectError
 from ...core.markers.subject import Subject, save_subject
-from .. import running
 from ..capture import request as capture_setup
 from ..capture import sound
+from ..jobs import activity
 from ..preferences.paths import absolute, user_folder
 from ..settings import readiness
 from ..settings.capture_settings import settings
@@ -142,7 +142,7 @@ class PERFANIM_OT_average_performer(bpy.types.Operator):
         body = default_skeleton(chosen.subject_height)
         save_subject(Subject(chosen.subject_name, body, readiness.marker_set(chosen)), target)
         chosen.subject = str(target)
-        running.set_message(PANEL, "average body, markers at their usual places")
+        activity.set_message(PANEL, "average body, markers at their usual places")
         return {"FINISHED"}
 
 
@@ -187,7 +187,7 @@ class PERFANIM_OT_use_profile(bpy.types.Operator):
             targets[min(self.target, len(targets) - 1)].subject = self.profile
         else:
             settings(context).subject = self.profile
-            running.set_message(PANEL, "")
+            activity.set_message(PANEL, "")
         return {"FINISHED"}
 
 

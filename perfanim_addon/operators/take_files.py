@@ -7,7 +7,8 @@ import bpy
 from ...core.errors import PerfanimError, TakeError
 from ...core.formats.take_file.reading import summarise
 from ...core.formats.take_file.setup import MOST_STARS
-from .. import running, take_library
+from .. import take_library
+from ..jobs import activity
 from ..panel_takes import KEY as PANEL
 from . import common
 
@@ -22,7 +23,7 @@ class _Idle:
 
 
 def _told(text: str) -> set[str]:
-    running.set_message(PANEL, text)
+    activity.set_message(PANEL, text)
     return {"FINISHED"}
 
 

@@ -16,13 +16,14 @@ from ...core.labelling.take_import import UPS
 from ...core.retarget.joint_naming import OWN
 from ...core.session.pose_filters import Shape, shaped
 from ...core.solver.settings import METHODS
-from .. import panel_takes, running, take_library
+from .. import panel_takes, take_library
 from ..capture import request as capture_setup
 from ..capture.further_targets import write_others
 from ..capture.performer_driver import roles_of
 from ..capture.write_take import add_character, frames_of, increasing, pose_arrays, write_poses
 from ..export.export_animation import ENDINGS, Form, export_poses
-from ..job import Job, command
+from ..jobs import activity
+from ..jobs.job import Job, command
 from ..preferences.paths import absolute
 from ..settings import readiness
 from ..settings.capture_settings import settings
@@ -142,7 +143,7 @@ class PERFANIM_OT_play_take(_OfTake, bpy.types.Operator):
             text = _play(context, Path(self.path))
         except PerfanimError as error:
             return common.failed(self, PANEL, error)
-        running.set_message(PANEL, text)
+        activity.set_message(PANEL, text)
         self.report({"INFO"}, text)
         return {"FINISHED"}
 
@@ -365,7 +366,7 @@ class PERFANIM_OT_export_take(_OfTake, bpy.types.Operator, ExportHelper):
             text = self._export(context, Path(absolute(self._with_ending())))
         except PerfanimError as error:
             return common.failed(self, PANEL, error)
-        running.set_message(PANEL, text)
+        activity.set_message(PANEL, text)
         self.report({"INFO"}, text)
         return {"FINISHED"}
 

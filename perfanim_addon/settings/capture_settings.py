@@ -5,8 +5,8 @@ from typing import Any
 import bpy
 
 from ...core.markers.marker_set import marker_set_names
-from .. import running
 from ..character.posing import fill_map
+from ..jobs import activity
 from ..preferences.attach_settings import hung_on
 
 SOURCES = (
@@ -74,7 +74,7 @@ def find_bones(self: Any, _context: object) -> None:
 
 def _retune(self: Any, _context: object) -> None:
     """Let a running capture show its poses by the new setting."""
-    tune = getattr(running.current(), "tune", None)
+    tune = getattr(activity.current(), "tune", None)
     if tune is not None:
         tune(self)
 

@@ -33,7 +33,7 @@ def order_set(order):
     chosen = bpy.context.scene.perfanim
     for name, value in order["values"].items():
         setattr(chosen, name, bpy.data.objects.get(value) if name == "armature" else value)
-    part("running").redraw_sidebars()
+    part("jobs.activity").redraw_sidebars()
     return {}
 
 

@@ -39,7 +39,7 @@ def browser():
 
 
 def capture_facts():
-    running, capture = part("running"), part("operators.capture")
+    running, capture = part("jobs.activity"), part("operators.capture")
     if running is None or capture is None:
         return {"registered": False}
     messages = {panel: text for panel, (text, _icon) in running._state.messages.items()}

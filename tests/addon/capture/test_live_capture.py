@@ -150,7 +150,7 @@ def test_a_recording_of_a_length_says_which_part_of_the_take_it_is(part: Any, mo
 
 
 def test_a_rehearsal_records_what_the_button_says(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    chosen, running = bpy.context.scene.perfanim, part("running")
+    chosen, running = bpy.context.scene.perfanim, part("jobs.activity")
     skeleton = part("operators.character").performer_skeleton(chosen)
     bpy.context.scene.render.fps = 60
     run = play_worker(part, monkeypatch, skeleton, swing(skeleton, ("head",), 60))
@@ -197,7 +197,7 @@ def test_a_rehearsal_without_a_recording_keeps_the_scene_as_it_was(part: Any, mo
 
 
 def test_one_arm_is_captured_while_the_rest_plays_its_own_animation(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    live, running, chosen = part("capture.live_capture"), part("running"), bpy.context.scene.perfanim
+    live, running, chosen = part("capture.live_capture"), part("jobs.activity"), bpy.context.scene.perfanim
     bpy.context.scene.render.fps = 60
     skeleton = part("operators.character").performer_skeleton(chosen)
     name = live.add_character(bpy.context, skeleton)
@@ -261,7 +261,7 @@ def test_what_is_recorded_is_kept_when_blender_takes_the_capture_down(part: Any,
         if part("settings.readiness").starter_database_path().exists()
         else part("operators.database").starter_arguments()
     )
-    running, operator = part("running"), part("operators.capture").PERFANIM_OT_start_capture
+    running, operator = part("jobs.activity"), part("operators.capture").PERFANIM_OT_start_capture
     capture = part("capture.live_capture").Capture(None, prepare)
     running.begin(bpy.context, capture, 1.0)
     tick_until(capture, lambda: capture.run is not None and len(capture.run.poses) >= 10)

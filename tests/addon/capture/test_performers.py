@@ -320,7 +320,7 @@ def test_a_take_is_put_on_the_characters_that_are_meant(part: Any, shown: Any, b
     bpy.context.scene.render.fps = 60
     bpy.context.scene.frame_set(11)
     assert bpy.ops.perfanim.play_take(path=str(path)) == {"FINISHED"}
-    text, _ = part("running").message("takes")
+    text, _ = part("jobs.activity").message("takes")
     assert text == "20 frames in duel, duel Ben on Performer"
     times = key_times(curves_of(meant))
     np.testing.assert_allclose(times, np.arange(11.0 + SEEN, 31.0), atol=1e-3)
@@ -354,10 +354,10 @@ def test_a_take_names_all_and_each_can_be_exported(part: Any, ben: Any, tmp_path
         target = tmp_path / f"{name}.bvh"
         bpy.ops.perfanim.export_take(**given, filepath=str(target), performer=performer)
         on = bpy.context.scene.perfanim.armature if performer == 1 else ben.armature
-        assert part("running").message("takes")[0] == f"20 frames of duel ({name}) on {on.name} in {target}"
+        assert part("jobs.activity").message("takes")[0] == f"20 frames of duel ({name}) on {on.name} in {target}"
         assert read_bvh(target).frames == 20
     bpy.ops.perfanim.export_take(path=str(path), kind="ANGLES", filepath=str(tmp_path / "b.angles.csv"), performer=2)
-    assert part("running").message("takes")[0].startswith("20 frames of duel (Ben) in ")
+    assert part("jobs.activity").message("takes")[0].startswith("20 frames of duel (Ben) in ")
 
 
 def test_two_before_the_cameras_live_and_solved_again(part: Any, shown: Any, tmp_path: Path) -> None:

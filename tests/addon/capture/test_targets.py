@@ -48,7 +48,7 @@ def test_the_list_says_what_is_wrong(part: Any, shown: Any, tmp_path: Path) -> N
 
 
 def test_buttons_add_and_remove(part: Any, shown: Any) -> None:
-    running = part("running")
+    running = part("jobs.activity")
     assert not bpy.ops.perfanim.remove_target.poll()
     assert not bpy.ops.perfanim.measure_target.poll()
     assert running.current() is None

@@ -180,7 +180,7 @@ def test_a_take_goes_where_is_chosen(part: Any, walk: SimpleNamespace) -> None:
 def test_a_take_is_exported(part: Any, walk: SimpleNamespace, tmp_path: Path) -> None:
     path = recorded(part, walk, "walk")
     assert bpy.ops.perfanim.export_take(path=str(path), kind="FBX", filepath=str(tmp_path / "a.bvh")) == {"FINISHED"}
-    text, icon = part("running").message("takes")
+    text, icon = part("jobs.activity").message("takes")
     name = bpy.context.scene.perfanim.armature.name
     assert (text, icon) == (f"20 frames of walk on {name} in {tmp_path / 'a.fbx'}", "INFO")
     assert [file.name for file in tmp_path.iterdir()] == ["a.fbx"]
@@ -188,7 +188,7 @@ def test_a_take_is_exported(part: Any, walk: SimpleNamespace, tmp_path: Path) ->
         bpy.ops.perfanim.export_take(path=str(path), kind="FBX", filepath=str(tmp_path / "a.fbx" / "b.fbx"))
     for kind, name in (("VRMA", "b.vrma"), ("ANGLES", "b.angles.csv")):
         bpy.ops.perfanim.export_take(path=str(path), kind=kind, filepath=str(tmp_path / name), rate=15, naming="unreal")
-        assert part("running").message("takes")[0] == f"10 frames of walk in {tmp_path / name}"
+        assert part("jobs.activity").message("takes")[0] == f"10 frames of walk in {tmp_path / name}"
     assert "hand_l_z_deg" in (tmp_path / "b.angles.csv").read_text()
     given = {"kind": "BVH", "naming": "unreal", "scale": 100.0, "rate": 15.0}
     bpy.ops.perfanim.export_take(path=str(path), filepath=str(tmp_path / "c.bvh"), **given)
@@ -226,7 +226,7 @@ def test_clean_up_removes_what_is_deleted_or_old_and_nothing_else(part: Any, wal
     deleted = next(iter(takes.deleted())).path.stat().st_size
     assert takes.room()[1] == deleted + 500
     assert bpy.ops.perfanim.clean_up_takes(deleted=True, old=False) == {"FINISHED"}
-    assert part("running").message("takes")[0] == f"2 files removed, {takes.size_text(deleted + 500)} free"
+    assert part("jobs.activity").message("takes")[0] == f"2 files removed, {takes.size_text(deleted + 500)} free"
     assert {item.title for item in shown(part)} == {"new", "old", "old but good"}
     assert takes.room()[1] == 0
     assert bpy.ops.perfanim.clean_up_takes(deleted=False, old=True, days=90, stars=0) == {"FINISHED"}

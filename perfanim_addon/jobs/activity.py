@@ -10,8 +10,8 @@ from typing import Any, Protocol
 
 import bpy
 
-from ..core.errors import PerfanimError
-from . import overlay, preview
+from ...core.errors import PerfanimError
+from .. import overlay, preview
 
 
 class Activity(Protocol):

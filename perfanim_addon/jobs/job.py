@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.worker.client import WorkerClient
-from ..core.worker.protocol import Message, MessageKind
+from ...core.worker.client import WorkerClient
+from ...core.worker.protocol import Message, MessageKind
 
 
 def command(arguments: Sequence[str]) -> dict[str, Any]:

@@ -25,7 +25,7 @@ class PlayedActivity:
 
 @pytest.fixture
 def running(addon: ModuleType, extension: str) -> Any:
-    return sys.modules[f"{extension}.perfanim_addon.running"]
+    return sys.modules[f"{extension}.perfanim_addon.jobs.activity"]
 
 
 @pytest.fixture
