@@ -12,12 +12,13 @@ from ...core.body.skeleton import Skeleton
 from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import PerfanimError
 from ...core.geometry import rotations as rot
-from .. import overlay, preview, take_library
+from .. import take_library
 from ..animation.suspended_actions import HeldActions
 from ..jobs import activity
 from ..jobs.job import Job, command
 from ..settings.capture_settings import settings
 from ..settings.result_settings import start_frame
+from ..viewport import camera_preview, overlay
 from . import request, sound
 from .armature_driver import ArmatureDriver
 from .capture_run import CaptureRun, Phase
@@ -107,7 +108,7 @@ class Capture:
         pose = self.run.tick()
         picture = self.run.take_preview()
         if picture is not None:
-            preview.show(picture, self.run.notice)
+            camera_preview.show(picture, self.run.notice)
         self._record(context, self.run)
         if pose is None:
             return False

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import bpy
 
 from ...core.errors import PerfanimError
-from .. import overlay, preview
+from ..viewport import camera_preview, overlay
 
 
 class Activity(Protocol):
@@ -54,7 +54,7 @@ def end() -> None:
         bpy.context.window_manager.event_timer_remove(timer)
     if activity is not None:
         activity.close()
-        preview.hide()
+        camera_preview.hide()
         overlay.hide()
         redraw_sidebars()
 

@@ -6,10 +6,10 @@ from typing import Any
 import bpy
 
 from ...core.errors import CaptureError, PerfanimError
-from .. import preview
 from ..jobs import activity
 from ..jobs.job import Job, command
 from ..preferences import preferences
+from ..viewport import camera_preview
 from . import common
 
 TICK_S = 0.1
@@ -86,7 +86,7 @@ class JobOperator:
                 return self._finish(context, self.done(context, job.summary), ok=True)
             picture = job.take_preview()
             if picture is not None:
-                preview.show(picture, job.text)
+                camera_preview.show(picture, job.text)
         except PerfanimError as error:
             activity.end()
             context.workspace.status_text_set(None)

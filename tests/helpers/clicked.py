@@ -28,11 +28,11 @@ def run_job(part: Any, operator: Any, clicked: Any) -> str:
             job.tick()
             picture = job.take_preview()
             if picture is not None:
-                part("preview").show(picture, job.text)
+                part("viewport.camera_preview").show(picture, job.text)
                 assert tuple(bpy.data.images["Perfanim Preview"].size) == picture.shape[1::-1]
             assert time.monotonic() < limit, job.text
             time.sleep(0.02)
     finally:
         job.close()
-        part("preview").hide()
+        part("viewport.camera_preview").hide()
     return str(operator.done(clicked, bpy.context, job.summary))

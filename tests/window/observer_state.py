@@ -60,7 +60,7 @@ def capture_facts():
 
 
 def preview_facts():
-    preview = part("preview")
+    preview = part("viewport.camera_preview")
     if preview is None:
         return {}
     return {"shown": preview._state.handler is not None, "image": preview.NAME in bpy.data.images}

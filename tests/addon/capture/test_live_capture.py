@@ -34,7 +34,7 @@ def test_the_defaults_capture_a_new_character_into_one_action(part: Any) -> None
         for frame in (40, 3, 90):  # the timeline is free to be played
             bpy.context.scene.frame_set(frame)
             np.testing.assert_array_equal(bone.rotation_quaternion, before)
-        overlay = part("overlay")
+        overlay = part("viewport.overlay")
         assert overlay._state.handler is None
         bpy.context.scene.perfanim.overlay = {"SKELETON"}
         count = len(capture.run.poses)

@@ -12,12 +12,12 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.body.pose_frame import PoseFrame
-from ..core.body.skeleton import Skeleton, forward_kinematics
-from ..core.geometry.rig_file import load_rig
-from ..core.markers.subject import load_subject
-from ..core.simulate.studio.rig import default_rig
-from . import viewport
+from ...core.body.pose_frame import PoseFrame
+from ...core.body.skeleton import Skeleton, forward_kinematics
+from ...core.geometry.rig_file import load_rig
+from ...core.markers.subject import load_subject
+from ...core.simulate.studio.rig import default_rig
+from . import drawing
 
 Array = NDArray[np.float64]
 Colour = tuple[float, float, float, float]
@@ -91,7 +91,7 @@ def hide() -> None:
         return
     bpy.types.SpaceView3D.draw_handler_remove(_state.handler, "WINDOW")
     _state.handler = _state.scene = _state.pose = None
-    viewport.redraw("VIEW_3D")
+    drawing.redraw("VIEW_3D")
 
 
 def _draw() -> None:
@@ -108,10 +108,10 @@ def _draw() -> None:
     shapes, names = shapes_of(scene, pose, _state.parts, on_screen, scale)
     shapes.draw()
     for name, place in names:
-        viewport.text(name, place, _NAME * scale, _NAME_COLOUR)
+        drawing.text(name, place, _NAME * scale, _NAME_COLOUR)
     told = f"Confidence {pose.confidence:.0%}"
-    right = viewport.free(area, region)[1] - viewport.text_width(told, _TEXT * scale)
-    viewport.text(told, (right - _MARGIN * scale, _MARGIN * scale), _TEXT * scale, confidence_colour(pose))
+    right = drawing.free(area, region)[1] - drawing.text_width(told, _TEXT * scale)
+    drawing.text(told, (right - _MARGIN * scale, _MARGIN * scale), _TEXT * scale, confidence_colour(pose))
 
 
 def confidence_colour(pose: PoseFrame) -> Colour:
@@ -219,7 +219,7 @@ class Shapes:
     def draw(self) -> None:
         """Draw all in one go."""
         if self.corners:
-            viewport.triangles(np.concatenate(self.corners), self.colours)
+            drawing.triangles(np.concatenate(self.corners), self.colours)
 
 
 _CIRCLE: Array = np.stack([f(np.linspace(0.0, 2.0 * np.pi, _SIDES, endpoint=False)) for f in (np.cos, np.sin)], axis=1)

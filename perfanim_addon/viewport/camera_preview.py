@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from . import viewport
+from . import drawing
 
 NAME = "Perfanim Preview"
 
@@ -46,7 +46,7 @@ def show(picture: NDArray[np.uint8], line: str) -> None:
     _state.line = line
     if _state.handler is None:
         _state.handler = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
-    viewport.redraw(*_SHOWN_IN)
+    drawing.redraw(*_SHOWN_IN)
 
 
 def hide() -> None:
@@ -58,7 +58,7 @@ def hide() -> None:
     image = bpy.data.images.get(NAME)
     if image is not None:
         bpy.data.images.remove(image)
-    viewport.redraw(*_SHOWN_IN)
+    drawing.redraw(*_SHOWN_IN)
 
 
 def _draw() -> None:
@@ -71,11 +71,11 @@ def _draw() -> None:
     if image is None:
         return
     scale = bpy.context.preferences.system.ui_scale
-    left, right = viewport.free(bpy.context.area, bpy.context.region)
+    left, right = drawing.free(bpy.context.area, bpy.context.region)
     width = min(_WIDTH * scale, _SHARE * (right - left))
     height = width * image.size[1] / image.size[0]
     x, y = left + _MARGIN * scale, _MARGIN * scale
     # from 5.0 on the viewport does not encode what is drawn into it
     encode = {"is_scene_linear_with_rec709_srgb_target": True} if bpy.app.version >= (5, 0, 0) else {}
     draw_texture_2d(gpu.texture.from_image(image), (x, y), width, height, **encode)
-    viewport.text(_state.line, (x, y + height + 0.5 * _TEXT * scale), _TEXT * scale, _WHITE)
+    drawing.text(_state.line, (x, y + height + 0.5 * _TEXT * scale), _TEXT * scale, _WHITE)

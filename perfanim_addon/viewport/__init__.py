@@ -1,0 +1,1 @@
+"""Drawing in the 3D viewport and in the camera preview."""
