@@ -23,7 +23,6 @@ def _other_modules() -> Sequence[ModuleType]:
     """Import the rest, in the order in which it is registered."""
     import scipy  # noqa: F401  # fails here if its wheel is broken, before anything is registered
 
-    from . import panel_batch, panel_character, panel_takes, panel_targets, panels
     from .character import bone_map_settings
     from .jobs import activity
     from .operators import (
@@ -40,6 +39,10 @@ def _other_modules() -> Sequence[ModuleType]:
         takes,
     )
     from .operators import targets as target_operators
+    from .panels import batch as panel_batch
+    from .panels import character as panel_character
+    from .panels import steps, targets
+    from .panels import takes as panel_takes
     from .preferences import new_file_defaults
     from .settings import batch_settings, capture_settings, result_settings, target_settings, vmc_input, vmc_output
 
@@ -64,8 +67,8 @@ def _other_modules() -> Sequence[ModuleType]:
         self_test,
         new_file_defaults,
         panel_character,
-        panels,
-        panel_targets,
+        steps,
+        targets,
         panel_takes,
         panel_batch,
         command_line,
@@ -75,9 +78,9 @@ def _other_modules() -> Sequence[ModuleType]:
 
 def _fallback_modules() -> Sequence[ModuleType]:
     """Import what is registered in place of the rest if a library is broken."""
-    from . import panel_broken
+    from .panels import broken_installation
 
-    return (panel_broken,)
+    return (broken_installation,)
 
 
 _registered: list[ModuleType] = []

@@ -18,7 +18,7 @@ from ..character.create_character import check_armature, find_armature
 from ..character.posing import PRESETS_FOLDER, find_map
 from ..character.rig import read_armature_rest
 from ..jobs import activity
-from ..panel_character import shown_armature
+from ..panels.character import shown_armature
 from ..preferences.paths import absolute, user_folder
 from ..settings import readiness
 from ..settings.capture_settings import PERFANIM_PG_settings, settings

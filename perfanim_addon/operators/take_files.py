@@ -9,7 +9,7 @@ from ...core.formats.take_file.reading import summarise
 from ...core.formats.take_file.setup import MOST_STARS
 from .. import take_library
 from ..jobs import activity
-from ..panel_takes import KEY as PANEL
+from ..panels.takes import KEY as PANEL
 from . import common
 
 

@@ -16,7 +16,7 @@ from ...core.labelling.take_import import UPS
 from ...core.retarget.joint_naming import OWN
 from ...core.session.pose_filters import Shape, shaped
 from ...core.solver.settings import METHODS
-from .. import panel_takes, take_library
+from .. import take_library
 from ..capture import request as capture_setup
 from ..capture.further_targets import write_others
 from ..capture.performer_driver import roles_of
@@ -24,6 +24,7 @@ from ..capture.write_take import add_character, frames_of, increasing, pose_arra
 from ..export.export_animation import ENDINGS, Form, export_poses
 from ..jobs import activity
 from ..jobs.job import Job, command
+from ..panels import takes
 from ..preferences.paths import absolute
 from ..settings import readiness
 from ..settings.capture_settings import settings
@@ -32,7 +33,7 @@ from . import common
 from .database import starter_arguments
 from .jobs import JobOperator
 
-PANEL = panel_takes.KEY
+PANEL = takes.KEY
 _MOTIONS = {"VRMA": VRMA, "ANGLES": ANGLES}  # written without Blender, and without a character
 _ENDINGS = {**ENDINGS, **_MOTIONS}
 
@@ -196,7 +197,7 @@ class PERFANIM_OT_solve_take(_OfTake, _TakeJob, bpy.types.Operator):
 
     def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         """List the new take and put it onto the character."""
-        panel_takes.choose(self._target)
+        takes.choose(self._target)
         name = summarise(self._target).notes.name
         text = _play(context, self._target) if self.put_on else f"{summary['frames']} frames solved as {name}"
         return "; ".join((text, *summary["warnings"]))
@@ -261,7 +262,7 @@ class PERFANIM_OT_import_takes(_TakeJob, bpy.types.Operator, ImportHelper):
     def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         """List them."""
         kept, failed = summary["takes"], summary["failed"]
-        panel_takes.choose(Path(kept[0]["out"]))
+        takes.choose(Path(kept[0]["out"]))
         count = (
             f"{len(kept)} of {len(kept) + len(failed)} takes" if failed else f"{len(kept)} take" + "s" * (len(kept) > 1)
         )

@@ -4,8 +4,8 @@ from typing import Any
 
 import bpy
 
-from .. import panel_takes
-from ..panel_targets import KEY as PANEL
+from ..panels import takes
+from ..panels.targets import KEY as PANEL
 from ..preferences.paths import user_folder
 from . import common
 from .jobs import JobOperator
@@ -72,7 +72,7 @@ class PERFANIM_OT_measure_target(JobOperator, bpy.types.Operator):
         shown = context.scene.perfanim_targets
         if not 0 <= shown.active < len(shown.entries) or shown.entries[shown.active].kind != "PROP":
             return "Add a prop first"
-        if not panel_takes.active_path(context):
+        if not takes.active_path(context):
             return "Capture the prop lying before the cameras alone, and choose the take under Takes"
         return ""
 
@@ -85,7 +85,7 @@ class PERFANIM_OT_measure_target(JobOperator, bpy.types.Operator):
         name = bpy.path.clean_name(self.called) or "Prop"
         self._target = str(user_folder("props") / f"{name}.toml")
         self._index = context.scene.perfanim_targets.active
-        take = panel_takes.active_path(context)
+        take = takes.active_path(context)
         return ["calibrate", "prop", take, "--name", self.called or name, "--out", self._target]
 
     def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:

@@ -68,7 +68,7 @@ def cut(path: Path) -> Path:
 
 
 def shown(part: Any) -> list[Any]:
-    part("panel_takes")._fill()
+    part("panels.takes")._fill()
     return list(bpy.context.window_manager.perfanim_takes.entries)
 
 

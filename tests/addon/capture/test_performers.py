@@ -341,7 +341,7 @@ def test_a_take_is_put_on_the_characters_that_are_meant(part: Any, shown: Any, b
 
 def test_a_take_names_all_and_each_can_be_exported(part: Any, ben: Any, tmp_path: Path) -> None:
     path = taken(part, "duel")
-    part("panel_takes")._fill()
+    part("panels.takes")._fill()
     (item,) = bpy.context.window_manager.perfanim_takes.entries
     assert item.used == "Anna and Ben, boxing, lwr, database walks"
     given = {"path": str(path), "kind": "BVH"}

@@ -78,7 +78,7 @@ def recorded(part: Any, walk: SimpleNamespace, name: str, **notes: Any) -> Path:
 
 
 def shown(part: Any) -> list[Any]:
-    part("panel_takes")._fill()
+    part("panels.takes")._fill()
     return list(bpy.context.window_manager.perfanim_takes.entries)
 
 

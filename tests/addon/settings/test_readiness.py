@@ -125,7 +125,7 @@ def test_a_marker_set_of_the_users_own(states: Any, chosen: Any, tmp_path: Path)
 
 
 def test_long_messages_are_cut_into_lines(extension: str, addon: ModuleType) -> None:
-    panels = sys.modules[f"{extension}.perfanim_addon.panels"]
+    panels = sys.modules[f"{extension}.perfanim_addon.panels.steps"]
     text = "/a/very/long/path/" + "x" * 100 + " is not a motion database; build it again"
     lines = panels.wrapped(text, 32)
     assert all(len(line) <= 32 for line in lines)
@@ -134,7 +134,7 @@ def test_long_messages_are_cut_into_lines(extension: str, addon: ModuleType) -> 
 
 
 def test_a_state_does_not_lie_over_its_panel_s_name(addon: ModuleType, extension: str) -> None:
-    panels = sys.modules[f"{extension}.perfanim_addon.panels"]
+    panels = sys.modules[f"{extension}.perfanim_addon.panels.steps"]
     assert panels.shortened("Anna, 6 mm", 21) == "Anna, 6 mm"
     assert panels.shortened("Simulated performer, average body", 21) == "Simulated performer…"
     assert len(panels.shortened("x" * 30, 21)) == 21

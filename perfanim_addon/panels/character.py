@@ -4,13 +4,13 @@ from typing import Any
 
 import bpy
 
-from ..core.retarget.bone_map import EXPECTED, State
-from ..core.retarget.bone_map_files import preset_paths
-from .character.bone_map_settings import joint_label
-from .character.create_character import check_armature
-from .character.posing import PRESETS_FOLDER
-from .preferences.paths import user_folder
-from .settings.capture_settings import settings
+from ...core.retarget.bone_map import EXPECTED, State
+from ...core.retarget.bone_map_files import preset_paths
+from ..character.bone_map_settings import joint_label
+from ..character.create_character import check_armature
+from ..character.posing import PRESETS_FOLDER
+from ..preferences.paths import user_folder
+from ..settings.capture_settings import settings
 
 _SHOWN = "perfanim_armature"  # in the context of the buttons and the menu
 _ICONS = {State.MAPPED.value: "CHECKMARK", State.DOUBTFUL.value: "QUESTION"}

@@ -2,9 +2,9 @@
 
 import bpy
 
-from .jobs import activity
-from .preferences.sidebar_tab import SidebarPanel
-from .settings import vmc_output
+from ..jobs import activity
+from ..preferences.sidebar_tab import SidebarPanel
+from ..settings import vmc_output
 
 
 class PERFANIM_PT_sending(SidebarPanel, bpy.types.Panel):

@@ -4,12 +4,12 @@ from typing import Any
 
 import bpy
 
-from . import panel_character, panels
-from .capture.live_capture import Capture
-from .jobs import activity
-from .preferences import preferences
-from .preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
-from .settings import target_settings
+from ..capture.live_capture import Capture
+from ..jobs import activity
+from ..preferences import preferences
+from ..preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
+from ..settings import target_settings
+from . import character, steps
 
 KEY = "targets"
 _ROWS = 2
@@ -70,9 +70,9 @@ class PERFANIM_PT_targets(SidebarPanel, bpy.types.Panel):
             fields.use_property_split = True
             fields.use_property_decorate = False
             _draw_fields(fields, shown.entries[shown.active], shown.active)
-        panels.draw_text(context, layout, target_settings.problem(context.scene), "ERROR")
-        panels.draw_job(layout, KEY)
-        panels.draw_text(context, layout, *activity.message(KEY))
+        steps.draw_text(context, layout, target_settings.problem(context.scene), "ERROR")
+        steps.draw_job(layout, KEY)
+        steps.draw_text(context, layout, *activity.message(KEY))
 
 
 def _draw_fields(layout: bpy.types.UILayout, entry: target_settings.PERFANIM_PG_target, index: int) -> None:
@@ -86,7 +86,7 @@ def _draw_fields(layout: bpy.types.UILayout, entry: target_settings.PERFANIM_PG_
     row.prop(entry, "subject")
     row.operator_menu_enum("perfanim.use_profile", "profile", text="", icon="COMMUNITY").target = index
     layout.prop(entry, "armature")
-    panel_character.draw_bones(layout, entry.armature, KEY)
+    character.draw_bones(layout, entry.armature, KEY)
 
 
 def register() -> None:

@@ -2,8 +2,8 @@
 
 import bpy
 
-from .preferences import diagnostics
-from .preferences.sidebar_tab import SidebarPanel
+from ..preferences import diagnostics
+from ..preferences.sidebar_tab import SidebarPanel
 
 
 class PERFANIM_PT_broken(SidebarPanel, bpy.types.Panel):

@@ -2,11 +2,11 @@
 
 import bpy
 
-from . import panels
-from .capture.live_capture import Capture
-from .jobs import activity
-from .preferences import preferences
-from .preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
+from ..capture.live_capture import Capture
+from ..jobs import activity
+from ..preferences import preferences
+from ..preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
+from . import steps
 
 KEY = "batch"
 
@@ -33,9 +33,9 @@ class PERFANIM_PT_batch(SidebarPanel, bpy.types.Panel):
                 column.prop(chosen, "save_as")
         column.prop(chosen, "processes")
         layout.operator("perfanim.run_batch", icon="RENDER_ANIMATION")
-        panels.draw_job(layout, KEY)
+        steps.draw_job(layout, KEY)
         if not isinstance(activity.current(), Capture):
-            panels.draw_text(context, layout, *activity.message(KEY))
+            steps.draw_text(context, layout, *activity.message(KEY))
 
 
 def register() -> None:

@@ -8,17 +8,18 @@ from typing import Any
 
 import bpy
 
-from ..core.errors import PerfanimError
-from ..core.formats.take_file.edit import append_notes
-from ..core.formats.take_file.reading import TakeSummary, summarise
-from ..core.formats.take_file.setup import MOST_STARS
-from ..core.solver.settings import SolveSettings
-from . import panels, take_library
-from .capture.live_capture import Capture
-from .jobs import activity
-from .preferences import preferences
-from .preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
-from .settings import result_settings
+from ...core.errors import PerfanimError
+from ...core.formats.take_file.edit import append_notes
+from ...core.formats.take_file.reading import TakeSummary, summarise
+from ...core.formats.take_file.setup import MOST_STARS
+from ...core.solver.settings import SolveSettings
+from .. import take_library
+from ..capture.live_capture import Capture
+from ..jobs import activity
+from ..preferences import preferences
+from ..preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
+from ..settings import result_settings
+from . import steps
 
 KEY = "takes"
 ROWS = 4
@@ -109,8 +110,8 @@ class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
             layout.template_list("PERFANIM_UL_takes", "", shown, "entries", shown, "active", rows=ROWS)
         if 0 <= shown.active < len(shown.entries):
             _draw_take(context, layout, shown.entries[shown.active])
-        panels.draw_job(layout, KEY)
-        panels.draw_text(context, layout, *activity.message(KEY))
+        steps.draw_job(layout, KEY)
+        steps.draw_text(context, layout, *activity.message(KEY))
         layout.operator("perfanim.import_takes", icon="IMPORT")
         _draw_room(layout, len(shown.entries))
 
@@ -122,7 +123,7 @@ def _draw_take(context: bpy.types.Context, layout: bpy.types.UILayout, item: PER
         return
     column = layout.column(align=True)
     for text in (item.created, item.held, item.used):
-        panels.draw_text(context, column, text, "BLANK1")
+        steps.draw_text(context, column, text, "BLANK1")
     column = layout.column()
     column.use_property_split = True
     column.use_property_decorate = False
@@ -159,11 +160,11 @@ def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
     cut = take_library.cut_off()
     if cut:
         count = "A capture was" if len(cut) == 1 else f"{len(cut)} captures were"
-        panels.draw_text(context, panel.layout, f"{count} cut off", "ERROR")
+        steps.draw_text(context, panel.layout, f"{count} cut off", "ERROR")
         operator = "perfanim.play_take" if cut[0].complete else "perfanim.recover_take"
         button = panel.layout.operator(operator, text=f"Recover {cut[0].notes.name}", icon="FILE_REFRESH")
         button.path = str(cut[0].path)
-        panels.draw_job(panel.layout, KEY)
+        steps.draw_job(panel.layout, KEY)
 
 
 def _list(context: bpy.types.Context) -> PERFANIM_PG_takes:
@@ -244,12 +245,12 @@ def register() -> None:
         bpy.utils.register_class(cls)
     bpy.types.WindowManager.perfanim_takes = bpy.props.PointerProperty(type=PERFANIM_PG_takes)
     register_panels(preferences.tab(bpy.context), PERFANIM_PT_takes)
-    panels.PERFANIM_PT_capture.append(draw_offer)
+    steps.PERFANIM_PT_capture.append(draw_offer)
 
 
 def unregister() -> None:
     """Undo `register`."""
-    panels.PERFANIM_PT_capture.remove(draw_offer)
+    steps.PERFANIM_PT_capture.remove(draw_offer)
     if bpy.app.timers.is_registered(_fill):
         bpy.app.timers.unregister(_fill)
     unregister_panels(PERFANIM_PT_takes)

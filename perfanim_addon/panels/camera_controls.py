@@ -2,10 +2,10 @@
 
 import bpy
 
-from .preferences import preferences
-from .preferences.paths import ADDON
-from .preferences.sidebar_tab import SidebarPanel
-from .settings.capture_settings import settings
+from ..preferences import preferences
+from ..preferences.paths import ADDON
+from ..preferences.sidebar_tab import SidebarPanel
+from ..settings.capture_settings import settings
 
 
 class PERFANIM_PT_camera_controls(SidebarPanel, bpy.types.Panel):

@@ -1,0 +1,103 @@
+"""Split of perfanim_addon/panels.py"""
+
+import bpy
+
+from ..capture.live_capture import Capture
+from ..character.body_parts import PARTS
+from ..jobs import activity as running
+from ..preferences.sidebar_tab import SidebarPanel
+from ..settings import readiness
+from ..settings.capture_settings import settings
+
+
+class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
+    """Start, stop, and how it goes."""
+
+    bl_label = "Capture"
+
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        """Draw the state at the right of the header line."""
+        activity = running.current()
+        row = self.layout.row()
+        if isinstance(activity, Capture):
+            row.label(text=activity.line, icon="REC")
+        else:
+            problem = readiness.first_problem(settings(context))
+            row.alert = bool(problem)
+            row.label(text="not ready" if problem else "ready", icon="ERROR" if problem else "CHECKMARK")
+        row.separator()
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw."""
+        layout = self.layout
+        activity = running.current()
+        row = layout.row()
+        row.scale_y = 1.8
+        if isinstance(activity, Capture):
+            row.operator("perfanim.stop_capture", icon="SNAP_FACE")
+            if activity.by_button:
+                text = "Record" if activity.recording is None else "Stop Recording"
+                row.operator("perfanim.record", text=text, icon="REC", depress=activity.recording is not None)
+            self._draw_figures(context, layout, activity)
+        else:
+            row.operator("perfanim.start_capture", icon="REC")
+            problem = readiness.first_problem(settings(context))
+            draw_text(context, layout, problem, "ERROR")
+            if not problem:
+                draw_text(context, layout, *running.message("capture"))
+
+    def _draw_figures(self, context: bpy.types.Context, layout: bpy.types.UILayout, capture: Capture) -> None:
+        run = capture.run
+        if run is None:
+            draw_progress(layout, capture.job.fraction if capture.job else 0.0, capture.line)
+            return
+        figures = run.statistics
+        if figures.received == 0 and run.fraction is not None:
+            draw_progress(layout, run.fraction, run.activity)
+        grid = layout.grid_flow(columns=2, even_columns=True, row_major=True)
+        grid.label(text=f"{figures.frames_per_s:.0f} frames/s")
+        grid.label(text=f"{figures.latency_s * 1000:.0f} ms latency")
+        grid.label(text=f"{figures.received} frames")
+        grid.label(text=f"{figures.solve_s * 1000:.0f} ms of it solver")
+        if figures.skew_s is not None:
+            grid.label(text=f"Cameras {figures.skew_s * 1000:+.1f} ms")
+            grid.label(text=f"{figures.blind} bad images")
+        grid.label(text=f"{figures.lost} dropped")
+        grid.label(text=f"{figures.not_shown} not drawn")
+        draw_progress(layout, figures.confidence, f"Confidence {figures.confidence:.0%}")
+        for name, confidence in capture.further:
+            draw_progress(layout, confidence, f"{name} {confidence:.0%}")
+        if figures.waiting > 1:
+            layout.label(text=f"Solver {figures.waiting} frames behind", icon="SORTTIME")
+        draw_text(context, layout, run.notice, "ERROR")
+
+
+class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
+    """How it is recorded, and what is done to the motion."""
+
+    bl_label = "Recording"
+    bl_parent_id = "PERFANIM_PT_capture"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw."""
+        chosen, is_live = settings(context), isinstance(running.current(), Capture)
+        column = self.layout.column()
+        column.use_property_split = True
+        column.use_property_decorate = False
+        _props(column, chosen, "smoothing_ms", "feet")
+        column.row().prop(chosen, "overlay")
+        column = column.column()
+        column.enabled = not is_live
+        column.prop(chosen, "record_by_button")
+        row = column.row(align=True)
+        row.prop(chosen, "record_countdown_s")
+        row.prop(chosen, "record_sound", text="", icon="OUTLINER_OB_SPEAKER")
+        _props(column, chosen, "record_length_s")
+        column.prop(chosen.id_data.perfanim_result, "start")
+        row = column.row(align=True)
+        row.use_property_split = False
+        row.label(text="Only")
+        parts = row.grid_flow(columns=2, align=True, row_major=True)
+        for part in PARTS:
+            parts.prop_enum(chosen, "body_parts", part)
+        _props(column, chosen, "capture_preview", "extend_scene")
