@@ -1,4 +1,4 @@
-"""Split of perfanim_addon/live.py"""
+"""Write poses into an action at once, from arrays."""
 
 from collections.abc import Sequence
 

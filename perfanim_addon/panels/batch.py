@@ -6,7 +6,7 @@ from ..capture.live_capture import Capture
 from ..jobs import activity
 from ..preferences import preferences
 from ..preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
-from . import steps
+from . import drawing
 
 KEY = "batch"
 
@@ -33,9 +33,9 @@ class PERFANIM_PT_batch(SidebarPanel, bpy.types.Panel):
                 column.prop(chosen, "save_as")
         column.prop(chosen, "processes")
         layout.operator("perfanim.run_batch", icon="RENDER_ANIMATION")
-        steps.draw_job(layout, KEY)
+        drawing.draw_job(layout, KEY)
         if not isinstance(activity.current(), Capture):
-            steps.draw_text(context, layout, *activity.message(KEY))
+            drawing.draw_text(context, layout, *activity.message(KEY))
 
 
 def register() -> None:

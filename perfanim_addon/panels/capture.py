@@ -1,4 +1,4 @@
-"""Split of perfanim_addon/panels.py"""
+"""The Capture panel and its settings."""
 
 import bpy
 
@@ -8,6 +8,7 @@ from ..jobs import activity as running
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import readiness
 from ..settings.capture_settings import settings
+from .drawing import draw_progress, draw_props, draw_text
 
 
 class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
@@ -84,7 +85,7 @@ class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
         column = self.layout.column()
         column.use_property_split = True
         column.use_property_decorate = False
-        _props(column, chosen, "smoothing_ms", "feet")
+        draw_props(column, chosen, "smoothing_ms", "feet")
         column.row().prop(chosen, "overlay")
         column = column.column()
         column.enabled = not is_live
@@ -92,7 +93,7 @@ class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
         row = column.row(align=True)
         row.prop(chosen, "record_countdown_s")
         row.prop(chosen, "record_sound", text="", icon="OUTLINER_OB_SPEAKER")
-        _props(column, chosen, "record_length_s")
+        draw_props(column, chosen, "record_length_s")
         column.prop(chosen.id_data.perfanim_result, "start")
         row = column.row(align=True)
         row.use_property_split = False
@@ -100,4 +101,4 @@ class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
         parts = row.grid_flow(columns=2, align=True, row_major=True)
         for part in PARTS:
             parts.prop_enum(chosen, "body_parts", part)
-        _props(column, chosen, "capture_preview", "extend_scene")
+        draw_props(column, chosen, "capture_preview", "extend_scene")

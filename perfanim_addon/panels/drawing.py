@@ -1,4 +1,4 @@
-"""Split of perfanim_addon/panels.py"""
+"""Text, progress and properties in panels of any width."""
 
 from typing import Any
 
@@ -9,12 +9,11 @@ from ..jobs.job import Job
 
 # Width of a character, and of what a line has beside its text (icon, margins, tabs), in unscaled pixels.
 CHARACTER_PX = 6.2
-
-
 MARGIN_PX = 90.0
 
 
-def _props(layout: bpy.types.UILayout, chosen: Any, *names: str) -> None:
+def draw_props(layout: bpy.types.UILayout, chosen: Any, *names: str) -> None:
+    """Draw properties of a group, one below the other."""
     for name in names:
         layout.prop(chosen, name)
 

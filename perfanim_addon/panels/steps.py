@@ -1,4 +1,4 @@
-"""The sidebar's tab: one sub-panel a step, in the order of the work, each with its state in its header line."""
+"""Panels of the steps before a capture: cameras, markers, performer, database, character."""
 
 from collections.abc import Callable
 from typing import Any
@@ -15,7 +15,7 @@ from ..settings.capture_settings import settings
 from . import character
 from .camera_controls import PERFANIM_PT_camera_controls
 from .capture import PERFANIM_PT_capture, PERFANIM_PT_capture_settings
-from .drawing import _props, characters, draw_job, draw_text, shortened
+from .drawing import characters, draw_job, draw_props, draw_text, shortened
 from .vmc import PERFANIM_PT_sending
 
 ICON_CHARACTERS = 4  # as wide as so many
@@ -73,42 +73,42 @@ class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
         """Draw."""
         layout.prop(chosen, "source")
         if chosen.source == "SIMULATED":
-            _props(layout, chosen, "behaviour", "practise")
+            draw_props(layout, chosen, "behaviour", "practise")
             if readiness.is_known(chosen):
                 return
         elif chosen.source == "CAMERAS":
-            _props(layout, chosen, "left_device", "right_device")
+            draw_props(layout, chosen, "left_device", "right_device")
             if chosen.right_device >= 0:
                 layout.prop(chosen, "further_devices")
-            _props(layout, chosen, "width", "height", "camera_fps")
+            draw_props(layout, chosen, "width", "height", "camera_fps")
         elif not readiness.has_cameras(chosen):
-            _props(layout, chosen.id_data.perfanim_receiving, "port", "sender")
+            draw_props(layout, chosen.id_data.perfanim_receiving, "port", "sender")
             return
         elif chosen.source == "VIDEOS":
-            _props(layout, chosen, "left_video", "right_video")
+            draw_props(layout, chosen, "left_video", "right_video")
         else:
-            _props(layout, chosen, "left_folder", "right_folder", "files_fps")
+            draw_props(layout, chosen, "left_folder", "right_folder", "files_fps")
         layout.prop(chosen, "calibration")
         box = layout.box().column()
         box.prop(chosen, "board_kind")
         box.label(text="Squares" if chosen.board_kind == "CHARUCO" else "Inner corners")
-        _props(box, chosen, "board_columns", "board_rows", "board_square_mm")
+        draw_props(box, chosen, "board_columns", "board_rows", "board_square_mm")
         if chosen.board_kind == "CHARUCO":
-            _props(box, chosen, "board_code_mm", "board_dictionary")
+            draw_props(box, chosen, "board_code_mm", "board_dictionary")
         if chosen.source == "CAMERAS":
             box.operator("perfanim.save_board", icon="FILE")
-            _props(box, chosen, "board_views", "board_timed")
+            draw_props(box, chosen, "board_views", "board_timed")
             if chosen.board_timed:
                 box.prop(chosen, "board_every_s")
         if chosen.source in ("CAMERAS", "SIMULATED"):
             box.operator("perfanim.calibrate_board", icon="CAMERA_STEREO")
             box.operator("perfanim.set_floor", icon="AXIS_TOP")
             box = layout.box().column()
-            _props(box, chosen, "floor_height_mm", "floor_longest_mm")
+            draw_props(box, chosen, "floor_height_mm", "floor_longest_mm")
             box.operator("perfanim.set_floor_markers", icon="AXIS_TOP")
         if chosen.source != "SIMULATED":
             box = layout.box().column()
-            _props(box, chosen, "board_left", "board_right")
+            draw_props(box, chosen, "board_left", "board_right")
             box.operator("perfanim.calibrate_cameras", icon="IMAGE_DATA")
 
 
@@ -151,10 +151,10 @@ class PERFANIM_PT_subject(_Step, bpy.types.Panel):
         box.prop(chosen, "subject_name")
         if not readiness.is_known(chosen) and readiness.has_cameras(chosen) and not readiness.is_one_camera(chosen):
             if chosen.source == "CAMERAS":
-                _props(box, chosen, "countdown_s", "between_s")
+                draw_props(box, chosen, "countdown_s", "between_s")
             box.operator("perfanim.calibrate_performer", icon="OUTLINER_OB_ARMATURE")
             box.operator("perfanim.record_t_pose", icon="ARMATURE_DATA")
-        _props(box, chosen, "subject_take", "take_poses")
+        draw_props(box, chosen, "subject_take", "take_poses")
         box.operator("perfanim.calibrate_subject", icon="FILE_REFRESH")
         row = box.row(align=True)
         row.prop(chosen, "subject_height")

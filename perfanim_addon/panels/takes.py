@@ -19,7 +19,8 @@ from ..jobs import activity
 from ..preferences import preferences
 from ..preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
 from ..settings import result_settings
-from . import steps
+from . import drawing
+from .capture import PERFANIM_PT_capture
 
 KEY = "takes"
 ROWS = 4
@@ -110,8 +111,8 @@ class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
             layout.template_list("PERFANIM_UL_takes", "", shown, "entries", shown, "active", rows=ROWS)
         if 0 <= shown.active < len(shown.entries):
             _draw_take(context, layout, shown.entries[shown.active])
-        steps.draw_job(layout, KEY)
-        steps.draw_text(context, layout, *activity.message(KEY))
+        drawing.draw_job(layout, KEY)
+        drawing.draw_text(context, layout, *activity.message(KEY))
         layout.operator("perfanim.import_takes", icon="IMPORT")
         _draw_room(layout, len(shown.entries))
 
@@ -123,7 +124,7 @@ def _draw_take(context: bpy.types.Context, layout: bpy.types.UILayout, item: PER
         return
     column = layout.column(align=True)
     for text in (item.created, item.held, item.used):
-        steps.draw_text(context, column, text, "BLANK1")
+        drawing.draw_text(context, column, text, "BLANK1")
     column = layout.column()
     column.use_property_split = True
     column.use_property_decorate = False
@@ -160,11 +161,11 @@ def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
     cut = take_library.cut_off()
     if cut:
         count = "A capture was" if len(cut) == 1 else f"{len(cut)} captures were"
-        steps.draw_text(context, panel.layout, f"{count} cut off", "ERROR")
+        drawing.draw_text(context, panel.layout, f"{count} cut off", "ERROR")
         operator = "perfanim.play_take" if cut[0].complete else "perfanim.recover_take"
         button = panel.layout.operator(operator, text=f"Recover {cut[0].notes.name}", icon="FILE_REFRESH")
         button.path = str(cut[0].path)
-        steps.draw_job(panel.layout, KEY)
+        drawing.draw_job(panel.layout, KEY)
 
 
 def _list(context: bpy.types.Context) -> PERFANIM_PG_takes:
@@ -245,12 +246,12 @@ def register() -> None:
         bpy.utils.register_class(cls)
     bpy.types.WindowManager.perfanim_takes = bpy.props.PointerProperty(type=PERFANIM_PG_takes)
     register_panels(preferences.tab(bpy.context), PERFANIM_PT_takes)
-    steps.PERFANIM_PT_capture.append(draw_offer)
+    PERFANIM_PT_capture.append(draw_offer)
 
 
 def unregister() -> None:
     """Undo `register`."""
-    steps.PERFANIM_PT_capture.remove(draw_offer)
+    PERFANIM_PT_capture.remove(draw_offer)
     if bpy.app.timers.is_registered(_fill):
         bpy.app.timers.unregister(_fill)
     unregister_panels(PERFANIM_PT_takes)

@@ -9,7 +9,7 @@ from ..jobs import activity
 from ..preferences import preferences
 from ..preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
 from ..settings import target_settings
-from . import character, steps
+from . import character, drawing
 
 KEY = "targets"
 _ROWS = 2
@@ -70,9 +70,9 @@ class PERFANIM_PT_targets(SidebarPanel, bpy.types.Panel):
             fields.use_property_split = True
             fields.use_property_decorate = False
             _draw_fields(fields, shown.entries[shown.active], shown.active)
-        steps.draw_text(context, layout, target_settings.problem(context.scene), "ERROR")
-        steps.draw_job(layout, KEY)
-        steps.draw_text(context, layout, *activity.message(KEY))
+        drawing.draw_text(context, layout, target_settings.problem(context.scene), "ERROR")
+        drawing.draw_job(layout, KEY)
+        drawing.draw_text(context, layout, *activity.message(KEY))
 
 
 def _draw_fields(layout: bpy.types.UILayout, entry: target_settings.PERFANIM_PG_target, index: int) -> None:

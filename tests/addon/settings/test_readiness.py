@@ -125,7 +125,7 @@ def test_a_marker_set_of_the_users_own(states: Any, chosen: Any, tmp_path: Path)
 
 
 def test_long_messages_are_cut_into_lines(extension: str, addon: ModuleType) -> None:
-    panels = sys.modules[f"{extension}.perfanim_addon.panels.steps"]
+    panels = sys.modules[f"{extension}.perfanim_addon.panels.drawing"]
     text = "/a/very/long/path/" + "x" * 100 + " is not a motion database; build it again"
     lines = panels.wrapped(text, 32)
     assert all(len(line) <= 32 for line in lines)
@@ -134,14 +134,14 @@ def test_long_messages_are_cut_into_lines(extension: str, addon: ModuleType) -> 
 
 
 def test_a_state_does_not_lie_over_its_panel_s_name(addon: ModuleType, extension: str) -> None:
-    panels = sys.modules[f"{extension}.perfanim_addon.panels.steps"]
+    panels = sys.modules[f"{extension}.perfanim_addon.panels.drawing"]
     assert panels.shortened("Anna, 6 mm", 21) == "Anna, 6 mm"
     assert panels.shortened("Simulated performer, average body", 21) == "Simulated performer…"
     assert len(panels.shortened("x" * 30, 21)) == 21
 
 
 def test_the_left_camera_alone_captures_where_no_right_one_is_chosen(states: Any, chosen: Any, tmp_path: Path) -> None:
-    setup = sys.modules[states.__name__.replace("states", "capture_setup")]
+    setup = sys.modules[states.__name__.replace("settings.readiness", "capture.request")]
     video = tmp_path / "left.mp4"
     video.touch()
     chosen.source, chosen.left_video = "VIDEOS", str(video)
@@ -172,7 +172,7 @@ def test_the_left_camera_alone_captures_where_no_right_one_is_chosen(states: Any
 
 def test_an_average_body_of_the_right_height_is_a_profile(states: Any, chosen: Any) -> None:
     chosen.subject_name, chosen.subject_height, chosen.marker_set = "Tall one", 1.9, "one-camera"
-    operator = sys.modules[states.__name__.replace("states", "operators.subject")].PERFANIM_OT_average_performer
+    operator = sys.modules[states.__name__.replace("settings.readiness", "operators.subject")].PERFANIM_OT_average_performer
     assert operator.execute(SimpleNamespace(), bpy.context) == {"FINISHED"}
     assert states.performer(chosen).text == "Tall one, average body"
     found = load_subject(chosen.subject)
