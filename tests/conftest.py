@@ -16,7 +16,8 @@ ROOT = Path(__file__).resolve().parent.parent
 SHARED = ROOT.parent / "shared"
 # The longest files, which begin first: one that began last would leave the other processes with nothing to do.
 LONGEST = ("test_demo.py", "test_cmu.py", "test_capture_chain.py", "test_recorded_boards.py", "test_jobs.py",
-           "test_single_view_start.py", "test_bad_input.py", "test_two_webcams_chain.py", "test_live_capture.py")  # fmt: skip
+           "test_single_view_start.py", "test_bad_input.py", "test_two_webcams_chain.py",
+           "test_live_capture.py")  # fmt: skip
 
 
 @pytest.fixture(scope="session")

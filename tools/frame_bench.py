@@ -24,14 +24,14 @@ from perfanim.core.body.motion import Motion
 from perfanim.core.cli.bench.command.data import BOXING, FPS, WALKING, read_take, whole_database
 from perfanim.core.cli.bench.command.speed import part_of, reference_ms
 from perfanim.core.database.store import Database, identity, open_database
-from perfanim.core.formats.take_file.pose_codec import SolvedPose, pack_solved
+from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_solved
 from perfanim.core.formats.take_file.setup import TakeSetup
 from perfanim.core.formats.take_file.writer import TakeWriter
 from perfanim.core.markers.marker_frame_codec import pack_stamped, unpack_stamped
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
 from perfanim.core.markers.take_frames import take_frames
-from perfanim.core.session.session.session import Session
+from perfanim.core.session.session import Session
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.worker.protocol import Decoder, MessageKind, encode
@@ -107,7 +107,7 @@ def _handled(session: Session, driver: ArmatureDriver, take: TakeWriter, decoder
         started_s = time.perf_counter()
         pose = session.step(frame)
         solver_s = time.perf_counter() - started_s
-        record = pack_solved(SolvedPose(pose, stamp_s, solver_s))
+        record = pack_solved(TimedPose(pose, stamp_s, solver_s))
         take.add_pose(record)
         (message,) = decoder.feed(encode(MessageKind.POSE, record))
         shown = message.pose().pose

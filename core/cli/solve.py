@@ -27,8 +27,8 @@ from ..markers.marker_take import MarkerTake
 from ..markers.prop import Prop, load_prop
 from ..markers.subject import Subject, load_subject
 from ..markers.take_frames import is_unnamed
-from ..session.save_solved_take import keep_solved_anew
-from ..session.session_cache import SolverStore
+from ..session.save_solved_take import save_resolved_take
+from ..session.session_cache import SessionCache
 from ..session.solve_take import SolvedTake, by_performer, solve_recorded, solve_take
 from ..solver.settings import METHODS, SolveSettings
 from ..subjects.marker_selection import choose_markers, with_markers, worn_in
@@ -120,7 +120,7 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
     """Solve a take and write its motion."""
     check(args)
     progress(0.0, "reading")
-    solved, facts = solve(args, progress, SolverStore())
+    solved, facts = solve(args, progress, SessionCache())
     return solved.summary() | {"fps": solved.motion.fps} | facts | {"out": str(Path(args.out))}
 
 
@@ -155,7 +155,7 @@ def check(args: argparse.Namespace) -> None:
 
 
 def solve(
-    args: argparse.Namespace, progress: Callable[[float, str], None], store: SolverStore
+    args: argparse.Namespace, progress: Callable[[float, str], None], store: SessionCache
 ) -> tuple[SolvedTake, dict[str, Any]]:
     """Solve the take of the command's options, write what they ask for; return poses and motion, and facts.
 
@@ -187,7 +187,7 @@ def _floor_m(args: argparse.Namespace) -> float | None:
 
 
 def _solve_markers(
-    args: argparse.Namespace, progress: Callable[[float, str], None], store: SolverStore
+    args: argparse.Namespace, progress: Callable[[float, str], None], store: SessionCache
 ) -> tuple[SolvedTake, dict[str, Any]]:
     """Solve labelled markers."""
     take = read_take(args.take)
@@ -240,7 +240,7 @@ def _left_out_rms_m(take: MarkerTake, subject: Subject, worn: Subject, motion: M
 
 
 def _solve_recorded(
-    args: argparse.Namespace, progress: Callable[[float, str], None], store: SolverStore
+    args: argparse.Namespace, progress: Callable[[float, str], None], store: SessionCache
 ) -> tuple[SolvedTake, dict[str, Any]]:
     """Solve what cameras saw, with what was in use then unless something else is given."""
     take = read_take_file(args.take)
@@ -268,7 +268,7 @@ def _solve_recorded(
     performers = [load_subject(path) for path in args.performer] if args.performer else setup.further_subjects()
     solved = solve_recorded(take, frames, rig, subject, database, settings, progress, store.session, props, performers)
     if is_recorded(args.out):
-        keep_solved_anew(args.out, take, frames, rig, subject, database, settings, solved, props, performers)
+        save_resolved_take(args.out, take, frames, rig, subject, database, settings, solved, props, performers)
     warnings = list(take.problems)
     if args.database is None and identity(database)["sha256"] != setup.database.get("sha256"):
         warnings.append(f"{path} has changed since the take was recorded")

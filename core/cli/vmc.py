@@ -16,7 +16,7 @@ from ..formats.take_file.reading import ENDING, read_take_file
 from ..formats.vmc.humanoid import BONES
 from ..formats.vmc.link import Receiver, play, record
 from ..formats.vmc.ports import MARIONETTE_PORT, PERFORMER_PORT
-from ..session.solve_take import steady_motion
+from ..session.solve_take import resample_uniform
 from .options import positive, rate_hz
 
 Progress = Callable[[float, str], None]
@@ -97,7 +97,7 @@ def _motion(path: str) -> Motion:
         return read_motion(path)
     take = read_take_file(path)
     poses = [solved.pose for solved in take.recorded_poses]
-    return steady_motion(poses, take.setup.worn_subject(), take.notes.name, path)
+    return resample_uniform(poses, take.setup.worn_subject(), take.notes.name, path)
 
 
 def run_receive(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:

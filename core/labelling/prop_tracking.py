@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..body.pose_frame import PropPose
+from ..body.scene_pose import PropPose
 from ..geometry import rotations as rot
 from ..geometry.camera import Camera
 from ..geometry.point_patterns import laid_on, rigid_ways, thickness_m

@@ -9,33 +9,33 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
-from ..body.pose_frame import PoseFrame
+from ..body.scene_pose import PerformerPose
 from ..errors import SettingsError
 from ..geometry.camera import CameraRig
 from ..labelling.prop_tracking import PropTracker
 from ..markers.marker_frame import MarkerFrame
 from ..markers.prop import Prop, check_together
 from ..markers.subject import Subject
-from .performer_assignment import Company
+from .performer_assignment import PerformerAssignment
 from .session import Session
 
 
 class Stepper(Protocol):
-    """What turns the marker frames of one capture into poses, in order: a `Session`, or an `Ensemble`."""
+    """What turns the marker frames of one capture into poses, in order: a `Session`, or an `MultiTargetSession`."""
 
     subject: Subject
     rig: CameraRig | None
 
-    def step(self, frame: MarkerFrame) -> PoseFrame:
+    def step(self, frame: MarkerFrame) -> PerformerPose:
         """Return the pose of the next marker frame."""
 
 
-class Ensemble:
+class MultiTargetSession:
     """Performers and props.
 
     Args:
         sessions: of the performers, which have seen nothing yet; the first is the one whose pose has the others and
-            the props. See `Company` for who is who.
+            the props. See `PerformerAssignment` for who is who.
         props: each with a pattern of its own.
 
     Raises:
@@ -51,10 +51,10 @@ class Ensemble:
         if len(sessions) > 1 and len(cameras) == 1:
             raise SettingsError("one camera cannot tell several performers apart", advice="use two cameras")
         self._sessions = tuple(sessions)
-        self._company = Company(sessions)
+        self._company = PerformerAssignment(sessions)
         self._trackers = [PropTracker(prop, cameras) for prop in props]
 
-    def step(self, frame: MarkerFrame) -> PoseFrame:
+    def step(self, frame: MarkerFrame) -> PerformerPose:
         """Return the first performer's pose with those of the others, and where the props are."""
         poses, hidden = [], []
         for tracker in self._trackers:
@@ -75,5 +75,5 @@ class Ensemble:
 
 
 def followed(sessions: Sequence[Session], props: Sequence[Prop]) -> Stepper:
-    """Return what follows performers and props; a session itself when it is alone. Errors as of `Ensemble`."""
-    return Ensemble(sessions, props) if props or len(sessions) > 1 else sessions[0]
+    """Return a session of performers and props. Errors as of `MultiTargetSession`."""
+    return MultiTargetSession(sessions, props) if props or len(sessions) > 1 else sessions[0]

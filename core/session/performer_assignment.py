@@ -27,7 +27,7 @@ _UNLIKE_M = 1e3  # what it counts to be given a body that one's markers do not f
 _ORDER_M = 0.015  # and another than that of one's place, against the distance to the closest example
 
 
-class Company:
+class PerformerAssignment:
     """Gives each performer its share of every frame.
 
     Args:

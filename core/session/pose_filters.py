@@ -6,12 +6,12 @@ from typing import Any
 
 from ..body.foot_lock import FootLock
 from ..body.one_euro import PoseSmoother
-from ..body.pose_frame import PoseFrame, PropPose
+from ..body.scene_pose import PerformerPose, PropPose
 from ..body.skeleton import Skeleton
 
 
 @dataclass(frozen=True)
-class Shape:
+class FilterSettings:
     """What is asked for.
 
     Args:
@@ -23,12 +23,12 @@ class Shape:
     feet: str = "off"
 
     @staticmethod
-    def of_table(table: Mapping[str, Any]) -> "Shape":
+    def of_table(table: Mapping[str, Any]) -> "FilterSettings":
         """Return the shape that a JSON object describes; what it leaves out is off."""
-        return Shape(float(table.get("smoothing_s", 0.0)), str(table.get("feet", "off")))
+        return FilterSettings(float(table.get("smoothing_s", 0.0)), str(table.get("feet", "off")))
 
 
-class PoseShaper:
+class PoseFilter:
     """Shapes poses one after another.
 
     Args:
@@ -42,7 +42,7 @@ class PoseShaper:
     """
 
     def __init__(
-        self, skeleton: Skeleton, floor_m: float | None, shape: Shape, others: Sequence[Skeleton] = ()
+        self, skeleton: Skeleton, floor_m: float | None, shape: FilterSettings, others: Sequence[Skeleton] = ()
     ) -> None:
         self._skeleton = skeleton
         self._floor_m = floor_m
@@ -50,9 +50,9 @@ class PoseShaper:
         self._smoother = PoseSmoother(shape.smoothing_s)
         self._feet = FootLock(skeleton, shape.feet, floor_m)
         self._props: list[PoseSmoother] = []
-        self._others = [PoseShaper(other, floor_m, shape) for other in others]
+        self._others = [PoseFilter(other, floor_m, shape) for other in others]
 
-    def tune(self, shape: Shape) -> None:
+    def tune(self, shape: FilterSettings) -> None:
         """Go on with another shape; errors as at construction."""
         self._smoother.delay_s = shape.smoothing_s
         if shape.feet != self._shape.feet:
@@ -61,16 +61,16 @@ class PoseShaper:
         for other in self._others:
             other.tune(shape)
 
-    def step(self, pose: PoseFrame) -> PoseFrame:
+    def step(self, pose: PerformerPose) -> PerformerPose:
         """Return the next pose as it is shown; the very same when nothing is asked for."""
-        if self._shape == Shape():
+        if self._shape == FilterSettings():
             return pose
         rotations, root = self._smoother.step(pose.time_s, pose.rotations, pose.root_position_m)
         held = self._feet.step(pose.time_s, rotations, root)
         others = tuple(shaper.step(other) for shaper, other in zip(self._others, pose.others, strict=True))
         return replace(pose, rotations=held, root_position_m=root, props=self._shaped_props(pose), others=others)
 
-    def _shaped_props(self, pose: PoseFrame) -> tuple[PropPose, ...]:
+    def _shaped_props(self, pose: PerformerPose) -> tuple[PropPose, ...]:
         """Return the props as calm as the body, and as late: what is held stays in the hand."""
         if len(self._props) != len(pose.props):
             self._props = [PoseSmoother(self._shape.smoothing_s) for _ in pose.props]
@@ -84,13 +84,13 @@ class PoseShaper:
         return tuple(shaped)
 
 
-def shaped(
-    poses: Sequence[PoseFrame],
+def filter_poses(
+    poses: Sequence[PerformerPose],
     skeleton: Skeleton,
     floor_m: float | None,
-    shape: Shape,
+    shape: FilterSettings,
     others: Sequence[Skeleton] = (),
-) -> list[PoseFrame]:
-    """Return the poses of a take as they are shown; arguments and errors as of `PoseShaper`."""
-    shaper = PoseShaper(skeleton, floor_m, shape, others)
+) -> list[PerformerPose]:
+    """Return the poses of a take as they are shown; arguments and errors as of `PoseFilter`."""
+    shaper = PoseFilter(skeleton, floor_m, shape, others)
     return [shaper.step(pose) for pose in poses]

@@ -7,7 +7,7 @@ from typing import Any
 
 from ..database.store import Database, identity
 from ..formats.take_file.chunks import ChunkKind
-from ..formats.take_file.pose_codec import SolvedPose
+from ..formats.take_file.pose_codec import TimedPose
 from ..formats.take_file.reading import TakeFile
 from ..formats.take_file.setup import TakeNotes, TakeSetup
 from ..formats.take_file.whole import write_whole_take
@@ -24,7 +24,7 @@ from .solve_take import SolvedTake, solve_take
 Progress = Callable[[float, str], None]
 
 
-def keep_markers(
+def save_imported_take(
     path: Path | str,
     take: MarkerTake,
     subject: Subject,
@@ -53,7 +53,7 @@ def keep_markers(
     return solved
 
 
-def keep_solved_anew(
+def save_resolved_take(
     path: Path | str,
     take: TakeFile,
     frames: Sequence[MarkerFrame],
@@ -94,9 +94,9 @@ def keep_solved_anew(
     write_whole_take(path, setup, notes, list(zip(stamps_s, frames, strict=True)), _poses(solved, stamps_s), events)
 
 
-def _poses(solved: SolvedTake, stamps_s: Sequence[float]) -> list[SolvedPose]:
+def _poses(solved: SolvedTake, stamps_s: Sequence[float]) -> list[TimedPose]:
     rows = zip(solved.poses, stamps_s, solved.seconds, strict=True)
-    return [SolvedPose(pose, stamp_s, float(seconds)) for pose, stamp_s, seconds in rows]
+    return [TimedPose(pose, stamp_s, float(seconds)) for pose, stamp_s, seconds in rows]
 
 
 def _differing(settings: SolveSettings) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..body.calibration_poses import standing, t_pose
-from ..body.pose_frame import PoseFrame
+from ..body.scene_pose import PerformerPose
 from ..body.skeleton import marker_positions
 from ..database.store import Database
 from ..geometry import rotations as rot
@@ -71,7 +71,7 @@ class Session:
 
     def reset(self) -> None:
         """Forget the motion so far; the next frame is labelled afresh."""
-        self._last: PoseFrame | None = None
+        self._last: PerformerPose | None = None
         self._restart()
 
     def _restart(self) -> None:
@@ -88,7 +88,7 @@ class Session:
         self._familiar_s: float | None = None
         self._doubt_after_s = _FIRST_CHECK_S
 
-    def step(self, frame: MarkerFrame) -> PoseFrame:
+    def step(self, frame: MarkerFrame) -> PerformerPose:
         """Return the pose of the next marker frame."""
         if self._follower is None or is_labelled(frame):
             observation, solution = self._followed(frame)
@@ -224,7 +224,7 @@ class Session:
         cameras[np.isfinite(points[:, 0])] = -1
         return Observation(points, cameras, image_points, self._cameras)
 
-    def _solved(self, frame: MarkerFrame, observation: Observation, solution: Solution) -> PoseFrame:
+    def _solved(self, frame: MarkerFrame, observation: Observation, solution: Solution) -> PerformerPose:
         # with one camera what counts is how far the markers are from their rays
         shown = observation.lifted(solution.markers_m) if len(self._cameras) == 1 else observation
         located = shown.located
@@ -239,7 +239,7 @@ class Session:
         notes = list(frame.notes)
         notes += [", ".join(hidden) + " hidden"] if hidden else []
         notes += ["this motion is unlike the database"] if nearest > _FAMILIAR_M else []
-        return PoseFrame(
+        return PerformerPose(
             number=frame.number,
             time_s=frame.time_s,
             rotations=self._model.rotations(solution.pose, solution.root),
@@ -254,7 +254,7 @@ class Session:
             notes=tuple(notes),
         )
 
-    def _unsolved(self, frame: MarkerFrame, observation: Observation) -> PoseFrame:
+    def _unsolved(self, frame: MarkerFrame, observation: Observation) -> PerformerPose:
         """Return the last pose, or the T pose at the origin, for a frame that does not show where the body is."""
         notes = (*frame.notes, "waiting for the markers of the torso")
         if self._last is not None:
@@ -272,7 +272,7 @@ class Session:
         height = -float(self._markers_of(rotations)[:, 1].min())
         position = np.array([0.0, height, 0.0])
         markers = self._markers_of(rotations) + position
-        return PoseFrame(
+        return PerformerPose(
             frame.number,
             frame.time_s,
             rotations,
@@ -285,7 +285,7 @@ class Session:
             notes=notes,
         )
 
-    def _lost(self, result: PoseFrame) -> bool:
+    def _lost(self, result: PerformerPose) -> bool:
         """Whether the torso has been lost, or the solved markers have been wrong, for a while."""
         now = result.time_s
         shown = np.isfinite(result.observed_m[:, 0]) | ((result.single_cameras >= 0) & (len(self._cameras) == 1))
@@ -295,7 +295,7 @@ class Session:
             self._trusted_s = now
         return now - self._located_s > _LOST_FOR_S or now - self._trusted_s > _WRONG_FOR_S
 
-    def _mislabelled(self, frame: MarkerFrame, result: PoseFrame) -> bool:
+    def _mislabelled(self, frame: MarkerFrame, result: PerformerPose) -> bool:
         """Whether the points, labelled as if nothing were known, are clearly more like a body than as they are.
 
         A wrong start can go on for long: what it makes of the markers is explained, if badly. So it is looked at

@@ -12,7 +12,7 @@ from .session import Session
 _SESSIONS_KEPT = 2  # each holds the markers of every frame of its database
 
 
-class SolverStore:
+class SessionCache:
     """Keeps what takes have in common: databases by their file, sessions by performer, database and settings."""
 
     def __init__(self) -> None:

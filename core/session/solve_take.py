@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..body.motion import Motion
-from ..body.pose_frame import PoseFrame
+from ..body.scene_pose import PerformerPose
 from ..database.store import Database
 from ..errors import TakeError
 from ..formats.take_file.reading import TakeFile, rate
@@ -39,7 +39,7 @@ class SolvedTake:
         others: motions of the further performers, in their order.
     """
 
-    poses: tuple[PoseFrame, ...]
+    poses: tuple[PerformerPose, ...]
     motion: Motion
     seconds: NDArray[np.float64]
     others: tuple[Motion, ...] = ()
@@ -104,13 +104,13 @@ def solve_recorded(
     poses, seconds = _solved(frames, session, f"solving {name}", progress)
     recorded = [pose for pose in poses if take.is_recorded(pose.number)]
     motions = [
-        steady_motion(own, worn, name, str(take.path))
+        resample_uniform(own, worn, name, str(take.path))
         for own, worn in zip(by_performer(recorded), (subject, *performers), strict=True)
     ]
     return SolvedTake(tuple(poses), motions[0], seconds, tuple(motions[1:]))
 
 
-def by_performer(poses: Sequence[PoseFrame]) -> list[list[PoseFrame]]:
+def by_performer(poses: Sequence[PerformerPose]) -> list[list[PerformerPose]]:
     """Return the poses of the first performer, of the second, and so on."""
     others = [list(row) for row in zip(*(pose.others for pose in poses), strict=True)]
     return [list(poses), *others]
@@ -118,7 +118,7 @@ def by_performer(poses: Sequence[PoseFrame]) -> list[list[PoseFrame]]:
 
 def _solved(
     frames: Sequence[MarkerFrame], session: Stepper, activity: str, progress: Callable[[float, str], None]
-) -> tuple[list[PoseFrame], NDArray[np.float64]]:
+) -> tuple[list[PerformerPose], NDArray[np.float64]]:
     """Return the poses of frames in order, and the time (F,) that each took."""
     poses, seconds = [], []
     for i, frame in enumerate(frames):
@@ -130,7 +130,7 @@ def _solved(
     return poses, np.array(seconds)
 
 
-def steady_motion(poses: Sequence[PoseFrame], subject: Subject, name: str, where: str) -> Motion:
+def resample_uniform(poses: Sequence[PerformerPose], subject: Subject, name: str, where: str) -> Motion:
     """Return recorded poses as a motion: one frame a number, those that were lost on the way between their neighbours.
 
     Raises:
@@ -157,7 +157,7 @@ def steady_motion(poses: Sequence[PoseFrame], subject: Subject, name: str, where
     )
 
 
-def motion_of(poses: Sequence[PoseFrame], subject: Subject, name: str, fps: float) -> Motion:
+def motion_of(poses: Sequence[PerformerPose], subject: Subject, name: str, fps: float) -> Motion:
     """Return pose frames of steady rate as a motion of the subject's skeleton."""
     return Motion(
         name,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..body.calibration_poses import CALIBRATION
 from ..body.motion import Motion, sliced
 from ..body.motion_metrics import evaluate
-from ..body.pose_frame import PoseFrame
+from ..body.scene_pose import PerformerPose
 from ..database.build import build_database
 from ..database.store import Database, open_database
 from ..formats.motion.bvh import write_bvh
@@ -148,7 +148,7 @@ def _record(source: SimulatedSource, rig: CameraRig, progress: Progress) -> Reco
 
 def _solve(
     recording: Recording, subject: Subject, database: Database, progress: Progress
-) -> tuple[list[PoseFrame], Array]:
+) -> tuple[list[PerformerPose], Array]:
     session = Session(subject, database, recording.rig, SolveSettings())
     poses, seconds = [], []
     for i, frame in enumerate(recording.frames):
@@ -160,7 +160,7 @@ def _solve(
     return poses, np.array(seconds)
 
 
-def _figures(measures: dict[str, Any], poses: list[PoseFrame], seconds: Array) -> dict[str, Any]:
+def _figures(measures: dict[str, Any], poses: list[PerformerPose], seconds: Array) -> dict[str, Any]:
     kept = (
         "deg_per_joint",
         "deg_per_angle",
@@ -186,7 +186,7 @@ def _write(
     subject: Subject,
     solved: Motion,
     truth: Motion,
-    poses: list[PoseFrame],
+    poses: list[PerformerPose],
     progress: Progress,
 ) -> dict[str, str]:
     """Write motion, calibration and preview; return what is where."""
@@ -219,7 +219,7 @@ def _write(
     return {name: str(path) for name, path in files.items()}
 
 
-def _previews(recording: Recording, subject: Subject, truth: Motion, poses: list[PoseFrame]) -> Iterator[Image]:
+def _previews(recording: Recording, subject: Subject, truth: Motion, poses: list[PerformerPose]) -> Iterator[Image]:
     """Yield, for each shown frame, the left camera with what it found beside the solved character."""
     camera = preview_camera(np.array([pose.root_position_m for pose in poses]))
     stage = floor_image(camera)

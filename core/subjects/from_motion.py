@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..body.pose_frame import PoseFrame
+from ..body.scene_pose import PerformerPose
 from ..body.skeleton import Skeleton, forward_kinematics
 from ..database.store import Database
 from ..errors import SubjectError
@@ -211,7 +211,7 @@ def _sized(skeleton: Skeleton, parts: Array) -> Skeleton:
     return replace(skeleton, offsets_m=offsets, tips_m=tips)
 
 
-def _median_m(pose: PoseFrame) -> float:
+def _median_m(pose: PerformerPose) -> float:
     """Return the median distance between the markers on the pose and where they were seen, NaN when none was."""
     distances = np.linalg.norm(pose.observed_m - pose.markers_m, axis=1)
     seen = np.isfinite(distances)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import CaptureError
-from ..formats.take_file.pose_codec import SolvedPose, unpack_solved
+from ..formats.take_file.pose_codec import TimedPose, unpack_solved
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_frame_codec import pack_stamped, unpack_stamped
 
@@ -33,7 +33,7 @@ class MessageKind(IntEnum):
     REQUEST = 1  # JSON: what to do
     STOP = 2  # end cleanly, hand over what is left
     TAKEN = 3  # JSON: frames that the receiver is done with, so that a source that can wait does not run ahead
-    TUNE = 4  # JSON: how poses are to be shown from now on, see `pose_shaping.Shape`
+    TUNE = 4  # JSON: how poses are to be shown from now on, see `pose_shaping.FilterSettings`
     HELLO = 10  # JSON: token, process id
     STATUS = 11  # JSON: activity, fraction, frames, queued; stalled_s, skew_s, blind where they are known
     FRAME = 12  # stamp and marker frame
@@ -77,7 +77,7 @@ class Message:
             raise CaptureError(f"a {self.kind.name} message holds no marker frame", where="worker")
         return unpack_stamped(self.payload)
 
-    def pose(self) -> SolvedPose:
+    def pose(self) -> TimedPose:
         """Return the pose of a POSE message."""
         if self.kind is not MessageKind.POSE:
             raise CaptureError(f"a {self.kind.name} message holds no pose", where="worker")

@@ -2,21 +2,21 @@
 
 from collections.abc import Callable, Sequence
 
-from ..body.pose_frame import PoseFrame
+from ..body.scene_pose import PerformerPose
 from ..body.skeleton import Skeleton
 from ..errors import CaptureError
 from ..formats.vmc.link import Sender
-from ..session.pose_filters import PoseShaper, Shape
+from ..session.pose_filters import FilterSettings, PoseFilter
 
 
-class BroadcastShaper(PoseShaper):
+class BroadcastShaper(PoseFilter):
     """Shapes poses, and sends each to another program.
 
     Here, in the solver's process, every pose passes at the pace of the cameras, however slowly Blender draws. What the
     network does not take is told once, and then nothing is sent any more: a capture goes on without it.
 
     Args:
-        skeleton, floor_m, shape, others: as of `PoseShaper`; only the first performer is sent.
+        skeleton, floor_m, shape, others: as of `PoseFilter`; only the first performer is sent.
         host, port: of the other program.
         tell: told what is wrong, in plain words.
     """
@@ -25,7 +25,7 @@ class BroadcastShaper(PoseShaper):
         self,
         skeleton: Skeleton,
         floor_m: float | None,
-        shape: Shape,
+        shape: FilterSettings,
         host: str,
         port: int,
         tell: Callable[[str], None],
@@ -39,7 +39,7 @@ class BroadcastShaper(PoseShaper):
         except CaptureError as error:
             self._fail(error)
 
-    def step(self, pose: PoseFrame) -> PoseFrame:
+    def step(self, pose: PerformerPose) -> PerformerPose:
         """Return the next pose as it is shown, after it was sent."""
         shown = super().step(pose)
         if self._sender is not None:

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.body.pose_frame import PoseFrame
+from ...core.body.scene_pose import PerformerPose
 from ...core.errors import CaptureError, PerfanimError
 from ...core.worker.protocol import Message, MessageKind
 from ...core.worker.restart_point import Seam
@@ -91,7 +91,7 @@ class CaptureRun:
         self.phase = Phase.STARTING
         self.activity = "starting the worker"
         self.fraction: float | None = None
-        self.poses: list[PoseFrame] = []
+        self.poses: list[PerformerPose] = []
         self.warnings: list[str] = []
         self.standing = ""  # a warning that holds until the worker takes it back
         self.error: PerfanimError | None = None
@@ -119,7 +119,7 @@ class CaptureRun:
             return "; ".join(self.poses[-1].notes)
         return self.warnings[-1] if self.warnings else ""
 
-    def tick(self) -> PoseFrame | None:
+    def tick(self) -> PerformerPose | None:
         """Take all poses that have arrived; never waits.
 
         Returns:

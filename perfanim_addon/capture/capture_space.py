@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Carried:
+class RigidOffset:
     """A rigid motion of the performers' room, after which a character of its own room stands in another's.
 
     Args:
@@ -40,7 +40,7 @@ class Carried:
         return turned, rot.rotate(self.turn, np.asarray(root_positions_m, dtype=np.float64)) + self.shift_m
 
 
-class Room:
+class CaptureSpace:
     """From the performers' room to the scene, as a character stands in it: its step is the performer's.
 
     Args:
@@ -71,11 +71,11 @@ class Room:
         target.rotation_quaternion, target.location = Quaternion(turn), Vector(place)
         target.scale = (float(np.cbrt(abs(np.linalg.det(self._linear)))),) * 3
 
-    def carried_into(self, other: "Room", place_m: Array) -> Carried:
+    def carried_into(self, other: "CaptureSpace", place_m: Array) -> RigidOffset:
         """Return what brings a character of this room into another's, so that the two agree at a place (3,)."""
         turn = rot.multiply(rot.conjugate(self._turn), other._turn)
         here_m = np.linalg.solve(self._linear, other.placed(place_m) - self._origin)
-        return Carried(turn, here_m - rot.rotate(turn, place_m))
+        return RigidOffset(turn, here_m - rot.rotate(turn, place_m))
 
 
 def _still_matrix(armature_object: bpy.types.Object) -> Matrix:

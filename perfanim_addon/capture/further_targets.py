@@ -6,14 +6,14 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.body.pose_frame import PoseFrame
+from ...core.body.scene_pose import PerformerPose
 from ...core.body.skeleton import Skeleton
 from ...core.markers.prop import Prop
 from ...core.markers.subject import Subject
 from ..character.create_character import find_armature
 from ..character.posing import Posing, posing_of
 from ..settings.result_settings import placement
-from .capture_space import Room
+from .capture_space import CaptureSpace
 from .performer_driver import PerformerDriver, Role, write_performer_actions
 from .prop_driver import TargetDriver, write_prop_actions
 
@@ -37,7 +37,7 @@ class Others:
         self.props = tuple(props)
         self._targets = TargetDriver(context, props)
         self._performers = PerformerDriver(context, performers, parts)
-        self._room: Room | None = None
+        self._room: CaptureSpace | None = None
 
     @property
     def roles(self) -> list[Role]:
@@ -46,10 +46,10 @@ class Others:
 
     def enter(self, context: bpy.types.Context, armature_object: bpy.types.Object, posing: Posing) -> None:
         """Go on in the room of the first performer's character; further performers without one get a new one."""
-        self._room = Room(armature_object, posing)
+        self._room = CaptureSpace(armature_object, posing)
         self._performers.enter(context, self._room)
 
-    def apply(self, context: bpy.types.Context, frames: Sequence[PoseFrame]) -> None:
+    def apply(self, context: bpy.types.Context, frames: Sequence[PerformerPose]) -> None:
         """Show the last of all poses of the capture so far."""
         if self._room is not None:
             self._targets.apply(context, frames[-1].props, self._room)
@@ -71,8 +71,8 @@ def write_others(
     skeleton: Skeleton,
     props: Sequence[Prop],
     roles: Sequence[Role],
-    frames: Sequence[PoseFrame],
-    recorded: Sequence[PoseFrame],
+    frames: Sequence[PerformerPose],
+    recorded: Sequence[PerformerPose],
     at: Array,
     name: str,
 ) -> list[str]:
@@ -92,6 +92,6 @@ def write_others(
     if not props and not roles:
         return []
     armature = find_armature(object_name)
-    room = Room(armature, posing_of(armature, skeleton))
+    room = CaptureSpace(armature, posing_of(armature, skeleton))
     moved = write_prop_actions(context, props, recorded, at, room, name, placement(context, None))
     return moved + write_performer_actions(context, roles, frames, recorded, at, room, name)

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.body.pose_frame import PoseFrame
+from ...core.body.scene_pose import PerformerPose
 from ...core.body.skeleton import Skeleton
 from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import PerfanimError
@@ -22,7 +22,7 @@ from ..viewport import camera_preview, overlay
 from . import request, sound
 from .armature_driver import ArmatureDriver
 from .capture_run import CaptureRun, Phase
-from .capture_space import Room
+from .capture_space import CaptureSpace
 from .further_targets import Others, write_others
 from .recording import Cue, Recording
 from .write_take import add_character, frames_of, pose_arrays, write_poses
@@ -30,7 +30,7 @@ from .write_take import add_character, frames_of, pose_arrays, write_poses
 Array = NDArray[np.float64]
 
 
-class Capture:
+class LiveCapture:
     """A capture from the first click on: the starter database if it is not there yet, then the run.
 
     Only names are held, nothing of Blender's data: undo and file load replace that.
@@ -119,12 +119,12 @@ class Capture:
         self.run.shown()
         return True
 
-    def _draw(self, context: bpy.types.Context, pose: PoseFrame) -> None:
+    def _draw(self, context: bpy.types.Context, pose: PerformerPose) -> None:
         """Draw over the viewports what is chosen."""
         chosen = settings(context)
         parts = frozenset(chosen.overlay)
         if parts and self._drawn is None:
-            room = Room(chosen.armature, self._bind(context).posing)
+            room = CaptureSpace(chosen.armature, self._bind(context).posing)
             self._drawn = overlay.Scene.of(self._request, lambda places_m: room.brought(rot.identity(), places_m)[1])
         overlay.show(self._drawn, pose, parts)
 
@@ -269,6 +269,6 @@ def _plays(armature: bpy.types.Object | None) -> bool:
 def _after_frame_change(*_: object) -> None:
     """Let the live pose stand over what the timeline plays."""
     capture = activity.current()
-    if isinstance(capture, Capture):
+    if isinstance(capture, LiveCapture):
         with contextlib.suppress(PerfanimError):  # the next tick tells
             capture.pose_again()

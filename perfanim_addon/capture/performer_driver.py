@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.body.pose_frame import PoseFrame
+from ...core.body.scene_pose import PerformerPose
 from ...core.body.skeleton import forward_kinematics
 from ...core.markers.subject import Subject
 from ..animation.actions import write_posing
@@ -17,7 +17,7 @@ from ..character.posing import posing_of
 from ..settings import target_settings
 from ..settings.result_settings import placement
 from .armature_driver import ArmatureDriver
-from .capture_space import Carried, Room
+from .capture_space import CaptureSpace, RigidOffset
 
 Array = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ class Role:
     armature: str = ""
     only: frozenset[str] | None = None
 
-    def first_seen(self, frames: Sequence[PoseFrame]) -> int | None:
+    def first_seen(self, frames: Sequence[PerformerPose]) -> int | None:
         """Return in which of the frames something is known of where they are for the first time, None if in none."""
         return next((row for row, frame in enumerate(frames) if frame.others[self.index].confidence > 0.0), None)
 
@@ -49,7 +49,7 @@ class Role:
         found = bpy.data.objects.get(self.armature) if self.armature else None
         return found if _is_there(found) else None
 
-    def cast(self, context: bpy.types.Context, room: Room) -> "Role":
+    def cast(self, context: bpy.types.Context, room: CaptureSpace) -> "Role":
         """Return the role with a character; where there is none one is added, and chosen for the target.
 
         It stands where the room's own character stands, as large as the room is: both then move as the performers do.
@@ -101,12 +101,12 @@ class PerformerDriver:
         """Who performs, with the characters that move along by now."""
         return [follower.role for follower in self._followers]
 
-    def enter(self, context: bpy.types.Context, room: Room) -> None:
+    def enter(self, context: bpy.types.Context, room: CaptureSpace) -> None:
         """Go on in the room of the first performer's character; who has no character gets a new one."""
         for follower in self._followers:
             follower.enter(context, room)
 
-    def apply(self, frames: Sequence[PoseFrame]) -> None:
+    def apply(self, frames: Sequence[PerformerPose]) -> None:
         """Move the characters of those who have been seen; one that was deleted meanwhile is left out.
 
         Args:
@@ -132,8 +132,8 @@ class _Follower:
         self.role = role
         self._parts = parts
         self._held = held
-        self._room: Room | None = None
-        self._carried: Carried | None = None
+        self._room: CaptureSpace | None = None
+        self._carried: RigidOffset | None = None
         self._driver = self._bound(role) if role.armature else None
 
     def _bound(self, role: Role) -> ArmatureDriver:
@@ -141,19 +141,19 @@ class _Follower:
         self.role = replace(role, only=driver.only)
         return driver
 
-    def enter(self, context: bpy.types.Context, room: Room) -> None:
+    def enter(self, context: bpy.types.Context, room: CaptureSpace) -> None:
         self._room = room
         if self._driver is None:
             self._driver = self._bound(self.role.cast(context, room))
 
-    def apply(self, frames: Sequence[PoseFrame]) -> None:
+    def apply(self, frames: Sequence[PerformerPose]) -> None:
         character, driver = self.role.character(), self._driver
         if character is None or driver is None or self._room is None:
             return
         if self._carried is None:
             if self.role.first_seen(frames[-1:]) is None:
                 return
-            self._carried = _carried(self.role, frames, Room(character, driver.posing), self._room)
+            self._carried = _carried(self.role, frames, CaptureSpace(character, driver.posing), self._room)
             if driver.only is None:
                 self._held.take(character)
         pose = frames[-1].others[self.role.index]
@@ -164,7 +164,7 @@ class _Follower:
             self._driver.apply_again()
 
 
-def _carried(role: Role, frames: Sequence[PoseFrame], own: Room, room: Room) -> Carried:
+def _carried(role: Role, frames: Sequence[PerformerPose], own: CaptureSpace, room: CaptureSpace) -> RigidOffset:
     """Return what brings a further performer's poses into the room; the two agree where they were first seen."""
     first = role.first_seen(frames)
     if first is None:
@@ -177,10 +177,10 @@ def _carried(role: Role, frames: Sequence[PoseFrame], own: Room, room: Room) -> 
 def write_performer_actions(
     context: bpy.types.Context,
     roles: Sequence[Role],
-    all_frames: Sequence[PoseFrame],
-    recorded: Sequence[PoseFrame],
+    all_frames: Sequence[PerformerPose],
+    recorded: Sequence[PerformerPose],
     at: Array,
-    room: Room,
+    room: CaptureSpace,
     name: str,
 ) -> list[str]:
     """Write further performers' motion as actions of their characters, as is chosen; return the actions' names.
@@ -209,7 +209,7 @@ def write_performer_actions(
         if how.only is not None and not how.only & {*posing.bones, *posing.located}:
             continue
         poses = [frame.others[role.index] for frame in recorded[first:]]
-        moved = _carried(role, all_frames, Room(character, posing), room).moved(
+        moved = _carried(role, all_frames, CaptureSpace(character, posing), room).moved(
             np.stack([pose.rotations for pose in poses]), np.stack([pose.root_position_m for pose in poses])
         )
         written.append(

@@ -7,13 +7,13 @@ import numpy as np
 from mathutils import Quaternion, Vector
 from numpy.typing import NDArray
 
-from ...core.body.pose_frame import PoseFrame, PropPose
+from ...core.body.scene_pose import PerformerPose, PropPose
 from ...core.markers.prop import Prop
 from ..animation.actions import write_object_action
 from ..animation.placement import Onto, Placement
 from ..animation.suspended_actions import HeldActions
 from ..settings import target_settings
-from .capture_space import Room
+from .capture_space import CaptureSpace
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class TargetDriver:
         self._names: list[str | None] = [None] * len(props)  # an object is made when its prop is first seen
         self._held = HeldActions()
 
-    def apply(self, context: bpy.types.Context, poses: Sequence[PropPose], room: Room) -> None:
+    def apply(self, context: bpy.types.Context, poses: Sequence[PropPose], room: CaptureSpace) -> None:
         """Move the objects of the props that are found, in the room of the character that the capture drives.
 
         One that was deleted meanwhile is left out.
@@ -65,9 +65,9 @@ class TargetDriver:
 def write_prop_actions(
     context: bpy.types.Context,
     props: Sequence[Prop],
-    poses: Sequence[PoseFrame],
+    poses: Sequence[PerformerPose],
     frames: Array,
-    room: Room,
+    room: CaptureSpace,
     name: str,
     placement: Placement,
 ) -> list[str]:

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.body.pose_frame import PoseFrame
+from ...core.body.scene_pose import PerformerPose
 from ...core.body.skeleton import Skeleton
 from ..animation.actions import scene_frames, write_action
 from ..character.create_character import create_character
@@ -31,7 +31,7 @@ def add_character(context: bpy.types.Context, skeleton: Skeleton) -> str:
     return name
 
 
-def pose_arrays(poses: Sequence[PoseFrame]) -> tuple[Array, Array, Array]:
+def pose_arrays(poses: Sequence[PerformerPose]) -> tuple[Array, Array, Array]:
     """Return times (F,) in seconds, rotations (F, J, 4) and root positions (F, 3) in metres of poses."""
     times_s = np.array([pose.time_s for pose in poses])
     return times_s, np.stack([p.rotations for p in poses]), np.stack([p.root_position_m for p in poses])
@@ -71,7 +71,7 @@ def write_poses(
     return action
 
 
-def frames_of(context: bpy.types.Context, poses: Sequence[PoseFrame], start_frame: float) -> Array:
+def frames_of(context: bpy.types.Context, poses: Sequence[PerformerPose], start_frame: float) -> Array:
     """Return the scene frames (F,) on which poses stand, of which the first is at `start_frame`."""
     return scene_frames(increasing(np.array([pose.time_s for pose in poses])), context.scene, start_frame)
 

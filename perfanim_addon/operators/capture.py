@@ -6,7 +6,7 @@ import traceback
 import bpy
 
 from ...core.errors import CaptureError, PerfanimError
-from ..capture.live_capture import Capture
+from ..capture.live_capture import LiveCapture
 from ..jobs import activity
 from ..preferences import preferences
 from ..settings import readiness
@@ -44,7 +44,7 @@ class PERFANIM_OT_start_capture(bpy.types.Operator):
         try:
             if not chosen.database and not readiness.starter_database_path().exists():
                 prepare = starter_arguments()
-            capture = Capture(preferences.worker_python(context), prepare)
+            capture = LiveCapture(preferences.worker_python(context), prepare)
         except PerfanimError as error:
             return common.failed(self, PANEL, error)
         self._capture = capture
@@ -137,7 +137,7 @@ class PERFANIM_OT_stop_capture(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Only while capturing."""
-        if not isinstance(activity.current(), Capture):
+        if not isinstance(activity.current(), LiveCapture):
             cls.poll_message_set("Nothing is being captured")
             return False
         return True
@@ -145,7 +145,7 @@ class PERFANIM_OT_stop_capture(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Ask for the end; the capture's own timer finishes it."""
         capture = activity.current()
-        if isinstance(capture, Capture):
+        if isinstance(capture, LiveCapture):
             capture.stop()
         return {"FINISHED"}
 
@@ -160,7 +160,7 @@ class PERFANIM_OT_record(bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         """Only while capturing by button."""
         capture = activity.current()
-        if not isinstance(capture, Capture) or capture.run is None:
+        if not isinstance(capture, LiveCapture) or capture.run is None:
             cls.poll_message_set("Start the capture first")
             return False
         if not capture.by_button:
@@ -171,7 +171,7 @@ class PERFANIM_OT_record(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Begin or end."""
         capture = activity.current()
-        if isinstance(capture, Capture):
+        if isinstance(capture, LiveCapture):
             capture.record(settings(context))
         activity.redraw_sidebars()
         return {"FINISHED"}

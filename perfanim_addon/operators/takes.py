@@ -14,7 +14,7 @@ from ...core.formats.motion.write_motion import ANGLES, VRMA, write_motion
 from ...core.formats.take_file.reading import TakeFile, rate, read_take_file, summarise, take_name, unused_path
 from ...core.labelling.take_import import UPS
 from ...core.retarget.joint_naming import OWN
-from ...core.session.pose_filters import Shape, shaped
+from ...core.session.pose_filters import FilterSettings, filter_poses
 from ...core.solver.settings import METHODS
 from .. import take_library
 from ..capture import request as capture_setup
@@ -75,9 +75,9 @@ def _poses_of(context: bpy.types.Context, take: TakeFile) -> list[Any]:
     poses = [solved.pose for solved in take.recorded_poses]
     if not poses:
         raise TakeError("has no pose that was solved live", where=take.notes.name, advice="solve it again")
-    shape = Shape.of_table(capture_setup.shape(settings(context)))
+    shape = FilterSettings.of_table(capture_setup.shape(settings(context)))
     others = [subject.skeleton for subject in take.setup.further_subjects()]
-    return shaped(poses, take.setup.worn_subject().skeleton, floor_of(take.setup.camera_rig()), shape, others)
+    return filter_poses(poses, take.setup.worn_subject().skeleton, floor_of(take.setup.camera_rig()), shape, others)
 
 
 def _chosen(context: bpy.types.Context) -> str:
@@ -386,9 +386,9 @@ class PERFANIM_OT_export_take(_OfTake, bpy.types.Operator, ExportHelper):
         what = f"{take.notes.name} ({subject.name})" if others else take.notes.name
         naming = "" if self.naming == "OWN" else self.naming
         if self.kind in _MOTIONS:
-            from ...core.session.solve_take import steady_motion
+            from ...core.session.solve_take import resample_uniform
 
-            motion = steady_motion(found, subject, take.notes.name, self.path)
+            motion = resample_uniform(found, subject, take.notes.name, self.path)
             written = write_motion(motion, target, naming=naming or OWN, rate=self.rate or None)
             return f"{written.frames} frames of {what} in {target}"
         if not name and self.performer > 1:

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..capture.live_capture import Capture
+from ..capture.live_capture import LiveCapture
 from ..jobs import activity
 from ..preferences import preferences
 from ..preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
@@ -34,7 +34,7 @@ class PERFANIM_PT_batch(SidebarPanel, bpy.types.Panel):
         column.prop(chosen, "processes")
         layout.operator("perfanim.run_batch", icon="RENDER_ANIMATION")
         drawing.draw_job(layout, KEY)
-        if not isinstance(activity.current(), Capture):
+        if not isinstance(activity.current(), LiveCapture):
             drawing.draw_text(context, layout, *activity.message(KEY))
 
 

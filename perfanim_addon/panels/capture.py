@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..capture.live_capture import Capture
+from ..capture.live_capture import LiveCapture
 from ..character.body_parts import PARTS
 from ..jobs import activity as running
 from ..preferences.sidebar_tab import SidebarPanel
@@ -20,7 +20,7 @@ class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
         """Draw the state at the right of the header line."""
         activity = running.current()
         row = self.layout.row()
-        if isinstance(activity, Capture):
+        if isinstance(activity, LiveCapture):
             row.label(text=activity.line, icon="REC")
         else:
             problem = readiness.first_problem(settings(context))
@@ -34,7 +34,7 @@ class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
         activity = running.current()
         row = layout.row()
         row.scale_y = 1.8
-        if isinstance(activity, Capture):
+        if isinstance(activity, LiveCapture):
             row.operator("perfanim.stop_capture", icon="SNAP_FACE")
             if activity.by_button:
                 text = "Record" if activity.recording is None else "Stop Recording"
@@ -47,7 +47,7 @@ class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
             if not problem:
                 draw_text(context, layout, *running.message("capture"))
 
-    def _draw_figures(self, context: bpy.types.Context, layout: bpy.types.UILayout, capture: Capture) -> None:
+    def _draw_figures(self, context: bpy.types.Context, layout: bpy.types.UILayout, capture: LiveCapture) -> None:
         run = capture.run
         if run is None:
             draw_progress(layout, capture.job.fraction if capture.job else 0.0, capture.line)
@@ -81,7 +81,7 @@ class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw."""
-        chosen, is_live = settings(context), isinstance(running.current(), Capture)
+        chosen, is_live = settings(context), isinstance(running.current(), LiveCapture)
         column = self.layout.column()
         column.use_property_split = True
         column.use_property_decorate = False

@@ -5,7 +5,7 @@ from typing import Any
 
 import bpy
 
-from ..capture.live_capture import Capture
+from ..capture.live_capture import LiveCapture
 from ..jobs import activity as running
 from ..jobs.job import Job
 from ..preferences import preferences
@@ -49,7 +49,7 @@ class _Step(SidebarPanel):
         layout.use_property_split = True
         layout.use_property_decorate = False
         column = layout.column()
-        column.enabled = not isinstance(running.current(), Capture)
+        column.enabled = not isinstance(running.current(), LiveCapture)
         self.draw_step(column, chosen)
         state = type(self).state(chosen)
         job = running.current()

@@ -14,7 +14,7 @@ from ...core.formats.take_file.reading import TakeSummary, summarise
 from ...core.formats.take_file.setup import MOST_STARS
 from ...core.solver.settings import SolveSettings
 from .. import take_library
-from ..capture.live_capture import Capture
+from ..capture.live_capture import LiveCapture
 from ..jobs import activity
 from ..preferences import preferences
 from ..preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
@@ -101,7 +101,7 @@ class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the list, and what is known of the active take."""
         layout = self.layout
-        if isinstance(activity.current(), Capture):
+        if isinstance(activity.current(), LiveCapture):
             layout.label(text="Takes are listed after the capture")
             return
         shown = _list(context)
@@ -156,7 +156,7 @@ def _draw_room(layout: bpy.types.UILayout, count: int) -> None:
 
 def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
     """Offer, below the Capture panel, to recover the newest take that was cut off; nothing while capturing."""
-    if isinstance(activity.current(), Capture):
+    if isinstance(activity.current(), LiveCapture):
         return
     cut = take_library.cut_off()
     if cut:

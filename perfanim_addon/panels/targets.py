@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from ..capture.live_capture import Capture
+from ..capture.live_capture import LiveCapture
 from ..jobs import activity
 from ..preferences import preferences
 from ..preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
@@ -59,7 +59,7 @@ class PERFANIM_PT_targets(SidebarPanel, bpy.types.Panel):
         """Draw the list, and the fields of the active target."""
         layout, shown = self.layout, context.scene.perfanim_targets
         column = layout.column()
-        column.enabled = not isinstance(activity.current(), Capture)
+        column.enabled = not isinstance(activity.current(), LiveCapture)
         row = column.row()
         row.template_list("PERFANIM_UL_targets", "", shown, "entries", shown, "active", rows=_ROWS)
         buttons = row.column(align=True)

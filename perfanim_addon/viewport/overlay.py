@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.body.pose_frame import PoseFrame
+from ...core.body.scene_pose import PerformerPose
 from ...core.body.skeleton import Skeleton, forward_kinematics
 from ...core.geometry.rig_file import load_rig
 from ...core.markers.subject import load_subject
@@ -68,14 +68,14 @@ class Scene:
 class _State:
     handler: Any = None
     scene: Scene | None = None
-    pose: PoseFrame | None = None
+    pose: PerformerPose | None = None
     parts: frozenset[str] = frozenset()
 
 
 _state = _State()
 
 
-def show(scene: Scene | None, pose: PoseFrame, parts: frozenset[str]) -> None:
+def show(scene: Scene | None, pose: PerformerPose, parts: frozenset[str]) -> None:
     """Show a pose until `hide`; `parts` are those of the setting "overlay", none of them hides it."""
     if scene is None or not parts:
         hide()
@@ -114,13 +114,13 @@ def _draw() -> None:
     drawing.text(told, (right - _MARGIN * scale, _MARGIN * scale), _TEXT * scale, confidence_colour(pose))
 
 
-def confidence_colour(pose: PoseFrame) -> Colour:
+def confidence_colour(pose: PerformerPose) -> Colour:
     """Return green for a pose that is sure, red for a guessed one."""
     return coloured(_GREEN * pose.confidence)
 
 
 def shapes_of(
-    scene: Scene, pose: PoseFrame, parts: frozenset[str], on_screen: Projection, scale: float
+    scene: Scene, pose: PerformerPose, parts: frozenset[str], on_screen: Projection, scale: float
 ) -> tuple["Shapes", list[tuple[str, Array]]]:
     """Return what is drawn of a pose, and the names of markers with their places (2,).
 
@@ -138,7 +138,9 @@ def shapes_of(
     return shapes, names
 
 
-def _add_skeleton(shapes: "Shapes", skeleton: Skeleton, pose: PoseFrame, on_screen: Projection, scale: float) -> None:
+def _add_skeleton(
+    shapes: "Shapes", skeleton: Skeleton, pose: PerformerPose, on_screen: Projection, scale: float
+) -> None:
     joints = on_screen(forward_kinematics(skeleton, pose.rotations, pose.root_position_m)[0])
     for joint, parent in enumerate(skeleton.parents.tolist()):
         if parent >= 0:
@@ -146,7 +148,7 @@ def _add_skeleton(shapes: "Shapes", skeleton: Skeleton, pose: PoseFrame, on_scre
 
 
 def _add_markers(
-    shapes: "Shapes", labels: Sequence[str], cameras_m: Array, pose: PoseFrame, on_screen: Projection, scale: float
+    shapes: "Shapes", labels: Sequence[str], cameras_m: Array, pose: PerformerPose, on_screen: Projection, scale: float
 ) -> list[tuple[str, Array]]:
     """Add markers and rays; return the names with their places."""
     names = []

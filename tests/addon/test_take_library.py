@@ -13,10 +13,10 @@ import bpy
 import numpy as np
 import pytest
 from clicked import run_job
-from perfanim.core.body.pose_frame import PoseFrame
+from perfanim.core.body.scene_pose import PerformerPose
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.formats.take_file.chunks import scan
-from perfanim.core.formats.take_file.pose_codec import SolvedPose, pack_solved
+from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_solved
 from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
 from perfanim.core.formats.take_file.writer import TakeWriter
@@ -52,10 +52,10 @@ def write_take(folder: Path, name: str, frames: int = 30, poses: int = 30, orpha
         writer.add_frame(pack_stamped(0.0, MarkerFrame(number, number / 60)))
         if number < poses:
             rotations = np.tile([1.0, 0.0, 0.0, 0.0], (29, 1))
-            pose = PoseFrame(
+            pose = PerformerPose(
                 number, number / 60, rotations, np.array([0, 1 + number / 60, 0]), 0.5, none, none, np.full(9, -1), 0.0
             )
-            writer.add_pose(pack_solved(SolvedPose(pose, 0.0)))
+            writer.add_pose(pack_solved(TimedPose(pose, 0.0)))
     writer.close(orphaned)
     return writer.path
 
@@ -79,7 +79,7 @@ def test_a_worker_that_is_killed_leaves_a_take_that_can_be_recovered(part: Any) 
         if part("settings.readiness").starter_database_path().exists()
         else part("operators.database").starter_arguments()
     )
-    capture = live.Capture(None, prepare)
+    capture = live.LiveCapture(None, prepare)
     limit = time.monotonic() + PATIENCE_S
     try:
         while capture.run is None or len(capture.run.poses) < 30:

@@ -1,8 +1,8 @@
 """Marker frames and poses of a take, made up."""
 
 import numpy as np
-from perfanim.core.body.pose_frame import PoseFrame
-from perfanim.core.formats.take_file.pose_codec import SolvedPose, pack_solved
+from perfanim.core.body.scene_pose import PerformerPose
+from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_solved
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_frame_codec import pack_stamped
 
@@ -34,7 +34,7 @@ def pose_record(number: int) -> bytes:
     """A solved pose."""
     rng = np.random.default_rng(number + 1)
     rotations = rng.normal(size=(29, 4))
-    pose = PoseFrame(
+    pose = PerformerPose(
         number,
         number / 60,
         rotations / np.linalg.norm(rotations, axis=1, keepdims=True),
@@ -45,4 +45,4 @@ def pose_record(number: int) -> bytes:
         np.arange(MARKERS) % 3 - 1,
         0.004,
     )
-    return pack_solved(SolvedPose(pose, 1000.0 + number / 60, 0.002, 0))
+    return pack_solved(TimedPose(pose, 1000.0 + number / 60, 0.002, 0))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...body.motion import Motion
-from ...body.pose_frame import PoseFrame
+from ...body.scene_pose import PerformerPose
 from ...body.skeleton import forward_kinematics
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def figures_of(solved: "SolvedTake") -> dict[str, float | int | None]:
     return {name: _rounded(value) for name, value in figures.items()}
 
 
-def is_unsolved(poses: Sequence[PoseFrame]) -> NDArray[np.bool_]:
+def is_unsolved(poses: Sequence[PerformerPose]) -> NDArray[np.bool_]:
     """Return (F,) which frames have no pose of their own but repeat the last one, or wait in the T pose."""
     return np.array([pose.confidence == 0.0 and not np.isfinite(pose.marker_rms_m) for pose in poses])
 

@@ -36,10 +36,10 @@ class CommandLine:
     def __init__(self) -> None:
         import cv2
 
-        from ...session.session_cache import SolverStore
+        from ...session.session_cache import SessionCache
 
         cv2.setNumThreads(1)  # there is a process for each core
-        self._store = SolverStore()
+        self._store = SessionCache()
 
     def track(self, options: Sequence[str]) -> dict[str, Any]:
         """Run `perfanim track`."""

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...body.pose_frame import PoseFrame
+from ...body.scene_pose import PerformerPose
 from ...database.store import Database
 from ...errors import CaptureError
 from ...geometry.camera import CameraRig
@@ -86,7 +86,7 @@ class StageTimes:
     """
 
     milliseconds: dict[str, NDArray[np.float64]]
-    poses: tuple[PoseFrame, ...]
+    poses: tuple[PerformerPose, ...]
     located: float
 
 
@@ -96,7 +96,7 @@ def stage_times(streams: Streams, database: Database) -> StageTimes:
     session = Session(streams.subject, database, streams.rig)
     labelling = Session(streams.subject, database, streams.rig)
     milliseconds: dict[str, list[float]] = {stage: [] for stage in STAGES}
-    poses: list[PoseFrame] = []
+    poses: list[PerformerPose] = []
     located = 0
     sets = list(_sets(streams.images, range(len(streams.images))))
     for start in range(0, len(sets), _BLOCK):
@@ -118,7 +118,7 @@ def stage_times(streams: Streams, database: Database) -> StageTimes:
     return StageTimes({stage: np.array(rows) for stage, rows in milliseconds.items()}, tuple(poses), share)
 
 
-def _label(session: Session, frame: MarkerFrame, before: PoseFrame) -> int:
+def _label(session: Session, frame: MarkerFrame, before: PerformerPose) -> int:
     """Label what a frame shows by the pose before; return how many markers are located."""
     return int(session.label_followed(frame, before.markers_m, 1.0 / _FPS).located.sum())
 
@@ -139,7 +139,7 @@ class Throughput:
     located: float
 
 
-def throughput(streams: Streams, database: Database, poses: Sequence[PoseFrame], passes: int) -> Throughput:
+def throughput(streams: Streams, database: Database, poses: Sequence[PerformerPose], passes: int) -> Throughput:
     """Send the streams through the cameras' process, as fast as it takes them, and label here what it hands over.
 
     Raises:

@@ -17,7 +17,7 @@ from ...markers.label_matching import AUTO, best_match, load_names, named_by_han
 from ...markers.marker_set import MarkerSet, load_marker_set
 from ...markers.subject import Subject, load_subject
 from ...markers.take_frames import is_unnamed
-from ...session.save_solved_take import keep_markers
+from ...session.save_solved_take import save_imported_take
 from ...solver.settings import METHODS, SolveSettings
 from ...subjects.marker_selection import worn_in
 
@@ -136,7 +136,7 @@ def _imported(
     take = replace(take, name=take_name(out))  # two of one name are told apart in a list, too
     capture = {"imported": str(path), "up": args.up}
     worn, settings = worn_in(take, subject), SolveSettings(method=args.method)
-    solved = keep_markers(out, take, worn, database, settings, capture, progress)
+    solved = save_imported_take(out, take, worn, database, settings, capture, progress)
     figures = solved.summary()
     if not figures["marker_rms_mm"] <= _DOUBTFUL_MM:
         off = f"{figures['marker_rms_mm']:.0f} mm off"

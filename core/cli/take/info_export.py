@@ -15,7 +15,7 @@ from ...formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_moti
 from ...formats.take_file.edit import recover
 from ...formats.take_file.lock import is_locked
 from ...formats.take_file.reading import ENDING, TakeFile, rate, read_take_file, take_name
-from ...session.solve_take import by_performer, steady_motion
+from ...session.solve_take import by_performer, resample_uniform
 from ..options import add_motion_options
 from . import fill, import_takes
 
@@ -199,7 +199,7 @@ def run_export(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         subject = (take.setup.worn_subject(), *take.setup.further_subjects())[index]
         everybody = by_performer([solved.pose for solved in take.recorded_poses])
         poses = everybody[index] if index < len(everybody) else []
-        motion = steady_motion(poses, subject, take.notes.name, str(args.take))
+        motion = resample_uniform(poses, subject, take.notes.name, str(args.take))
         motion = write_motion(motion, out, args.units, args.naming, args.rate)
         return {"frames": motion.frames, "fps": motion.fps, "warnings": warnings, "out": str(out)}
     if args.performer is not None:

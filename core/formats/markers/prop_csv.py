@@ -4,13 +4,13 @@ import csv
 from collections.abc import Sequence
 from pathlib import Path
 
-from ...body.pose_frame import PoseFrame
+from ...body.scene_pose import PerformerPose
 from ...system.files import atomic_path
 
 HEADER = ("frame", "time_s", "x", "y", "z", "qw", "qx", "qy", "qz", "rms_mm", "markers")
 
 
-def write_prop_csv(poses: Sequence[PoseFrame], index: int, name: str, fps: float, path: Path | str) -> None:
+def write_prop_csv(poses: Sequence[PerformerPose], index: int, name: str, fps: float, path: Path | str) -> None:
     """Write position (metres, y up) and world-from-prop quaternion of one of the props of poses; blank while hidden.
 
     Args:

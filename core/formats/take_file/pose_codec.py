@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...body.pose_frame import PoseFrame, PropPose
+from ...body.scene_pose import PerformerPose, PropPose
 from ...errors import CaptureError
 
 _MAGIC = b"PFPF"
@@ -20,7 +20,7 @@ _SOLVED_HEAD = struct.Struct("<ddI")  # stamp, seconds in the solver, frames wai
 
 
 @dataclass(frozen=True)
-class SolvedPose:
+class TimedPose:
     """A pose as it leaves the solver.
 
     Args:
@@ -30,26 +30,26 @@ class SolvedPose:
         waiting: marker frames that had arrived by then and were not solved.
     """
 
-    pose: PoseFrame
+    pose: PerformerPose
     stamp_s: float
     solve_s: float = 0.0
     waiting: int = 0
 
 
-def pack_solved(solved: SolvedPose) -> bytes:
+def pack_solved(solved: TimedPose) -> bytes:
     """Return a solved pose as bytes."""
     return _SOLVED_HEAD.pack(solved.stamp_s, solved.solve_s, solved.waiting) + pack_pose(solved.pose)
 
 
-def unpack_solved(data: bytes) -> SolvedPose:
+def unpack_solved(data: bytes) -> TimedPose:
     """Return the solved pose of `pack_solved`; CaptureError when the bytes are not one whole one of this version."""
     if len(data) < _SOLVED_HEAD.size:
         raise CaptureError("a pose was cut off", where="worker")
     stamp_s, solve_s, waiting = _SOLVED_HEAD.unpack_from(data)
-    return SolvedPose(unpack_pose(data[_SOLVED_HEAD.size :]), stamp_s, solve_s, waiting)
+    return TimedPose(unpack_pose(data[_SOLVED_HEAD.size :]), stamp_s, solve_s, waiting)
 
 
-def pack_pose(pose: PoseFrame) -> bytes:
+def pack_pose(pose: PerformerPose) -> bytes:
     """Return the pose as bytes: little-endian header, arrays, notes, and further targets where the capture has any."""
     notes = "\n".join(pose.notes).encode("utf-8")
     header = _HEADER.pack(
@@ -91,7 +91,7 @@ def _sized(part: bytes) -> bytes:
     return _LENGTH.pack(len(part)) + part
 
 
-def _unpack_targets(version: int, data: bytes) -> tuple[tuple[PropPose, ...], tuple[PoseFrame, ...]]:
+def _unpack_targets(version: int, data: bytes) -> tuple[tuple[PropPose, ...], tuple[PerformerPose, ...]]:
     """Return props and further performers of a pose; struct.error when the bytes are not they."""
     if version == _VERSION and data:
         raise struct.error("another length")
@@ -110,7 +110,7 @@ def _unpack_targets(version: int, data: bytes) -> tuple[tuple[PropPose, ...], tu
     return _unpack_props(parts[0]), tuple(unpack_pose(part) for part in parts[1:])
 
 
-def unpack_pose(data: bytes) -> PoseFrame:
+def unpack_pose(data: bytes) -> PerformerPose:
     """Return the pose of `pack_pose`; CaptureError when the bytes are not one whole pose of this version."""
     if len(data) < _HEADER.size:
         raise CaptureError("a pose was cut off", where="worker")
@@ -132,7 +132,7 @@ def unpack_pose(data: bytes) -> PoseFrame:
     single_cameras = np.frombuffer(data, dtype="<i8", count=markers, offset=_HEADER.size + 8 * floats)
     rotations, root, markers_m, observed_m = np.split(values, np.cumsum((4 * joints, 3, 3 * markers)))
     notes = data[notes_at:targets_at].decode("utf-8")
-    return PoseFrame(
+    return PerformerPose(
         number=number,
         time_s=time_s,
         rotations=rotations.reshape(joints, 4),

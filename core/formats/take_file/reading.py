@@ -25,7 +25,7 @@ from .chunks import (
     split_records,
 )
 from .footer import Footer, find_footer
-from .pose_codec import SolvedPose, unpack_solved
+from .pose_codec import TimedPose, unpack_solved
 from .setup import TakeNotes, TakeSetup, json_object
 
 ENDING = ".perftake"
@@ -112,12 +112,12 @@ class TakeFile:
         return tuple(frame for _, frame in self.stamped_frames)
 
     @cached_property
-    def poses(self) -> tuple[SolvedPose, ...]:
+    def poses(self) -> tuple[TimedPose, ...]:
         """The poses as they were solved live, in order; there may be fewer than frames."""
         return tuple(self._records(ChunkKind.POSES, unpack_solved))
 
     @property
-    def recorded_poses(self) -> tuple[SolvedPose, ...]:
+    def recorded_poses(self) -> tuple[TimedPose, ...]:
         """Those of the poses that were asked for: without a countdown, or what came after an end by itself."""
         return tuple(solved for solved in self.poses if self.is_recorded(solved.pose.number))
 

@@ -9,7 +9,7 @@ from ...markers.marker_frame_codec import pack_stamped
 from ...system.files import atomic_path
 from .chunks import ChunkKind, encode_chunk, join_records, preamble
 from .footer import Footer
-from .pose_codec import SolvedPose, pack_solved
+from .pose_codec import TimedPose, pack_solved
 from .setup import TakeNotes, TakeSetup
 
 _RECORDS_PER_CHUNK = 64  # what one damaged byte costs
@@ -20,7 +20,7 @@ def write_whole_take(
     setup: TakeSetup,
     notes: TakeNotes,
     frames: Sequence[tuple[float, MarkerFrame]],
-    poses: Sequence[SolvedPose],
+    poses: Sequence[TimedPose],
     events: Sequence[bytes] = (),
 ) -> None:
     """Write a take with its end mark.

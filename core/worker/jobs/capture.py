@@ -29,10 +29,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...body.foot_lock import floor_of
-from ...body.pose_frame import PoseFrame
+from ...body.scene_pose import PerformerPose
 from ...database.store import Database, identity, open_database
 from ...errors import CaptureError, PerfanimError, SettingsError
-from ...formats.take_file.pose_codec import SolvedPose, pack_solved
+from ...formats.take_file.pose_codec import TimedPose, pack_solved
 from ...formats.take_file.setup import TakeNotes, TakeSetup
 from ...formats.take_file.writer import TakeWriter
 from ...geometry.camera import CameraRig
@@ -41,7 +41,7 @@ from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_frame_codec import pack_stamped, unpack_stamped
 from ...markers.prop import load_prop
 from ...markers.subject import load_subject
-from ...session.pose_filters import PoseShaper, Shape
+from ...session.pose_filters import FilterSettings, PoseFilter
 from ...simulate.studio.rig import default_rig
 from ...solver.settings import SolveSettings
 from ..channel import Channel
@@ -139,12 +139,12 @@ def _session(setup: TakeSetup, database: Database, settings: SolveSettings) -> "
     return followed([Session(subject, database, rig, settings) for subject in subjects], setup.carried_props())
 
 
-def _shaper(request: Mapping[str, Any], setup: TakeSetup, cameras: Mapping[str, Any], channel: Channel) -> PoseShaper:
+def _shaper(request: Mapping[str, Any], setup: TakeSetup, cameras: Mapping[str, Any], channel: Channel) -> PoseFilter:
     floor_m = floor_of(setup.camera_rig()) if cameras.get("rig") else 0.0  # the simulated performer's is known
-    skeleton, shape = setup.worn_subject().skeleton, Shape.of_table(request.get("shape", {}))
+    skeleton, shape = setup.worn_subject().skeleton, FilterSettings.of_table(request.get("shape", {}))
     others = [subject.skeleton for subject in setup.further_subjects()]
     if not request.get("vmc"):
-        return PoseShaper(skeleton, floor_m, shape, others)
+        return PoseFilter(skeleton, floor_m, shape, others)
     from ..vmc_output import BroadcastShaper  # a capture that sends nothing does not load it
 
     host, port = request["vmc"]
@@ -191,7 +191,7 @@ class _Relay:
         self,
         client: WorkerClient,
         session: "Stepper",
-        shaper: PoseShaper,
+        shaper: PoseFilter,
         channel: Channel,
         take: TakeWriter | None,
         cameras: Mapping[str, Any],
@@ -210,7 +210,7 @@ class _Relay:
         self._cause = ""
         self._shift = Shift()
         self._solved: bytes | None = None  # ahead of time: Blender has it as soon as it has taken the last
-        self._pose: PoseFrame | None = None  # the last
+        self._pose: PerformerPose | None = None  # the last
         self._blind = 0  # images of single cameras that were of no use
         self._told_s = 0.0
         self._stop_asked_s = 0.0
@@ -336,14 +336,14 @@ class _Relay:
         stamp_s, frame = unpack_stamped(record)
         started_s = time.perf_counter()
         pose = self._pose = self._session.step(frame)
-        solved = SolvedPose(pose, stamp_s, time.perf_counter() - started_s, len(self._pending))
+        solved = TimedPose(pose, stamp_s, time.perf_counter() - started_s, len(self._pending))
         record = pack_solved(solved)
         if self._kept is not None:
             self._kept.add_pose(record)
         self._tell_cameras(frame)
         tuned, self._channel.tuned = self._channel.tuned, None
         if tuned is not None:
-            self._shaper.tune(Shape.of_table(tuned))
+            self._shaper.tune(FilterSettings.of_table(tuned))
         shown = self._shaper.step(pose)
         return record if shown is pose else pack_solved(replace(solved, pose=shown))
 

@@ -23,7 +23,7 @@ def test_the_defaults_capture_a_new_character_into_one_action(part: Any) -> None
     bpy.context.scene.render.fps = 24
     bpy.context.scene.frame_current = 11
     prepare = [] if states.starter_database_path().exists() else database.starter_arguments()
-    capture = live.Capture(None, prepare)
+    capture = live.LiveCapture(None, prepare)
     try:
         tick_until(capture, lambda: capture.run is not None and len(capture.run.poses) >= 60)
         character = bpy.context.scene.perfanim.armature
@@ -84,7 +84,7 @@ def test_stop_before_the_first_frame_leaves_the_old_action(part: Any) -> None:
         if part("settings.readiness").starter_database_path().exists()
         else part("operators.database").starter_arguments()
     )
-    capture = live.Capture(None, prepare)
+    capture = live.LiveCapture(None, prepare)
     try:
         tick_until(capture, lambda: capture.run is not None)
         assert armature.animation_data.action is None  # so that it does not pull at the bones
@@ -138,7 +138,7 @@ def test_a_recording_of_a_length_says_which_part_of_the_take_it_is(part: Any, mo
     monkeypatch.setattr(part("take_library"), "mark_played", lambda *_: None)
     monkeypatch.setattr(part("take_library"), "mark_recorded", lambda *what: noted.append(what))
     bpy.context.scene.perfanim.record_length_s = 0.5
-    capture = part("capture.live_capture").Capture(None, [])
+    capture = part("capture.live_capture").LiveCapture(None, [])
     for _ in range(45):
         capture.tick(bpy.context)
     assert capture.recording is None
@@ -158,7 +158,7 @@ def test_a_rehearsal_records_what_the_button_says(part: Any, monkeypatch: pytest
     monkeypatch.setattr(part("take_library"), "mark_played", lambda *_: None)
     monkeypatch.setattr(part("take_library"), "mark_recorded", lambda *what: noted.append(what))
     chosen.record_by_button = True
-    capture = part("capture.live_capture").Capture(None, [])
+    capture = part("capture.live_capture").LiveCapture(None, [])
     monkeypatch.setattr(running, "current", lambda: capture)
     assert not bpy.ops.perfanim.record.poll()  # nothing is captured yet
 
@@ -189,7 +189,7 @@ def test_a_rehearsal_without_a_recording_keeps_the_scene_as_it_was(part: Any, mo
     skeleton = part("operators.character").performer_skeleton(chosen)
     play_worker(part, monkeypatch, skeleton, swing(skeleton, ("head",), 60))
     chosen.record_by_button = True
-    capture = part("capture.live_capture").Capture(None, [])
+    capture = part("capture.live_capture").LiveCapture(None, [])
     for _ in range(9):
         capture.tick(bpy.context)
     assert capture.keep(bpy.context) == ""
@@ -210,7 +210,7 @@ def test_one_arm_is_captured_while_the_rest_plays_its_own_animation(part: Any, m
     run = play_worker(part, monkeypatch, skeleton, turned)
     chosen.body_parts = {"ARM_L"}
     bpy.context.scene.frame_set(30)
-    capture = live.Capture(None, [])
+    capture = live.LiveCapture(None, [])
     running.begin(bpy.context, capture, 1.0)
     for _ in range(32):  # the first begins it
         capture.tick(bpy.context)
@@ -262,7 +262,7 @@ def test_what_is_recorded_is_kept_when_blender_takes_the_capture_down(part: Any,
         else part("operators.database").starter_arguments()
     )
     running, operator = part("jobs.activity"), part("operators.capture").PERFANIM_OT_start_capture
-    capture = part("capture.live_capture").Capture(None, prepare)
+    capture = part("capture.live_capture").LiveCapture(None, prepare)
     running.begin(bpy.context, capture, 1.0)
     tick_until(capture, lambda: capture.run is not None and len(capture.run.poses) >= 10)
     keys: list[int] = []
@@ -296,7 +296,7 @@ def test_a_character_deleted_while_capturing_does_not_lose_the_take(part: Any) -
         if part("settings.readiness").starter_database_path().exists()
         else part("operators.database").starter_arguments()
     )
-    capture = live.Capture(None, prepare)
+    capture = live.LiveCapture(None, prepare)
     errors = sys.modules[live.__name__.replace("perfanim_addon.live", "core.errors")]
     try:
         tick_until(capture, lambda: capture.run is not None and len(capture.run.poses) >= 10)
@@ -334,7 +334,7 @@ def test_image_folders_are_captured_to_their_end(part: Any, tmp_path: Path) -> N
         if part("settings.readiness").starter_database_path().exists()
         else part("operators.database").starter_arguments()
     )
-    capture = part("capture.live_capture").Capture(None, prepare)
+    capture = part("capture.live_capture").LiveCapture(None, prepare)
     try:
         tick_until(capture, lambda: capture.done)
         text = capture.keep(bpy.context)

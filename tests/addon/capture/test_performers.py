@@ -10,11 +10,11 @@ import bpy
 import numpy as np
 import pytest
 from clicked import run_job
-from perfanim.core.body.pose_frame import PoseFrame
+from perfanim.core.body.scene_pose import PerformerPose
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.build import build_database
 from perfanim.core.formats.motion.bvh import read_bvh
-from perfanim.core.formats.take_file.pose_codec import SolvedPose
+from perfanim.core.formats.take_file.pose_codec import TimedPose
 from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
 from perfanim.core.formats.take_file.whole import write_whole_take
@@ -56,16 +56,16 @@ def turned(skeleton: Any, number: int, heading_deg: float) -> np.ndarray:
 
 
 def pose_of(
-    number: int, rotations: np.ndarray, root_m: tuple[float, ...], sure: float, *others: PoseFrame
-) -> PoseFrame:
+    number: int, rotations: np.ndarray, root_m: tuple[float, ...], sure: float, *others: PerformerPose
+) -> PerformerPose:
     none = np.full((9, 3), np.nan)
     single = np.full(9, -1)
-    return PoseFrame(
+    return PerformerPose(
         number, number / 60, rotations, np.array(root_m), sure, none, none, single, np.nan, others=tuple(others)
     )
 
 
-def moments(count: int) -> list[PoseFrame]:
+def moments(count: int) -> list[PerformerPose]:
     """Poses of two who walk about, 60 a second; nothing is known of the second until the fifth."""
     found = []
     for n in range(count):
@@ -91,7 +91,7 @@ def play(part: Any, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
             monkeypatch.setattr(part("take_library"), name, lambda *_: None)
         bpy.context.scene.render.fps = 60
         bpy.context.scene.frame_set(1)
-        return part("capture.live_capture").Capture(None, [])
+        return part("capture.live_capture").LiveCapture(None, [])
 
     return start
 
@@ -304,7 +304,7 @@ def taken(part: Any, name: str) -> Path:
     poses = moments(20)
     frames = [(0.0, MarkerFrame(pose.number, pose.time_s)) for pose in poses]
     path = part("take_library").folder() / f"{name}.perftake"
-    write_whole_take(path, setup, TakeNotes(name), frames, [SolvedPose(pose, 0.0) for pose in poses])
+    write_whole_take(path, setup, TakeNotes(name), frames, [TimedPose(pose, 0.0) for pose in poses])
     part("take_library").forget()
     return path
 
@@ -369,7 +369,7 @@ def test_two_before_the_cameras_live_and_solved_again(part: Any, shown: Any, tmp
     shown.entries.add().kind = "PERFORMER"
     source = {"behaviour": "kendo", "height_m": 1.75, "partners": [{"behaviour": "boxing"}]}
     truth = [one.motion for one in open_simulated(source).performance.everybody]
-    capture = live.Capture(None, [])
+    capture = live.LiveCapture(None, [])
     limit = time.monotonic() + PATIENCE_S
 
     def tick_until(condition: Callable[[], bool]) -> None:

@@ -100,7 +100,7 @@ def test_a_sword_is_in_the_characters_hand_live_and_in_the_action(part: Any, sho
     shown.entries.add()
     source = open_simulated({"behaviour": "kendo", "height_m": 1.75, "seconds": 60.0, "prop": "sword"})
     turns, places = in_hand(load_prop("sword")).true_poses(source.motion)
-    capture = live.Capture(None, [])
+    capture = live.LiveCapture(None, [])
     try:
         tick_until(capture, lambda: capture.run is not None and len(capture.run.poses) >= POSES)
         character, sword = scene.perfanim.armature, shown.entries[0].object
@@ -148,7 +148,7 @@ def test_an_objects_own_action_is_given_back_when_nothing_is_kept(part: Any, sho
     entry = shown.entries.add()
     entry.object = cube = bpy.data.objects.new("Cube", None)
     cube.animation_data_create().action = old = bpy.data.actions.new("Old")
-    room = part("capture.capture_space").Room(armature, part("character.posing").posing_of(armature, skeleton))
+    room = part("capture.capture_space").CaptureSpace(armature, part("character.posing").posing_of(armature, skeleton))
     following = driver.TargetDriver(bpy.context, [prop])
     pose = sys.modules[f"{driver.__package__.rpartition('.')[0]}.core.markers.prop"].PropPose
     following.apply(bpy.context, [pose(np.array([1.0, 0, 0, 0]), np.zeros(3))], room)

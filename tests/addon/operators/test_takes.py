@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from clicked import run_job
 from perfanim.core.body.motion import resampled, sliced
-from perfanim.core.body.pose_frame import PoseFrame
+from perfanim.core.body.scene_pose import PerformerPose
 from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.cli.main import main
 from perfanim.core.formats.markers.marker_files import write_take
 from perfanim.core.formats.motion.bvh import read_bvh, write_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
-from perfanim.core.formats.take_file.pose_codec import SolvedPose
+from perfanim.core.formats.take_file.pose_codec import TimedPose
 from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
 from perfanim.core.formats.take_file.whole import write_whole_take
@@ -66,13 +66,13 @@ def recorded(part: Any, walk: SimpleNamespace, name: str, **notes: Any) -> Path:
     """A take with the walk as its poses."""
     none, motion = np.full((8, 3), np.nan), (walk.motion.rotations, walk.motion.root_positions_m)
     poses = [
-        PoseFrame(number, number / 30.0, rotations, root, 0.9, none, none, np.full(8, -1), 0.0)
+        PerformerPose(number, number / 30.0, rotations, root, 0.9, none, none, np.full(8, -1), 0.0)
         for number, (rotations, root) in enumerate(zip(*motion, strict=True))
     ]
     setup = TakeSetup.of(default_rig(), walk.subject, {"method": "lwr"}, {"path": "C:/data/walks.perfdb"}, {})
     frames = [(0.0, MarkerFrame(pose.number, pose.time_s)) for pose in poses]
     path = part("take_library").folder() / f"{name}.perftake"
-    write_whole_take(path, setup, TakeNotes(name, **notes), frames, [SolvedPose(pose, 0.0) for pose in poses])
+    write_whole_take(path, setup, TakeNotes(name, **notes), frames, [TimedPose(pose, 0.0) for pose in poses])
     part("take_library").forget()
     return path
 

@@ -172,7 +172,9 @@ def test_the_left_camera_alone_captures_where_no_right_one_is_chosen(states: Any
 
 def test_an_average_body_of_the_right_height_is_a_profile(states: Any, chosen: Any) -> None:
     chosen.subject_name, chosen.subject_height, chosen.marker_set = "Tall one", 1.9, "one-camera"
-    operator = sys.modules[states.__name__.replace("settings.readiness", "operators.subject")].PERFANIM_OT_average_performer
+    operator = sys.modules[
+        states.__name__.replace("settings.readiness", "operators.subject")
+    ].PERFANIM_OT_average_performer
     assert operator.execute(SimpleNamespace(), bpy.context) == {"FINISHED"}
     assert states.performer(chosen).text == "Tall one, average body"
     found = load_subject(chosen.subject)

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
-from perfanim.core.body.pose_frame import PoseFrame
+from perfanim.core.body.scene_pose import PerformerPose
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry import rotations as rot
@@ -27,8 +27,8 @@ NOWHERE_M = np.full(3, np.nan)
 PX = 100.0  # to a metre
 
 
-def pose(confidence: float = 1.0) -> PoseFrame:
-    return PoseFrame(
+def pose(confidence: float = 1.0) -> PerformerPose:
+    return PerformerPose(
         7, 0.1, rot.identity((len(SKELETON.names),)), ROOT_M, confidence, MARKERS_M,
         np.stack([SEEN_M, NOWHERE_M, NOWHERE_M]), np.array([-1, -1, 1]), 0.01,
     )  # fmt: skip

@@ -6,12 +6,12 @@ import socket
 import numpy as np
 import pytest
 from perfanim.core.body.motion import sliced
-from perfanim.core.body.pose_frame import PoseFrame
+from perfanim.core.body.scene_pose import PerformerPose
 from perfanim.core.cli.main import build_parser, main
 from perfanim.core.database.store import identity
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
-from perfanim.core.formats.take_file.pose_codec import SolvedPose
+from perfanim.core.formats.take_file.pose_codec import TimedPose
 from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
 from perfanim.core.formats.take_file.whole import write_whole_take
 from perfanim.core.formats.vmc.link import Receiver
@@ -53,11 +53,11 @@ def test_a_recorded_take_is_sent_as_it_was_solved_live(tmp_path, truth, subject,
     setup = TakeSetup.of(stage_rig, subject, {}, identity(database), {})
     nowhere, alone = np.full((len(subject.marker_set), 3), np.nan), np.full(len(subject.marker_set), -1)
     poses = [
-        PoseFrame(n, n / 30, truth.rotations[n], truth.root_positions_m[n], 1.0, nowhere, nowhere, alone, np.nan)
+        PerformerPose(n, n / 30, truth.rotations[n], truth.root_positions_m[n], 1.0, nowhere, nowhere, alone, np.nan)
         for n in range(8)
     ]
     path = tmp_path / "walk.perftake"
-    write_whole_take(path, setup, TakeNotes("Walk"), [], [SolvedPose(pose, pose.time_s) for pose in poses])
+    write_whole_take(path, setup, TakeNotes("Walk"), [], [TimedPose(pose, pose.time_s) for pose in poses])
     with Receiver(0) as receiver:
         assert main(["vmc", "send", str(path), "--to", f"127.0.0.1:{receiver.port}", "--json"]) == 0
         assert json.loads(capsys.readouterr().out)["frames"] == 8

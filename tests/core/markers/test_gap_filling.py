@@ -12,7 +12,7 @@ from perfanim.core.markers.gap_filling import Gap, gaps_of, with_gaps_filled, wi
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import Subject, save_subject
-from perfanim.core.session.session.solve_take import solve_take
+from perfanim.core.session.solve_take import solve_take
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
 from scipy.interpolate import CubicSpline

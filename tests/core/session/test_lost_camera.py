@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from perfanim.core.session.session.session import Session
+from perfanim.core.session.session import Session
 
 LOST = range(12, 20)
 NOTE = "the left camera froze"

@@ -5,8 +5,8 @@ import pytest
 from perfanim.core.errors import PropError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.prop import load_prop
-from perfanim.core.session.session.multi_target_session import Ensemble, followed
-from perfanim.core.session.session.session import Session
+from perfanim.core.session.multi_target_session import MultiTargetSession, followed
+from perfanim.core.session.session import Session
 from perfanim.core.simulate.studio.carried_prop import in_hand
 from props import Film, markers_of
 
@@ -20,7 +20,7 @@ def test_neither_takes_what_is_the_others(subject, database, record, truth, true
     turns, places = in_hand(sword).true_poses(truth)
     points = np.concatenate((true_markers, markers_of(sword, turns, places)), axis=1)
     film, hand = Film(record), subject.marker_set.names.index("RHAN")
-    ensemble = Ensemble([Session(subject, database, film.rig if images else None)], [sword])
+    ensemble = MultiTargetSession([Session(subject, database, film.rig if images else None)], [sword])
     for number, row in enumerate(points[:45]):
         is_hidden = number > 15 and number // 10 % 2 == 1
         pose = ensemble.step(film(row, number, ((hand, -1),) if is_hidden else (), images=images))
@@ -35,7 +35,7 @@ def test_neither_takes_what_is_the_others(subject, database, record, truth, true
 
 
 def test_a_prop_that_is_not_seen_is_told(subject, database, record, true_markers):
-    ensemble = Ensemble([Session(subject, database)], [load_prop("sword")])
+    ensemble = MultiTargetSession([Session(subject, database)], [load_prop("sword")])
     pose = ensemble.step(record(true_markers[0]))
     assert pose.notes == ("sword hidden",)
     assert not pose.props[0].found

@@ -10,8 +10,8 @@ from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.prop import load_prop
 from perfanim.core.markers.subject import Subject
-from perfanim.core.session.session.multi_target_session import Ensemble
-from perfanim.core.session.session.session import Session
+from perfanim.core.session.multi_target_session import MultiTargetSession
+from perfanim.core.session.session import Session
 from perfanim.core.simulate.studio.carried_prop import in_hand
 from performers import APART_M, side_by_side
 from props import Film, markers_of
@@ -26,7 +26,7 @@ def pair(true_markers):
 
 
 def ensemble_of(subjects, database, rig, props=()):
-    return Ensemble([Session(subject, database, rig) for subject in subjects], props)
+    return MultiTargetSession([Session(subject, database, rig) for subject in subjects], props)
 
 
 def everybody(pose):

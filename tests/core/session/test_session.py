@@ -10,7 +10,7 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
-from perfanim.core.session.session.session import Session
+from perfanim.core.session.session import Session
 from perfanim.core.solver.settings import METHODS, SolveSettings
 
 FPS = 30.0

@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
-from perfanim.core.session.session.session_cache import SolverStore
-from perfanim.core.session.session.solve_take import solve_take
+from perfanim.core.session.session_cache import SessionCache
+from perfanim.core.session.solve_take import solve_take
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
 
@@ -13,7 +13,7 @@ def test_takes_that_share_a_session_are_solved_as_alone(truth, subject, database
     """Bit by bit, whatever was solved before: or a batch would depend on the order of its takes."""
     takes = [simulate_markers(truth, subject, noise_mm=2.0, dropout=0.05, seed=seed)[0] for seed in (1, 2)]
     takes = [replace(take, positions_m=take.positions_m[:25], frame_numbers=[], times_s=[]) for take in takes]
-    store, settings = SolverStore(), SolveSettings()
+    store, settings = SessionCache(), SolveSettings()
     for take in (*takes, takes[0]):
         twin = Subject(subject.name, subject.skeleton, subject.marker_set)
         shared = solve_take(take, twin, store.database(database_file), settings, _quiet, store.session)
@@ -24,7 +24,7 @@ def test_takes_that_share_a_session_are_solved_as_alone(truth, subject, database
 
 
 def test_what_is_shared(subject, database_file, stage_rig):
-    store, settings = SolverStore(), SolveSettings(method="nearest")
+    store, settings = SessionCache(), SolveSettings(method="nearest")
     database = store.database(database_file)
     assert store.database(str(database_file)) is database
     session = store.session(subject, database, None, settings)

@@ -10,7 +10,7 @@ from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.labelling.labeller.labeller import Labeller
 from perfanim.core.markers.marker_frame import MarkerFrame
-from perfanim.core.session.session.session import Session
+from perfanim.core.session.session import Session
 from perfanim.core.simulate.performer.performance import performance
 from perfanim.core.simulate.studio.cones import visible
 from perfanim.core.simulate.studio.filmed_motion import make_performance

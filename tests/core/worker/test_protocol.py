@@ -2,9 +2,9 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from perfanim.core.body.pose_frame import PoseFrame, PropPose
+from perfanim.core.body.scene_pose import PerformerPose, PropPose
 from perfanim.core.errors import CaptureError
-from perfanim.core.formats.take_file.pose_codec import SolvedPose, pack_pose, pack_solved, unpack_pose
+from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_pose, pack_solved, unpack_pose
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.worker.protocol import (
     Decoder,
@@ -45,9 +45,9 @@ def test_messages_survive_any_cutting(piece: int) -> None:
         np.testing.assert_array_equal(frame.points_m, a_frame(i).points_m)
 
 
-def a_pose(seed: int) -> PoseFrame:
+def a_pose(seed: int) -> PerformerPose:
     rng = np.random.default_rng(seed)
-    return PoseFrame(
+    return PerformerPose(
         number=7,
         time_s=0.125,
         rotations=rng.normal(size=(29, 4)),
@@ -77,7 +77,7 @@ def test_poses_travel_whole(props: int, others: int, version: int) -> None:
         props=tuple(PropPose(rng.normal(size=4), rng.normal(size=3), 0.001 * n, 3 * n) for n in range(props)),
         others=tuple(a_pose(2 + n) for n in range(others)),
     )
-    (message,) = Decoder().feed(encode(MessageKind.POSE, pack_solved(SolvedPose(pose, 12.5, 0.004, 3))))
+    (message,) = Decoder().feed(encode(MessageKind.POSE, pack_solved(TimedPose(pose, 12.5, 0.004, 3))))
     solved = message.pose()
     assert (solved.stamp_s, solved.solve_s, solved.waiting) == (12.5, 0.004, 3)
     assert (len(solved.pose.props), len(solved.pose.others)) == (props, others)

@@ -2,21 +2,21 @@
 
 import numpy as np
 import pytest
-from perfanim.core.body.pose_frame import PoseFrame
+from perfanim.core.body.scene_pose import PerformerPose
 from perfanim.core.formats.vmc.humanoid import bone_poses
 from perfanim.core.formats.vmc.link import Receiver
 from perfanim.core.formats.vmc.packets import BONE, Placed, frame_packet, read_packet
-from perfanim.core.session.session.pose_filters import PoseShaper, Shape
+from perfanim.core.session.pose_filters import FilterSettings, PoseFilter
 from perfanim.core.worker.vmc_output import BroadcastShaper
 
-SMOOTH = Shape(smoothing_s=0.05)
+SMOOTH = FilterSettings(smoothing_s=0.05)
 
 
 @pytest.fixture
 def poses(truth):
     nowhere, alone = np.full((8, 3), np.nan), np.full(8, -1)
     return [
-        PoseFrame(n, n / 30, truth.rotations[n], truth.root_positions_m[n], 1.0, nowhere, nowhere, alone, 0.0)
+        PerformerPose(n, n / 30, truth.rotations[n], truth.root_positions_m[n], 1.0, nowhere, nowhere, alone, 0.0)
         for n in range(12)
     ]
 
@@ -25,7 +25,7 @@ def test_what_is_sent_is_what_is_shown(truth, poses):
     told = []
     with Receiver(0) as receiver:
         shaper = BroadcastShaper(truth.skeleton, None, SMOOTH, "127.0.0.1", receiver.port, told.append)
-        alone = PoseShaper(truth.skeleton, None, SMOOTH)
+        alone = PoseFilter(truth.skeleton, None, SMOOTH)
         for pose in poses:
             shown = shaper.step(pose)
             np.testing.assert_array_equal(shown.rotations, alone.step(pose).rotations)
@@ -38,7 +38,7 @@ def test_what_is_sent_is_what_is_shown(truth, poses):
 
 def test_a_packet_made_quickly_is_the_same(truth, poses):
     with Receiver(0) as receiver:
-        shaper = BroadcastShaper(truth.skeleton, None, Shape(), "127.0.0.1", receiver.port, lambda text: None)
+        shaper = BroadcastShaper(truth.skeleton, None, FilterSettings(), "127.0.0.1", receiver.port, lambda text: None)
         expected = bone_poses(truth)
         for n, pose in enumerate(poses):
             shaper.step(pose)
@@ -49,7 +49,7 @@ def test_a_packet_made_quickly_is_the_same(truth, poses):
 def test_what_cannot_be_sent_is_told_once_and_holds_nothing_up(truth, poses):
     told = []
     for host, port in (("no.such.host.invalid", 39539), ("::1%no-such-link", 39539)):
-        shaper = BroadcastShaper(truth.skeleton, None, Shape(), host, port, told.append)
+        shaper = BroadcastShaper(truth.skeleton, None, FilterSettings(), host, port, told.append)
         assert [shaper.step(pose) for pose in poses] == poses
         assert len(told) == 1
         assert told.pop().startswith(f"nothing is sent by VMC: {host}:{port}: cannot be sent to")

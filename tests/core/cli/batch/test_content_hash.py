@@ -6,7 +6,7 @@ from dataclasses import replace
 from perfanim.core.cli.batch.command.content_hash import ContentDigests, take_digest
 from perfanim.core.cli.batch.command.plan import TakePlan
 from perfanim.core.database.store import open_database
-from perfanim.core.session.session.save_solved_take import keep_markers
+from perfanim.core.session.save_solved_take import save_imported_take
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
 
@@ -55,7 +55,7 @@ def test_the_database_of_a_recorded_take_counts(truth, subject, database, tmp_pa
     shutil.copyfile(database.path, other)
     take = tmp_path / "walk.perftake"
     settings = SolveSettings(method="nearest")
-    keep_markers(take, markers, subject, open_database(other), settings, {}, lambda fraction, text: None)
+    save_imported_take(take, markers, subject, open_database(other), settings, {}, lambda fraction, text: None)
     plan = TakePlan("walk", "walk.perftake", str(take))
     before = digest(plan)
     with other.open("ab") as stream:

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core.body.motion import Motion
-from perfanim.core.body.pose_frame import PoseFrame
+from perfanim.core.body.scene_pose import PerformerPose
 from perfanim.core.cli.batch.command.quality import figures_of, foot_skate_cm_s, why_bad, why_doubtful
-from perfanim.core.session.session.solve_take import SolvedTake
+from perfanim.core.session.solve_take import SolvedTake
 
 FPS = 50.0
 
@@ -40,7 +40,7 @@ def solved(truth, confidence, rms_m, hidden=()):
         seen[[marker for f, marker in hidden if f == frame]] = np.nan
         alone = np.full(4, -1)
         root = np.array([0.0, 1.0, 0.0])
-        poses.append(PoseFrame(frame, frame / FPS, truth.rotations[0], root, sure, seen, seen, alone, off))
+        poses.append(PerformerPose(frame, frame / FPS, truth.rotations[0], root, sure, seen, seen, alone, off))
     motion = standing(truth.skeleton, np.tile([0.0, 1.0, 0.0], (len(poses), 1)))
     return SolvedTake(tuple(poses), motion, np.zeros(len(poses)))
 

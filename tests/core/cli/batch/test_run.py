@@ -16,7 +16,7 @@ from perfanim.core.errors import FormatError, SettingsError
 from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.formats.take_file.lock import lock
-from perfanim.core.session.session.save_solved_take import keep_markers
+from perfanim.core.session.save_solved_take import save_imported_take
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.tests.core.cli.batch.conftest import FRAMES, do_here, files, in_others, run
 
@@ -188,7 +188,7 @@ def test_a_recorded_take_needs_nothing_else(inputs, subject, database, tmp_path)
     """It holds its subject and tells its database and method."""
     markers = read_take(inputs.takes / "a.c3d")
     settings = SolveSettings(method="nearest")
-    keep_markers(tmp_path / "a.perftake", markers, subject, database, settings, {}, lambda fraction, text: None)
+    save_imported_take(tmp_path / "a.perftake", markers, subject, database, settings, {}, lambda fraction, text: None)
     recorded = plan_of([str(tmp_path / "a.perftake")], {}).takes
     record = run(recorded, tmp_path / "out").records[0]
     assert record.status in (GOOD, DOUBTFUL)

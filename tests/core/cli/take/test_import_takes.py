@@ -14,7 +14,7 @@ from perfanim.core.labelling.labeller.take_import import brought_in
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake, SingleViews
 from perfanim.core.markers.subject import save_subject
-from perfanim.core.session.session.solve_take import solve_take
+from perfanim.core.session.solve_take import solve_take
 from perfanim.core.solver.settings import SolveSettings
 
 FPS = 30.0

@@ -14,7 +14,7 @@ from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.formats.take_file import writer as writer_module
 from perfanim.core.formats.take_file.chunks import scan
 from perfanim.core.formats.take_file.edit import append_notes
-from perfanim.core.formats.take_file.pose_codec import SolvedPose, pack_solved
+from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_solved
 from perfanim.core.formats.take_file.reading import read_take_file, summarise
 from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
 from perfanim.core.formats.take_file.writer import TakeWriter
@@ -22,7 +22,7 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.rig_file import save_rig
 from perfanim.core.markers.marker_frame_codec import pack_stamped
 from perfanim.core.markers.marker_take import MarkerTake, save_take
-from perfanim.core.session.session.session import Session
+from perfanim.core.session.session import Session
 from perfanim.core.solver.settings import SolveSettings
 
 LOST = (20, 21, 22)  # frames that the cameras left out
@@ -41,7 +41,7 @@ def recorded(tmp_path_factory, true_markers, subject, database, stage_rig, recor
         for number in (n for n in range(len(true_markers)) if n not in LOST):
             frame = record(true_markers[number], number, cameras=True, fps=FPS, hidden=((5, 0),) if number > 40 else ())
             writer.add_frame(pack_stamped(float(number), frame))
-            writer.add_pose(pack_solved(SolvedPose(session.step(frame), float(number))))
+            writer.add_pose(pack_solved(TimedPose(session.step(frame), float(number))))
             if number % 3 == 0:
                 writer._collect()
         writer.close()

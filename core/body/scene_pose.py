@@ -32,7 +32,7 @@ class PropPose:
 
 
 @dataclass(frozen=True)
-class PoseFrame:
+class PerformerPose:
     """The solved pose of one marker frame.
 
     Args:
@@ -65,4 +65,4 @@ class PoseFrame:
     dimensions: int = 0
     notes: tuple[str, ...] = ()
     props: tuple[PropPose, ...] = ()
-    others: tuple["PoseFrame", ...] = ()
+    others: tuple["PerformerPose", ...] = ()
