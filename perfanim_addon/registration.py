@@ -14,9 +14,9 @@ from .preferences import diagnostics
 
 def _first_modules() -> Sequence[ModuleType]:
     """Import what is registered before any library is needed."""
-    from .preferences import diagnostics_ui, preferences, translations
+    from .preferences import diagnostics_ui, preferences
 
-    return translations, preferences, diagnostics_ui
+    return preferences, diagnostics_ui
 
 
 def _other_modules() -> Sequence[ModuleType]:

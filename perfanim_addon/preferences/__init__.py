@@ -1,1 +1,1 @@
-"""Preferences, folders, translations and diagnostics."""
+"""Preferences, folders and diagnostics."""

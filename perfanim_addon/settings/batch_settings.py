@@ -32,7 +32,7 @@ class PERFANIM_PG_batch(bpy.types.PropertyGroup):
     plan: bpy.props.StringProperty(
         name="Plan", description="Plan file (TOML) that says all; empty: as chosen below", subtype="FILE_PATH"
     )
-    take_library: bpy.props.StringProperty(
+    takes: bpy.props.StringProperty(
         name="Takes",
         description="Folder of takes and those in it: C3D, TRC, CSV, TSV, recorded ones; empty: those of the list",
         subtype="DIR_PATH",

@@ -65,7 +65,7 @@ def shown(addon: object) -> Any:
 def made() -> str:
     """A character of the product's own, 1.68 m tall, in an empty scene."""
     from perfanim.core.body.standard_skeleton import default_skeleton
-    from perfanim.perfanim_addon.character.create_character.create_character import create_character
+    from perfanim.perfanim_addon.character.create_character import create_character
 
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     return create_character(bpy.context, default_skeleton(1.68))
