@@ -21,8 +21,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 from perfanim.core.body.motion import Motion
-from perfanim.core.cli.bench.command.data import BOXING, FPS, WALKING, read_take, whole_database
-from perfanim.core.cli.bench.command.speed import part_of, reference_ms
+from perfanim.core.cli.bench.data import BOXING, FPS, WALKING, read_take, whole_database
+from perfanim.core.cli.bench.speed import part_of, reference_ms
 from perfanim.core.database.store import Database, identity, open_database
 from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_solved
 from perfanim.core.formats.take_file.setup import TakeSetup
@@ -36,7 +36,7 @@ from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.worker.protocol import Decoder, MessageKind, encode
 from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver
-from perfanim.perfanim_addon.character.create_character.create_character import create_character
+from perfanim.perfanim_addon.character.create_character import create_character
 
 MEDIAN_MS, P99_MS = 4.0, 8.0
 PROCESSES = 2

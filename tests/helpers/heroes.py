@@ -7,7 +7,7 @@ from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.system.assets import MOTION
-from perfanim.perfanim_addon.character.create_character.create_character import create_character
+from perfanim.perfanim_addon.character.create_character import create_character
 
 MIXAMO = {
     "root": "Hips", "lowerback": "Spine", "upperback": "Spine1", "thorax": "Spine2", "lowerneck": "Neck",

@@ -9,7 +9,7 @@ import numpy as np
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.geometry import rotations as rot
-from perfanim.perfanim_addon.character.create_character.axes import BLENDER_FROM_PRODUCT
+from perfanim.perfanim_addon.character.axes import BLENDER_FROM_PRODUCT
 
 LIMBS = (("humerus", "radius"), ("radius", "hand"), ("hand", "fingers"), ("foot", "toes"))
 _STANDS_M_S = 0.15

@@ -12,7 +12,7 @@ from perfanim.core.formats.motion.write_motion import write_motion
 from perfanim.core.formats.vmc.humanoid import BONES
 from perfanim.core.retarget.joint_naming import NAMINGS
 from perfanim.core.system.assets import MOTION
-from perfanim.perfanim_addon.character.create_character.axes import BLENDER_FROM_PRODUCT
+from perfanim.perfanim_addon.character.axes import BLENDER_FROM_PRODUCT
 
 SAME_M = 0.001
 

@@ -38,7 +38,7 @@ def test_without_a_library_preferences_and_diagnostics_remain(
 ) -> None:
     monkeypatch.setitem(sys.modules, library, None)
     assert addon_utils.enable(fresh, default_set=True) is not None
-    diagnostics = sys.modules[f"{fresh}.perfanim_addon.preferences.preferences.diagnostics"]
+    diagnostics = sys.modules[f"{fresh}.perfanim_addon.preferences.diagnostics"]
     assert library in diagnostics.problem
     lines = diagnostics.lines("4.5")
     assert f"{library} missing" in lines
@@ -61,16 +61,14 @@ def test_whatever_a_broken_library_raises_is_told(fresh: str, monkeypatch: pytes
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setattr(sys, "meta_path", [Broken(), *sys.meta_path])
     assert addon_utils.enable(fresh, default_set=True) is not None
-    assert (
-        "numpy.dtype size changed" in sys.modules[f"{fresh}.perfanim_addon.preferences.preferences.diagnostics"].problem
-    )
+    assert "numpy.dtype size changed" in sys.modules[f"{fresh}.perfanim_addon.preferences.diagnostics"].problem
     assert set(dir(bpy.ops.perfanim)) == {"copy_diagnostics"}
 
 
 def test_a_library_that_is_there_but_does_not_load_is_told_in_the_copy(
     addon: ModuleType, extension: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    diagnostics = importlib.import_module(f"{extension}.perfanim_addon.preferences.preferences.diagnostics")
+    diagnostics = importlib.import_module(f"{extension}.perfanim_addon.preferences.diagnostics")
     assert diagnostics.library_facts("numpy").startswith(f"numpy {np.__version__} in ")
     real = importlib.import_module
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.labelling.labeller.initial_labelling import MISSED_M, StartLabeller
+from perfanim.core.labelling.initial_labelling import MISSED_M, StartLabeller
 
 NOISE_M = 0.002
 

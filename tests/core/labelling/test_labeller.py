@@ -5,7 +5,7 @@ from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, Camera
-from perfanim.core.labelling.labeller.labeller import Labeller
+from perfanim.core.labelling.labeller import Labeller
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import MarkerSet, load_marker_set
 

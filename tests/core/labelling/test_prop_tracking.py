@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.labelling.labeller.prop_tracking import PropTracker
+from perfanim.core.labelling.prop_tracking import PropTracker
 from perfanim.core.markers.prop import Prop, load_prop
 from props import FPS, Film, markers_of, swung
 

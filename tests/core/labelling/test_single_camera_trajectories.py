@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core.geometry.camera import Camera, CameraRig
-from perfanim.core.labelling.labeller.single_camera_trajectories import single_views
-from perfanim.core.labelling.labeller.trajectory_linking import Tracking
+from perfanim.core.labelling.single_camera_trajectories import single_views
+from perfanim.core.labelling.trajectory_linking import Tracking
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.simulate.studio.rig import default_rig

@@ -8,8 +8,8 @@ from perfanim.core.body.calibration_poses import standing, t_pose
 from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
-from perfanim.core.labelling.labeller.single_view_labelling import SingleViewLabeller
-from perfanim.core.labelling.labeller.single_view_start import label_near, label_single_view
+from perfanim.core.labelling.single_view_labelling import SingleViewLabeller
+from perfanim.core.labelling.single_view_start import label_near, label_single_view
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject

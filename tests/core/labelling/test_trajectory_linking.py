@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 from perfanim.core.errors import TakeError
-from perfanim.core.labelling.labeller.trajectory_linking import track_markers
-from perfanim.core.labelling.labeller.trajectory_naming import best_permutation, named_take
+from perfanim.core.labelling.trajectory_linking import track_markers
+from perfanim.core.labelling.trajectory_naming import best_permutation, named_take
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake

@@ -10,7 +10,7 @@ from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.cli.main import main
 from perfanim.core.errors import MarkerSetError, TakeError
 from perfanim.core.formats.markers.marker_files import read_take, write_take
-from perfanim.core.labelling.labeller.take_import import brought_in
+from perfanim.core.labelling.take_import import brought_in
 from perfanim.core.markers.label_matching import best_match, load_names, match_names, named_by_hand
 from perfanim.core.markers.marker_set import load_marker_set, marker_set_names
 from perfanim.core.markers.marker_take import MarkerTake

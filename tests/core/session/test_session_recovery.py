@@ -8,7 +8,7 @@ from perfanim.core.body.motion import resampled
 from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.labelling.labeller.labeller import Labeller
+from perfanim.core.labelling.labeller import Labeller
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.session.session import Session
 from perfanim.core.simulate.performer.performance import performance

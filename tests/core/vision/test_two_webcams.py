@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from perfanim.core.formats.markers.marker_files import read_take
-from perfanim.core.labelling.labeller.trajectory_linking import track_markers
-from perfanim.core.labelling.labeller.trajectory_naming import best_permutation, named_take
+from perfanim.core.labelling.trajectory_linking import track_markers
+from perfanim.core.labelling.trajectory_naming import best_permutation, named_take
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.vision.calibration.board_points import load_board_points
 from perfanim.core.vision.calibration.calibrate import calibrate_from_points

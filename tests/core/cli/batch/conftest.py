@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from perfanim.core.cli.batch.command import worker
-from perfanim.core.cli.batch.command.plan import TakePlan, plan_of
-from perfanim.core.cli.batch.command.processes import in_processes
-from perfanim.core.cli.batch.command.run import BatchResult, DoTasks, run_batch
-from perfanim.core.cli.batch.command.take_record import Record, Task
+from perfanim.core.cli.batch.plan import TakePlan, plan_of
+from perfanim.core.cli.batch.processes import in_processes
+from perfanim.core.cli.batch.run import BatchResult, DoTasks, run_batch
+from perfanim.core.cli.batch.take_record import Record, Task
 from perfanim.core.formats.markers.marker_files import write_take
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import save_subject

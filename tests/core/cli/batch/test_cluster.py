@@ -3,8 +3,8 @@
 from functools import partial
 
 import pytest
-from perfanim.core.cli.batch.command.cluster import on_cluster
-from perfanim.core.cli.batch.command.worker import serve_task
+from perfanim.core.cli.batch.cluster import on_cluster
+from perfanim.core.cli.batch.worker import serve_task
 from perfanim.core.errors import SettingsError
 from perfanim.tests.core.cli.batch.conftest import files, run
 

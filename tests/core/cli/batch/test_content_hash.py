@@ -3,8 +3,8 @@
 import shutil
 from dataclasses import replace
 
-from perfanim.core.cli.batch.command.content_hash import ContentDigests, take_digest
-from perfanim.core.cli.batch.command.plan import TakePlan
+from perfanim.core.cli.batch.content_hash import ContentDigests, take_digest
+from perfanim.core.cli.batch.plan import TakePlan
 from perfanim.core.database.store import open_database
 from perfanim.core.session.save_solved_take import save_imported_take
 from perfanim.core.simulate.markers import simulate_markers

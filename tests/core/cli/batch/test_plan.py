@@ -1,7 +1,7 @@
 """What a plan says about each take."""
 
 import pytest
-from perfanim.core.cli.batch.command.plan import plan_of, read_plan
+from perfanim.core.cli.batch.plan import plan_of, read_plan
 from perfanim.core.errors import FormatError, SettingsError
 
 

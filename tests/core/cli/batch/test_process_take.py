@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 from perfanim.core.body.motion import resampled
-from perfanim.core.cli.batch.command.plan import TakePlan
-from perfanim.core.cli.batch.command.process_take import run_task
-from perfanim.core.cli.batch.command.take_record import BAD, Record, Task
+from perfanim.core.cli.batch.plan import TakePlan
+from perfanim.core.cli.batch.process_take import run_task
+from perfanim.core.cli.batch.take_record import BAD, Record, Task
 from perfanim.core.errors import CharacterError, TakeError
 from perfanim.core.markers.subject import Subject
 from perfanim.core.session.solve_take import solve_take

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from functools import partial
 
 import pytest
-from perfanim.core.cli.batch.command.processes import in_processes
-from perfanim.core.cli.batch.command.take_record import BAD
+from perfanim.core.cli.batch.processes import in_processes
+from perfanim.core.cli.batch.take_record import BAD
 from perfanim.tests.core.cli.batch.conftest import run
 
 # answers every task but that of c.csv, on which it dies

@@ -9,9 +9,9 @@ import sys
 from dataclasses import replace
 
 import pytest
-from perfanim.core.cli.batch.command.plan import plan_of
-from perfanim.core.cli.batch.command.run import run_batch
-from perfanim.core.cli.batch.command.take_record import BAD, DOUBTFUL, GOOD, failed
+from perfanim.core.cli.batch.plan import plan_of
+from perfanim.core.cli.batch.run import run_batch
+from perfanim.core.cli.batch.take_record import BAD, DOUBTFUL, GOOD, failed
 from perfanim.core.errors import FormatError, SettingsError
 from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.formats.motion.read_motion import read_motion
@@ -94,10 +94,10 @@ def test_killed_in_the_middle_and_started_again(finished, inputs, tmp_path):
     script.write_text(f"""
 import os, signal
 from pathlib import Path
-from perfanim.core.cli.batch.command.plan import plan_of
-from perfanim.core.cli.batch.command.processes import in_processes
-from perfanim.core.cli.batch.command.plan import plan_of
-from perfanim.core.cli.batch.command.run import run_batch
+from perfanim.core.cli.batch.plan import plan_of
+from perfanim.core.cli.batch.processes import in_processes
+from perfanim.core.cli.batch.plan import plan_of
+from perfanim.core.cli.batch.run import run_batch
 from perfanim.core.cli import batch_worker
 
 def dying(tasks):

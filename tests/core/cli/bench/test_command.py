@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from perfanim.core.body.motion import sliced
-from perfanim.core.cli.bench.command.accuracy import UNSEEN_CLIP, UNSEEN_SUBJECT, accuracy
-from perfanim.core.cli.bench.command.data import WALKING
-from perfanim.core.cli.bench.command.figure5 import (
+from perfanim.core.cli.bench.accuracy import UNSEEN_CLIP, UNSEEN_SUBJECT, accuracy
+from perfanim.core.cli.bench.data import WALKING
+from perfanim.core.cli.bench.figure5 import (
     DIMENSIONS,
     GPLVM,
     LOCAL,
@@ -22,13 +22,13 @@ from perfanim.core.cli.bench.command.figure5 import (
     gplvm_missing,
     reconstruction_errors,
 )
-from perfanim.core.cli.bench.command.figure6 import degrees_per_joint, figure6, ratios
-from perfanim.core.cli.bench.command.methods import METHODS, PAPER_RANGE
-from perfanim.core.cli.bench.command.plots import Line, Panel, check_plots, write_plot
-from perfanim.core.cli.bench.command.scale import scale
-from perfanim.core.cli.bench.command.speed import speed
-from perfanim.core.cli.bench.command.streams import STAGES, Streams
-from perfanim.core.cli.bench.command.table1 import searched, table1
+from perfanim.core.cli.bench.figure6 import degrees_per_joint, figure6, ratios
+from perfanim.core.cli.bench.methods import METHODS, PAPER_RANGE
+from perfanim.core.cli.bench.plots import Line, Panel, check_plots, write_plot
+from perfanim.core.cli.bench.scale import scale
+from perfanim.core.cli.bench.speed import speed
+from perfanim.core.cli.bench.streams import STAGES, Streams
+from perfanim.core.cli.bench.table1 import searched, table1
 from perfanim.core.cli.main import main
 from perfanim.core.database.store import open_database
 from perfanim.core.database.subset import write_subset

@@ -6,11 +6,11 @@ import json
 import numpy as np
 import pytest
 from perfanim.core.body.motion import sliced
-from perfanim.core.cli.bench.command.data import DEVELOPMENT, LEFT_OUT, WALKING, read_take
-from perfanim.core.cli.bench.command.gap import expressible, gap
-from perfanim.core.cli.bench.command.heterogeneity import heterogeneity
-from perfanim.core.cli.bench.command.methods import METHODS, PAPER_RANGE
-from perfanim.core.cli.bench.command.tuning import tuning
+from perfanim.core.cli.bench.data import DEVELOPMENT, LEFT_OUT, WALKING, read_take
+from perfanim.core.cli.bench.gap import expressible, gap
+from perfanim.core.cli.bench.heterogeneity import heterogeneity
+from perfanim.core.cli.bench.methods import METHODS, PAPER_RANGE
+from perfanim.core.cli.bench.tuning import tuning
 from perfanim.core.database.store import open_database
 from perfanim.core.formats.motion.bvh import write_bvh
 
@@ -71,7 +71,7 @@ def test_heterogeneity_compares_walks_alone_with_everything(data, out, monkeypat
 
 
 def test_gap_changes_one_condition_at_a_time(data, out, monkeypatch):
-    module = "perfanim.core.cli.bench.command.gap."
+    module = "perfanim.core.cli.bench.gap."
     monkeypatch.setattr(module + "_RATES", (30.0,))
     monkeypatch.setattr(module + "_MARKER_SETS", ("locomotion",))
     monkeypatch.setattr(module + "_BOXING_SECONDS", (0.0, 0.2))
@@ -93,7 +93,7 @@ def test_gap_changes_one_condition_at_a_time(data, out, monkeypatch):
 
 
 def test_the_best_pose_of_a_larger_model_is_closer(database, truth, monkeypatch):
-    monkeypatch.setattr("perfanim.core.cli.bench.command.gap._MODELS", ((40, 3), (40, 20)))
+    monkeypatch.setattr("perfanim.core.cli.bench.gap._MODELS", ((40, 3), (40, 20)))
     rows = expressible(sliced(truth, 0, 10), database)
     error = {(row["neighbours by"], row["B"]): row["deg_per_joint"] for row in rows}
     assert error["markers", 20] < error["markers", 3]

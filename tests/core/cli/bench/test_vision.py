@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from perfanim.core.cli.bench.command.offset import offset_row
-from perfanim.core.cli.bench.command.vision import centroid_row, in_world_of
+from perfanim.core.cli.bench.offset import offset_row
+from perfanim.core.cli.bench.vision import centroid_row, in_world_of
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.simulate.studio.rig import default_rig

@@ -10,7 +10,7 @@ from perfanim.core.formats.markers.marker_files import read_take, write_take
 from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
-from perfanim.core.labelling.labeller.take_import import brought_in
+from perfanim.core.labelling.take_import import brought_in
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake, SingleViews
 from perfanim.core.markers.subject import save_subject

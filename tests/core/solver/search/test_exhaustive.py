@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from perfanim.core.solver.search.exhaustive.exhaustive import ExhaustiveSearch, Query
+from perfanim.core.solver.search.exhaustive import ExhaustiveSearch, Query
 
 FRAMES, MARKERS, ANGLES = 700, 8, 84
 

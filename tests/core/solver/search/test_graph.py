@@ -8,10 +8,10 @@ from perfanim.core.errors import SettingsError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.pose_solver import PoseSolver
-from perfanim.core.solver.search.exhaustive.choose import choose_search
-from perfanim.core.solver.search.exhaustive.exhaustive import ExhaustiveSearch, Query
-from perfanim.core.solver.search.exhaustive.graph import GraphSearch
-from perfanim.core.solver.search.exhaustive.inverted_file import CellSearch
+from perfanim.core.solver.search.choose import choose_search
+from perfanim.core.solver.search.exhaustive import ExhaustiveSearch, Query
+from perfanim.core.solver.search.graph import GraphSearch
+from perfanim.core.solver.search.inverted_file import CellSearch
 from perfanim.core.solver.settings import SolveSettings
 
 CLIPS, LENGTH, MARKERS, ANGLES = 40, 300, 8, 84
