@@ -15,7 +15,7 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.simulate.studio.rig import default_rig
-from perfanim.perfanim_addon.viewport.drawing import overlay
+from perfanim.perfanim_addon.viewport import overlay
 
 SKELETON = default_skeleton()
 ROOT_M = np.array([0.0, 1.0, 0.0])

@@ -59,7 +59,7 @@ def rows_of(path):
 
 
 def test_heterogeneity_compares_walks_alone_with_everything(data, out, monkeypatch):
-    monkeypatch.setattr("perfanim.core.cli.bench.command.heterogeneity.TAKES", (WALKING,))
+    monkeypatch.setattr("perfanim.core.cli.bench.heterogeneity.TAKES", (WALKING,))
     figures = heterogeneity(data, out, 1, silent)
     assert [row["method"] for row in figures["rows"]] == list(METHODS)
     assert set(frames_of(out / "databases/cmu-walking.perfdb")) == {"16_15", "16_17", "16_31"}
@@ -102,9 +102,9 @@ def test_the_best_pose_of_a_larger_model_is_closer(database, truth, monkeypatch)
 
 def test_tuning_sees_no_take_that_is_reported(data, out, monkeypatch):
     takes = tuple(take for take in DEVELOPMENT if take.trial in TRIALS)
-    monkeypatch.setattr("perfanim.core.cli.bench.command.tuning.DEVELOPMENT", takes)
-    monkeypatch.setattr("perfanim.core.cli.bench.command.tuning._SIZES", ((30, 7),))
-    monkeypatch.setattr("perfanim.core.cli.bench.command.tuning._WEIGHTS", {"marker_sigma_m": (0.01,)})
+    monkeypatch.setattr("perfanim.core.cli.bench.tuning.DEVELOPMENT", takes)
+    monkeypatch.setattr("perfanim.core.cli.bench.tuning._SIZES", ((30, 7),))
+    monkeypatch.setattr("perfanim.core.cli.bench.tuning._WEIGHTS", {"marker_sigma_m": (0.01,)})
     figures = tuning(data, out, 1, silent)
     held = frames_of(out / "databases/cmu-without-development.perfdb")
     assert not {"16_31", *LEFT_OUT} & set(held)
