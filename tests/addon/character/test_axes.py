@@ -6,7 +6,7 @@ from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import CharacterError
 from perfanim.core.geometry import rotations as rot
-from perfanim.perfanim_addon.character.create_character import axes
+from perfanim.perfanim_addon.character import axes
 
 SKELETON = default_skeleton()
 

@@ -9,7 +9,7 @@ from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton, 
 from perfanim.core.errors import CharacterError
 from perfanim.core.geometry import rotations as rot
 from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver
-from perfanim.perfanim_addon.character.create_character import axes, create_character
+from perfanim.perfanim_addon.character import axes, create_character
 from perfanim.perfanim_addon.character.mesh.body_mesh import make_body
 from played import points_from_blender
 

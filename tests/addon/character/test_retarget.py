@@ -21,7 +21,7 @@ from perfanim.core.retarget.joint_naming import NAMINGS
 from perfanim.core.retarget.retargeter import RootMotion
 from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver
-from perfanim.perfanim_addon.character.create_character import create_character
+from perfanim.perfanim_addon.character import create_character
 from perfanim.perfanim_addon.export.export_animation import Form
 from perfanim.perfanim_addon.export.retarget_file import main as retarget_main
 from perfanim.perfanim_addon.export.retarget_file import retarget_file

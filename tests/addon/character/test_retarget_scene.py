@@ -14,7 +14,7 @@ from perfanim.core.errors import CharacterError
 from perfanim.core.retarget.retargeter import RootMotion
 from perfanim.perfanim_addon.animation.actions import write_action
 from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver
-from perfanim.perfanim_addon.character.create_character import create_character
+from perfanim.perfanim_addon.character import create_character
 from played import curves_of
 from retargeted import played
 

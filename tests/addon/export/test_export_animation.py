@@ -14,7 +14,7 @@ from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.retarget.joint_naming import NAMINGS
 from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon.animation import actions
-from perfanim.perfanim_addon.character.create_character import create_character
+from perfanim.perfanim_addon.character import create_character
 from perfanim.perfanim_addon.export.export_animation import ENDINGS, Form, export_poses
 from played import curves_of
 
