@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 from perfanim.core.body.motion import resampled, sliced
-from perfanim.core.database.build import build_database
+from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.formats.markers.marker_files import write_take
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.markers.marker_set import load_marker_set
@@ -71,7 +71,7 @@ def make_takes(cmu: Path, out: Path, count: int, seconds: float, chance: random.
     trials = sorted(trial for trial in cmu.glob("*/*.amc") if trial.stem not in LEFT_OUT)
     filmed, known = trials[::2], trials[1::2]
     bodies = sorted({trial.parent for trial in trials})
-    build_database([cmu], out / "known.pfdb", FPS, include=[trial.name for trial in known])
+    build_database([cmu], out / "known.pfdb", BuildSettings(fps=FPS, include=[trial.name for trial in known]))
     marker_set = load_marker_set(MARKER_SET)
     faults: list[tuple[str, Fault]] = [*faults_of(BROKEN, "broken", BREAKS), *faults_of(EMPTY, "empty", EMPTIES)]
     faults += faults_of(WRONG, "wrong", WRONGS)

@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import Any
 
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.database.build import build_database
+from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.formats.take_file.edit import recover
 from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.markers.marker_frame_codec import pack
@@ -117,7 +117,7 @@ def _next_poses(rows: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
 
 
 def _request(folder: Path) -> dict[str, Any]:
-    build_database([str(MOTION)], folder / "starter.perfdb", 60.0)
+    build_database([str(MOTION)], folder / "starter.perfdb", BuildSettings(fps=60.0))
     save_subject(Subject("Sim", default_skeleton(1.75), load_marker_set("boxing")), folder / "sim.toml")
     source = {"kind": "simulated", "behaviour": "walking", "seconds": 60.0, "height_m": 1.75, "loop": True}
     cameras = {"source": source, "rig": None, "threshold": None}

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Callable
 from typing import Any
 
-from ..database.build import build_database
+from ..database.build import BuildSettings, build_database
 from ..database.culling import DEFAULT_CULL_DEG
 from ..database.store import open_database
 from ..errors import SettingsError
@@ -62,12 +62,14 @@ def _build(args: argparse.Namespace, progress: Callable[[float, str], None]) -> 
     return build_database(
         args.sources,
         args.out,
-        args.fps,
-        include=args.include,
-        exclude=args.exclude,
-        mirror=args.mirror,
-        cull_deg=args.cull,
-        workers=args.workers,
+        BuildSettings(
+            fps=args.fps,
+            include=args.include,
+            exclude=args.exclude,
+            mirror=args.mirror,
+            cull_deg=args.cull,
+            workers=args.workers,
+        ),
         progress=progress,
     )
 

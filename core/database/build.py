@@ -22,8 +22,8 @@ from .frame_file import FrameFile
 from .graph import LARGE_DATABASE, GraphSettings
 from .labels import behaviour_of, subject_of
 from .reading import ReadClip, read_files
-from .selection import selected
-from .store import Clip, mean_and_poses, write_poses
+from .selection import select_files
+from .store import Clip, Database, mean_and_poses, save_database
 
 FloatArray = NDArray[np.float32]
 ProgressFunction = Callable[[float, str], None]
@@ -36,7 +36,7 @@ _READ, _CULLED = 0.6, 0.7  # share of the whole that is done then
 
 @dataclass
 class _Collected:
-    """What has been read so far."""
+    """Clips and frames read so far."""
 
     rotations: FrameFile
     mirror: bool
@@ -84,50 +84,59 @@ class _Collected:
         return len(self.skeletons) - 1
 
 
-def build_database(
-    sources: Sequence[Path | str],
-    out: Path | str,
-    fps: float = 60.0,
-    include: Sequence[str] = (),
-    exclude: Sequence[str] = (),
-    mirror: bool = False,
-    cull_deg: float = 0.0,
-    workers: int | None = None,
-    progress: ProgressFunction | None = None,
-    cancelled: Callable[[], bool] | None = None,
-) -> dict[str, Any]:
-    """Read all motion of files, folders and archives into one database file.
-
-    Every clip is mapped onto the product's joints, brought to `fps` on the shortest arcs, and keeps its subject's
-    bone lengths. A file that cannot be read is skipped with the reason; defects of the motion are handled as
-    `core.defects` says, and named. A large database is stored with its neighbour graph.
-
-    What is read waits in a file beside `out`: memory holds the poses (336 bytes a frame) and what the graph needs.
+@dataclass(frozen=True)
+class BuildSettings:
+    """Choices for building a database.
 
     Args:
-        sources: BVH and AMC files, folders and archives with such files and their ASF skeletons.
-        out: database file; written only when all is read.
+        fps: frames per second of every clip.
         include: globs on file names, stems or behaviours, one of which must fit; none for all.
         exclude: the same, none of which may fit.
         mirror: whether each clip is followed by its mirror image.
         cull_deg: distance below which passages that an earlier clip holds are left out, root mean square over the
             joint angles, degrees (see `culling`); 0 keeps all.
         workers: processes that read (see `read_files`); None for one a core where there is enough to read.
+    """
+
+    fps: float = 60.0
+    include: Sequence[str] = ()
+    exclude: Sequence[str] = ()
+    mirror: bool = False
+    cull_deg: float = 0.0
+    workers: int | None = None
+
+
+def build_database(
+    sources: Sequence[Path | str],
+    out: Path | str,
+    settings: BuildSettings | None = None,
+    progress: ProgressFunction | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> dict[str, Any]:
+    """Read all motion of files, folders and archives into one database file.
+
+    Every clip is mapped onto the standard skeleton, resampled on the shortest arcs, and keeps its subject's bone
+    lengths. A file that cannot be read is skipped with the reason; defects of the motion are handled as
+    `body.motion_cleaning` says, and named. A large database is stored with its neighbour graph. While files are read,
+    their frames wait in a file beside `out`: memory holds the poses (336 bytes a frame) and the graph's needs.
+
+    Args:
+        sources: BVH and AMC files, folders and archives with such files and their ASF skeletons.
+        out: database file; written only when all is read.
         progress: called with the fraction done and a text.
         cancelled: asked after every file and between the steps; when true, nothing is written.
 
     Returns:
         frames, clips, seconds, bytes, fps, behaviours (name -> frames), skipped (list of file, line, reason), defects
-        (list of file, frames, defect, done; what is kept as it is comes last), mirrored_clips, culled_frames,
-        peak_memory_mb of this process and peak_reader_memory_mb of the largest that read, None where the system does
-        not tell.
+        (list of file, frames, defect, done; those kept unchanged come last), mirrored_clips, culled_frames,
+        peak_memory_mb of this process and peak_reader_memory_mb of the largest reading process, None where unknown.
 
     Raises:
         FormatError: a source is missing or a damaged archive, or `out` cannot be written.
-        DatabaseError: nothing readable was found, or it was cancelled.
+        DatabaseError: nothing readable was found, or the build was cancelled.
     """
     started = time.monotonic()
-    out = Path(out)
+    settings, out = settings or BuildSettings(), Path(out)
 
     def step(fraction: float, text: str) -> None:
         if cancelled is not None and cancelled():
@@ -136,63 +145,62 @@ def build_database(
             progress(fraction, text)
 
     with _folder_beside(out) as folder, closing(FrameFile(folder / "rotations", (len(JOINT_NAMES), 4))) as rotations:
-        collected = _Collected(rotations, mirror)
+        collected = _Collected(rotations, settings.mirror)
         with motion_files(sources) as found:
-            files = selected(found, include, exclude)
-            _read(files, collected, fps, workers, step)
+            files = select_files(found, settings.include, settings.exclude)
+            _read(files, collected, settings, step)
         if not collected.clips:
             raise _nothing_usable(sources, collected)
         step(_READ, "computing poses")
-        mean_rotations, motion = _joined(collected)
-    if cull_deg > 0.0:
+        database = _joined(collected, out, settings.fps)
+    if settings.cull_deg > 0.0:
         step(_READ, "looking for near-duplicates")
-        motion = _without_duplicates(motion, fps, cull_deg)
+        database = _without_duplicates(database, settings.cull_deg)
     step(_CULLED, "joining neighbours and writing")
-    frames, culled_frames = len(motion.poses), len(rotations) - len(motion.poses)
-    write_poses(
-        out, fps, mean_rotations, motion.poses, motion.root_rotations, motion.root_positions_m, motion.clips,
-        collected.skeletons, GraphSettings() if frames >= LARGE_DATABASE else None, culled_frames,
-    )  # fmt: skip
-    built = {
-        "frames": frames,
-        "clips": len(motion.clips),
-        "fps": fps,
-        "seconds": round(time.monotonic() - started, 2),
-        "bytes": out.stat().st_size,
-    }
-    return built | _contents(motion.clips, culled_frames, collected)
+    save_database(database, GraphSettings() if database.frames >= LARGE_DATABASE else None)
+    return _report(database, collected, started)
 
 
-@dataclass(frozen=True)
-class _Frames:
-    """What is written: clips, and their frames as `write_poses` takes them."""
-
-    clips: Sequence[Clip]
-    poses: FloatArray
-    root_rotations: FloatArray
-    root_positions_m: FloatArray
-
-
-def _joined(collected: _Collected) -> tuple[NDArray[np.float64], _Frames]:
-    """Return the mean rotations (J, 4) of all that was read, and its frames relative to them."""
+def _joined(collected: _Collected, out: Path, fps: float) -> Database:
+    """Return the collected clips as a database that is not written yet."""
     mean_rotations, poses = mean_and_poses(collected.rotations)
-    root_rotations, root_positions_m = map(np.concatenate, (collected.root_rotations, collected.root_positions_m))
-    return mean_rotations, _Frames(collected.clips, poses, root_rotations, root_positions_m)
+    return Database(
+        out,
+        fps,
+        clips=tuple(collected.clips),
+        skeletons=tuple(collected.skeletons),
+        mean_rotations=mean_rotations,
+        poses=poses,
+        root_rotations=np.concatenate(collected.root_rotations),
+        root_positions_m=np.concatenate(collected.root_positions_m),
+    )
 
 
-def _without_duplicates(motion: _Frames, fps: float, cull_deg: float) -> _Frames:
-    """Return the motion without passages that an earlier clip holds (see `culling`)."""
-    culled = near_duplicates(motion.poses.reshape(len(motion.poses), -1), motion.clips, fps, cull_deg)
-    clips, frames = kept_clips(motion.clips, culled, fps), ~culled
-    return _Frames(clips, motion.poses[frames], motion.root_rotations[frames], motion.root_positions_m[frames])
+def _without_duplicates(database: Database, cull_deg: float) -> Database:
+    """Leave out passages that an earlier clip holds (see `culling`)."""
+    poses = database.poses.reshape(database.frames, -1)
+    culled = near_duplicates(poses, database.clips, database.fps, cull_deg)
+    return replace(
+        database,
+        clips=tuple(kept_clips(database.clips, culled, database.fps)),
+        poses=database.poses[~culled],
+        root_rotations=database.root_rotations[~culled],
+        root_positions_m=database.root_positions_m[~culled],
+        culled_frames=int(culled.sum()),
+    )
 
 
-def _contents(clips: Sequence[Clip], culled_frames: int, collected: _Collected) -> dict[str, Any]:
+def _report(database: Database, collected: _Collected, started: float) -> dict[str, Any]:
     memory_mb, reader_memory_mb = _peak_memory_mb()
     return {
-        "behaviours": _behaviours(clips),
-        "mirrored_clips": sum(clip.mirrored for clip in clips),
-        "culled_frames": culled_frames,
+        "frames": database.frames,
+        "clips": len(database.clips),
+        "fps": database.fps,
+        "seconds": round(time.monotonic() - started, 2),
+        "bytes": database.path.stat().st_size,
+        "behaviours": database.behaviours,
+        "mirrored_clips": sum(clip.mirrored for clip in database.clips),
+        "culled_frames": database.culled_frames,
         "peak_memory_mb": memory_mb,
         "peak_reader_memory_mb": reader_memory_mb,
         "skipped": collected.skipped,
@@ -202,7 +210,7 @@ def _contents(clips: Sequence[Clip], culled_frames: int, collected: _Collected) 
 
 @contextmanager
 def _folder_beside(out: Path) -> Iterator[Path]:
-    """Yield a folder for what is needed until the database is written, where there is room for that too."""
+    """Yield a scratch folder on the database's disk, where there is room for both."""
     place = next(folder for folder in out.absolute().parents if folder.exists())  # a new one is made at the end
     try:
         folder = tempfile.TemporaryDirectory(prefix=f".{out.stem}.", dir=place)
@@ -214,17 +222,12 @@ def _folder_beside(out: Path) -> Iterator[Path]:
         yield Path(name)
 
 
-def _read(
-    files: Sequence[MotionFile],
-    collected: _Collected,
-    fps: float,
-    workers: int | None,
-    step: ProgressFunction,
-) -> None:
+def _read(files: Sequence[MotionFile], collected: _Collected, settings: BuildSettings, step: ProgressFunction) -> None:
+    workers = settings.workers
     if workers is None:
         enough = sum(file.path.stat().st_size for file in files) > _WORTH_PROCESSES
         workers = (os.cpu_count() or 1) if enough else 1
-    with closing(read_files(files, fps, _SHORTEST_CLIP, workers)) as results:
+    with closing(read_files(files, settings.fps, _SHORTEST_CLIP, workers)) as results:
         for done, file in enumerate(files):
             step(_READ * done / len(files), f"reading {file.name}")
             result = next(results)
@@ -244,15 +247,8 @@ def _nothing_usable(sources: Sequence[Path | str], collected: _Collected) -> Dat
     )
 
 
-def _behaviours(clips: Sequence[Clip]) -> dict[str, int]:
-    frames: dict[str, int] = {}
-    for clip in clips:
-        frames[clip.behaviour] = frames.get(clip.behaviour, 0) + clip.stop - clip.start
-    return frames
-
-
 def _peak_memory_mb() -> tuple[float | None, float | None]:
-    """Return the most memory that this process and the largest of its children have held."""
+    """Return the peak memory of this process and of its largest child process."""
     try:
         import resource
     except ImportError:  # Windows

@@ -1,10 +1,9 @@
-"""Near-duplicates: passages that a database already holds.
+"""Near-duplicates: passages that an earlier clip of a database already holds.
 
 A frame is a near-duplicate when its pose and the one `_LOOK_AHEAD_S` later, together the motion and its direction, lie
-within a distance of those of one frame kept from an earlier clip. Only passages go: what is less than
-`_SHORTEST_CULLED_S` long stays, and so do `_MARGIN_S` on either side of what is new, so that velocities can be told
-there. Frames are compared with few candidates, the nearest by the strongest principal components; a duplicate that is
-missed that way stays.
+within a distance of those of one frame kept from an earlier clip. Only passages go: one shorter than
+`_SHORTEST_CULLED_S` stays, and so do `_MARGIN_S` on either side of new motion, so that it has velocities. Frames are
+compared with few candidates, the nearest by the strongest principal components; a duplicate missed that way stays.
 """
 
 from collections.abc import Sequence
@@ -126,7 +125,7 @@ def _long_runs(flags: BoolArray, shortest: float) -> BoolArray:
 
 
 def kept_clips(clips: Sequence[Clip], culled: BoolArray, fps: float) -> list[Clip]:
-    """Return the clips of the frames that are left, those frames counted anew."""
+    """Return the clips of the remaining frames, renumbered."""
     kept: list[Clip] = []
     for clip in clips:
         edges = np.flatnonzero(np.diff(np.concatenate(([True], culled[clip.start : clip.stop], [True]))))

@@ -1,4 +1,4 @@
-"""Frames on disk while a database is built, so that memory does not grow with what is read."""
+"""Frames on disk while a database is built, so that memory does not grow."""
 
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ _CHUNK = 8192  # frames read at once
 
 
 class FrameFile:
-    """A float32 array (F, ...) that grows at its end and is read by slices of its first axis.
+    """Float32 array (F, ...) that grows at its end and is read by slices of frames.
 
     Args:
         path: scratch file to create.
@@ -45,7 +45,7 @@ class FrameFile:
         self._frames += len(frames)
 
     def __getitem__(self, wanted: slice) -> NDArray[np.float32]:
-        """Return a slice with a positive step, read anew."""
+        """Read a slice with a positive step."""
         self._stream.flush()
         start, stop, step = wanted.indices(self._frames)
         parts = [np.empty((0, *self._frame), dtype=np.float32)]
@@ -61,5 +61,5 @@ class FrameFile:
         return np.concatenate(parts)
 
     def close(self) -> None:
-        """Close the file; it is the folder's owner who removes it."""
+        """Close the file; the owner of its folder removes it."""
         self._stream.close()

@@ -1,11 +1,10 @@
-"""The neighbour graph of a motion database (Eq. 4), bounded in memory, and the coarse clusters it is built from.
+"""Neighbour graph of a motion database (Eq. 4), built from coarse clusters.
 
 The paper joins every two frames closer than a threshold, so its graph grows with the square of the density. Here every
 frame keeps a bounded number of neighbours: the frames before and after it, then the closest ones, one for each time
 that a clip comes near before a second of the same pass. They are looked for within coarse clusters of poses and the
-clusters beside them, not among all pairs. Closest are those whose joints are turned alike, each
-joint counted by how far it moves head, hands and feet, as that is what the search compares (Eq. 2); the L1 distance of
-Eq. 4 can then decide which of them are joined.
+clusters beside them, not among all pairs. Distances weigh each joint by how far it moves head, hands and feet, because
+the search compares those (Eq. 2); the L1 distance of Eq. 4 can then decide which of them are joined.
 """
 
 import os
@@ -36,7 +35,9 @@ _BESIDE = 3  # clusters that are searched beside a frame's own
 _STRETCH = 4  # frames of a pass of which the closest one is a candidate
 _STRETCHES_PER_NEIGHBOUR = 4  # at least, or every frame is a candidate
 _SAME_PASS = np.float32(1e6)  # squared radians added where a pass comes closer before or after
-_NEVER = np.float32(1e30)  # squared distance of what is no candidate; infinity is no number to a matrix product
+_NEVER = np.float32(
+    1e30
+)  # squared distance of frames that are no candidates; infinity is no number to a matrix product
 _BLOCK = 1 << 20  # distances held at once by each thread
 _CHUNK = 8192  # frames
 _EXTREMITIES = ("head", "lhumerus", "lhand", "rhumerus", "rhand", "lfoot", "rfoot")
@@ -63,7 +64,7 @@ class GraphSettings:
     least: int = 24
 
     def threshold_deg(self, fps: float) -> float:
-        """Return the distance of Eq. 4 below which frames of a database of `fps` are joined."""
+        """Return the largest distance of Eq. 4 that joins frames of a database of `fps`."""
         return max(fps * self.largest_step_deg / self.control_fps, self.radius_deg)
 
 
@@ -81,12 +82,12 @@ class NeighbourGraph:
 
 
 def l1_distance_deg(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
-    """Return the L1 distance of poses (..., D), rotation vectors in radians, in degrees per joint angle."""
+    """Return the L1 distance of poses (..., D, radians), degrees per joint angle."""
     return np.degrees(np.sum(np.abs(a - b), axis=-1)) / JOINT_ANGLES
 
 
 def weighted(poses: FloatArray) -> FloatArray:
-    """Return poses (..., D) scaled so that their L2 distance is about that of the markers they move, metres."""
+    """Scale poses (..., D) so that their L2 distance is about that of markers, metres."""
     skeleton = default_skeleton()
     positions = np.zeros((len(skeleton), 3))
     for joint in range(1, len(skeleton)):
@@ -103,10 +104,10 @@ def weighted(poses: FloatArray) -> FloatArray:
 def build_graph(
     poses: FloatArray, clip_of_frame: NDArray[Any], fps: float, settings: GraphSettings | None = None
 ) -> NeighbourGraph:
-    """Return the neighbour graph of poses (F, D), rotation vectors relative to the joints' means.
+    """Return the neighbour graph of poses.
 
     Args:
-        poses: (F, D) float32.
+        poses: (F, D) float32 rotation vectors relative to the joints' means.
         clip_of_frame: (F,) clip index of each frame; frames that follow each other in a clip are always joined.
         fps: rate of the database.
         settings: how frames are joined; default the paper's distances.
@@ -141,7 +142,7 @@ def build_graph(
 
 
 def _centres(poses: FloatArray, threads: Executor) -> FloatArray:
-    """Return the centres (C, D) of coarse clusters, learned from a sample of the frames."""
+    """Return the centres (C, D) of coarse clusters, from a sample of the frames."""
     if len(poses) <= _ONE_CLUSTER:
         return np.mean(poses, axis=0, keepdims=True)
     count = int(_CLUSTERS_PER_ROOT * np.sqrt(len(poses)))
@@ -153,11 +154,11 @@ def _centres(poses: FloatArray, threads: Executor) -> FloatArray:
 def k_means(
     poses: FloatArray, count: int, mapped: Callable[..., Iterable[Any]] = map
 ) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Return centres (C, D), `count` or fewer, and the index (F,) of the one closest to each pose; none is empty.
+    """Return cluster centres (C, D) and the index (F,) of the closest to each pose.
 
     Args:
         poses: (F, D).
-        count: of centres to begin with.
+        count: of centres to begin with; empty ones are dropped.
         mapped: `map`, or that of an executor.
     """
     random = np.random.default_rng(0)  # the same every time
@@ -185,7 +186,7 @@ def _nearest_centres(poses: FloatArray, centres: FloatArray, mapped: Callable[..
 
 
 def _clusters_beside(centres: FloatArray) -> NDArray[np.int64]:
-    """Return the indices (C, n) of the clusters closest to each cluster, itself left out."""
+    """Return the indices (C, n) of the other clusters closest to each cluster."""
     norms = np.einsum("cd,cd->c", centres, centres)
     distances = norms - 2.0 * (centres @ centres.T) + norms[:, None]
     np.fill_diagonal(distances, np.inf)
@@ -193,7 +194,7 @@ def _clusters_beside(centres: FloatArray) -> NDArray[np.int64]:
 
 
 def _join_consecutive(neighbours: IntArray, clip_of_frame: NDArray[Any]) -> None:
-    """Write each frame's predecessor and successor in its clip into the first two columns."""
+    """Write each frame's predecessor and successor into the first two columns."""
     frames = np.arange(len(neighbours), dtype=np.int32)
     joined = np.asarray(clip_of_frame[1:]) == np.asarray(clip_of_frame[:-1])
     neighbours[1:, 0] = np.where(joined, frames[:-1], -1)
@@ -229,9 +230,10 @@ class _Candidates:
         self._near = np.column_stack((near, squares))
 
     def closest(self, rows: NDArray[np.int64]) -> IntArray:
-        """Return the candidates (R, most or all) that are closest to frames, one per pass if there are enough passes.
+        """Return the candidates (R, most or all) closest to each frame, closest first.
 
-        Closest first; a frame and those before and after it are no candidates of its own: -1 where no other is left.
+        One per pass if there are enough passes. A frame and those before and after it are no candidates of its own;
+        -1 where no other is left.
         """
         mine = self._poses[rows] - self._origin
         # all but the square of `mine`, which every candidate shares
@@ -249,7 +251,7 @@ class _Candidates:
         return np.take_along_axis(found, np.argsort(best, axis=1), axis=1)
 
     def _closest_stretches(self, stretches: FloatArray) -> NDArray[np.int64]:
-        """Return which stretches (R, most) hold the closest frames, in any order."""
+        """Return the stretches (R, most) with the closest frames, in any order."""
         minima = stretches.min(axis=1)
         if len(minima) > self._most:
             falls = minima[1:] < minima[:-1]
@@ -262,7 +264,7 @@ class _Candidates:
 def _within(
     poses: FloatArray, rows: NDArray[np.int64], found: IntArray, settings: GraphSettings, threshold_deg: float
 ) -> IntArray:
-    """Return the found frames (R, N) with -1 for those that Eq. 4 does not join, but the first `least`."""
+    """Return the found frames (R, N), -1 where Eq. 4 does not join them."""
     result = found.copy()
     for start in range(0, len(rows), _CHUNK // 8):
         part = slice(start, start + _CHUNK // 8)

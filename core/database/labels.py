@@ -1,4 +1,4 @@
-"""What a clip's file name or description tells about it."""
+"""Behaviour and subject of a clip by its file name or description."""
 
 import re
 from pathlib import PurePosixPath
@@ -7,9 +7,10 @@ _BANDAI = re.compile(r"(?P<set>dataset-\d+)_(?P<kind>[^_]+)_(?P<style>[^_]+)_\d+
 
 
 def behaviour_of(name: str, description: str = "") -> str:
-    """Return what is done in a clip: a description up to its first " - " or comma, or the words of the file name.
+    """Return a clip's behaviour.
 
-    Names like "dataset-2_walk-turn-left_active_001" give their second part; numbers count for nothing.
+    That is the description up to its first " - " or comma, or the words of the file name, without numbers. Names
+    like "dataset-2_walk-turn-left_active_001" give their second part.
     """
     if description:
         return re.split(r" - |,", description)[0].strip().lower()
@@ -22,7 +23,7 @@ def behaviour_of(name: str, description: str = "") -> str:
 
 
 def subject_of(name: str) -> str:
-    """Return who moves: "14" of "14_02", set and style of "dataset-2_walk_active_001", otherwise the folder."""
+    """Return a clip's subject: "14" of "14_02", set and style, or the folder's name."""
     pure = PurePosixPath(name)
     match = _BANDAI.fullmatch(pure.stem)
     if match:

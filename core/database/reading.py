@@ -1,4 +1,4 @@
-"""Reading many motion files, in this process or in several, into clips at the database's rate.
+"""Read many motion files, in one or several processes, into clips at one rate.
 
 Other processes run `serve`: they get each file as a line of JSON and answer with a JSON header and arrays, never with
 pickles.
@@ -37,9 +37,11 @@ _AHEAD = 8  # files per process that may be read before they are taken
 
 @dataclass(frozen=True)
 class ReadClip:
-    """One unbroken part of a file: rotations (F, J, 4) and root positions (F, 3), float32, at the database's rate.
+    """One unbroken part of a file, at the database's rate.
 
-    `first_frame` is that of the file at which it begins, counted from 0.
+    Args:
+        first_frame: of the file at which it begins, counted from 0.
+        rotations, root_positions_m: (F, J, 4), (F, 3).
     """
 
     name: str
@@ -52,7 +54,7 @@ class ReadClip:
 
 @dataclass(frozen=True)
 class ReadFile:
-    """What reading one file gave: its clips and the rows of its defects, or why it could not be read.
+    """Result of reading one file: clips and rows of defects, or the reason of failure.
 
     A row holds frames of the file ("12" or "12-15", counted from 1, "" when it is not about frames), defect and done;
     `line` is where the reason lies, 0 when in no line.
@@ -65,7 +67,7 @@ class ReadFile:
 
 
 def read_files(files: Sequence[MotionFile], fps: float, shortest: int, workers: int) -> Generator[ReadFile, None, None]:
-    """Yield what each file gives, in order.
+    """Yield the result of each file, in order.
 
     Args:
         fps: rate of the clips.
@@ -80,8 +82,8 @@ def read_files(files: Sequence[MotionFile], fps: float, shortest: int, workers: 
         for task in tasks:
             yield read_file(*task)
         return
-    readers = [_Reader() for _ in range(min(workers, len(files)))]
-    free: queue.SimpleQueue[_Reader] = queue.SimpleQueue()
+    readers = [_ReaderProcess() for _ in range(min(workers, len(files)))]
+    free: queue.SimpleQueue[_ReaderProcess] = queue.SimpleQueue()
     for reader in readers:
         free.put(reader)
 
@@ -110,7 +112,7 @@ def read_files(files: Sequence[MotionFile], fps: float, shortest: int, workers: 
             reader.close()
 
 
-class _Reader:
+class _ReaderProcess:
     """A process that reads files."""
 
     def __init__(self) -> None:
@@ -136,7 +138,7 @@ class _Reader:
         return data
 
     def read(self, task: Sequence[Any]) -> ReadFile:
-        """Return what one file gives."""
+        """Return the result of one file."""
         self._send(json.dumps(task))
         header = json.loads(self._receive(_LENGTH.unpack(self._receive(_LENGTH.size))[0]))
         for row in header["new_skeletons"]:
@@ -154,7 +156,7 @@ class _Reader:
         return ReadFile(tuple(clips), tuple(header["defects"]), header["reason"], header["line"])
 
     def kill(self) -> None:
-        """End the process, whatever it is doing."""
+        """End the process at once."""
         self._process.kill()
 
     def close(self) -> None:
@@ -168,13 +170,13 @@ def _died() -> Exception:
 
 
 def read_file(path: str, skeleton: str, name: str, fps: float, shortest: int) -> ReadFile:
-    """Return the clips of one file; a file that cannot be read gives none and the reason."""
+    """Return the clips of one file, none and the reason if it cannot be read."""
     try:
         read = read_motion_parts(Path(path), Path(skeleton) if skeleton else None, name=name)
     except PerfanimError as error:
         line = re.search(r", line (\d+)$", error.where) if error.where.startswith(path) else None
         reason = str(error).removeprefix(f"{error.where}: ") if error.where.startswith(path) else str(error)
-        # the names on disk of what an archive held tell nothing
+        # an archive's files have meaningless names on disk
         for known, text in ((path, name), (skeleton, "the skeleton file")):
             reason = reason.replace(known, text) if known else reason
         return ReadFile((), (), reason, int(line[1]) if line else 0)
@@ -206,14 +208,14 @@ def _frames(first: int, last: int) -> str:
 
 
 class _Sender:
-    """The other end of a `_Reader`: writes what files give to a stream, each skeleton once."""
+    """Other end of a `_ReaderProcess`: writes results to a stream, each skeleton once."""
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream = stream
         self._known: dict[bytes, int] = {}
 
     def send(self, result: Any) -> None:
-        """Write what one file gives."""
+        """Write the result of one file."""
         new: list[dict[str, Any]] = []
         rows = [
             {
@@ -243,7 +245,7 @@ class _Sender:
 
 
 def serve() -> None:
-    """Read the files that standard input names and send what they give to standard output, until it ends."""
+    """Read the files named by standard input and send results to standard output."""
     sender = _Sender(sys.stdout.buffer)
     for line in sys.stdin:
         sender.send(read_file(*json.loads(line)))

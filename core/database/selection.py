@@ -1,4 +1,4 @@
-"""Which motion files go into a database, by name and by behaviour."""
+"""Selection of motion files by name and behaviour."""
 
 import fnmatch
 from collections.abc import Sequence
@@ -9,8 +9,8 @@ from ..formats.motion.motion_sources import MotionFile
 from .labels import behaviour_of
 
 
-def selected(files: Sequence[MotionFile], include: Sequence[str], exclude: Sequence[str]) -> list[MotionFile]:
-    """Return the files that a glob of `include` fits, all if there are none, and none of `exclude`.
+def select_files(files: Sequence[MotionFile], include: Sequence[str], exclude: Sequence[str]) -> list[MotionFile]:
+    """Return the files that globs include and none excludes; no `include` means all.
 
     A glob may fit the whole name, the file name, the stem or the behaviour.
 

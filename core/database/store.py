@@ -1,13 +1,13 @@
-"""The motion database file: a JSON header and aligned arrays, memory-mapped when opened.
+"""Motion database file: a JSON header and aligned arrays, mapped when opened.
 
 Layout: magic, version (u32), header length (u64), file length (u64), header digest (32 bytes), header (JSON), padding,
-arrays. The file length and the digest tell a file that was cut off or changed; nothing is ever half read.
+arrays. The file length and the digest reveal a file that was cut off or changed; nothing is ever half read.
 """
 
 import hashlib
 import json
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -27,6 +27,9 @@ from .graph import GraphSettings, NeighbourGraph, build_graph
 Array = NDArray[np.float64]
 FloatArray = NDArray[np.float32]
 
+DATABASE_SUFFIX = ".pfdb"
+OLD_DATABASE_SUFFIX = ".perfdb"  # written by versions up to 0.1; opened like the other
+
 _MAGIC = b"PERFANIM-DB\n"
 _VERSION = 1
 _PREAMBLE = struct.Struct("<12sIQQ32s")
@@ -41,14 +44,14 @@ class Clip:
 
     Args:
         name: source file name.
-        behaviour: what is done ("walk"), "" when unknown.
-        subject: who moved, "" when unknown.
+        behaviour: action ("walk"), "" when unknown.
+        subject: recorded person, "" when unknown.
         source_fps: rate of the source file.
         start, stop: frames of the database.
         skeleton: index of its skeleton in the database.
         first_frame: frame of the source file, counted from 0, at which it begins; a file with gaps or jumps gives
             several clips of its name.
-        mirrored: whether it is the mirror image of what was recorded.
+        mirrored: whether it is the mirror image of the recording.
     """
 
     name: str
@@ -62,7 +65,7 @@ class Clip:
     mirrored: bool = False
 
     def part(self, first: int, stop: int, start: int, fps: float) -> "Clip":
-        """Return its frames `first` up to `stop`, counted within it, as a clip that begins at frame `start`."""
+        """Return frames `first` up to `stop` of the clip as one that begins at `start`."""
         before = round(first * self.source_fps / fps)
         return replace(self, start=start, stop=start + stop - first, first_frame=self.first_frame + before)
 
@@ -75,7 +78,7 @@ class Database:
         path: its file.
         fps: frames per second of every clip.
         clips: in the order of their frames, without gaps.
-        skeletons: bodies of the subjects, product joints.
+        skeletons: bodies of the subjects, with the standard joints.
         mean_rotations: (J, 4) mean local rotation of each joint; poses are relative to it, so that no joint angle
             comes near 180 degrees, where rotation vectors jump.
         poses: (F, J - 1, 3) float32 rotation vectors of all joints but the root: local = mean * exp(pose).
@@ -103,24 +106,23 @@ class Database:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """The product's joints; the root is the first."""
+        """The standard skeleton's joints, root first."""
         return JOINT_NAMES
 
     @property
     def behaviours(self) -> dict[str, int]:
         """Frames of each behaviour."""
-        counts: dict[str, int] = {}
-        for clip in self.clips:
-            counts[clip.behaviour] = counts.get(clip.behaviour, 0) + clip.stop - clip.start
-        return counts
+        return self._frames_by(lambda clip: clip.behaviour)
 
     @property
     def source_rates(self) -> dict[str, int]:
         """Frames by the rate of the files that they come from, frames per second."""
+        return self._frames_by(lambda clip: f"{clip.source_fps:g}")
+
+    def _frames_by(self, key: Callable[[Clip], str]) -> dict[str, int]:
         counts: dict[str, int] = {}
         for clip in self.clips:
-            rate = f"{clip.source_fps:g}"
-            counts[rate] = counts.get(rate, 0) + clip.stop - clip.start
+            counts[key(clip)] = counts.get(key(clip), 0) + clip.stop - clip.start
         return counts
 
     @cached_property
@@ -129,14 +131,14 @@ class Database:
         return np.repeat(np.arange(len(self.clips), dtype=np.int32), [c.stop - c.start for c in self.clips])
 
     def local_rotations(self, frames: Any) -> Array:
-        """Return the local rotations (..., J, 4) of frames; the root's is the stored world-from-root."""
+        """Return local rotations (..., J, 4) of frames, world-from-root for the root."""
         return rotations_from_pose(
             np.asarray(self.poses[frames], dtype=np.float64), self.mean_rotations, self.root_rotations[frames]
         )
 
 
 def rotations_from_pose(pose: Array, mean_rotations: Array, root_rotation: Any) -> Array:
-    """Return local rotations (..., J, 4) of poses (..., J - 1, 3) relative to the mean rotations."""
+    """Return local rotations (..., J, 4) of poses (..., J - 1, 3)."""
     result = np.empty((*pose.shape[:-2], pose.shape[-2] + 1, 4))
     result[..., 0, :] = root_rotation
     result[..., 1:, :] = rot.multiply(mean_rotations[1:], rot.from_rotation_vector(pose))
@@ -144,13 +146,13 @@ def rotations_from_pose(pose: Array, mean_rotations: Array, root_rotation: Any) 
 
 
 def pose_from_rotations(rotations: Any, mean_rotations: Array) -> Array:
-    """Return poses (..., J - 1, 3) of local rotations (..., J, 4), `rotations_from_pose`'s inverse."""
+    """Return poses (..., J - 1, 3) of local rotations (..., J, 4)."""
     local = np.asarray(rotations, dtype=np.float64)[..., 1:, :]
     return rot.to_rotation_vector(rot.multiply(rot.conjugate(mean_rotations[1:]), local))
 
 
 def mean_and_poses(rotations: NDArray[Any] | FrameFile) -> tuple[Array, FloatArray]:
-    """Return the mean rotations (J, 4) of frames (F, J, 4) and their poses (F, J - 1, 3) relative to them."""
+    """Return the mean rotations (J, 4) and the poses relative to them of (F, J, 4)."""
     frames = len(rotations)
     mean_rotations = rot.mean(rotations[:: max(1, frames // _MEAN_SAMPLES)])
     poses = np.empty((frames, len(JOINT_NAMES) - 1, 3), dtype=np.float32)
@@ -169,75 +171,66 @@ def write_database(
     skeletons: Sequence[Skeleton],
     graph: GraphSettings | None = None,
 ) -> None:
-    """Write a database file.
+    """Write a database file from local rotations.
 
     Args:
-        rotations: (F, J, 4) local rotations of the product's joints relative to rest, root included.
+        rotations: (F, J, 4) of the standard skeleton's joints relative to rest, root included.
         root_positions_m: (F, 3).
         clips: cover the frames in order without gaps.
         skeletons: indexed by `Clip.skeleton`.
-        graph: how frames are joined in the neighbour graph stored with them; None stores none.
+        graph: see `save_database`.
 
     Raises:
         DatabaseError: there are no frames, or the parts do not fit together.
     """
     if len(rotations) == 0:
-        raise DatabaseError("there is no motion to store", where=str(path), advice="add files with motion")
+        raise DatabaseError("has no motion to store", where=str(path), advice="add files with motion")
     if rotations.shape[1:] != (len(JOINT_NAMES), 4):
-        raise DatabaseError(f"rotations of shape {rotations.shape} are not of the product's joints", where=str(path))
+        raise DatabaseError(f"rotations have shape {rotations.shape}, not (F, {len(JOINT_NAMES)}, 4)", where=str(path))
     mean_rotations, poses = mean_and_poses(rotations)
-    write_poses(path, fps, mean_rotations, poses, rotations[:, 0], root_positions_m, clips, skeletons, graph)
+    parts = (tuple(clips), tuple(skeletons), mean_rotations, poses, rotations[:, 0], root_positions_m)
+    save_database(Database(Path(path), fps, *parts), graph)
 
 
-def write_poses(
-    path: str | Path,
-    fps: float,
-    mean_rotations: Array,
-    poses: FloatArray,
-    root_rotations: NDArray[Any],
-    root_positions_m: NDArray[Any],
-    clips: Sequence[Clip],
-    skeletons: Sequence[Skeleton],
-    graph: GraphSettings | None = None,
-    culled_frames: int = 0,
-) -> None:
-    """Write a database file of poses; arguments as in `Database` and `write_database`.
+def save_database(database: Database, graph: GraphSettings | None = None) -> None:
+    """Write a database to its path.
+
+    Args:
+        graph: how frames are joined in the neighbour graph that is stored with them; None stores none.
 
     Raises:
         DatabaseError: the parts do not fit together.
     """
-    frames = len(poses)
-    _check_parts(str(path), frames, root_positions_m, clips, len(skeletons))
+    _check_parts(database)
     arrays: dict[str, NDArray[Any]] = {
-        "mean_rotations": mean_rotations,
-        "poses": poses,
-        "root_rotations": np.asarray(root_rotations, dtype=np.float32),
-        "root_positions_m": np.asarray(root_positions_m, dtype=np.float32),
+        "mean_rotations": database.mean_rotations,
+        "poses": database.poses,
+        "root_rotations": np.asarray(database.root_rotations, dtype=np.float32),
+        "root_positions_m": np.asarray(database.root_positions_m, dtype=np.float32),
     }
     if graph is not None:
-        clip_of_frame = np.repeat(np.arange(len(clips)), [clip.stop - clip.start for clip in clips])
-        built = build_graph(poses.reshape(frames, -1), clip_of_frame, fps, graph)
+        poses = database.poses.reshape(database.frames, -1)
+        built = build_graph(poses, database.clip_of_frame, database.fps, graph)
         arrays |= {"neighbours": built.neighbours, "clusters": built.clusters}
     facts = {
-        "fps": float(fps),
+        "fps": float(database.fps),
         "joints": list(JOINT_NAMES),
-        "clips": [asdict(clip) for clip in clips],
-        "skeletons": [_skeleton_facts(skeleton) for skeleton in skeletons],
-        "culled_frames": culled_frames,
+        "clips": [asdict(clip) for clip in database.clips],
+        "skeletons": [_skeleton_facts(skeleton) for skeleton in database.skeletons],
+        "culled_frames": database.culled_frames,
     }
-    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+    with atomic_path(database.path) as temporary, temporary.open("wb") as stream:
         _write_file(stream, facts, arrays)
 
 
-def _check_parts(
-    where: str, frames: int, root_positions_m: NDArray[Any], clips: Sequence[Clip], skeletons: int
-) -> None:
-    if root_positions_m.shape != (frames, 3):
-        raise DatabaseError(f"root positions of shape {root_positions_m.shape} do not fit", where=where)
-    edges = [clip.start for clip in clips] + [frames]
+def _check_parts(database: Database) -> None:
+    where, clips, shape = str(database.path), database.clips, database.root_positions_m.shape
+    if shape != (database.frames, 3):
+        raise DatabaseError(f"root positions have shape {shape}, not ({database.frames}, 3)", where=where)
+    edges = [clip.start for clip in clips] + [database.frames]
     if edges[0] != 0 or [clip.stop for clip in clips] != edges[1:]:
         raise DatabaseError("clips do not cover the frames", where=where)
-    if not all(0 <= clip.skeleton < skeletons for clip in clips):
+    if not all(0 <= clip.skeleton < len(database.skeletons) for clip in clips):
         raise DatabaseError("a clip has no skeleton", where=where)
 
 
@@ -304,7 +297,7 @@ def open_database(path: str | Path) -> Database:
 
 
 def identity(database: Database) -> dict[str, Any]:
-    """Return what tells later whether a database is this one: its file, frames, rate and the digest of its header."""
+    """Return facts that identify a database: file, frames, rate, header digest."""
     with database.path.open("rb") as stream:
         digest = _PREAMBLE.unpack(stream.read(_PREAMBLE.size))[-1].hex()
     path = str(database.path.resolve())

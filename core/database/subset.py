@@ -13,10 +13,10 @@ from .store import Clip, Database, open_database, write_database
 def write_subset(
     database: Database, path: str | Path, kept: Iterable[tuple[Clip, int, int]], graph: GraphSettings | None = None
 ) -> Database:
-    """Write parts of a database as another, and return that.
+    """Write parts of a database as another and return it.
 
     Args:
-        database: what is taken from.
+        database: source of the parts.
         path: file to write.
         kept: clips, each with its first frame that is kept and the one after the last, counted within the clip.
         graph: how frames are joined in the neighbour graph; default the usual way where the database is large.

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from perfanim.core.body.pose_frame import PoseFrame
+from perfanim.core.body.scene_pose import PerformerPose
 from perfanim.core.body.skeleton import Skeleton, forward_kinematics
 from perfanim.core.cli.batch.plan import read_plan
 from perfanim.core.database.store import identity, open_database
@@ -29,7 +29,7 @@ HERE = Path(__file__).parent
 EXPECTED = json.loads((HERE / "expected.json").read_text(encoding="utf-8"))
 
 
-def _poses_by_performer(take: TakeFile) -> list[list[PoseFrame]]:
+def _poses_by_performer(take: TakeFile) -> list[list[PerformerPose]]:
     moments = [(solved.pose, *solved.pose.others) for solved in take.poses]
     return [list(poses) for poses in zip(*moments, strict=True)]
 
@@ -107,7 +107,7 @@ def _prop(prop: Prop) -> dict[str, Any]:
     }
 
 
-def _pose(pose: PoseFrame) -> dict[str, Any]:
+def _pose(pose: PerformerPose) -> dict[str, Any]:
     digests = {key: _digest(getattr(pose, key)) for key in ("rotations", "markers_m", "observed_m")}
     plain = ("number", "time_s", "root_position_m", "confidence", "single_cameras", "marker_rms_m", "neighbours",
              "dimensions", "notes")  # fmt: skip
@@ -115,7 +115,7 @@ def _pose(pose: PoseFrame) -> dict[str, Any]:
     return digests | {key: getattr(pose, key) for key in plain} | {"props": props}
 
 
-def _performer(poses: list[PoseFrame], subject: Subject) -> dict[str, Any]:
+def _performer(poses: list[PerformerPose], subject: Subject) -> dict[str, Any]:
     rotations = np.array([pose.rotations for pose in poses])
     roots = np.array([pose.root_position_m for pose in poses])
     joints = forward_kinematics(subject.skeleton, rotations, roots)[0]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from perfanim.core.body.motion import sliced
-from perfanim.core.database.build import build_database
+from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.formats.markers.marker_files import write_take
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.markers.marker_set import load_marker_set
@@ -32,7 +32,7 @@ def blender(wrapper: str, user: Path) -> Callable[..., subprocess.Popen[str]]:
 def test_a_batch_is_solved_and_retargeted_by_blender_alone(blender, shared_dir: Path, tmp_path: Path) -> None:
     motion = perform("walking", 4.0)
     write_bvh(motion, tmp_path / "walk.bvh")
-    build_database([str(tmp_path / "walk.bvh")], tmp_path / "walk.pfdb", 60.0)
+    build_database([str(tmp_path / "walk.bvh")], tmp_path / "walk.pfdb", BuildSettings(fps=60.0))
     take, _ = simulate_markers(sliced(motion, 0, 60), load_marker_set("boxing"))
     write_take(take, tmp_path / "walk.take.npz")
     character = next((shared_dir / "rigs").rglob("CesiumMan.glb"))

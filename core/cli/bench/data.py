@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...body.motion import Motion, resampled, sliced
-from ...database.build import build_database
+from ...database.build import BuildSettings, build_database
 from ...database.store import Clip, Database, open_database
 from ...database.subset import write_subset
 from ...errors import FormatError
@@ -77,7 +77,10 @@ def whole_database(data: Path, out: Path, sets: tuple[str, ...], workers: int, p
     path = out / "databases" / ("-".join(sets) + ".perfdb")
     if not path.exists():
         build_database(
-            data_folders(data, sets), path, FPS, workers=workers, progress=lambda f, text: progress(0.2 * f, text)
+            data_folders(data, sets),
+            path,
+            BuildSettings(fps=FPS, workers=workers),
+            progress=lambda f, text: progress(0.2 * f, text),
         )
     return open_database(path)
 

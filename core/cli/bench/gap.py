@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...body.motion import Motion, sliced
 from ...body.motion_metrics import evaluate
-from ...database.build import build_database
+from ...database.build import BuildSettings, build_database
 from ...database.store import Clip, Database, open_database, pose_from_rotations, rotations_from_pose
 from ...geometry import rotations as rot
 from ...markers.marker_set import load_marker_set
@@ -104,7 +104,12 @@ def _at_rate(data: Path, out: Path, fps: float, workers: int) -> Database:
     folder = out / "databases"
     path = folder / f"cmu-{fps:g}.perfdb"
     if not path.exists():
-        build_database(data_folders(data, (CMU,)), path, fps, workers=workers, progress=lambda fraction, text: None)
+        build_database(
+            data_folders(data, (CMU,)),
+            path,
+            BuildSettings(fps=fps, workers=workers),
+            progress=lambda fraction, text: None,
+        )
     return without_tests(open_database(path), folder / f"cmu-without-tests-{fps:g}.perfdb")
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...body.motion import Motion, sliced
 from ...body.motion_metrics import evaluate
-from ...database.build import build_database
+from ...database.build import BuildSettings, build_database
 from ...database.store import Clip, Database, open_database
 from ...database.subset import write_subset
 from ...markers.marker_set import load_marker_set
@@ -50,10 +50,7 @@ def scale(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, 
         build_database(
             data_folders(data, (CMU, BANDAI)),
             path,
-            FPS,
-            exclude=(*LEFT_OUT, SPLIT),
-            mirror=True,
-            workers=workers,
+            BuildSettings(fps=FPS, exclude=(*LEFT_OUT, SPLIT), mirror=True, workers=workers),
             progress=lambda fraction, text: progress(0.3 * fraction, text),
         )
     mirrored = open_database(path)

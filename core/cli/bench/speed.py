@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...body.motion import Motion
-from ...database.build import build_database
+from ...database.build import BuildSettings, build_database
 from ...database.store import Database, open_database
 from ...database.subset import write_subset
 from ...markers.marker_set import load_marker_set
@@ -198,7 +198,7 @@ def _import(data: Path, out: Path, workers: int, progress: Progress) -> tuple[Da
     rows = _Rows()
     path = out / "databases" / "speed-whole.perfdb"
     started_s = time.perf_counter()
-    build_database(data_folders(data, (CMU, BANDAI)), path, FPS, workers=workers, progress=progress)
+    build_database(data_folders(data, (CMU, BANDAI)), path, BuildSettings(fps=FPS, workers=workers), progress=progress)
     seconds = time.perf_counter() - started_s
     database = open_database(path)
     per_goal = _DATABASE_FRAMES / database.frames

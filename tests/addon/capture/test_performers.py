@@ -12,7 +12,7 @@ import pytest
 from clicked import run_job
 from perfanim.core.body.scene_pose import PerformerPose
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.database.build import build_database
+from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.formats.motion.bvh import read_bvh
 from perfanim.core.formats.take_file.pose_codec import TimedPose
 from perfanim.core.formats.take_file.reading import read_take_file
@@ -140,7 +140,7 @@ def test_the_list_says_who_cannot_be_followed(part: Any, shown: Any, ben: Any, t
 def test_what_the_worker_is_asked_for(part: Any, shown: Any, ben: Any) -> None:
     scene = bpy.context.scene
     build_path = str(part("preferences.paths").user_folder("databases") / "a.perfdb")
-    build_database([str(MOTION / "boxing-01-neutral.bvh")], build_path, 10.0)
+    build_database([str(MOTION / "boxing-01-neutral.bvh")], build_path, BuildSettings(fps=10.0))
     scene.perfanim.database, scene.perfanim.behaviour = build_path, "boxing"
     setup = part("capture.request").make(scene.perfanim)
     assert [subject.name for subject in setup.performers] == ["Ben"]
@@ -362,7 +362,7 @@ def test_a_take_names_all_and_each_can_be_exported(part: Any, ben: Any, tmp_path
 
 def test_two_before_the_cameras_live_and_solved_again(part: Any, shown: Any, tmp_path: Path) -> None:
     live, scene = part("capture.live_capture"), bpy.context.scene
-    build_database([str(MOTION)], tmp_path / "two.perfdb", 10.0)
+    build_database([str(MOTION)], tmp_path / "two.perfdb", BuildSettings(fps=10.0))
     scene.perfanim.database, scene.perfanim.behaviour = str(tmp_path / "two.perfdb"), "kendo"
     scene.render.fps = 60
     scene.frame_set(1)

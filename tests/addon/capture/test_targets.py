@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from clicked import run_job
 from mathutils import Matrix, Quaternion, Vector
-from perfanim.core.database.build import build_database
+from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.markers.marker_take import MarkerTake, save_take
 from perfanim.core.markers.prop import load_prop, save_prop
@@ -93,7 +93,7 @@ def check_placed(target: Any, wanted: Matrix) -> None:
 
 def test_a_sword_is_in_the_characters_hand_live_and_in_the_action(part: Any, shown: Any, tmp_path: Path) -> None:
     live, scene = part("capture.live_capture"), bpy.context.scene
-    build_database([str(MOTION / "kendo-01-proud.bvh")], tmp_path / "kendo.perfdb", 30.0)
+    build_database([str(MOTION / "kendo-01-proud.bvh")], tmp_path / "kendo.perfdb", BuildSettings(fps=30.0))
     scene.perfanim.database = str(tmp_path / "kendo.perfdb")
     scene.render.fps, scene.frame_current = 60, 5
     scene.perfanim.behaviour = "kendo"

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import pytest
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.database.build import build_database
+from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.geometry.rig_file import load_rig, save_rig
@@ -67,7 +67,7 @@ def test_files_that_are_missing_or_bad_are_named(states: Any, chosen: Any, tmp_p
 @pytest.fixture
 def database(tmp_path: Path) -> Path:
     write_bvh(perform("walking", 3.0), tmp_path / "walk.bvh")
-    build_database([str(tmp_path / "walk.bvh")], tmp_path / "mine.perfdb", 60.0)
+    build_database([str(tmp_path / "walk.bvh")], tmp_path / "mine.perfdb", BuildSettings(fps=60.0))
     return tmp_path / "mine.perfdb"
 
 
@@ -97,7 +97,7 @@ def test_no_database_is_kept_open(states: Any, chosen: Any, database: Path) -> N
     assert states.motion(chosen).ready
     assert "mine.perfdb" not in Path("/proc/self/maps").read_text()
     before = states.motion(chosen).text
-    build_database([str(database.with_name("walk.bvh"))], database, 30.0)
+    build_database([str(database.with_name("walk.bvh"))], database, BuildSettings(fps=30.0))
     assert states.motion(chosen).text != before
 
 

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 from perfanim.core.body.skeleton import forward_kinematics
-from perfanim.core.database.build import build_database
+from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.markers.marker_set import load_marker_set
@@ -43,7 +43,7 @@ def test_trackers_move_the_character_and_a_sender_that_pauses_is_told(part: Any,
         for row in take.positions_m
     ]
     write_bvh(truth, tmp_path / "walk.bvh")
-    build_database([str(tmp_path / "walk.bvh")], tmp_path / "walk.pfdb", 60.0)
+    build_database([str(tmp_path / "walk.bvh")], tmp_path / "walk.pfdb", BuildSettings(fps=60.0))
     save_subject(Subject("Anna", truth.skeleton, marker_set), tmp_path / "anna.toml")
     chosen = bpy.context.scene.perfanim
     chosen.source, chosen.subject, chosen.database = "VMC", str(tmp_path / "anna.toml"), str(tmp_path / "walk.pfdb")

@@ -14,7 +14,7 @@ from perfanim.core.body.mirroring import mirrored_rotations
 from perfanim.core.body.motion import Motion, resampled
 from perfanim.core.body.standard_skeleton import default_skeleton, scaled
 from perfanim.core.cli.main import main
-from perfanim.core.database.build import build_database
+from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.database.labels import behaviour_of, subject_of
 from perfanim.core.database.store import open_database
 from perfanim.core.errors import DatabaseError, FormatError
@@ -43,7 +43,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_database_holds_the_motion_at_its_rate(folder: Path, tmp_path: Path) -> None:
-    report = build_database([folder], tmp_path / "a.db", fps=60.0)
+    report = build_database([folder], tmp_path / "a.db", BuildSettings(fps=60.0))
     database = open_database(tmp_path / "a.db")
     assert report["frames"] == database.frames == 61 + 61
     assert report["clips"] == len(database.clips) == 2
@@ -70,7 +70,7 @@ def test_bad_files_are_skipped_with_the_reason(folder: Path, tmp_path: Path) -> 
 
 def test_exclude_by_name_stem_or_folder(folder: Path, tmp_path: Path) -> None:
     for pattern in ("run_02", "run*", "motion/b/*"):
-        report = build_database([folder], tmp_path / "a.db", exclude=[pattern])
+        report = build_database([folder], tmp_path / "a.db", BuildSettings(exclude=[pattern]))
         assert report["clips"] == 1
         assert report["behaviours"] == {"walk": 61}
 
@@ -79,7 +79,7 @@ def test_include_and_exclude_by_name_and_behaviour(folder: Path, tmp_path: Path)
     (folder / "index.tsv").write_text("trial\tdescription\nrun_02\tSprint - fast\nwalk_01\tstroll\n")
 
     def names(**chosen: list[str]) -> list[str]:
-        build_database([folder], tmp_path / "a.db", **chosen)
+        build_database([folder], tmp_path / "a.db", BuildSettings(**chosen))
         return [clip.name for clip in open_database(tmp_path / "a.db").clips]
 
     assert names(include=["stroll"]) == names(include=["walk_*"]) == names(exclude=["sprint"]) == ["walk_01"]
@@ -93,7 +93,7 @@ def test_include_and_exclude_by_name_and_behaviour(folder: Path, tmp_path: Path)
 
 def test_mirrored_copies_follow_their_originals(folder: Path, tmp_path: Path) -> None:
     plain = build_database([folder], tmp_path / "a.db")
-    report = build_database([folder], tmp_path / "b.db", mirror=True)
+    report = build_database([folder], tmp_path / "b.db", BuildSettings(mirror=True))
     database = open_database(tmp_path / "b.db")
     assert (report["frames"], report["mirrored_clips"]) == (2 * plain["frames"], 2)
     assert [(clip.name, clip.mirrored) for clip in database.clips] == [
@@ -113,7 +113,7 @@ def test_mirrored_copies_follow_their_originals(folder: Path, tmp_path: Path) ->
 def test_near_duplicates_are_culled_and_counted(folder: Path, tmp_path: Path) -> None:
     write_bvh(waving("again", 31, 30.0, 1.6), folder / "x_again.bvh")
     plain = build_database([folder], tmp_path / "a.db")
-    report = build_database([folder], tmp_path / "b.db", cull_deg=0.5)
+    report = build_database([folder], tmp_path / "b.db", BuildSettings(cull_deg=0.5))
     assert report["culled_frames"] == plain["frames"] - report["frames"] >= 61
     database = open_database(tmp_path / "b.db")
     assert database.culled_frames == report["culled_frames"]
@@ -172,7 +172,7 @@ def test_frames_without_numbers_split_the_clip(folder: Path, tmp_path: Path) -> 
     lines = path.read_text().splitlines()
     lines[-20] = "nan " + lines[-20].split(" ", 1)[1]
     path.write_text("\n".join(lines) + "\n")
-    report = build_database([path], tmp_path / "a.db", fps=30.0)
+    report = build_database([path], tmp_path / "a.db", BuildSettings(fps=30.0))
     assert report["frames"] == 30
     assert report["clips"] == 2
     row = {"file": "walk_01.bvh", "frames": "12", "defect": "numbers that are not finite", "done": "cut out"}
@@ -208,9 +208,9 @@ def test_archives_hold_the_same_as_folders(folder: Path, tmp_path: Path) -> None
 def test_sources_of_one_name_are_all_read(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "other" / "motion").mkdir(parents=True)
     write_bvh(waving("walk_01", 41), tmp_path / "other" / "motion" / "walk_01.bvh")
-    report = build_database([folder, tmp_path / "other" / "motion"], tmp_path / "a.db", fps=30.0)
+    report = build_database([folder, tmp_path / "other" / "motion"], tmp_path / "a.db", BuildSettings(fps=30.0))
     assert report["frames"] == 31 + 31 + 41
-    twice = build_database([folder, folder / "walk_01.bvh"], tmp_path / "a.db", fps=30.0)
+    twice = build_database([folder, folder / "walk_01.bvh"], tmp_path / "a.db", BuildSettings(fps=30.0))
     assert twice["clips"] == 2
 
 
@@ -261,8 +261,8 @@ def test_cancelled_build_writes_nothing(folder: Path, tmp_path: Path) -> None:
 
 
 def test_several_processes_give_the_same(folder: Path, tmp_path: Path) -> None:
-    one = build_database([folder], tmp_path / "a.db", workers=1)
-    two = build_database([folder], tmp_path / "b.db", workers=2)
+    one = build_database([folder], tmp_path / "a.db", BuildSettings(workers=1))
+    two = build_database([folder], tmp_path / "b.db", BuildSettings(workers=2))
     assert (tmp_path / "a.db").read_bytes() == (tmp_path / "b.db").read_bytes()
     assert one["skipped"] == two["skipped"]
     assert one["defects"] == two["defects"]
@@ -274,9 +274,9 @@ def test_a_cancelled_build_ends_its_processes(folder: Path, tmp_path: Path) -> N
         build_database(
             [folder],
             tmp_path / "a.db",
-            workers=2,
+            BuildSettings(workers=2),
             progress=lambda fraction, _: steps.append(fraction),
-            cancelled=lambda: len(steps) == 2,  # when the first file has been read
+            cancelled=lambda: len(steps) == 2,
         )
     own = Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children")
     if own.is_file():
@@ -318,7 +318,7 @@ def test_cmu_folder_with_descriptions(cmu_dir: Path, tmp_path: Path) -> None:
     source.mkdir()
     shutil.copytree(cmu_dir / "35", source / "35", copy_function=shutil.copy)
     shutil.copy(cmu_dir / "index.tsv", source)
-    report = build_database([source], tmp_path / "a.db", exclude=["35_1*", "35_2*", "35_3*"])
+    report = build_database([source], tmp_path / "a.db", BuildSettings(exclude=["35_1*", "35_2*", "35_3*"]))
     database = open_database(tmp_path / "a.db")
     assert report["skipped"] == []
     assert "35_01" in [clip.name for clip in database.clips]

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.database.build import build_database
+from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.errors import CaptureError
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.formats.take_file.pose_codec import pack_solved
@@ -38,7 +38,7 @@ ROOT_M = 0.3  # a quarter of what two performers are apart: nobody is taken for 
 def request_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     folder = tmp_path_factory.mktemp("chain")
     write_bvh(perform("walking", 4.0), folder / "walk.bvh")
-    build_database([str(folder / "walk.bvh")], folder / "walk.perfdb", 60.0)
+    build_database([str(folder / "walk.bvh")], folder / "walk.perfdb", BuildSettings(fps=60.0))
     save_subject(Subject("Sim", default_skeleton(1.75), load_marker_set("boxing")), folder / "sim.toml")
     return {"subject": str(folder / "sim.toml"), "database": str(folder / "walk.perfdb")}
 

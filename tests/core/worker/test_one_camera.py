@@ -4,7 +4,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from perfanim.core.database.build import build_database
+from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.geometry.rig_file import save_rig
@@ -27,7 +27,7 @@ def test_one_camera_starts_in_the_t_pose_and_follows(tmp_path: Path) -> None:
     write_bvh(
         performance([("walking", 4.0)], seed=5), tmp_path / "walk.bvh"
     )  # begins in a T pose, as the performer does
-    build_database([str(tmp_path / "walk.bvh")], tmp_path / "walk.perfdb", 60.0)
+    build_database([str(tmp_path / "walk.bvh")], tmp_path / "walk.perfdb", BuildSettings(fps=60.0))
     request = {
         "job": "capture",
         "cameras": {"source": {**performer, "cameras": 1}, "rig": str(tmp_path / "left.toml"), "threshold": None},
