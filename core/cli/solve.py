@@ -19,7 +19,7 @@ from ..formats.motion.read_motion import read_skeleton
 from ..formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_motion
 from ..formats.take_file.reading import ENDING, TakeFile, read_take_file
 from ..geometry.rig_file import load_rig
-from ..labelling.take_import import UPS, brought_in
+from ..labelling.take_import import UPS, import_take
 from ..markers.filtering import smoothed, smoothed_motion
 from ..markers.label_matching import AUTO, best_match, load_names, match_names, named_by_hand
 from ..markers.marker_set import MarkerSet, load_marker_set
@@ -196,7 +196,7 @@ def _solve_markers(
     marker_set = _marker_set(args, take)
     subject = _subject(args, marker_set)
     if args.up is not None:
-        take = brought_in(take, subject.marker_set, args.up)
+        take = import_take(take, subject.marker_set, args.up)
     elif not is_unnamed(take):
         take = match_names(take.names, subject.marker_set).renamed(take)
     if args.smooth is not None:
@@ -247,11 +247,11 @@ def _solve_recorded(
     setup = take.setup
     rig, frames = setup.camera_rig(), take.frames
     if args.cameras is not None:
-        from ..vision.relocate import located_anew  # images' libraries are slow to load
+        from ..vision.relocate import retriangulate  # images' libraries are slow to load
 
         progress(0.0, "locating the markers anew")
         rig = load_rig(args.cameras)
-        frames = tuple(located_anew(rig, frames))
+        frames = tuple(retriangulate(rig, frames))
     chosen = load_marker_set(args.marker_set) if args.marker_set is not None else None
     subject = _subject(args, chosen, setup.worn_subject())
     try:

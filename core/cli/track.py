@@ -125,7 +125,7 @@ def _of_cameras(
     """Return the take of markers located by two or more cameras, and what it is like."""
     from ..labelling.single_camera_trajectories import single_views
     from ..labelling.trajectory_linking import track_markers
-    from ..labelling.trajectory_naming import named_take
+    from ..labelling.trajectory_naming import name_trajectories
     from ..vision.reprojection import labelled_rms_px
 
     aligned: dict[str, Any] = {}
@@ -137,14 +137,14 @@ def _of_cameras(
     tracking = track_markers(frames, _take_name(args.out), fps, count)
     single = single_views(tracking, frames, rig)
     take = replace(tracking.take, single=single)
-    take = named_take(take, marker_set) if marker_set else take
+    take = name_trajectories(take, marker_set) if marker_set else take
     return take, aligned | {
         "markers": len(take.names),
         "visible_fraction": float(take.visible.mean()),
         "all_visible_fraction": float(take.visible.all(axis=1).mean()),
         "one_camera_fraction": float((single.cameras >= 0).mean()),
         "reprojection_rms_px": labelled_rms_px(rig, frames, tracking.labels),
-        "false_pieces": tracking.dropped_pieces,
+        "false_pieces": tracking.dropped_tracklets,
     }
 
 
@@ -258,7 +258,7 @@ def _pipeline(args: argparse.Namespace, rig: Any, source: Any, progress: Progres
         return pipeline
     samples = [] if _endless(source) else list(source.samples(_BACKGROUND_SAMPLES))
     if len(samples) > 1:
-        pipeline.learn_behind(samples)
+        pipeline.learn_from_take(samples)
     return pipeline
 
 
@@ -284,9 +284,9 @@ def _process(args: argparse.Namespace, pipeline: Any, source: Any, progress: Pro
 
 def _at_one_time(rig: Any, frames: list[Any], settings: Any) -> tuple[list[Any], dict[str, Any]]:
     """Return the frames with all markers at one time, and how late each camera was against the first."""
-    from ..vision.synchronise import synchronised
+    from ..vision.synchronise import synchronise_frames
 
-    moved, offsets = synchronised(rig, frames, settings)
+    moved, offsets = synchronise_frames(rig, frames, settings)
     return moved, {
         "time_offsets_ms": [1e3 * offset.offset_s if offset.is_found else None for offset in offsets],
         "time_offset_sigmas_ms": [1e3 * offset.sigma_s if offset.is_found else None for offset in offsets],
@@ -305,7 +305,7 @@ def _without_distortion(rig: Any) -> Any:
 def _compared(take: Any, path: str) -> dict[str, Any]:
     """Distance to trajectories of the same cameras, paired marker by marker to fit best over the whole take."""
     from ..formats.markers.marker_files import read_take
-    from ..labelling.trajectory_naming import best_permutation
+    from ..labelling.trajectory_naming import match_trajectories
 
     truth = read_take(path)
     frames = min(take.frames, truth.frames)
@@ -314,7 +314,7 @@ def _compared(take: Any, path: str) -> dict[str, Any]:
     turned = other * np.array([1.0, -1.0, -1.0])
     if np.nanmedian(np.abs(own[..., 2] - turned[..., 2])) < np.nanmedian(np.abs(own[..., 2] - other[..., 2])):
         other = turned
-    rows, columns = best_permutation(own, other)
+    rows, columns = match_trajectories(own, other)
     distance = np.linalg.norm(own[:, rows] - other[:, columns], axis=2)
     return {
         "truth_frames": frames,

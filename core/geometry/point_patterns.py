@@ -11,7 +11,7 @@ IntArray = NDArray[np.int64]
 _MOST_WAYS = 2000
 
 
-def rigid_ways(
+def match_rigid_pattern(
     points_m: Array,
     spans_m: Array,
     tolerances_m: Array,
@@ -48,14 +48,14 @@ def rigid_ways(
     return chosen
 
 
-def laid_on(markers_m: Array, points_m: Array) -> tuple[Array, Array, float]:
+def fit_rigid(markers_m: Array, points_m: Array) -> tuple[Array, Array, float]:
     """Return the rotation (3, 3) and shift (3,) that lay markers (N, 3) on points (N, 3), and the RMS distance left."""
     turn, shift = kabsch(markers_m, points_m)
     off = points_m - transform(turn, shift, markers_m)
     return turn, shift, float(np.sqrt(np.mean(np.sum(off * off, axis=1))))
 
 
-def thickness_m(points_m: Array) -> float:
+def planarity_m(points_m: Array) -> float:
     """Return the RMS distance of points (N, 3) from the line that is nearest to them."""
     sizes = np.linalg.svd(points_m - points_m.mean(axis=0), compute_uv=False)
     return float(np.sqrt(np.sum(sizes[1:] ** 2) / len(points_m)))

@@ -33,22 +33,22 @@ _WAYS = 4000  # to choose the torso, at most
 
 
 @dataclass(frozen=True)
-class Start:
+class InitialLabels:
     """Labels of points without a past.
 
     Args:
         labels: (N,) marker of each point, -1 for none.
         distance_m: RMS over the markers of the distance to the closest example; a missed marker counts 0.3 m, and so
             does facing away from the cameras.
-        placed_m: (M, 3) the markers of that example, where the body stands.
+        expected_m: (M, 3) the markers of that example, where the body stands.
     """
 
     labels: IntArray
     distance_m: float
-    placed_m: Array
+    expected_m: Array
 
 
-class StartLabeller:
+class InitialLabeller:
     """Labels the points of a body in any pose like the examples, wherever it stands and however it is turned.
 
     Args:
@@ -72,7 +72,7 @@ class StartLabeller:
         self._most_m = high * (1.0 + _STRETCH) + _STRETCH_M
         self._mean_torso = own.mean(axis=0)
 
-    def label(self, points_m: Array) -> Start | None:
+    def label(self, points_m: Array) -> InitialLabels | None:
         """Return the labels of points (N, 3), y up; None when they do not look like the body."""
         torsos = self._torsos(points_m)
         if len(torsos) == 0:
@@ -96,7 +96,7 @@ class StartLabeller:
         enough = np.sum(best.labels >= 0) >= _FEWEST_FOUND * self._examples.shape[1]
         return best if enough else None
 
-    def complete(self, points_m: Array, labels: IntArray) -> Start | None:
+    def complete(self, points_m: Array, labels: IntArray) -> InitialLabels | None:
         """Return the labels of points (N, 3) of which the torso's (N,) are known; None when too few of these are."""
         torso = np.full(len(self._torso), -1)
         for index, marker in enumerate(self._torso):
@@ -109,7 +109,7 @@ class StartLabeller:
         return min(found, key=lambda start: start.distance_m)
 
     def distance_m(self, markers_m: Array, followed_m: Array | None = None) -> float:
-        """Return the RMS distance of markers to the closest example, as `Start` has it.
+        """Return the RMS distance of markers to the closest example, as `InitialLabels` has it.
 
         Args:
             markers_m: (M, 3), NaN where unseen.
@@ -175,7 +175,7 @@ class StartLabeller:
         products = (self._limb_places @ points_m.T).reshape(*self._limb_norms.shape, -1)
         return self._limb_norms[..., None] - 2.0 * products + np.einsum("nc,nc->n", points_m, points_m)
 
-    def _labelled(self, points_m: Array, torso: IntArray, example: int) -> Start:
+    def _labelled(self, points_m: Array, torso: IntArray, example: int) -> InitialLabels:
         """Return the labels that an example laid on the torso, as it has been chosen, gives the other points."""
         placed, _ = self._laid(points_m, torso, example)
         labels = np.full(len(points_m), -1, dtype=np.int64)
@@ -185,10 +185,10 @@ class StartLabeller:
         rows, columns = linear_sum_assignment(np.minimum(distances, MISSED_M) ** 2)
         near = distances[rows, columns] < MISSED_M
         labels[free[rows[near]]] = self._limbs[columns[near]]
-        return Start(labels, self._distance_m(points_m, labels, torso, example), placed)
+        return InitialLabels(labels, self._distance_m(points_m, labels, torso, example), placed)
 
     def _distance_m(self, points_m: Array, labels: IntArray, torso: IntArray, example: int) -> float:
-        """Return `Start.distance_m` of labels against one example laid on the chosen torso."""
+        """Return `InitialLabels.distance_m` of labels against one example laid on the chosen torso."""
         placed, turn = self._laid(points_m, torso, example)
         squares = np.full(len(placed), MISSED_M**2)
         found = np.flatnonzero(labels >= 0)

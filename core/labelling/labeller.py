@@ -68,7 +68,7 @@ class LabelledBlobs:
         alone = np.any(shown, axis=1) & ~np.isfinite(self.points_m[:, 0])
         return np.where(alone, np.argmax(shown, axis=1), -1)
 
-    def unnamed(self, frame: MarkerFrame) -> Array:
+    def unlabelled_points(self, frame: MarkerFrame) -> Array:
         """Return the points (N, 3) of the frame that no blob of a located marker belongs to."""
         located = np.isfinite(self.points_m[:, 0])
         taken = self.blobs[located]
@@ -106,7 +106,7 @@ class Labeller:
             return labels
         best_cost, best_pairs = np.inf, None
         for placed in _rough_placements(points_m, template_m):
-            cost, pairs = _refined(points_m, template_m, placed)
+            cost, pairs = _refine(points_m, template_m, placed)
             if cost < best_cost and len(pairs[0]) >= needed:
                 best_cost, best_pairs = cost, pairs
         if best_pairs is not None:
@@ -137,7 +137,7 @@ class Labeller:
             elapsed_s: time since that pose.
         """
         labels = np.full(len(points_m), -1, dtype=np.int64)
-        rows, columns = assigned_points(points_m, covariances_m2, *self.expected(predicted_m, elapsed_s))
+        rows, columns = assign_points(points_m, covariances_m2, *self.expected(predicted_m, elapsed_s))
         labels[rows] = columns
         self._remember(points_m, labels, elapsed_s)
         return labels
@@ -163,7 +163,7 @@ class Labeller:
         shown: list[IntArray] = []
         pixels_shown: list[Array] = []
         for index, camera in enumerate(cameras):
-            rows, columns, shares = assigned_blobs(frame.blobs[index], camera, expected, gates)
+            rows, columns, shares = assign_blobs(frame.blobs[index], camera, expected, gates)
             blobs[columns, index] = rows
             strangeness[columns, index] = shares
             shown.append(columns)
@@ -171,7 +171,7 @@ class Labeller:
         for index, coordinates in enumerate(undistort_all(cameras, pixels_shown)):
             normalised[shown[index], index] = coordinates
         known = _known_points(frame, blobs)
-        points, covariances = _joined(cameras, blobs, normalised, strangeness, expected, gates, known)
+        points, covariances = _join_cameras(cameras, blobs, normalised, strangeness, expected, gates, known)
         self._remember(points, np.where(np.isfinite(points[:, 0]), np.arange(count), -1), elapsed_s)
         return LabelledBlobs(blobs, normalised, points, covariances)
 
@@ -196,7 +196,7 @@ class Labeller:
         seen.positions_m[markers] = points
 
 
-def assigned_points(
+def assign_points(
     points_m: Array, covariances_m2: Array, expected_m: Array, gates_m: Array
 ) -> tuple[IntArray, IntArray]:
     """Return (points, markers) that belong together.
@@ -208,10 +208,10 @@ def assigned_points(
     """
     deviation = np.sqrt(np.trace(covariances_m2, axis1=1, axis2=2) / 3.0)
     distances = np.linalg.norm(points_m[:, None] - expected_m[None], axis=-1)
-    return _assigned(distances, gates_m[None] + 2.0 * deviation[:, None])
+    return _assign(distances, gates_m[None] + 2.0 * deviation[:, None])
 
 
-def assigned_blobs(
+def assign_blobs(
     blobs: NDArray[np.float32], camera: Camera, expected_m: Array, gates_m: Array
 ) -> tuple[IntArray, IntArray, Array]:
     """Return (blobs, markers) of one image that belong together, and how far off each is as a share of its gate.
@@ -219,14 +219,14 @@ def assigned_blobs(
     Args:
         blobs: (n, 5) as a `MarkerFrame` has them.
         camera: that took the image.
-        expected_m, gates_m: as of `assigned_points`.
+        expected_m, gates_m: as of `assign_points`.
     """
     pixels = blobs[:, :2].astype(np.float64)
     depth = np.maximum(camera.to_camera(expected_m)[:, 2], 0.1)
     with np.errstate(invalid="ignore"):
         distances = np.linalg.norm(pixels[:, None] - camera.project(expected_m)[None], axis=-1)
     limits = gates_m * camera.focal_px / depth
-    rows, columns = _assigned(np.where(np.isnan(distances), np.inf, distances), limits[None])
+    rows, columns = _assign(np.where(np.isnan(distances), np.inf, distances), limits[None])
     return rows, columns, distances[rows, columns] / limits[columns]
 
 
@@ -239,7 +239,7 @@ def _known_points(frame: MarkerFrame, blobs: IntArray) -> Array:
     return result
 
 
-def _joined(
+def _join_cameras(
     cameras: Sequence[Camera],
     blobs: IntArray,
     normalised: Array,
@@ -267,7 +267,7 @@ def _joined(
             known[marker] = np.nan
 
 
-def _assigned(distances: Array, gates: Array) -> tuple[IntArray, IntArray]:
+def _assign(distances: Array, gates: Array) -> tuple[IntArray, IntArray]:
     """Return (rows, columns) of the assignment of least squared distance in which no pair exceeds its gate."""
     relative = np.minimum((distances / gates) ** 2, 1.0)
     rows, columns = linear_sum_assignment(relative)
@@ -314,14 +314,14 @@ def _from_pair(template_pair: Array, point_pair: Array, scale: float) -> _Placem
     return _Placement(turn, point_pair.mean(axis=0) - scale * turn @ template_pair.mean(axis=0), scale)
 
 
-def _refined(points: Array, template: Array, placed: _Placement) -> tuple[float, tuple[IntArray, IntArray]]:
+def _refine(points: Array, template: Array, placed: _Placement) -> tuple[float, tuple[IntArray, IntArray]]:
     """Return cost and (points, markers) after assigning and placing in turn until nothing changes."""
     gates = np.full((len(points), len(template)), _FIRST_GATE_M)
     rows = columns = np.empty(0, dtype=np.int64)
     distances = np.empty((len(points), len(template)))
     for _ in range(_FIRST_ROUNDS):
         distances = np.linalg.norm(points[:, None] - placed.apply(template)[None], axis=-1)
-        new_rows, new_columns = _assigned(distances, gates)
+        new_rows, new_columns = _assign(distances, gates)
         if len(new_rows) < 3 or (np.array_equal(new_rows, rows) and np.array_equal(new_columns, columns)):
             rows, columns = new_rows, new_columns
             break

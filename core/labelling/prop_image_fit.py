@@ -82,7 +82,7 @@ class PropImages:
         depth = np.maximum((self._rotations @ middle + self._shifts)[:, 2], _LEAST_DEPTH_M)
         return np.asarray(metres * self._focal_px / depth)[:, None]
 
-    def fitted(self, placed: Placed, blobs: IntArray) -> tuple[Placed, Array]:
+    def fit(self, placed: Placed, blobs: IntArray) -> tuple[Placed, Array]:
         """Return the place that explains the blobs (M, C) best in the images, and how far each is off (M, C), pixels.
 
         Blobs that are far off count little (Cauchy's weights), so that a few wrong ones do not move the prop.

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from ..body.scene_pose import PropPose
 from ..geometry import rotations as rot
 from ..geometry.camera import Camera
-from ..geometry.point_patterns import laid_on, rigid_ways, thickness_m
+from ..geometry.point_patterns import fit_rigid, match_rigid_pattern, planarity_m
 from ..geometry.rigid_transform import transform
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_frame_subset import without_blobs, without_points
-from ..markers.prop import LEAST_THICKNESS_M, Prop
+from ..markers.prop import LEAST_PLANARITY_M, Prop
 from .prop_image_fit import Placed, PropImages
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ _CLEARLY = 0.7  # of a blob: by this much a place must explain more than any oth
 
 
 @dataclass(frozen=True)
-class Sighting:
+class PropDetection:
     """What a frame tells of a prop.
 
     Args:
@@ -62,7 +62,7 @@ class Sighting:
 
 
 @dataclass(frozen=True)
-class _Laid:
+class _PoseCandidate:
     """A prop laid on points: which point (M,) each marker is, -1 for none, and how well that fits."""
 
     placed: Placed
@@ -106,7 +106,7 @@ class PropTracker:
         self._pose = PropPose(rot.identity(), np.zeros(3))
         self._doubted_since_s: float | None = None  # since when it has been where it may be by chance
 
-    def step(self, frame: MarkerFrame) -> Sighting:
+    def step(self, frame: MarkerFrame) -> PropDetection:
         """Return where the prop is at the time of the next frame, and what of the frame is not the prop's."""
         if self._last is not None and frame.time_s - self._last.time_s > _HELD_S:
             self._forget()
@@ -115,7 +115,7 @@ class PropTracker:
             return self._by_images(frame, expected)
         return self._by_points(frame, expected)
 
-    def _by_points(self, frame: MarkerFrame, expected: Placed | None) -> Sighting:
+    def _by_points(self, frame: MarkerFrame, expected: Placed | None) -> PropDetection:
         """Return what a frame without images tells."""
         laid = self._laid(frame, expected)
         if not laid or any(
@@ -128,7 +128,7 @@ class PropTracker:
         taken[own] = True
         return self._seen(laid[0].placed, laid[0].rms_m, len(own), len(own) > _FEWEST, without_points(frame, taken))
 
-    def _by_images(self, frame: MarkerFrame, expected: Placed | None) -> Sighting:
+    def _by_images(self, frame: MarkerFrame, expected: Placed | None) -> PropDetection:
         """Return what the blobs of a frame tell."""
         images = PropImages(self._cameras, frame, self.prop)
         found = self._places(frame, images, expected)
@@ -163,7 +163,7 @@ class PropTracker:
             blobs = images.nearest(placed, limit)
             if not self._is_placed_by(blobs):
                 return None
-            placed, errors_px = images.fitted(placed, blobs)
+            placed, errors_px = images.fit(placed, blobs)
         blobs = np.where(errors_px < _FIT_PX, blobs, -1)
         score = float(np.sum(1.0 - (errors_px[blobs >= 0] / _FIT_PX) ** 2))
         return _Fit(placed, blobs, score) if score >= _LEAST_SCORE and self._is_placed_by(blobs) else None
@@ -174,12 +174,12 @@ class PropTracker:
 
     def _is_spread(self, seen: NDArray[np.bool_]) -> bool:
         """Whether these markers (M,) place the prop: three at least, and not on a line."""
-        return int(seen.sum()) >= _FEWEST and thickness_m(self.prop.positions_m[seen]) >= LEAST_THICKNESS_M
+        return int(seen.sum()) >= _FEWEST and planarity_m(self.prop.positions_m[seen]) >= LEAST_PLANARITY_M
 
     def _is_elsewhere(self, one: Placed, other: Placed) -> bool:
         return bool(np.max(np.linalg.norm(one.markers(self.prop) - other.markers(self.prop), axis=1)) > _ELSEWHERE_M)
 
-    def _laid(self, frame: MarkerFrame, expected: Placed | None) -> list[_Laid]:
+    def _laid(self, frame: MarkerFrame, expected: Placed | None) -> list[_PoseCandidate]:
         """Return the best few ways to lay the prop on points, the best first; those near to where it is expected."""
         points = frame.points_m
         if len(points) < _FEWEST:
@@ -191,16 +191,18 @@ class PropTracker:
             moved = np.linalg.norm(markers - self._last.markers(self.prop), axis=1)
             gates = _GATE_M + _GATE_SPEED_SHARE * moved + _GATE_LOST_M_S * (expected.time_s - self._last.time_s)
             allowed = np.linalg.norm(points[:, None] - markers[None], axis=-1) < gates
-            near = self._fitting(points, rigid_ways(points, self.prop.spans_m, tolerances, _FEWEST, allowed), frame)
+            near = self._fitting(
+                points, match_rigid_pattern(points, self.prop.spans_m, tolerances, _FEWEST, allowed), frame
+            )
             if near:
                 return near
-        found = self._fitting(points, rigid_ways(points, self.prop.spans_m, tolerances, _FEWEST), frame)
+        found = self._fitting(points, match_rigid_pattern(points, self.prop.spans_m, tolerances, _FEWEST), frame)
         # three points elsewhere may be so by chance, while the prop is only hidden
         return [laid for laid in found if expected is None or np.sum(laid.way >= 0) > _FEWEST]
 
-    def _fitting(self, points_m: Array, ways: IntArray, frame: MarkerFrame) -> list[_Laid]:
+    def _fitting(self, points_m: Array, ways: IntArray, frame: MarkerFrame) -> list[_PoseCandidate]:
         """Return the best few of the ways (H, M), the best first."""
-        found: list[_Laid] = []
+        found: list[_PoseCandidate] = []
         for way in ways:
             known = way >= 0
             missed = float((~known).sum()) * _MISSED_M**2 / len(way)
@@ -208,10 +210,10 @@ class PropTracker:
                 break  # ways with fewer points follow
             if not self._is_spread(known):
                 continue
-            turn, shift, rms_m = laid_on(self.prop.positions_m[known], points_m[way[known]])
+            turn, shift, rms_m = fit_rigid(self.prop.positions_m[known], points_m[way[known]])
             if rms_m < _LAID_M:
                 cost_m2 = float(known.mean()) * rms_m**2 + missed
-                found.append(_Laid(Placed(turn, shift, frame.time_s), way, rms_m, cost_m2))
+                found.append(_PoseCandidate(Placed(turn, shift, frame.time_s), way, rms_m, cost_m2))
                 found.sort(key=lambda laid: laid.cost_m2)
         return found[:_TRIED]
 
@@ -231,20 +233,20 @@ class PropTracker:
         then = transform(before.turn, before.shift, middle)
         return Placed(turn, now + share * (now - then) - turn @ middle, time_s)
 
-    def _seen(self, placed: Placed, rms_m: float, seen: int, sure: bool, rest: MarkerFrame) -> Sighting:
+    def _seen(self, placed: Placed, rms_m: float, seen: int, sure: bool, rest: MarkerFrame) -> PropDetection:
         if self._last is None:
             self._doubted_since_s = placed.time_s
         if self._doubted_since_s is not None and (sure or placed.time_s - self._doubted_since_s >= _CONFIRMED_S):
             self._doubted_since_s = None
         self._before, self._last = self._last, placed
         if self._doubted_since_s is not None:
-            return Sighting(self._stood(), rest)
+            return PropDetection(self._stood(), rest)
         quaternion = rot.from_matrix(placed.turn)
         sign = 1.0 if np.dot(quaternion, self._pose.rotation) >= 0.0 else -1.0
         self._pose = PropPose(sign * quaternion, placed.shift, rms_m, seen)
-        return Sighting(self._pose, rest)
+        return PropDetection(self._pose, rest)
 
-    def _claimed(self, frame: MarkerFrame, images: PropImages, expected: Placed | None) -> Sighting:
+    def _claimed(self, frame: MarkerFrame, images: PropImages, expected: Placed | None) -> PropDetection:
         """Return that too little shows the prop; for a moment, what lies where its markers should be is still its own.
 
         Else a performer whose hand is hidden would be given the sword's hilt.
@@ -254,10 +256,10 @@ class PropTracker:
             rest = _rest(frame, images.nearest(expected, images.pixels_of(expected, _CLAIM_M)))
         return self._unseen(rest)
 
-    def _unseen(self, rest: MarkerFrame) -> Sighting:
+    def _unseen(self, rest: MarkerFrame) -> PropDetection:
         if self._doubted_since_s is not None:  # it was chance
             self._forget()
-        return Sighting(self._stood(), rest)
+        return PropDetection(self._stood(), rest)
 
     def _stood(self) -> PropPose:
         return PropPose(self._pose.rotation, self._pose.position_m)

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from .initial_labelling import MISSED_M, StartLabeller
+from .initial_labelling import MISSED_M, InitialLabeller
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -23,7 +23,7 @@ _REACH_M = 0.1  # this much besides
 _PATIENCE_S = 0.25  # between two looks that confirm each other
 
 
-class SecondLook:
+class Relabeller:
     """Finds better labels of the limbs than those that follow from the last pose.
 
     Args:
@@ -31,7 +31,7 @@ class SecondLook:
         torso: (M,) which markers lie on the torso.
     """
 
-    def __init__(self, start: StartLabeller, torso: NDArray[np.bool_]) -> None:
+    def __init__(self, start: InitialLabeller, torso: NDArray[np.bool_]) -> None:
         self._start = start
         self._torso = torso
         self.changed = False  # whether the last frame's labels were bettered
@@ -39,7 +39,7 @@ class SecondLook:
         self._confirmed = 0
         self._time_s = -np.inf
 
-    def better_labels(self, time_s: float, markers_m: Array, unnamed_m: Array) -> Array | None:
+    def relabel(self, time_s: float, markers_m: Array, unnamed_m: Array) -> Array | None:
         """Return the markers (M, 3) under better labels, once a few looks agree on them; else None.
 
         Args:

@@ -55,7 +55,7 @@ class SingleViewLabeller:
             elapsed_s: time since that pose.
         """
         costs = self._costs(points, predicted_m, elapsed_s)
-        best = _assigned(costs)
+        best = _assign(costs)
         found = [best]
         for blob in np.flatnonzero(best[1] >= 0):
             marker = best[1][blob]
@@ -63,7 +63,7 @@ class SingleViewLabeller:
                 continue
             others = costs.copy()
             others[blob, marker] = _UNLIKELY
-            rival = _assigned(others)
+            rival = _assign(others)
             if rival[0] < best[0] + _RIVAL and not any(np.array_equal(rival[1], labels) for _, labels in found):
                 found.append(rival)
         return sorted(found, key=lambda pair: pair[0])
@@ -101,7 +101,7 @@ class SingleViewLabeller:
         return np.asarray(np.minimum(costs, _UNLIKELY))
 
 
-def _assigned(costs: Array) -> tuple[float, IntArray]:
+def _assign(costs: Array) -> tuple[float, IntArray]:
     """Return the least cost of naming blobs, and the labels (N,)."""
     rows, columns = linear_sum_assignment(costs)
     good = costs[rows, columns] < _UNLIKELY

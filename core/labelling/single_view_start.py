@@ -68,7 +68,7 @@ def label_single_view(points: Array, camera: Camera, poses_m: Sequence[Array]) -
             rough += _placed(points, turned @ camera.rotation.T)
     best, least = None, np.inf
     for local in rough:
-        cost, labels, refined = _refined(points, local, camera.rotation[:, 1])
+        cost, labels, refined = _refine(points, local, camera.rotation[:, 1])
         if cost < least:
             best, least = (labels, refined), cost
     if best is None or np.sum(best[0] >= 0) < needed:
@@ -80,23 +80,23 @@ def label_single_view(points: Array, camera: Camera, poses_m: Sequence[Array]) -
     return SingleViewStart(labels, (local - camera.translation_m) @ camera.rotation)
 
 
-def label_near(points: Array, camera: Camera, placed_m: Array, count: int) -> list[SingleViewStart]:
+def label_near(points: Array, camera: Camera, expected_m: Array, count: int) -> list[SingleViewStart]:
     """Return different labels of the blobs of a performer who is about where bodies are laid, likeliest first.
 
     Args:
         points: (N, 2) undistorted normalised coordinates of the blobs.
         camera: that sees them.
-        placed_m: (E, M, 3) markers of bodies in many poses, in the world.
+        expected_m: (E, M, 3) markers of bodies in many poses, in the world.
         count: how many labellings at most.
     """
-    local = camera.to_camera(placed_m.reshape(-1, 3)).reshape(placed_m.shape)
+    local = camera.to_camera(expected_m.reshape(-1, 3)).reshape(expected_m.shape)
     depth = np.maximum(local[..., 2:], _NEAREST_M)
     seen = local[..., :2] / depth
     squares = np.sum((seen[:, :, None] - points) ** 2, axis=-1) * depth**2
     costs = np.minimum(squares.min(axis=1), _GATE_M**2).sum(axis=1)  # of the blobs: markers may be hidden
     found: list[tuple[float, SingleViewStart]] = []
     for body in local[np.argsort(costs)[:_CLOSEST]]:
-        cost, labels, refined = _refined(points, body, camera.rotation[:, 1])
+        cost, labels, refined = _refine(points, body, camera.rotation[:, 1])
         if not any(np.array_equal(labels, other.labels) for _, other in found):
             found.append((cost, SingleViewStart(labels, (refined - camera.translation_m) @ camera.rotation)))
     return [start for _, start in sorted(found, key=lambda pair: pair[0])[:count]]
@@ -129,7 +129,7 @@ def _placed(points: Array, body: Array) -> list[Array]:
     return list(local[np.argsort(costs)[:_REFINED]])
 
 
-def _refined(points: Array, local: Array, up: Array) -> tuple[float, IntArray, Array]:
+def _refine(points: Array, local: Array, up: Array) -> tuple[float, IntArray, Array]:
     """Return cost, labels (N,) and the body (M, 3) after assigning blobs and moving the body in turn."""
     labels = np.full(len(points), -1, dtype=np.int64)
     start, pose = local, np.zeros(6)

@@ -17,7 +17,7 @@ from ..markers.label_matching import listed, match_names
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from ..markers.take_frames import is_unnamed
-from .trajectory_naming import named_take
+from .trajectory_naming import name_trajectories
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ _TURNS = {  # from a world with this axis up to one with y up
 }
 
 
-def brought_in(take: MarkerTake, marker_set: MarkerSet, up: str) -> MarkerTake:
+def import_take(take: MarkerTake, marker_set: MarkerSet, up: str) -> MarkerTake:
     """Return a take with y up and its markers under the names of the marker set.
 
     Names agree as `match_names` says; where they do not agree at all, a take with as many markers as the set is told
@@ -81,7 +81,7 @@ def _by_place(take: MarkerTake, marker_set: MarkerSet, axes: Sequence[str]) -> M
     problem: TakeError | None = None
     for axis in axes:
         try:
-            named = named_take(_turned(take, _TURNS[axis]), marker_set)
+            named = name_trajectories(_turned(take, _TURNS[axis]), marker_set)
         except TakeError as error:
             problem = problem or error
             continue

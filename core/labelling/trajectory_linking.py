@@ -1,6 +1,6 @@
 """Marker trajectories without a body model: from unlabelled points of successive frames to labelled markers.
 
-First points are joined to pieces of trajectory by temporal coherence; then pieces are joined to markers by the
+First points are joined to tracklets of trajectory by temporal coherence; then tracklets are joined to markers by the
 distances between markers, which a body keeps (those on one limb exactly, others roughly), so that a marker that was
 lost gets its own label back. The whole take is known: this is for recorded images.
 """
@@ -31,7 +31,7 @@ _DEPTH_JUMP_M = 0.25
 _DEPTH_TRUST = 0.2  # of the velocity along the line of sight
 _BRIDGE_FRAMES = 2
 _FAIR_SHARE = 0.25  # of the frames: single markers are hidden more often than all are shown
-_GHOST_FRAMES = 3  # a piece of no more frames than this that fits no marker is a false marker
+_GHOST_FRAMES = 3  # a tracklet of no more frames than this that fits no marker is a false marker
 _STRUCTURE_SIGMA_M = 0.012
 _CONTINUITY_M = 0.06
 _CONTINUITY_M_S = 1.5
@@ -43,7 +43,7 @@ _OVERLAP_FRAMES = 2
 
 
 @dataclass
-class _Piece:
+class Tracklet:
     """Points of successive frames that belong together: frame indices and the point's index in each."""
 
     frames: list[int] = field(default_factory=list)
@@ -58,7 +58,7 @@ class Tracking:
 
     take: MarkerTake
     labels: tuple[IntArray, ...]
-    dropped_pieces: int
+    dropped_tracklets: int
 
 
 def track_markers(
@@ -75,28 +75,28 @@ def track_markers(
     Raises:
         TakeError: no frame shows enough points.
     """
-    pieces = _join_points(frames)
-    table = _alive(pieces, len(frames))
-    worn = count or len(names) or _usual_count(pieces, len(frames))
-    seed = _seed_frame(pieces, table, worn)
-    identities = [[piece] for piece in sorted(table[seed], key=lambda p: -len(pieces[p].frames))[:worn]]
-    used = {piece for row in identities for piece in row}
-    rest = [p for p in range(len(pieces)) if p not in used]
-    # long pieces first: what is seen for a moment only must not take their place
-    rest.sort(key=lambda p: (-min(len(pieces[p].frames), _LONG_FRAMES), _distance_in_time(pieces[p], seed)))
+    tracklets = _join_points(frames)
+    table = _alive(tracklets, len(frames))
+    worn = count or len(names) or _usual_count(tracklets, len(frames))
+    seed = _seed_frame(tracklets, table, worn)
+    identities = [[tracklet] for tracklet in sorted(table[seed], key=lambda p: -len(tracklets[p].frames))[:worn]]
+    used = {tracklet for row in identities for tracklet in row}
+    rest = [p for p in range(len(tracklets)) if p not in used]
+    # long tracklets first: what is seen for a moment only must not take their place
+    rest.sort(key=lambda p: (-min(len(tracklets[p].frames), _LONG_FRAMES), _distance_in_time(tracklets[p], seed)))
     positions = np.full((len(frames), worn, 3), np.nan)
     for marker, row in enumerate(identities):
-        _fill(positions, marker, pieces[row[0]], frames)
+        _fill(positions, marker, tracklets[row[0]], frames)
     dropped = 0
     for p in rest:
-        found = _best_identity(pieces[p], positions, frames)
+        found = _best_identity(tracklets[p], positions, frames)
         if found is None:
             dropped += 1
             continue
         identities[found].append(p)
-        _fill(positions, found, pieces[p], frames)
+        _fill(positions, found, tracklets[p], frames)
     order = np.argsort(-np.nanmedian(positions[..., 1], axis=0), kind="stable")
-    labels = _labels(frames, pieces, [identities[i] for i in order])
+    labels = _labels(frames, tracklets, [identities[i] for i in order])
     called = tuple(names) if len(names) == worn else tuple(f"M{i + 1:02d}" for i in range(worn))
     take = MarkerTake(
         name,
@@ -109,40 +109,40 @@ def track_markers(
     return Tracking(take, labels, dropped)
 
 
-def _join_points(frames: Sequence[MarkerFrame]) -> list[_Piece]:
-    pieces: list[_Piece] = []
+def _join_points(frames: Sequence[MarkerFrame]) -> list[Tracklet]:
+    tracklets: list[Tracklet] = []
     active: list[int] = []
     axes = _depth_axes(frames)
     for f, frame in enumerate(frames):
-        active = [p for p in active if f - pieces[p].frames[-1] <= _BRIDGE_FRAMES + 1]
-        rows, columns = _follow([pieces[p] for p in active], frames, f, axes[f])
+        active = [p for p in active if f - tracklets[p].frames[-1] <= _BRIDGE_FRAMES + 1]
+        rows, columns = _follow([tracklets[p] for p in active], frames, f, axes[f])
         taken = set(columns.tolist())
         for row, column in zip(rows, columns, strict=True):
-            _extend(pieces[active[row]], frames, f, int(column), axes[f])
+            _extend(tracklets[active[row]], frames, f, int(column), axes[f])
         for column in range(len(frame.points_m)):
             if column not in taken:
-                piece = _Piece()
-                _extend(piece, frames, f, column, axes[f])
-                active.append(len(pieces))
-                pieces.append(piece)
-    return pieces
+                tracklet = Tracklet()
+                _extend(tracklet, frames, f, column, axes[f])
+                active.append(len(tracklets))
+                tracklets.append(tracklet)
+    return tracklets
 
 
 def _follow(
-    active: Sequence[_Piece], frames: Sequence[MarkerFrame], f: int, depth_axis: Array
+    active: Sequence[Tracklet], frames: Sequence[MarkerFrame], f: int, depth_axis: Array
 ) -> tuple[IntArray, IntArray]:
-    """Return which active piece goes on in which point of frame f."""
+    """Return which active tracklet goes on in which point of frame f."""
     points = frames[f].points_m
     if not active or len(points) == 0:
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
-    last = np.array([piece.position_m for piece in active])
-    passed = np.array([frames[f].time_s - frames[piece.frames[-1]].time_s for piece in active])
-    velocity = np.array([piece.velocity_m_s for piece in active])
+    last = np.array([tracklet.position_m for tracklet in active])
+    passed = np.array([frames[f].time_s - frames[tracklet.frames[-1]].time_s for tracklet in active])
+    velocity = np.array([tracklet.velocity_m_s for tracklet in active])
     slow = bool(np.median(passed) >= _SLOW_RATE_S)
     expected = last if slow else last + velocity * passed[:, None]
     gates = np.minimum(_GATE_M + _GATE_SPEED_M_S * passed, _GATE_MOST_M)
     if not slow:  # what was seen for a moment only may be false and must not take a marker's place
-        gates *= np.where([len(piece.frames) <= _GHOST_FRAMES for piece in active], _YOUNG_GATE, 1.0)
+        gates *= np.where([len(tracklet.frames) <= _GHOST_FRAMES for tracklet in active], _YOUNG_GATE, 1.0)
     else:
         expected = expected + _common_shift(expected, points, float(np.median(passed)))
     for _ in range(_SLOW_ROUNDS if slow else 1):
@@ -193,31 +193,31 @@ def _common_shift(expected: Array, points: Array, passed_s: float) -> Array:
     return np.asarray(best)
 
 
-def _extend(piece: _Piece, frames: Sequence[MarkerFrame], f: int, point: int, depth_axis: Array) -> None:
+def _extend(tracklet: Tracklet, frames: Sequence[MarkerFrame], f: int, point: int, depth_axis: Array) -> None:
     position = frames[f].points_m[point]
-    if piece.frames:
-        passed = max(frames[f].time_s - frames[piece.frames[-1]].time_s, 1e-4)
-        velocity = (position - piece.position_m) / passed
-        piece.velocity_m_s = velocity - (1.0 - _DEPTH_TRUST) * (velocity @ depth_axis) * depth_axis
-    piece.position_m = position
-    piece.frames.append(f)
-    piece.points.append(point)
+    if tracklet.frames:
+        passed = max(frames[f].time_s - frames[tracklet.frames[-1]].time_s, 1e-4)
+        velocity = (position - tracklet.position_m) / passed
+        tracklet.velocity_m_s = velocity - (1.0 - _DEPTH_TRUST) * (velocity @ depth_axis) * depth_axis
+    tracklet.position_m = position
+    tracklet.frames.append(f)
+    tracklet.points.append(point)
 
 
-def _alive(pieces: Sequence[_Piece], count: int) -> list[list[int]]:
+def _alive(tracklets: Sequence[Tracklet], count: int) -> list[list[int]]:
     table: list[list[int]] = [[] for _ in range(count)]
-    for p, piece in enumerate(pieces):
-        for f in piece.frames:
+    for p, tracklet in enumerate(tracklets):
+        for f in tracklet.frames:
             table[f].append(p)
     return table
 
 
-def _usual_count(pieces: Sequence[_Piece], count: int) -> int:
+def _usual_count(tracklets: Sequence[Tracklet], count: int) -> int:
     """Markers worn: as many as a fair share of the frames show at once, false markers of a few frames left out."""
-    longest = [piece for piece in pieces if len(piece.frames) > _GHOST_FRAMES] or list(pieces)
+    longest = [tracklet for tracklet in tracklets if len(tracklet.frames) > _GHOST_FRAMES] or list(tracklets)
     shown = np.zeros(count, dtype=np.int64)
-    for piece in longest:
-        shown[piece.frames] += 1
+    for tracklet in longest:
+        shown[tracklet.frames] += 1
     if np.mean(shown > 0) <= _FAIR_SHARE:
         raise TakeError(
             "hardly any markers were found", advice="check the threshold, the cameras' order and the calibration"
@@ -225,10 +225,10 @@ def _usual_count(pieces: Sequence[_Piece], count: int) -> int:
     return int(np.sort(shown)[::-1][int(_FAIR_SHARE * count)])
 
 
-def _seed_frame(pieces: Sequence[_Piece], table: Sequence[Sequence[int]], worn: int) -> int:
-    """Return the frame where the longest pieces for all markers are seen at once."""
+def _seed_frame(tracklets: Sequence[Tracklet], table: Sequence[Sequence[int]], worn: int) -> int:
+    """Return the frame where the longest tracklets for all markers are seen at once."""
     scores = [
-        sum(sorted((len(pieces[p].frames) for p in row), reverse=True)[:worn]) if len(row) >= worn else -1
+        sum(sorted((len(tracklets[p].frames) for p in row), reverse=True)[:worn]) if len(row) >= worn else -1
         for row in table
     ]
     if max(scores, default=-1) < 0:
@@ -240,24 +240,24 @@ def _seed_frame(pieces: Sequence[_Piece], table: Sequence[Sequence[int]], worn: 
     return int(np.argmax(scores))
 
 
-def _distance_in_time(piece: _Piece, f: int) -> int:
-    return max(piece.frames[0] - f, f - piece.frames[-1], 0)
+def _distance_in_time(tracklet: Tracklet, f: int) -> int:
+    return max(tracklet.frames[0] - f, f - tracklet.frames[-1], 0)
 
 
-def _fill(positions: Array, marker: int, piece: _Piece, frames: Sequence[MarkerFrame]) -> None:
-    """Enter a piece where the marker has no position yet; what is taken is cut off the piece."""
-    kept = [i for i, f in enumerate(piece.frames) if np.isnan(positions[f, marker, 0])]
-    piece.frames, piece.points = [piece.frames[i] for i in kept], [piece.points[i] for i in kept]
-    for f, point in zip(piece.frames, piece.points, strict=True):
+def _fill(positions: Array, marker: int, tracklet: Tracklet, frames: Sequence[MarkerFrame]) -> None:
+    """Enter a tracklet where the marker has no position yet; what is taken is cut off the tracklet."""
+    kept = [i for i, f in enumerate(tracklet.frames) if np.isnan(positions[f, marker, 0])]
+    tracklet.frames, tracklet.points = [tracklet.frames[i] for i in kept], [tracklet.points[i] for i in kept]
+    for f, point in zip(tracklet.frames, tracklet.points, strict=True):
         positions[f, marker] = frames[f].points_m[point]
 
 
-def _best_identity(piece: _Piece, positions: Array, frames: Sequence[MarkerFrame]) -> int | None:
-    """Return the marker that a piece belongs to, None when it fits none that is free while it lasts."""
-    where = np.array(piece.frames)
-    own = np.array([frames[f].points_m[point] for f, point in zip(piece.frames, piece.points, strict=True)])
+def _best_identity(tracklet: Tracklet, positions: Array, frames: Sequence[MarkerFrame]) -> int | None:
+    """Return the marker that a tracklet belongs to, None when it fits none that is free while it lasts."""
+    where = np.array(tracklet.frames)
+    own = np.array([frames[f].points_m[point] for f, point in zip(tracklet.frames, tracklet.points, strict=True)])
     taken = np.isfinite(positions[where, :, 0]).sum(axis=0)
-    # a false point may have ended one piece a frame after the next began
+    # a false point may have ended one tracklet a frame after the next began
     free = np.flatnonzero(taken <= min(_OVERLAP_FRAMES, len(where) // 4))
     if len(free) == 0:
         return None
@@ -271,7 +271,7 @@ def _best_identity(piece: _Piece, positions: Array, frames: Sequence[MarkerFrame
 
 
 def _structure_cost(where: IntArray, own: Array, marker: int, positions: Array) -> float:
-    """Mean squared deviation, in sigmas, of the piece's distances to the other markers from the marker's usual ones."""
+    """Return the squared deviation, in sigmas, from the marker's usual distances to the others."""
     usual = np.linalg.norm(positions - positions[:, marker : marker + 1], axis=2)
     usual[:, marker] = np.nan
     seen = np.isfinite(usual).sum(axis=0)
@@ -304,11 +304,11 @@ def _gap_cost(where: IntArray, own: Array, marker: int, positions: Array, frames
 
 
 def _labels(
-    frames: Sequence[MarkerFrame], pieces: Sequence[_Piece], identities: Sequence[Sequence[int]]
+    frames: Sequence[MarkerFrame], tracklets: Sequence[Tracklet], identities: Sequence[Sequence[int]]
 ) -> tuple[IntArray, ...]:
     labels = tuple(np.full(len(frame.points_m), -1, dtype=np.int64) for frame in frames)
     for marker, row in enumerate(identities):
         for p in row:
-            for f, point in zip(pieces[p].frames, pieces[p].points, strict=True):
+            for f, point in zip(tracklets[p].frames, tracklets[p].points, strict=True):
                 labels[f][point] = marker
     return labels

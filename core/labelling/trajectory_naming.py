@@ -21,7 +21,7 @@ _SAMPLES = 25
 _FEWEST_VOTES = 0.3  # share of the sampled frames in which most markers must have been recognised
 
 
-def named_take(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
+def name_trajectories(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
     """Return the take with its trajectories in the order and under the names of the marker set.
 
     In frames spread over the take the points are laid over the markers of a standing body and of one in the T pose
@@ -66,7 +66,7 @@ def _vote(votes: Array, row: Array, templates: list[Array], names: tuple[str, ..
     votes[seen[known], best[known]] += 1.0
 
 
-def best_permutation(own: Array, other: Array) -> tuple[IntArray, IntArray]:
+def match_trajectories(own: Array, other: Array) -> tuple[IntArray, IntArray]:
     """Return which trajectories (F, M, 3) and (F, N, 3) belong together: least median distance in all."""
     cost = np.array(
         [[_median_distance(own[:, i], other[:, j]) for j in range(other.shape[1])] for i in range(own.shape[1])]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import PropError
-from ..geometry.point_patterns import laid_on, rigid_ways, thickness_m
+from ..geometry.point_patterns import fit_rigid, match_rigid_pattern, planarity_m
 from ..system.assets import PROPS
 from ..system.files import read_toml, write_toml
 
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 FEWEST_MARKERS = 3
 MOST_MARKERS = 12
-LEAST_THICKNESS_M = 0.01  # RMS distance from the line nearest to the markers, below which nothing tells the roll
+LEAST_PLANARITY_M = 0.01  # RMS distance from the line nearest to the markers, below which nothing tells the roll
 _LEAST_APART_M = 0.02  # markers that are closer become one blob
 _ALIKE_M = 0.008  # RMS: two positions in which the markers are nearer to each other are taken for one another
 _ALIKE_SPAN_M = 0.02  # by which distances may differ in the search for such positions
@@ -61,7 +61,7 @@ class Prop:
         if not self.name or len(set(self.names)) != len(self.names):
             raise PropError("needs a name, and markers with unique names", where=self._where)
         self._check_apart()
-        if thickness_m(places) < LEAST_THICKNESS_M:
+        if planarity_m(places) < LEAST_PLANARITY_M:
             raise PropError(
                 "its markers lie on a line, so that nothing tells how it is turned about it",
                 where=self._where,
@@ -92,9 +92,9 @@ class Prop:
     def _check_unlike(self) -> None:
         """Refuse markers that can be laid on each other by a turn of the whole, so that nobody could tell which is."""
         count = len(self.names)
-        for way in rigid_ways(self.positions_m, self.spans_m, np.full((count, count), _ALIKE_SPAN_M), count):
+        for way in match_rigid_pattern(self.positions_m, self.spans_m, np.full((count, count), _ALIKE_SPAN_M), count):
             exchanged = np.flatnonzero(way != np.arange(count))
-            if len(exchanged) and laid_on(self.positions_m, self.positions_m[way])[2] < _ALIKE_M:
+            if len(exchanged) and fit_rigid(self.positions_m, self.positions_m[way])[2] < _ALIKE_M:
                 told = ", ".join(self.names[marker] for marker in exchanged)
                 raise PropError(
                     f"looks the same in another position, with {told} exchanged",
@@ -160,8 +160,8 @@ def check_together(props: Sequence[Prop]) -> None:
             if first is second or len(first.names) > len(second.names):
                 continue
             tolerances = np.full((len(second.names), len(second.names)), _ALIKE_SPAN_M)
-            for way in rigid_ways(second.positions_m, first.spans_m, tolerances, len(first.names)):
-                if laid_on(first.positions_m, second.positions_m[way])[2] < _ALIKE_M:
+            for way in match_rigid_pattern(second.positions_m, first.spans_m, tolerances, len(first.names)):
+                if fit_rigid(first.positions_m, second.positions_m[way])[2] < _ALIKE_M:
                     raise PropError(
                         f"{first.name} and {second.name} carry the same pattern of markers",
                         advice="move a marker of one of them by 3 cm or more",

@@ -154,8 +154,8 @@ class SingleViewFollower:
             roots.append(self._certain[1])
         starts: list[SingleViewStart] = []
         for place in roots:
-            placed_m = place.to_world(self._examples_m)
-            starts += label_near(frame.single_points, self._camera, placed_m, _NEW_WAYS)
+            expected_m = place.to_world(self._examples_m)
+            starts += label_near(frame.single_points, self._camera, expected_m, _NEW_WAYS)
         if self._certain is None:  # the start itself may have been wrong
             again = label_single_view(frame.single_points, self._camera, self._poses_m)
             starts += [again] if again is not None else []

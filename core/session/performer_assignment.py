@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from ..labelling.initial_labelling import MISSED_M
-from ..labelling.labeller import assigned_blobs, assigned_points
+from ..labelling.labeller import assign_blobs, assign_points
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_frame_subset import without_blobs, without_points
 from .session import Session, is_labelled
@@ -70,9 +70,9 @@ class PerformerAssignment:
         gates = np.concatenate([gates for _, _, gates in followed])
         for index, whose in enumerate(owners):
             if self._has_images(frame):
-                rows, columns, _ = assigned_blobs(frame.blobs[index], self._cameras[index], markers, gates)
+                rows, columns, _ = assign_blobs(frame.blobs[index], self._cameras[index], markers, gates)
             else:
-                rows, columns = assigned_points(frame.points_m, frame.covariances_m2, markers, gates)
+                rows, columns = assign_points(frame.points_m, frame.covariances_m2, markers, gates)
             whose[rows] = performers[columns]
         return owners
 
@@ -110,19 +110,19 @@ class PerformerAssignment:
 
     def _found(self, frame: MarkerFrame, waiting: Sequence[int]) -> list[IntArray]:
         """Return the points of bodies from left to right, of as many as are waited for at most."""
-        left, placed_m = np.arange(len(frame.points_m)), []
+        left, expected_m = np.arange(len(frame.points_m)), []
         for index in waiting:
             start = self._sessions[index].start(frame.points_m[left])
             if start is not None:
-                placed_m.append(start.placed_m)
+                expected_m.append(start.expected_m)
                 left = left[start.labels < 0]
-        if not placed_m:
+        if not expected_m:
             return []
         # one who was found first may have been given what is nearer to another
-        markers, gates = np.concatenate(placed_m), np.full(sum(len(body) for body in placed_m), MISSED_M)
-        points, columns = assigned_points(frame.points_m, frame.covariances_m2, markers, gates)
-        whose = np.repeat(np.arange(len(placed_m)), [len(body) for body in placed_m])[columns]
-        bodies = [np.sort(points[whose == index]) for index in range(len(placed_m))]
+        markers, gates = np.concatenate(expected_m), np.full(sum(len(body) for body in expected_m), MISSED_M)
+        points, columns = assign_points(frame.points_m, frame.covariances_m2, markers, gates)
+        whose = np.repeat(np.arange(len(expected_m)), [len(body) for body in expected_m])[columns]
+        bodies = [np.sort(points[whose == index]) for index in range(len(expected_m))]
         return sorted(bodies, key=lambda body: float(np.mean(frame.points_m[body, 0])))
 
     def _given(self, frame: MarkerFrame, waiting: Sequence[int], bodies: Sequence[IntArray]) -> list[tuple[int, int]]:

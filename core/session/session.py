@@ -11,9 +11,9 @@ from ..body.skeleton import marker_positions
 from ..database.store import Database
 from ..geometry import rotations as rot
 from ..geometry.camera import CameraRig
-from ..labelling.initial_labelling import Start, StartLabeller
+from ..labelling.initial_labelling import InitialLabeller, InitialLabels
 from ..labelling.labeller import Labeller
-from ..labelling.relabelling import SecondLook
+from ..labelling.relabelling import Relabeller
 from ..markers.marker_frame import MarkerFrame
 from ..markers.subject import Subject
 from ..solver.observation import Observation
@@ -63,7 +63,7 @@ class Session:
         self._model = SubjectModel(subject, database.mean_rotations)
         self._solver = PoseSolver(self._model, database, self.settings)
         examples, ups = self._examples(database)
-        self._start = StartLabeller(examples, ups, self._model.torso)
+        self._start = InitialLabeller(examples, ups, self._model.torso)
         poses = [self._markers_of(pose(self._model.skeleton)) for pose in (t_pose, standing)]
         one = len(self._cameras) == 1
         self._follower = SingleViewFollower(self._cameras[0], self._model.torso, poses, examples) if one else None
@@ -78,7 +78,7 @@ class Session:
         """Let the next frame be labelled and solved as if it were the first."""
         self._solver.reset()
         self._labeller = Labeller(self.subject.marker_set.names, self._model.torso)
-        self._second_look = SecondLook(self._start, self._model.torso)
+        self._second_look = Relabeller(self._start, self._model.torso)
         if self._follower is not None:
             self._follower.reset()
         self._trusted_s: float | None = None
@@ -112,7 +112,7 @@ class Session:
             return None
         return self._labeller.expected(predicted, time_s - self._last.time_s if self._last else 0.0)
 
-    def start(self, points_m: Array) -> Start | None:
+    def start(self, points_m: Array) -> InitialLabels | None:
         """Return how points (N, 3) are labelled when nothing is known of the body; None when they are not like it."""
         return self._start.label(points_m)
 
@@ -202,11 +202,11 @@ class Session:
         image_points = found.normalised[np.arange(count), single]
         image_points[single < 0] = np.nan
         observation = Observation(found.points_m, single, image_points, self._cameras)
-        return self._reconsidered(frame, observation, found.unnamed(frame))
+        return self._reconsidered(frame, observation, found.unlabelled_points(frame))
 
     def _reconsidered(self, frame: MarkerFrame, observation: Observation, unnamed_m: Array) -> Observation:
         """Return what was seen under better labels, where a second look finds them."""
-        better = self._second_look.better_labels(frame.time_s, observation.points_m, unnamed_m)
+        better = self._second_look.relabel(frame.time_s, observation.points_m, unnamed_m)
         if better is None:
             return observation
         self._labeller.correct(better)

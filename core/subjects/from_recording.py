@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from ..body.skeleton import Skeleton
 from ..labelling.trajectory_linking import track_markers
-from ..labelling.trajectory_naming import named_take
+from ..labelling.trajectory_naming import name_trajectories
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_set import MarkerSet
 from .pose_calibration import SubjectCalibration, calibrate_subject, pose_points
@@ -32,5 +32,5 @@ def subject_from_recording(
         SubjectError: a pose is unknown or not held.
         TakeError: the markers were not recognised.
     """
-    take = named_take(track_markers(frames, name, fps, len(marker_set)).take, marker_set)
+    take = name_trajectories(track_markers(frames, name, fps, len(marker_set)).take, marker_set)
     return calibrate_subject(pose_points(take, marker_set, poses), marker_set, prototypes, name, *poses)

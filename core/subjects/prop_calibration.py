@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import PropError
-from ..geometry.point_patterns import thickness_m
+from ..geometry.point_patterns import planarity_m
 from ..geometry.rigid_transform import kabsch, transform
 from ..markers.marker_take import MarkerTake
 from ..markers.prop import FEWEST_MARKERS, MOST_MARKERS, Prop
@@ -127,7 +127,7 @@ def _mean_shape(positions_m: Array, where: str) -> tuple[Array, float, int]:
     where a marker was taken for another, are left out.
     """
     seen = np.all(np.isfinite(positions_m), axis=2)
-    usable = [f for f in np.flatnonzero(seen.sum(axis=1) >= FEWEST_MARKERS) if thickness_m(positions_m[f][seen[f]]) > 0]
+    usable = [f for f in np.flatnonzero(seen.sum(axis=1) >= FEWEST_MARKERS) if planarity_m(positions_m[f][seen[f]]) > 0]
     whole = [f for f in usable if seen[f].all()]
     if not whole:
         raise PropError(

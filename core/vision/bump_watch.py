@@ -26,7 +26,7 @@ _REMEMBERED_S = 10.0
 _AGAIN_S = 4.0  # to the next look, if there was nothing; twice as long each time
 
 
-class LiveBumpWatch:
+class BumpDetector:
     """Looks, where the cameras' rays have met badly for a while, whether they meet with the cameras placed otherwise.
 
     Clutter, a lamp or a wrong time make rays meet badly too, but no places of the cameras mend that.
@@ -46,7 +46,7 @@ class LiveBumpWatch:
         self._due_s = -np.inf
         self._patience_s = _AGAIN_S
 
-    def saw(self, frame: MarkerFrame, errors_px: Array) -> str:
+    def update(self, frame: MarkerFrame, errors_px: Array) -> str:
         """Take a moment; return what to tell when a bump has just been found, else ""; never waits.
 
         Args:
@@ -60,11 +60,11 @@ class LiveBumpWatch:
             self._misses_px.append(miss_px)
         if self._running is not None and self._running.done():
             refinement, self._running = self._running.result(), None
-            return self._told(refinement, frame.time_s)
+            return self._warning(refinement, frame.time_s)
         self._remember(frame)
         if self._running is None and self._is_worth_a_look(frame.time_s):
             moments = list(self._frames)[:: -(-len(self._frames) // _LOOKED_AT)]
-            self._running = self._start(_refined, self._rig, [moment.blobs for moment in moments])
+            self._running = self._start(_refine, self._rig, [moment.blobs for moment in moments])
         return ""
 
     def _remember(self, frame: MarkerFrame) -> None:
@@ -83,7 +83,7 @@ class LiveBumpWatch:
         since_s = self._doubtful_since_s
         return since_s is not None and now_s - since_s > _DOUBTFUL_S and now_s >= self._due_s
 
-    def _told(self, refinement: Refinement | None, now_s: float) -> str:
+    def _warning(self, refinement: Refinement | None, now_s: float) -> str:
         self._due_s = now_s + self._patience_s
         self._patience_s *= 2.0
         if refinement is None or not (refinement.bumped and refinement.sure):
@@ -111,7 +111,7 @@ def meeting_error_px(blobs: Sequence[Float32], errors_px: Array, worst_px: float
     return (met + worst_px * max(seen - len(errors_px), 0)) / seen
 
 
-def _refined(rig: CameraRig, moments: Sequence[Sequence[Float32]]) -> Refinement | None:
+def _refine(rig: CameraRig, moments: Sequence[Sequence[Float32]]) -> Refinement | None:
     """Return where the cameras stand; None when too few markers tell."""
     try:
         return refine_rig(rig, moments)

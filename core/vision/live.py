@@ -5,13 +5,13 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 from ..markers.marker_frame import MarkerFrame
-from .bump_watch import LiveBumpWatch
+from .bump_watch import BumpDetector
 from .detection.detector import DetectionSettings
 from .matching.time_alignment import TimeAligner
 from .matching.time_offset import TimeOffset
 from .pipeline import MarkerPipeline, PipelineSettings
 from .sources.spec import ImageSetLike
-from .time_offset_watch import LiveTimeOffsets
+from .time_offset_watch import TimeOffsetWatch
 
 _WHOLE_EVERY = 4  # images: 50 ms at 60 Hz until a marker from elsewhere is found
 
@@ -38,14 +38,14 @@ def live_frames(
         if not exact:
             # all blobs are brought to one time, by the images' time stamps until more is known
             pipeline.aligner = TimeAligner(pipeline.rig, [TimeOffset()] * len(pipeline.rig))
-            offsets = LiveTimeOffsets(pipeline.rig, pipeline.aligner, later.submit)
-            bumps = LiveBumpWatch(pipeline.rig, later.submit)
+            offsets = TimeOffsetWatch(pipeline.rig, pipeline.aligner, later.submit)
+            bumps = BumpDetector(pipeline.rig, later.submit)
         for moment in images:
             stamp_s = time.perf_counter()
             seen = pipeline.detect(moment)
             if offsets is not None:
-                offsets.saw(seen)
+                offsets.update(seen)
             frame = pipeline.locate(seen)
             yield stamp_s, frame
-            if bumps is not None and (warning := bumps.saw(frame, pipeline.last_errors_px)):
+            if bumps is not None and (warning := bumps.update(frame, pipeline.last_errors_px)):
                 warn(warning)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from ..errors import CaptureError
 from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
-from .detection.background import Background, background_behind, learn_backgrounds
+from .detection.background import Background, background_from_take, learn_backgrounds
 from .detection.detector import DetectionSettings, Detector
-from .matching.camera_swap import SwapWatch
+from .matching.camera_swap import CameraSwapDetector
 from .matching.point_prediction import PointPredictor
 from .matching.stereo import Matches, StereoMatcher, StereoSettings, unused
 from .matching.time_alignment import TimeAligner
@@ -48,7 +48,7 @@ class MarkerPipeline:
         self._detection = given * len(rig) if len(given) == 1 else given
         self._matcher = StereoMatcher(rig, self.settings.stereo)
         self._predictor = PointPredictor()
-        self._swapped = SwapWatch(rig, self.settings.stereo)
+        self._swap_detector = CameraSwapDetector(rig, self.settings.stereo)
         self.aligner: TimeAligner | None = None
         self.last_errors_px = np.empty((0, len(rig)))
         self.set_backgrounds([None] * len(rig))
@@ -64,13 +64,13 @@ class MarkerPipeline:
         """Learn the backgrounds from frames without the performer: per moment one image per camera; none is kept."""
         self.set_backgrounds(learn_backgrounds(images))
 
-    def learn_behind(self, images: Iterable[tuple[Image, ...]]) -> None:
+    def learn_from_take(self, images: Iterable[tuple[Image, ...]]) -> None:
         """Learn the backgrounds from frames spread over a take with the performer in it."""
         moments = list(images)
         if not moments:
             raise CaptureError("there are no images to learn the background from")
         self._check_count(len(moments[0]))
-        self.set_backgrounds([background_behind(column) for column in zip(*moments, strict=True)])
+        self.set_backgrounds([background_from_take(column) for column in zip(*moments, strict=True)])
 
     def process(self, images: ImageSetLike) -> MarkerFrame:
         """Return the markers of one image set: `detect`, then `locate`."""
@@ -112,7 +112,7 @@ class MarkerPipeline:
         normalised: Sequence[Array],
         matches: Matches,
     ) -> MarkerFrame:
-        swapped = self._swapped.note(blobs, matches)
+        swapped = self._swap_detector.update(blobs, matches)
         single_cameras, single_blobs, single_points = [], [], []
         for camera, coordinates in enumerate(normalised):
             free = unused(matches.blobs, camera, len(coordinates))

@@ -7,10 +7,10 @@ from ..errors import TakeError
 from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
 from .pipeline import MarkerPipeline
-from .synchronise import synchronised
+from .synchronise import synchronise_frames
 
 
-def located_anew(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[MarkerFrame]:
+def retriangulate(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[MarkerFrame]:
     """Return the frames with their markers located from nothing but the blobs that the images showed.
 
     How late each camera is is found from the whole take, where it tells, and made good for.
@@ -27,4 +27,4 @@ def located_anew(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[MarkerFr
             )
     pipeline = MarkerPipeline(rig)
     located = [pipeline.locate(replace(frame, blobs=frame.detected)) for frame in frames]
-    return synchronised(rig, located)[0]
+    return synchronise_frames(rig, located)[0]

@@ -11,7 +11,7 @@ from .pipeline import MarkerPipeline, PipelineSettings
 _LARGEST_S = 0.25
 
 
-def synchronised(
+def synchronise_frames(
     rig: CameraRig, frames: Sequence[MarkerFrame], settings: PipelineSettings | None = None
 ) -> tuple[list[MarkerFrame], tuple[TimeOffset, ...]]:
     """Return the frames with all blobs at one time and located anew, and the cameras' time offsets.

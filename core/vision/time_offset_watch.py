@@ -19,7 +19,7 @@ _LARGEST_S = 0.1  # stamps are from one clock: what differs is how long images a
 _AGAIN_S = 0.012  # from what was found last
 
 
-class LiveTimeOffsets:
+class TimeOffsetWatch:
     """Estimates the offsets from the last ten seconds, every five, and hands what is certain to the aligner.
 
     Args:
@@ -36,7 +36,7 @@ class LiveTimeOffsets:
         self._running: Future[tuple[TimeOffset, ...]] | None = None
         self._due_s: float | None = None
 
-    def saw(self, frame: MarkerFrame) -> None:
+    def update(self, frame: MarkerFrame) -> None:
         """Take the blobs of the next images, as they are in them; never waits."""
         if not self._frames or frame.time_s - self._frames[-1].time_s >= _LEAST_APART_S:
             self._frames.append(frame)

@@ -17,7 +17,7 @@ from ...simulate.studio.settings import StudioSettings
 from ...simulate.studio.source import simulated_source
 from ...vision.pipeline import MarkerPipeline
 from ...vision.sources.image_set import ImageSet
-from ...vision.synchronise import synchronised
+from ...vision.synchronise import synchronise_frames
 from .data import Progress
 from .report import write_json, write_rows
 from .vision import in_world_of
@@ -80,7 +80,7 @@ def offset_row(
         # as in a video: stamped by its number, whenever it was taken
         images = ImageSet(number, (number / FPS, number / FPS), source.frame(number).images)
         frames.append(pipeline.process(images))
-    moved, offsets = synchronised(rig, frames)
+    moved, offsets = synchronise_frames(rig, frames)
     found = offsets[1]
     return {
         "motion": motion,

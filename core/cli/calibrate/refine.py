@@ -44,7 +44,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         progress(0.0, "learning the background")
         samples = list(source.samples(_BACKGROUND_SAMPLES))
         if len(samples) > 1:
-            pipeline.learn_behind(samples)
+            pipeline.learn_from_take(samples)
         frames = []
         for number, images in enumerate(source.samples(_LOOKED_AT)):
             _check(rig, images)

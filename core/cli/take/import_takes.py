@@ -12,7 +12,7 @@ from ...errors import FormatError, MarkerSetError, PerfanimError, SettingsError,
 from ...formats.markers.marker_files import READABLE, declared_frames, is_recorded, read_take
 from ...formats.take_file.edit import recover
 from ...formats.take_file.reading import ENDING, read_take_file, take_name, unused_path
-from ...labelling.take_import import UPS, brought_in
+from ...labelling.take_import import UPS, import_take
 from ...markers.label_matching import AUTO, best_match, load_names, named_by_hand
 from ...markers.marker_set import MarkerSet, load_marker_set
 from ...markers.subject import Subject, load_subject
@@ -129,7 +129,7 @@ def _imported(
     warnings = [f"{path.name} holds {take.frames} of {declared} frames"] * (take.frames < declared)
     take = named_by_hand(take, names) if names else take
     subject = subject or _worn(args, best_match(take.names, str(path)).marker_set)
-    take = brought_in(replace(take, name=_stem(path)), subject.marker_set, args.up)
+    take = import_take(replace(take, name=_stem(path)), subject.marker_set, args.up)
     lacking = [] if is_unnamed(take) else [name for name in subject.marker_set.names if name not in take.names]
     warnings += [f"not in {path.name}: {', '.join(lacking)}"] * bool(lacking)
     out = unused_path(Path(args.out), take.name)

@@ -96,7 +96,7 @@ class BoardView:
         if self.pixels.shape != (len(self.ids), 2):
             raise CalibrationError(f"a board view needs one pixel for each point, not {self.pixels.shape}")
 
-    def turned(self) -> "BoardView":
+    def reverse(self) -> "BoardView":
         """Return the view of a whole board numbered from the other end."""
         motion = None if self.motion_px_s is None else self.motion_px_s[::-1].copy()
         return BoardView(self.ids, self.pixels[::-1].copy(), motion)
@@ -204,7 +204,7 @@ def _find_charuco(grey: Image, board: Board) -> BoardView | None:
     apart = np.linalg.norm(found[:, None] - found[None], axis=2) + np.diag(np.full(len(found), np.inf))
     # refined here once more: up to OpenCV 4.12 the detector's corners are half a pixel off (opencv issue 25539)
     return BoardView(
-        np.asarray(ids, dtype=np.int64).ravel(), _refined(grey, found, float(apart.min()), edge_reach(board))
+        np.asarray(ids, dtype=np.int64).ravel(), _refine(grey, found, float(apart.min()), edge_reach(board))
     )
 
 
@@ -213,7 +213,7 @@ def edge_reach(board: Board) -> float:
     return _REACH if board.kind == "chessboard" else min(_REACH, 0.5 * (1.0 - board.marker_m / board.square_m))
 
 
-def _refined(grey: Image, corners: Array, spacing: float, reach: float = _REACH) -> Array:
+def _refine(grey: Image, corners: Array, spacing: float, reach: float = _REACH) -> Array:
     # the window stays inside the four squares round a corner, else their far edges pull it away
     window = int(np.clip(reach * spacing, 2, 11))
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
@@ -231,7 +231,7 @@ def _find_chessboard(grey: Image, grid: tuple[int, int]) -> Array | None:
     fine = _fine_corners(grey, grid, rough, spacing)
     if fine is not None:
         return fine
-    return _refined(grey, rough, spacing)
+    return _refine(grey, rough, spacing)
 
 
 def _rough_corners(grey: Image, grid: tuple[int, int]) -> Array | None:

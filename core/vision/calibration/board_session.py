@@ -19,7 +19,7 @@ from ...geometry.camera import Camera, CameraRig
 from .board import Board, BoardView, find_board, glimpse_board, seen_grid
 from .board_quality import edge_widths
 from .board_watch import BoardWatch, Look, Place, place_of
-from .calibrate import CalibrationResult, calibrate_from_points, grid_of, sides_exchanged
+from .calibrate import CalibrationResult, are_sides_exchanged, calibrate_from_points, grid_of
 from .rig_fit import MINIMUM_VIEWS, CameraViews
 
 Array = NDArray[np.float64]
@@ -335,7 +335,7 @@ class BoardSession:
 
     def _checked(self, result: CalibrationResult) -> CalibrationResult:
         cameras = result.rig.cameras
-        if len(cameras) > 1 and sides_exchanged(cameras[0].to_camera(cameras[1].centre_m)):
+        if len(cameras) > 1 and are_sides_exchanged(cameras[0].to_camera(cameras[1].centre_m)):
             raise CalibrationError(
                 "the left camera stands on the right", advice="exchange the two cameras, then calibrate again"
             )

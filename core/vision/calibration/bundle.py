@@ -27,7 +27,7 @@ _TIME_SIGMA_S = 0.05  # of a picture's time: cameras that are not synchronised a
 
 
 @dataclass(frozen=True)
-class Sighting:
+class BoardObservation:
     """Board points (n, 3) seen as pixels (n, 2) by one camera at one moment.
 
     `motion_px_s` (n, 2) is how the pixels move, where pictures of a moment may have been taken at different times;
@@ -73,28 +73,28 @@ def intrinsics_of(matrix: Array, distortion: Array) -> Array:
 
 
 def adjust(
-    start: Bundle, sightings: Sequence[Sighting], free: NDArray[np.bool_], prior: LensPrior | None = None
+    start: Bundle, observations: Sequence[BoardObservation], free: NDArray[np.bool_], prior: LensPrior | None = None
 ) -> Bundle:
     """Return the bundle that minimises the squared reprojection error (Levenberg-Marquardt).
 
     Args:
         start: where to begin; intrinsics that are not free stay at their values.
-        sightings: what was seen.
+        observations: what was seen.
         free: (10,) which intrinsics of every camera are adjusted.
         prior: of the lenses, weighed against corners with `CORNER_SIGMA_PX`.
     """
     cameras = len(start.intrinsics)
     active = np.flatnonzero(np.concatenate((np.tile(free, cameras), np.repeat(np.arange(cameras) > 0, _POSE))))
-    return _minimised(start, sightings, active, prior)
+    return _minimised(start, observations, active, prior)
 
 
-def adjust_boards(bundle: Bundle, sightings: Sequence[Sighting]) -> Bundle:
+def adjust_boards(bundle: Bundle, observations: Sequence[BoardObservation]) -> Bundle:
     """Return the bundle with only the boards' poses adjusted: how well a calibration explains pictures."""
-    return _minimised(bundle, sightings, np.empty(0, dtype=np.int64), None)
+    return _minimised(bundle, observations, np.empty(0, dtype=np.int64), None)
 
 
 def camera_covariance(
-    bundle: Bundle, sightings: Sequence[Sighting], free: NDArray[np.bool_], prior: LensPrior
+    bundle: Bundle, observations: Sequence[BoardObservation], free: NDArray[np.bool_], prior: LensPrior
 ) -> Array:
     """Return the covariance (6 C, 6 C) of `bundle.cameras` in an adjusted bundle; the first camera's is zero.
 
@@ -102,9 +102,9 @@ def camera_covariance(
     """
     count = len(bundle.intrinsics)
     active = np.flatnonzero(np.concatenate((np.tile(free, count), np.repeat(np.arange(count) > 0, _POSE))))
-    system = _normal_equations(bundle, sightings, prior)
+    system = _normal_equations(bundle, observations, prior)
     reduced, _, scale = _reduced(system, active, 0.0)[:3]
-    numbers = 2 * sum(len(sighting.pixels) for sighting in sightings)
+    numbers = 2 * sum(len(observation.pixels) for observation in observations)
     variance = system.cost / max(numbers - len(active) - _POSE * len(bundle.boards), 1)
     result = np.zeros((len(system.cameras),) * 2)
     result[np.ix_(active, active)] = variance * scale * scale[:, None] * np.linalg.pinv(reduced, hermitian=True)
@@ -112,13 +112,13 @@ def camera_covariance(
 
 
 def _minimised(
-    current: Bundle, sightings: Sequence[Sighting], active: NDArray[np.int64], prior: LensPrior | None
+    current: Bundle, observations: Sequence[BoardObservation], active: NDArray[np.int64], prior: LensPrior | None
 ) -> Bundle:
     damping = 1e-4
-    system = _normal_equations(current, sightings, prior)
+    system = _normal_equations(current, observations, prior)
     for _ in range(_ITERATIONS):
         candidate = _moved(current, *_step(system, active, damping))
-        new = _normal_equations(candidate, sightings, prior)
+        new = _normal_equations(candidate, observations, prior)
         if not new.cost < system.cost:
             damping *= 10.0
             if damping > _LARGEST_DAMPING:
@@ -132,34 +132,34 @@ def _minimised(
     return current
 
 
-def residuals(bundle: Bundle, sighting: Sighting) -> Array:
+def residuals(bundle: Bundle, observation: BoardObservation) -> Array:
     """Return predicted minus seen pixels (n, 2);
     of a moving board, what is left when some of it is put down to the picture's time.
     """
-    errors, _ = _residuals_and_jacobian(bundle, sighting)
-    return _timeless(sighting, errors.reshape(-1, 1)).reshape(-1, 2)
+    errors, _ = _residuals_and_jacobian(bundle, observation)
+    return _timeless(observation, errors.reshape(-1, 1)).reshape(-1, 2)
 
 
-def delay_s(bundle: Bundle, sighting: Sighting) -> float:
+def delay_s(bundle: Bundle, observation: BoardObservation) -> float:
     """Return how late a picture was taken against the moment's others; NaN where the board did not move."""
-    if sighting.motion_px_s is None or np.abs(sighting.motion_px_s).max() * _TIME_SIGMA_S < CORNER_SIGMA_PX:
+    if observation.motion_px_s is None or np.abs(observation.motion_px_s).max() * _TIME_SIGMA_S < CORNER_SIGMA_PX:
         return float("nan")
-    errors, _ = _residuals_and_jacobian(bundle, sighting)
-    return float(-np.sum(errors * sighting.motion_px_s) / np.sum(sighting.motion_px_s**2))
+    errors, _ = _residuals_and_jacobian(bundle, observation)
+    return float(-np.sum(errors * observation.motion_px_s) / np.sum(observation.motion_px_s**2))
 
 
-def rms_by_moment(bundle: Bundle, sightings: Sequence[Sighting]) -> Array:
+def rms_by_moment(bundle: Bundle, observations: Sequence[BoardObservation]) -> Array:
     """Return the RMS reprojection error (M, C) in pixels, NaN where a camera did not see the board."""
     table = np.full((len(bundle.boards), len(bundle.intrinsics)), np.nan)
-    for sighting in sightings:
-        errors = residuals(bundle, sighting)
-        table[sighting.moment, sighting.camera] = np.sqrt(np.mean(np.sum(errors**2, axis=1)))
+    for observation in observations:
+        errors = residuals(bundle, observation)
+        table[observation.moment, observation.camera] = np.sqrt(np.mean(np.sum(errors**2, axis=1)))
     return table
 
 
-def rms(bundle: Bundle, sightings: Sequence[Sighting]) -> float:
+def rms(bundle: Bundle, observations: Sequence[BoardObservation]) -> float:
     """Return the RMS distance in pixels over all points."""
-    squares = [np.sum(residuals(bundle, sighting) ** 2, axis=1) for sighting in sightings]
+    squares = [np.sum(residuals(bundle, observation) ** 2, axis=1) for observation in observations]
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 
 
@@ -175,7 +175,7 @@ class _System:
     cost: float
 
 
-def _normal_equations(bundle: Bundle, sightings: Sequence[Sighting], prior: LensPrior | None) -> _System:
+def _normal_equations(bundle: Bundle, observations: Sequence[BoardObservation], prior: LensPrior | None) -> _System:
     count, moments = len(bundle.intrinsics), len(bundle.boards)
     size = count * (INTRINSICS + _POSE)
     cameras, gradient = np.zeros((size, size)), np.zeros(size)
@@ -186,22 +186,22 @@ def _normal_equations(bundle: Bundle, sightings: Sequence[Sighting], prior: Lens
         (slice(INTRINSICS * c, INTRINSICS * (c + 1)), slice(first + _POSE * c, first + _POSE * (c + 1)))
         for c in range(count)
     ]
-    for sighting in sightings:
-        errors, jacobian = _residuals_and_jacobian(bundle, sighting)
-        jacobian, flat = _timeless(sighting, jacobian), _timeless(sighting, errors.reshape(-1, 1))[:, 0]
-        lens, pose = columns[sighting.camera]
+    for observation in observations:
+        errors, jacobian = _residuals_and_jacobian(bundle, observation)
+        jacobian, flat = _timeless(observation, jacobian), _timeless(observation, errors.reshape(-1, 1))[:, 0]
+        lens, pose = columns[observation.camera]
         normal, down = jacobian.T @ jacobian, jacobian.T @ flat
         own = INTRINSICS + _POSE
         cameras[lens, lens] += normal[:INTRINSICS, :INTRINSICS]
         cameras[lens, pose] += normal[:INTRINSICS, INTRINSICS:own]
         cameras[pose, lens] += normal[INTRINSICS:own, :INTRINSICS]
         cameras[pose, pose] += normal[INTRINSICS:own, INTRINSICS:own]
-        coupling[sighting.moment, lens] += normal[:INTRINSICS, own:]
-        coupling[sighting.moment, pose] += normal[INTRINSICS:own, own:]
-        boards[sighting.moment] += normal[own:, own:]
+        coupling[observation.moment, lens] += normal[:INTRINSICS, own:]
+        coupling[observation.moment, pose] += normal[INTRINSICS:own, own:]
+        boards[observation.moment] += normal[own:, own:]
         gradient[lens] += down[:INTRINSICS]
         gradient[pose] += down[INTRINSICS:own]
-        boards_gradient[sighting.moment] += down[own:]
+        boards_gradient[observation.moment] += down[own:]
         cost += float(flat @ flat)
     if prior is not None:
         for camera, (rows, _) in enumerate(columns):
@@ -250,15 +250,15 @@ def _moved(bundle: Bundle, step: Array, boards: Array) -> Bundle:
     )
 
 
-def _timeless(sighting: Sighting, columns: Array) -> Array:
+def _timeless(observation: BoardObservation, columns: Array) -> Array:
     """Return columns (2n, k) of errors or derivatives, weighed down along the pixels' motion.
 
     With corners of covariance s^2 I and a picture taken at a time unknown by t, errors have the covariance
     s^2 I + t^2 v v^T, v (2n) the pixels' motion; what is returned is whitened with it, in units of s.
     """
-    if sighting.motion_px_s is None:
+    if observation.motion_px_s is None:
         return columns
-    motion = sighting.motion_px_s.ravel()
+    motion = observation.motion_px_s.ravel()
     speed = float(np.linalg.norm(motion))
     if speed == 0.0:
         return columns
@@ -267,10 +267,10 @@ def _timeless(sighting: Sighting, columns: Array) -> Array:
     return np.asarray(columns - less * np.outer(along, along @ columns))
 
 
-def _residuals_and_jacobian(bundle: Bundle, sighting: Sighting) -> tuple[Array, Array]:
+def _residuals_and_jacobian(bundle: Bundle, observation: BoardObservation) -> tuple[Array, Array]:
     """Return errors (n, 2) and their derivatives (2n, 10 + 6 + 6) by intrinsics, camera pose and board pose."""
-    intrinsics = bundle.intrinsics[sighting.camera]
-    board, camera = bundle.boards[sighting.moment], bundle.cameras[sighting.camera]
+    intrinsics = bundle.intrinsics[observation.camera]
+    board, camera = bundle.boards[observation.moment], bundle.cameras[observation.camera]
     composed = cv2.composeRT(board[:3], board[3:], camera[:3], camera[3:])
     turn, shift = np.asarray(composed[0]), np.asarray(composed[1])
     chain = np.empty((_POSE, 2 * _POSE))  # of the board in the camera, by the camera's pose and by the board's
@@ -279,7 +279,7 @@ def _residuals_and_jacobian(bundle: Bundle, sighting: Sighting) -> tuple[Array, 
     fx, fy, cx, cy, skew = intrinsics[:5]
     plain = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
     projected, columns = cv2.projectPoints(
-        np.ascontiguousarray(sighting.points_m, dtype=np.float64), turn, shift, plain, intrinsics[5:]
+        np.ascontiguousarray(observation.points_m, dtype=np.float64), turn, shift, plain, intrinsics[5:]
     )
     pixels, derivatives = np.asarray(projected, np.float64).reshape(-1, 2), np.asarray(columns, np.float64)
     height = (pixels[:, 1] - cy) / fy  # distorted y/z: what the skew acts on
@@ -290,6 +290,6 @@ def _residuals_and_jacobian(bundle: Bundle, sighting: Sighting) -> tuple[Array, 
     by_pose = derivatives[:, :6].copy()
     by_pose[0::2] += skew / fy * derivatives[1::2, :6]
     jacobian[:, INTRINSICS:] = by_pose @ chain
-    errors = pixels - sighting.pixels
+    errors = pixels - observation.pixels
     errors[:, 0] += skew * height
     return errors, jacobian

@@ -15,7 +15,7 @@ from ...errors import CalibrationError
 from ...geometry.camera import WORLD_FROM_CAMERA, Camera, CameraRig
 from .board import Board, BoardView
 from .board_quality import Coverage, coverage
-from .bundle import Bundle, Sighting, adjust, intrinsics_of, matrix_of, rms, rms_by_moment
+from .bundle import BoardObservation, Bundle, adjust, intrinsics_of, matrix_of, rms, rms_by_moment
 from .relative_pose import Transform, inverse
 from .rig_fit import (
     MINIMUM_VIEWS,
@@ -129,13 +129,13 @@ def _calibrate_camera(points_m: Array, camera: CameraViews, refused: list[Reject
             )
         views = [camera.views[key] for key in keys]
         start = bundle or _first_guess(points_m, camera, views)
-        sightings = [Sighting(0, m, points_m[view.ids], view.pixels) for m, view in enumerate(views)]
-        bundle = adjust(start, sightings, NO_SKEW, lens_prior([camera.image_size]))
-        errors = rms_by_moment(bundle, sightings)[:, 0]
+        observations = [BoardObservation(0, m, points_m[view.ids], view.pixels) for m, view in enumerate(views)]
+        bundle = adjust(start, observations, NO_SKEW, lens_prior([camera.image_size]))
+        errors = rms_by_moment(bundle, observations)[:, 0]
         if not is_outlier(errors).any():
             poses = {key: (cv2.Rodrigues(row[:3])[0], row[3:]) for key, row in zip(keys, bundle.boards, strict=True)}
             lens = bundle.intrinsics[0]
-            error = rms(bundle, sightings)
+            error = rms(bundle, observations)
             return SingleCamera(camera.name, camera.image_size, matrix_of(lens), lens[5:], error, poses)
         worst = int(np.argmax(errors))
         refused.append(Rejected(f"{camera.name} {keys[worst]}", f"board points do not fit ({errors[worst]:.2f} px)"))
@@ -172,13 +172,13 @@ def _opencv_points(points_m: Array, views: Sequence[BoardView]) -> tuple[list[Ar
     return objects, images  # type: ignore[return-value]
 
 
-def sides_exchanged(centre: Array) -> bool:
+def are_sides_exchanged(centre: Array) -> bool:
     """Return whether the right camera, at a place (3,) in the left one's frame, stands on the left of it."""
     return bool(centre[0] < -0.5 * np.linalg.norm(centre))
 
 
 def _check_sides(second_from_first: Transform, left: str, right: str) -> None:
-    if sides_exchanged(inverse(second_from_first)[1]):
+    if are_sides_exchanged(inverse(second_from_first)[1]):
         raise CalibrationError(
             f"the pictures given for {left} come from the camera on the right and those for {right} from the left",
             advice="exchange --left and --right",

@@ -1,4 +1,4 @@
-"""Calibrating cameras from videos of a moving board, one for each camera, that need not be synchronised.
+"""Calibrating cameras from videos of a moving board, one for each camera, that need not be synchronise_frames.
 
 The frames of one number belong together. How the corners move in each is passed on, so that a camera that took its
 picture a little later than the others does not spoil the calibration, but is told.

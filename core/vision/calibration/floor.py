@@ -74,7 +74,7 @@ def board_in_space(rig: CameraRig, views: Sequence[BoardView], board: Board) -> 
     ways = [(False, True) if board.kind == "chessboard" and index else (False,) for index in range(len(views))]
     best, least = np.zeros((0, 3)), np.inf
     for turned in product(*ways):
-        ordered = [view.turned() if turn else view for view, turn in zip(views, turned, strict=True)]
+        ordered = [view.reverse() if turn else view for view, turn in zip(views, turned, strict=True)]
         seen = [camera.undistort(view.pixels) for camera, view in zip(rig.cameras, ordered, strict=True)]
         weights = np.ones((len(board.points_m), len(views)))
         points, _, errors = triangulate(rig.cameras, np.stack(seen, axis=1), weights, _SIGMA_PX)

@@ -11,9 +11,9 @@ from ...errors import CalibrationError
 from .board import BoardView
 from .bundle import (
     INTRINSICS,
+    BoardObservation,
     Bundle,
     LensPrior,
-    Sighting,
     adjust,
     adjust_boards,
     camera_covariance,
@@ -128,11 +128,11 @@ def fit_rig(
     while True:
         keys = [key for key, row in members.items() if len(row) > 1]
         _check_moments(cameras, members, keys)
-        start, sightings = _start(points_m, cameras, singles, starts, members, keys)
-        bundle = adjust(adjust(start, sightings, _NO_SKEW_NO_K3, prior), sightings, NO_SKEW, prior)
-        errors = rms_by_moment(bundle, sightings)
+        start, observations = _start(points_m, cameras, singles, starts, members, keys)
+        bundle = adjust(adjust(start, observations, _NO_SKEW_NO_K3, prior), observations, NO_SKEW, prior)
+        errors = rms_by_moment(bundle, observations)
         if not _refuse_outliers(errors, keys, cameras, members, refused):
-            return _choose_model(bundle, sightings, keys, prior)
+            return _choose_model(bundle, observations, keys, prior)
 
 
 def _check_moments(
@@ -183,27 +183,29 @@ def lens_prior(sizes: Sequence[tuple[int, int]]) -> LensPrior:
     return LensPrior(means, information)
 
 
-def _choose_model(bundle: Bundle, sightings: Sequence[Sighting], keys: Sequence[str], prior: LensPrior) -> RigFit:
+def _choose_model(
+    bundle: Bundle, observations: Sequence[BoardObservation], keys: Sequence[str], prior: LensPrior
+) -> RigFit:
     """Take the richest camera model that predicts moments left out of the fit as well as the best does."""
-    held_out = {name: _held_out(bundle, sightings, free, prior) for name, free in _MODELS.items()}
+    held_out = {name: _held_out(bundle, observations, free, prior) for name, free in _MODELS.items()}
     if np.isnan(next(iter(held_out.values()))):
         chosen = "no skew, no k3"  # too few moments to tell: the fewest unknowns
     else:
         limit = _RICHER_MAY_COST * min(held_out.values())
         chosen = next(name for name, error in held_out.items() if error <= limit)
     free = _MODELS[chosen]
-    fitted = adjust(_cleared(bundle, free), sightings, free, prior)
+    fitted = adjust(_cleared(bundle, free), observations, free, prior)
     poses = tuple((cv2.Rodrigues(row[:3])[0], row[3:]) for row in fitted.cameras)
     return RigFit(
         fitted.intrinsics,
         poses,
-        rms(fitted, sightings),
+        rms(fitted, observations),
         held_out[chosen],
         tuple(keys),
         chosen,
-        rms_by_moment(fitted, sightings),
-        _late_s(fitted, sightings),
-        _distance_sigma(fitted, camera_covariance(fitted, sightings, free, prior)),
+        rms_by_moment(fitted, observations),
+        _late_s(fitted, observations),
+        _distance_sigma(fitted, camera_covariance(fitted, observations, free, prior)),
     )
 
 
@@ -221,11 +223,11 @@ def _distances(cameras: Array) -> Array:
     return np.asarray(np.linalg.norm(centres[first] - centres[second], axis=1))
 
 
-def _late_s(bundle: Bundle, sightings: Sequence[Sighting]) -> Array:
+def _late_s(bundle: Bundle, observations: Sequence[BoardObservation]) -> Array:
     """Return how late (C,) each camera's pictures are against the first camera's, NaN where that is not known."""
     delays = np.full((len(bundle.boards), len(bundle.intrinsics)), np.nan)
-    for sighting in sightings:
-        delays[sighting.moment, sighting.camera] = delay_s(bundle, sighting)
+    for observation in observations:
+        delays[observation.moment, observation.camera] = delay_s(bundle, observation)
     known = np.isfinite(delays).any(axis=0)
     late = np.full(len(known), np.nan)
     late[known] = np.nanmedian(delays[:, known], axis=0)
@@ -236,15 +238,17 @@ def _cleared(bundle: Bundle, free: NDArray[np.bool_]) -> Bundle:
     return Bundle(np.where(free, bundle.intrinsics, 0.0), bundle.cameras, bundle.boards)
 
 
-def _held_out(bundle: Bundle, sightings: Sequence[Sighting], free: NDArray[np.bool_], prior: LensPrior) -> float:
+def _held_out(
+    bundle: Bundle, observations: Sequence[BoardObservation], free: NDArray[np.bool_], prior: LensPrior
+) -> float:
     if len(bundle.boards) < _SMALLEST_FOR_FOLDS:
         return float("nan")
     squares = []
     for fold in range(_FOLDS):
-        training = [s for s in sightings if s.moment % _FOLDS != fold]
-        tests = [s for s in sightings if s.moment % _FOLDS == fold]
+        training = [s for s in observations if s.moment % _FOLDS != fold]
+        tests = [s for s in observations if s.moment % _FOLDS == fold]
         fitted = adjust_boards(adjust(_cleared(bundle, free), training, free, prior), tests)
-        squares += [np.sum(residuals(fitted, sighting) ** 2, axis=1) for sighting in tests]
+        squares += [np.sum(residuals(fitted, observation) ** 2, axis=1) for observation in tests]
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 
 
@@ -331,16 +335,16 @@ def _start(
     starts: Sequence[Transform],
     members: Mapping[str, Mapping[int, bool]],
     keys: Sequence[str],
-) -> tuple[Bundle, list[Sighting]]:
-    sightings = []
+) -> tuple[Bundle, list[BoardObservation]]:
+    observations = []
     boards = np.zeros((len(keys), 6))
     for moment, key in enumerate(keys):
         for c, turned in sorted(members[key].items(), reverse=True):
-            view = cameras[c].views[key].turned() if turned else cameras[c].views[key]
-            sightings.append(Sighting(c, moment, points_m[view.ids], view.pixels, view.motion_px_s))
+            view = cameras[c].views[key].reverse() if turned else cameras[c].views[key]
+            observations.append(BoardObservation(c, moment, points_m[view.ids], view.pixels, view.motion_px_s))
             boards[moment] = _vector(compose(inverse(starts[c]), _pose(singles[c].poses[key], turned, points_m)))
     intrinsics = np.array([intrinsics_of(single.matrix, single.distortion) for single in singles])
-    return Bundle(intrinsics, np.array([_vector(start) for start in starts]), boards), sightings
+    return Bundle(intrinsics, np.array([_vector(start) for start in starts]), boards), observations
 
 
 def _pose(camera_from_board: Transform, turned: bool, points_m: Array) -> Transform:

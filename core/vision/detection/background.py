@@ -95,7 +95,7 @@ def learn_backgrounds(moments: Iterable[Sequence[Image]]) -> list[Background]:
     return [learner.result() for learner in learners or [BackgroundLearner()]]
 
 
-def background_behind(samples: Sequence[Image]) -> Background:
+def background_from_take(samples: Sequence[Image]) -> Background:
     """Return the background of frames spread over a take with the performer in it.
 
     Markers are brighter than what is behind them and move: of each pixel's values over time the darkest 60 % are

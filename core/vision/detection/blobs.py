@@ -43,7 +43,7 @@ class BlobPixels:
     contrast: Float32
     colours: Image
 
-    def chosen(self, which: Any) -> "BlobPixels":
+    def select(self, which: Any) -> "BlobPixels":
         """Return some of the pixels, in their order."""
         return BlobPixels(self.owner[which], self.x[which], self.y[which], self.contrast[which], self.colours[which])
 
@@ -65,7 +65,7 @@ NO_PIXELS = blob_pixels(
 )
 
 
-def joined(groups: Sequence[BlobPixels]) -> BlobPixels:
+def join_groups(groups: Sequence[BlobPixels]) -> BlobPixels:
     """Return the blobs of some groups, each with its group in its number."""
     return BlobPixels(
         np.concatenate([group.owner + number * _GROUP for number, group in enumerate(groups)]),
@@ -129,7 +129,7 @@ def measure_apart(pixels: BlobPixels) -> tuple[IntArray, Array]:
     found = [(owners, table)]
     whole = table[:, ROUNDNESS] >= _ROUND_ENOUGH
     for row in np.flatnonzero(~whole):
-        pieces = [measure(piece) for piece in _split(pixels.chosen(pixels.owner == owners[row]))]
+        pieces = [measure(piece) for piece in _split(pixels.select(pixels.owner == owners[row]))]
         whole[row] = not pieces
         found += pieces
     if len(found) == 1:
@@ -152,7 +152,7 @@ def _hue(blue: float, green: float, red: float) -> float:
     return (sixth * 30.0) % 180.0
 
 
-def above_skin(pixels: BlobPixels) -> BlobPixels:
+def subtract_skin(pixels: BlobPixels) -> BlobPixels:
     """Return what rises above the body in spots on it.
 
     Where a thin part of the body (a hand) stands out from what is behind it as well, two levels are found, skin and
@@ -165,7 +165,7 @@ def above_skin(pixels: BlobPixels) -> BlobPixels:
     spans = zip(starts.tolist(), (starts + counts).tolist(), strict=True)
     levels = np.array([_skin_level(values, sums, start, stop) for start, stop in spans], dtype=np.float32)
     contrast = pixels.contrast - np.repeat(levels, counts)
-    return replace(pixels, contrast=contrast).chosen(contrast > 0.0)
+    return replace(pixels, contrast=contrast).select(contrast > 0.0)
 
 
 def _skin_level(values: list[float], sums: list[float], start: int, stop: int) -> float:
@@ -205,7 +205,7 @@ def _split(pixels: BlobPixels) -> list[BlobPixels]:
         if len(large) >= 2:
             distances = np.stack([_distance_to(parts == i) for i in large])
             nearest = distances.argmin(axis=0)[y, x]
-            return [pixels.chosen(nearest == i) for i in range(len(large))]
+            return [pixels.select(nearest == i) for i in range(len(large))]
     return []
 
 

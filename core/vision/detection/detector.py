@@ -25,11 +25,11 @@ from .blobs import (
     IntArray,
     X,
     Y,
-    above_skin,
     blob_pixels,
     group_of,
-    joined,
+    join_groups,
     measure_apart,
+    subtract_skin,
 )
 
 _MEMORY = 0.9  # per frame, of the automatic threshold
@@ -95,7 +95,7 @@ class Detector:
     def __init__(self, background: Background | None = None, settings: DetectionSettings | None = None) -> None:
         self.settings = settings or DetectionSettings()
         self._usual_contrast = 0.0
-        self._room: _Room | None = None
+        self._room: _EmptyRoom | None = None
         self._threshold = self.settings.threshold or _LOWEST_AUTOMATIC_THRESHOLD
         self._size: tuple[int, int] | None = None
         self._last = np.empty((0, 5), dtype=np.float32)
@@ -106,7 +106,7 @@ class Detector:
             low, high = background.band(self.settings.sigmas, self._threshold)
             light = background.mean.sum(axis=2)
             lit = np.ceil(light + 3.0 * self._threshold)
-            self._room = _Room(
+            self._room = _EmptyRoom(
                 low, high - low, background.mean, np.rint(light).astype(np.uint16), lit.astype(np.uint16)
             )
             self._size = background.image_size
@@ -120,7 +120,7 @@ class Detector:
         """Return the mask (0 or 255) of pixels where any channel differs from the background, dilated."""
         return self._foreground(image, self._room)
 
-    def _foreground(self, image: Image, room: "_Room | None") -> Image:
+    def _foreground(self, image: Image, room: "_EmptyRoom | None") -> Image:
         if room is None:
             outside = cv2.threshold(image, self._threshold, 255, cv2.THRESH_BINARY)[1]
         else:
@@ -183,7 +183,7 @@ class Detector:
             inside &= (place < part.stop - self._rim) | (part.stop == size)
         return table[inside]
 
-    def _found(self, image: Image, room: "_Room | None") -> Array:
+    def _found(self, image: Image, room: "_EmptyRoom | None") -> Array:
         """Return all that may be markers in an image, or in a part with the same of the room."""
         dimmest = max(self._threshold, _DIMMEST * self.settings.relative_brightness * self._usual_contrast)
         parts = _parts(self._foreground(image, room), self.settings)
@@ -193,8 +193,8 @@ class Detector:
         return np.concatenate((alone, self._measure_on_bodies(image, room, bodies, dimmest)))
 
     def _measure_alone(
-        self, image: Image, room: "_Room | None", parts: "list[_Part]", dimmest: float
-    ) -> "tuple[Array, list[_Part]]":
+        self, image: Image, room: "_EmptyRoom | None", parts: "list[_Component]", dimmest: float
+    ) -> "tuple[Array, list[_Component]]":
         """Return the markers among parts of the foreground, and the parts that are bright but none."""
         if not parts:
             return np.empty((0, COLUMNS)), []
@@ -214,12 +214,14 @@ class Detector:
         bright[owners[fitting]] = False
         return table[fitting], [parts[i] for i in np.flatnonzero(bright)]
 
-    def _measure_on_bodies(self, image: Image, room: "_Room | None", bodies: "list[_Part]", dimmest: float) -> Array:
+    def _measure_on_bodies(
+        self, image: Image, room: "_EmptyRoom | None", bodies: "list[_Component]", dimmest: float
+    ) -> Array:
         """Return the markers on parts of the foreground that are no markers as a whole."""
         spots = [self._spots(image, room, body, dimmest) for body in bodies]
         if not spots:
             return np.empty((0, COLUMNS))
-        owners, table = measure_apart(above_skin(joined(spots)))
+        owners, table = measure_apart(subtract_skin(join_groups(spots)))
         fitting = self._fits(table)
         body = group_of(owners)
         for number in range(len(spots)):
@@ -228,7 +230,7 @@ class Detector:
             fitting[(body == number) & (table[:, BRIGHTNESS] < limit)] = False
         return table[fitting]
 
-    def _spots(self, image: Image, room: "_Room | None", body: "_Part", dimmest: float) -> BlobPixels:
+    def _spots(self, image: Image, room: "_EmptyRoom | None", body: "_Component", dimmest: float) -> BlobPixels:
         """Return bright spots on a performer in a lit room."""
         window = body.window
         light = _light(image[window])
@@ -276,7 +278,7 @@ _Window = tuple[slice, slice]
 
 
 @dataclass(frozen=True)
-class _Room:
+class _EmptyRoom:
     """The empty room.
 
     Args:
@@ -292,13 +294,13 @@ class _Room:
     light: NDArray[np.uint16]
     lit: NDArray[np.uint16]
 
-    def within(self, window: _Window) -> "_Room":
+    def within(self, window: _Window) -> "_EmptyRoom":
         """Return a part of it."""
-        return _Room(self.low[window], self.width[window], self.mean[window], self.light[window], self.lit[window])
+        return _EmptyRoom(self.low[window], self.width[window], self.mean[window], self.light[window], self.lit[window])
 
 
 @dataclass(frozen=True)
-class _Part:
+class _Component:
     """A connected part of a mask.
 
     Args:
@@ -319,7 +321,7 @@ class _Part:
         return slice(self.top, self.top + height), slice(self.left, self.left + width)
 
 
-def _parts(mask: Image, settings: DetectionSettings) -> list[_Part]:
+def _parts(mask: Image, settings: DetectionSettings) -> list[_Component]:
     """Return the connected parts of a dilated mask that are not too small for a marker."""
     # contours and labels within their boxes take half the time of labels with statistics of the whole image
     contours, hierarchy = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
@@ -334,11 +336,13 @@ def _parts(mask: Image, settings: DetectionSettings) -> list[_Part]:
         window = mask[top : top + height, left : left + width]
         _, labels = cv2.connectedComponentsWithAlgorithm(window, 8, cv2.CV_16U, cv2.CCL_BOLELLI)
         x, y = contour[0, 0]
-        parts.append(_Part(left, top, labels == labels[y - top, x - left], side <= 4.0 * settings.maximum_radius_px))
+        parts.append(
+            _Component(left, top, labels == labels[y - top, x - left], side <= 4.0 * settings.maximum_radius_px)
+        )
     return parts[::-1]  # contours come from the last row to the first
 
 
-def _pixels(parts: Sequence[_Part]) -> tuple[IntArray, IntArray, IntArray]:
+def _pixels(parts: Sequence[_Component]) -> tuple[IntArray, IntArray, IntArray]:
     """Return which part each pixel (P,) of some parts is of, and its x and y in their image."""
     places = [part.inside.nonzero() for part in parts]
     owner = np.repeat(np.arange(len(parts)), [len(rows) for rows, _ in places])

@@ -17,7 +17,7 @@ _DOUBTFUL_PX = 0.75  # mean error of the matches from which it is worth a look .
 _BETTER = 0.35  # ... whether it falls to such a share with the cameras exchanged
 
 
-class SwapWatch:
+class CameraSwapDetector:
     """Looks, where blobs of the two cameras meet badly, whether they meet better with the cameras exchanged.
 
     With more or fewer than two cameras nothing is looked for.
@@ -29,7 +29,7 @@ class SwapWatch:
         self._worst_px = settings.epipolar_px
         self._errors_px: deque[tuple[float, float]] = deque(maxlen=_FRAMES)
 
-    def note(self, blobs: Sequence[Float32], matches: Matches) -> str:
+    def update(self, blobs: Sequence[Float32], matches: Matches) -> str:
         """Return what to tell; "" when nothing points to it.
 
         Args:

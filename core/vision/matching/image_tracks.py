@@ -80,7 +80,7 @@ class ImageTracks:
     points: Array
     ids: IntArray
 
-    def thinned(self, most: int) -> "ImageTracks":
+    def thin(self, most: int) -> "ImageTracks":
         """Return at most so many images, evenly spread."""
         step = -(-len(self.times_s) // most)
         return ImageTracks(self.times_s[::step], self.points[:, ::step], self.ids[:, ::step])

@@ -86,14 +86,14 @@ def estimate_time_offset(
     """
     if min(reference_tracks.points.size, tracks.points.size) == 0:
         return TimeOffset()
-    rough = _Pair(reference, camera, reference_tracks.thinned(_GRID_IMAGES), tracks)
-    pair = _Pair(reference, camera, reference_tracks.thinned(_IMAGES), tracks)
+    rough = _Pair(reference, camera, reference_tracks.thin(_GRID_IMAGES), tracks)
+    pair = _Pair(reference, camera, reference_tracks.thin(_IMAGES), tracks)
     steps = int(np.ceil(largest_s / _GRID_STEP_S))
     grid = about_s + _GRID_STEP_S * np.arange(-steps, steps + 1)
     offset, drift = float(grid[np.argmin([rough.score(shift) for shift in grid])]), 0.0
     refined = TimeOffset()
     for _ in range(_ROUNDS):
-        refined = pair.refined(offset, drift)
+        refined = pair.refine(offset, drift)
         if not refined.is_found:
             return refined
         offset, drift = refined.offset_s, refined.drift
@@ -142,7 +142,7 @@ class _Pair:
         there = self._a.ids >= 0
         return float(np.minimum(best[there], _CAP_PX**2).sum())
 
-    def refined(self, offset_s: float, drift: float) -> TimeOffset:
+    def refine(self, offset_s: float, drift: float) -> TimeOffset:
         """Return offset and drift after some steps from those given, with the tracks that fit together there."""
         distances, ids = self._distances(offset_s, drift)
         costs = self._costs(distances, ids)

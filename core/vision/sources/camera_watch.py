@@ -13,7 +13,7 @@ _CONTRAST = 2  # what has been so many times brighter than black can become blac
 _COMPARED_ROWS = 16
 
 
-class CameraWatch:
+class CameraHealth:
     """Notices that a camera froze, is gone, became black, or repeats an image.
 
     Args:
@@ -31,7 +31,7 @@ class CameraWatch:
         self._repeats_since_s: float | None = None
         self._black_since_s: float | None = None
 
-    def saw(self, time_s: float, image: Image) -> bool:
+    def update(self, time_s: float, image: Image) -> bool:
         """Take the next image; return whether it shows something new."""
         self._last_s = time_s
         repeated = self._last is not None and is_repeated(self._last, image)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...system.steady_clock import SteadyClock
-from .camera_watch import CameraWatch
+from .camera_watch import CameraHealth
 from .image_set import Image, ImageSet, camera_title, next_number
 
 _TOGETHER = 0.75  # periods: images further apart in time are of two moments
@@ -31,14 +31,14 @@ class ImagePairing:
         self._black = [np.zeros(shape, dtype=np.uint8) for shape in shapes]
         self._period_s = period_s
         self._held: list[deque[tuple[float, Image, bool]]] = [deque(maxlen=_HELD) for _ in shapes]
-        self._watches = [CameraWatch(camera_title(i, names), period_s, now_s) for i in range(len(shapes))]
+        self._watches = [CameraHealth(camera_title(i, names), period_s, now_s) for i in range(len(shapes))]
         self._clocks = [SteadyClock() for _ in shapes]
         self._number = -1
         self._last_s = -np.inf
 
     def put(self, camera: int, time_s: float, image: Image) -> None:
         """Take an image that a camera gave."""
-        fresh = self._watches[camera].saw(time_s, image)
+        fresh = self._watches[camera].update(time_s, image)
         time_s = self._clocks[camera].steady(time_s)
         if time_s < self._last_s + _LATE * self._period_s:
             return

@@ -173,7 +173,7 @@ def _learn(pipeline: MarkerPipeline, source: Any, kind: str, seconds: float, cha
     else:
         moments = list(_reported(source.samples(_SPREAD_FRAMES), _SPREAD_FRAMES, "", channel))
         if moments:  # a stream cannot be looked through beforehand
-            pipeline.learn_behind(moments)
+            pipeline.learn_from_take(moments)
 
 
 def _reported(

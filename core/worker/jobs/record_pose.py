@@ -20,7 +20,7 @@ from ...geometry.camera import CameraRig
 from ...geometry.rig_file import save_rig
 from ...labelling.single_camera_trajectories import single_views
 from ...labelling.trajectory_linking import track_markers
-from ...labelling.trajectory_naming import named_take
+from ...labelling.trajectory_naming import name_trajectories
 from ...markers.floor_from_feet import floor_points, moved_to_rig
 from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_set import MarkerSet, load_marker_set
@@ -126,4 +126,4 @@ def _tracked(frames: list[MarkerFrame], source: ImageSource, marker_set: MarkerS
         raise CaptureError("there were no images of the poses", advice="check the source")
     tracking = track_markers(frames, "calibration", source.fps, len(marker_set))
     single = single_views(tracking, frames, rig)
-    return named_take(replace(tracking.take, single=single), marker_set)
+    return name_trajectories(replace(tracking.take, single=single), marker_set)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.labelling.initial_labelling import MISSED_M, StartLabeller
+from perfanim.core.labelling.initial_labelling import MISSED_M, InitialLabeller
 
 NOISE_M = 0.002
 
@@ -12,7 +12,7 @@ NOISE_M = 0.002
 def labeller(model, database):
     frames = np.arange(0, database.frames, 2)
     ups = rot.rotate(rot.conjugate(database.root_rotations[frames]), np.array([0.0, 1.0, 0.0]))
-    return StartLabeller(model.database_markers(database, frames), ups.astype(np.float32), model.torso)
+    return InitialLabeller(model.database_markers(database, frames), ups.astype(np.float32), model.torso)
 
 
 def points_of(row, generator, ghosts=0):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from perfanim.core.errors import TakeError
 from perfanim.core.labelling.trajectory_linking import track_markers
-from perfanim.core.labelling.trajectory_naming import best_permutation, named_take
+from perfanim.core.labelling.trajectory_naming import match_trajectories, name_trajectories
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
@@ -82,7 +82,7 @@ def test_false_points_of_single_frames_are_dropped():
     tracking = track_markers(frames, "walk", 30.0)
     assert len(tracking.take.names) == 10
     assert right_share(tracking, truth) >= 0.995
-    assert tracking.dropped_pieces > 100
+    assert tracking.dropped_tracklets > 100
 
 
 @pytest.mark.parametrize(("fps", "speed"), [(5.0, 1.0), (1.0, 0.25)])
@@ -127,7 +127,7 @@ def standing_take(marker_set, seed: int = 0) -> tuple[MarkerTake, np.ndarray]:
 def test_trajectories_get_the_names_of_the_marker_set(name):
     marker_set = load_marker_set(name)
     take, order = standing_take(marker_set)
-    named = named_take(take, marker_set)
+    named = name_trajectories(take, marker_set)
     assert named.names == marker_set.names
     np.testing.assert_array_equal(named.positions_m, take.positions_m[:, np.argsort(order)])
 
@@ -136,10 +136,10 @@ def test_takes_that_do_not_fit_the_marker_set_are_refused():
     marker_set = load_marker_set("two-webcams")
     take, _ = standing_take(marker_set)
     with pytest.raises(TakeError, match="has 12 markers, the marker set locomotion has 8"):
-        named_take(take, load_marker_set("locomotion"))
+        name_trajectories(take, load_marker_set("locomotion"))
     scattered = MarkerTake("x", 30.0, take.names, np.random.default_rng(0).uniform(-3, 3, take.positions_m.shape))
     with pytest.raises(TakeError, match="not where the marker set"):
-        named_take(scattered, marker_set)
+        name_trajectories(scattered, marker_set)
 
 
 def test_trajectories_are_paired_by_distance():
@@ -147,5 +147,5 @@ def test_trajectories_are_paired_by_distance():
     order = np.random.default_rng(1).permutation(10)
     other = points[:, order].copy()
     other[:5, 3] = np.nan
-    rows, columns = best_permutation(points, other)
+    rows, columns = match_trajectories(points, other)
     np.testing.assert_array_equal(order[columns], rows)

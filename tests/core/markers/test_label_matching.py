@@ -10,7 +10,7 @@ from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.cli.main import main
 from perfanim.core.errors import MarkerSetError, TakeError
 from perfanim.core.formats.markers.marker_files import read_take, write_take
-from perfanim.core.labelling.take_import import brought_in
+from perfanim.core.labelling.take_import import import_take
 from perfanim.core.markers.label_matching import best_match, load_names, match_names, named_by_hand
 from perfanim.core.markers.marker_set import load_marker_set, marker_set_names
 from perfanim.core.markers.marker_take import MarkerTake
@@ -116,7 +116,7 @@ def test_real_suits_are_solved_to_bodies(shared_dir, database, file, name, match
     match = best_match(take.names, file)
     assert (match.marker_set.name, len(match.label_of)) == (name, matched)
     subject = Subject("average", default_skeleton(), match.marker_set)
-    part = brought_in(frames_of(take, frames), match.marker_set, "auto")
+    part = import_take(frames_of(take, frames), match.marker_set, "auto")
     pose = solve_take(part, subject, database, SolveSettings(), lambda *_: None).poses[-1]
     solved = dict(zip(match.marker_set.names, pose.markers_m, strict=True))
     seen = {n: p for n, p in zip(solved, pose.observed_m, strict=True) if np.isfinite(p[0])}

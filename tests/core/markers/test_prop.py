@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from perfanim.core.errors import PropError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.geometry.point_patterns import rigid_ways
+from perfanim.core.geometry.point_patterns import match_rigid_pattern
 from perfanim.core.geometry.rigid_transform import transform
 from perfanim.core.markers.prop import Prop, check_together, load_prop, prop_from, prop_names, prop_tables, save_prop
 
@@ -90,11 +90,13 @@ def test_ways_are_all_that_distances_allow():
     others = generator.uniform(-1.0, 1.0, (8, 3))
     points = np.concatenate((others[:4], own[[3, 1, 4, 0]], others[4:]))  # one of its five is hidden
     tolerances = np.full((len(points), len(points)), 0.002)
-    ways = rigid_ways(points, prop.spans_m, tolerances, 3)
+    ways = match_rigid_pattern(points, prop.spans_m, tolerances, 3)
     np.testing.assert_array_equal(ways[0], [7, 5, -1, 4, 6])
     kept = [{4, 5, 6, 7} >= set(way[way >= 0]) for way in ways]
     assert all(kept)
     assert len(ways) == 1 + 4  # all four, and each three of them
     allowed = np.ones((len(points), len(prop.names)), dtype=bool)
     allowed[6] = False
-    np.testing.assert_array_equal(rigid_ways(points, prop.spans_m, tolerances, 3, allowed), [[7, 5, -1, 4, -1]])
+    np.testing.assert_array_equal(
+        match_rigid_pattern(points, prop.spans_m, tolerances, 3, allowed), [[7, 5, -1, 4, -1]]
+    )

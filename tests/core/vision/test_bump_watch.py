@@ -6,7 +6,7 @@ import pytest
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.markers.marker_frame import MarkerFrame
-from perfanim.core.vision.bump_watch import LiveBumpWatch, meeting_error_px
+from perfanim.core.vision.bump_watch import BumpDetector, meeting_error_px
 from perfanim.core.vision.pipeline import MarkerPipeline
 
 RATE = 30.0
@@ -28,7 +28,7 @@ def turned(rig: CameraRig, degrees: tuple[float, float, float]) -> CameraRig:
 def told(calibrated: CameraRig, standing, seconds: float, clutter: int = 0) -> list[tuple[float, str]]:
     """What is said, and when, while six markers wander; `standing(t)` is where the cameras really are."""
     rng = np.random.default_rng(3)
-    pipeline, watch = MarkerPipeline(calibrated), LiveBumpWatch(calibrated, at_once)
+    pipeline, watch = MarkerPipeline(calibrated), BumpDetector(calibrated, at_once)
     starts, speeds = rng.uniform(-0.4, 0.4, (6, 3)), rng.uniform(0.5, 2.0, (6, 3))
     reflections = rng.uniform(20, 460, (2, clutter, 2))
     said = []
@@ -42,7 +42,7 @@ def told(calibrated: CameraRig, standing, seconds: float, clutter: int = 0) -> l
             rows[:, :2] = pixels
             blobs.append(rows)
         seen = MarkerFrame(number, time_s, blobs=tuple(blobs), camera_times_s=np.array([time_s, time_s]))
-        text = watch.saw(pipeline.locate(seen), pipeline.last_errors_px)
+        text = watch.update(pipeline.locate(seen), pipeline.last_errors_px)
         said += [(time_s, text)] if text else []
     return said
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.labelling.trajectory_linking import track_markers
-from perfanim.core.labelling.trajectory_naming import best_permutation, named_take
+from perfanim.core.labelling.trajectory_naming import match_trajectories, name_trajectories
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.vision.calibration.board_points import load_board_points
 from perfanim.core.vision.calibration.calibrate import calibrate_from_points
@@ -26,7 +26,7 @@ def calibration(folder):
 def tracked(folder, calibration, sequence: int, fps: float):
     source = ImageFileSource([folder / f"sequence{sequence}" / f"*_{side}.jpg" for side in (1, 2)], fps)
     pipeline = MarkerPipeline(calibration.rig)
-    pipeline.learn_behind(source.samples(31))
+    pipeline.learn_from_take(source.samples(31))
     frames = [pipeline.process(images) for images in source]
     return frames, track_markers(frames, source.name, source.fps)
 
@@ -59,7 +59,7 @@ def test_no_label_is_exchanged(walk, calibration, folder):
     frames, tracking = walk
     truth = read_take(folder / "sequence4_published.trc").positions_m
     own = tracking.take.positions_m[: len(truth)]
-    columns = best_permutation(own, truth * [1.0, -1.0, -1.0])[1]
+    columns = match_trajectories(own, truth * [1.0, -1.0, -1.0])[1]
     # the published points leave the lens distortion out: in the left image they are where the matrix alone puts them
     matrix = calibration.rig.cameras[0].matrix
     pixels = truth[:, columns] @ matrix.T
@@ -80,7 +80,7 @@ def test_points_are_the_published_ones_where_the_lens_is_treated_alike(walk, cal
     plain = [replace(camera, distortion=np.zeros(5)) for camera in calibration.rig.cameras]
     truth = read_take(folder / "sequence4_published.trc").positions_m * [1.0, -1.0, -1.0]
     distances = []
-    columns = best_permutation(tracking.take.positions_m[:443], truth)[1]
+    columns = match_trajectories(tracking.take.positions_m[:443], truth)[1]
     for frame, labels, published in zip(frames, tracking.labels, truth, strict=False):
         known = labels >= 0
         pixels = [frame.blobs[i][frame.point_blobs[known, i], :2].astype(np.float64) for i in range(2)]
@@ -92,10 +92,10 @@ def test_points_are_the_published_ones_where_the_lens_is_treated_alike(walk, cal
 
 
 def test_the_marker_set_names_the_markers_as_published(walk, folder):
-    take = named_take(walk[1].take, load_marker_set("two-webcams"))
+    take = name_trajectories(walk[1].take, load_marker_set("two-webcams"))
     truth = read_take(folder / "sequence4_published.trc")
     turned = truth.positions_m * [1.0, -1.0, -1.0]
-    rows, columns = best_permutation(take.positions_m[:443], turned)
+    rows, columns = match_trajectories(take.positions_m[:443], turned)
     assert [(take.names[r], truth.names[c]) for r, c in zip(rows, columns, strict=True)] == [
         (name, name) for name in take.names
     ]
@@ -109,4 +109,4 @@ def test_the_other_sequences_keep_their_markers_and_nothing_else(folder, calibra
     assert labelled_rms_px(calibration.rig, frames, tracking.labels) < 0.6
     # a false point in one place for more than three frames would have been taken for a marker or counted here
     unlabelled = [int((labels < 0).sum()) for labels in tracking.labels]
-    assert sum(unlabelled) <= 3 * max(tracking.dropped_pieces, 1)
+    assert sum(unlabelled) <= 3 * max(tracking.dropped_tracklets, 1)

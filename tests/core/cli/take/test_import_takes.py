@@ -10,7 +10,7 @@ from perfanim.core.formats.markers.marker_files import read_take, write_take
 from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
-from perfanim.core.labelling.take_import import brought_in
+from perfanim.core.labelling.take_import import import_take
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake, SingleViews
 from perfanim.core.markers.subject import save_subject
@@ -61,7 +61,7 @@ def test_takes_of_all_formats_are_solved_and_kept(bring, tmp_path, walk, subject
         assert str(take.path) == row["out"]
         assert (take.complete, take.problems, take.notes.name) == (True, [], f"Walk {number}")
         assert (take.setup.camera_rig(), take.setup.worn_subject().name) == (None, subject.name)
-        read = brought_in(read_take(file), subject.marker_set, "auto")
+        read = import_take(read_take(file), subject.marker_set, "auto")
         np.testing.assert_allclose(read.positions_m, walk.positions_m, atol=ROUNDED_M)
         np.testing.assert_array_equal(read_take(take.path).positions_m, read.positions_m)
     solved = solve_take(read, subject, database, SolveSettings(), lambda *_: None)
@@ -139,7 +139,7 @@ def test_none_that_is_there_is_replaced_and_recorded_takes_are_copied(bring, tmp
     "turn", [np.eye(3), Z_UP, np.diag([-1.0, -1.0, 1.0]), Z_UP.T, np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1.0]])]
 )
 def test_what_is_up_is_told_from_the_performer(walk, subject, turn):
-    found = brought_in(replace(walk, positions_m=walk.positions_m @ turn.T), subject.marker_set, "auto")
+    found = import_take(replace(walk, positions_m=walk.positions_m @ turn.T), subject.marker_set, "auto")
     np.testing.assert_allclose(found.positions_m[..., 1], walk.positions_m[..., 1], atol=1e-9)
     apart = np.linalg.norm(found.positions_m[:, :, None] - found.positions_m[:, None], axis=-1)
     np.testing.assert_allclose(apart, np.linalg.norm(walk.positions_m[:, :, None] - walk.positions_m[:, None], axis=-1))
@@ -148,14 +148,14 @@ def test_what_is_up_is_told_from_the_performer(walk, subject, turn):
 
 
 def test_an_axis_that_is_given_is_taken(walk, subject):
-    found = brought_in(z_up(walk), subject.marker_set, "z")
+    found = import_take(z_up(walk), subject.marker_set, "z")
     np.testing.assert_allclose(found.positions_m, walk.positions_m)
 
 
 def test_the_floor_is_found_from_the_feet(walk, subject):
     lean = rot.to_matrix(rot.from_rotation_vector(np.radians([6.0, 0.0, -4.0])))
     moved = replace(walk, positions_m=(walk.positions_m @ lean.T + [0.3, -1.2, 2.0]) @ Z_UP.T)
-    found = brought_in(moved, subject.marker_set, "feet")
+    found = import_take(moved, subject.marker_set, "feet")
     lowest = [np.percentile(take.positions_m[..., 1], 1) for take in (found, walk)]
     assert lowest[0] == pytest.approx(lowest[1], abs=0.02)  # two of the height's standard deviations
     heights = found.positions_m[..., 1].mean(axis=0), walk.positions_m[..., 1].mean(axis=0)
@@ -164,23 +164,23 @@ def test_the_floor_is_found_from_the_feet(walk, subject):
 
 def test_markers_are_known_whatever_their_case_and_subject(walk, subject):
     renamed = replace(walk, names=tuple(f"Anna:{name.lower()}" for name in walk.names))
-    assert brought_in(renamed, subject.marker_set, "y").names == subject.marker_set.names
+    assert import_take(renamed, subject.marker_set, "y").names == subject.marker_set.names
     doubled = replace(
         walk,
         names=(*walk.names, "anna:" + walk.names[0]),
         positions_m=np.concatenate((walk.positions_m,) * 2, 1)[:, :9],
     )
-    assert brought_in(doubled, subject.marker_set, "y").names == doubled.names
+    assert import_take(doubled, subject.marker_set, "y").names == doubled.names
 
 
 def test_markers_without_names_are_told_apart_by_their_places(walk, subject):
     shuffled = np.random.default_rng(3).permutation(len(walk.names))
     names = tuple(f"unlabeled_{i}" for i in range(len(walk.names)))
     other = replace(z_up(walk), names=names, positions_m=z_up(walk).positions_m[:, shuffled])
-    found = brought_in(other, subject.marker_set, "auto")
+    found = import_take(other, subject.marker_set, "auto")
     np.testing.assert_allclose(found.positions_m, walk.positions_m)
     with pytest.raises(Exception, match="choose the marker set that was worn"):
-        brought_in(replace(other, names=names[:-1], positions_m=other.positions_m[:, :-1]), subject.marker_set, "auto")
+        import_take(replace(other, names=names[:-1], positions_m=other.positions_m[:, :-1]), subject.marker_set, "auto")
 
 
 def test_rays_of_single_cameras_turn_with_the_world(walk, subject, stage_rig):
@@ -190,7 +190,7 @@ def test_rays_of_single_cameras_turn_with_the_world(walk, subject, stage_rig):
     cameras[::3, 5] = 1
     rig = CameraRig(tuple(replace(cam, rotation=cam.rotation @ upside_down.T) for cam in stage_rig.cameras))
     single = SingleViews(rig, cameras, np.full((*cameras.shape, 2), 0.1))
-    found = brought_in(replace(elsewhere, single=single), subject.marker_set, "feet")
+    found = import_take(replace(elsewhere, single=single), subject.marker_set, "feet")
     for before, after in zip(stage_rig.cameras, found.single.rig.cameras, strict=True):
         np.testing.assert_allclose(after.project(found.positions_m), before.project(walk.positions_m), atol=1e-6)
 

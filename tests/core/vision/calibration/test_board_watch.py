@@ -13,7 +13,7 @@ RATE_HZ = 10.0
 
 def view(shift_px: Sequence[float] = (0.0, 0.0), turned: bool = False) -> BoardView:
     seen = BoardView(np.arange(len(CORNERS)), CORNERS + np.array(shift_px))
-    return seen.turned() if turned else seen
+    return seen.reverse() if turned else seen
 
 
 def stills(moments: Sequence[Sequence[BoardView | None]], width: int = 640, unusable: int = -1) -> list[bool]:

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 from perfanim.core.vision.calibration.bundle import (
+    BoardObservation,
     Bundle,
-    Sighting,
     _residuals_and_jacobian,
     adjust,
     adjust_boards,
@@ -25,21 +25,21 @@ def truth(moments: int) -> Bundle:
     return Bundle(intrinsics, cameras, np.concatenate((turns, places), axis=1))
 
 
-def sightings(bundle: Bundle, noise: float) -> list[Sighting]:
+def observations(bundle: Bundle, noise: float) -> list[BoardObservation]:
     rng = np.random.default_rng(3)
     rows = []
     for moment in range(len(bundle.boards)):
         for camera in range(2):
-            exact = residuals(bundle, Sighting(camera, moment, GRID, np.zeros((len(GRID), 2))))
-            rows.append(Sighting(camera, moment, GRID, exact + rng.normal(0, noise, exact.shape)))
+            exact = residuals(bundle, BoardObservation(camera, moment, GRID, np.zeros((len(GRID), 2))))
+            rows.append(BoardObservation(camera, moment, GRID, exact + rng.normal(0, noise, exact.shape)))
     return rows
 
 
 @pytest.mark.parametrize("camera", [0, 1])
 def test_derivatives_agree_with_differences(camera):
     bundle = truth(1)
-    sighting = Sighting(camera, 0, GRID, np.zeros((len(GRID), 2)))
-    errors, jacobian = _residuals_and_jacobian(bundle, sighting)
+    observation = BoardObservation(camera, 0, GRID, np.zeros((len(GRID), 2)))
+    errors, jacobian = _residuals_and_jacobian(bundle, observation)
     step = 1e-6
     for column in range(22):
         parts = [bundle.intrinsics.copy(), bundle.cameras.copy(), bundle.boards.copy()]
@@ -49,13 +49,13 @@ def test_derivatives_agree_with_differences(camera):
             parts[1][camera, column - 10] += step
         else:
             parts[2][0, column - 16] += step
-        difference = (residuals(Bundle(*parts), sighting) - errors).ravel() / step
+        difference = (residuals(Bundle(*parts), observation) - errors).ravel() / step
         np.testing.assert_allclose(jacobian[:, column], difference, rtol=1e-4, atol=1e-2)
 
 
 def test_adjustment_finds_the_cameras_skew_included():
     exact = truth(20)
-    seen = sightings(exact, 0.02)
+    seen = observations(exact, 0.02)
     start = Bundle(
         exact.intrinsics * [1.02, 0.98, 1.01, 0.99, 0, 0, 0, 0, 0, 0],
         exact.cameras + np.array([np.zeros(6), [0.01, -0.01, 0.01, 0.01, -0.01, 0.01]]),
@@ -71,7 +71,7 @@ def test_adjustment_finds_the_cameras_skew_included():
 
 def test_boards_alone_are_adjusted_without_touching_the_cameras():
     exact = truth(4)
-    seen = sightings(exact, 0.0)
+    seen = observations(exact, 0.0)
     moved = Bundle(exact.intrinsics, exact.cameras, exact.boards + 0.02)
     found = adjust_boards(moved, seen)
     np.testing.assert_array_equal(found.intrinsics, exact.intrinsics)

@@ -81,7 +81,7 @@ def test_the_board_is_found_in_space_by_one_camera_and_by_two(room, cameras):
     true = (board.points_m - board.points_m.mean(axis=0)) @ flat.T
     rig = CameraRig(room[:cameras])
     views = [BoardView(np.arange(54), camera.project(true)) for camera in rig.cameras]
-    views[-1] = views[-1].turned() if cameras == 2 else views[-1]  # two may number a chessboard differently
+    views[-1] = views[-1].reverse() if cameras == 2 else views[-1]  # two may number a chessboard differently
     np.testing.assert_allclose(board_in_space(rig, views, board), true, atol=1e-4)
     with pytest.raises(CalibrationError, match=f"of {cameras} camera.s., the images of {cameras + 1}"):
         board_in_space(rig, [*views, views[0]], board)

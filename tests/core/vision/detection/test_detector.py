@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError, SettingsError
-from perfanim.core.vision.detection.background import BackgroundLearner, background_behind, learn_backgrounds
+from perfanim.core.vision.detection.background import BackgroundLearner, background_from_take, learn_backgrounds
 from perfanim.core.vision.detection.detector import DetectionSettings, Detector
 
 
@@ -97,7 +97,7 @@ def test_noisy_pixels_need_more_than_quiet_ones(draw):
 
 def test_background_is_learned_behind_markers_that_move(draw):
     samples = [draw(np.array([[50.0 + 18 * i, 200.0], [300.0, 60.0 + 12 * i]]), 5, seed=i) for i in range(25)]
-    background = background_behind(samples)
+    background = background_from_take(samples)
     assert np.abs(background.mean - 20.0).max() < 6.0
     blobs = Detector(background).detect(samples[7])
     assert len(blobs) == 2

@@ -8,8 +8,8 @@ from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.vision.matching.time_alignment import TimeAligner
 from perfanim.core.vision.matching.time_offset import TimeOffset, estimate_time_offsets
 from perfanim.core.vision.pipeline import MarkerPipeline
-from perfanim.core.vision.synchronise import synchronised
-from perfanim.core.vision.time_offset_watch import LiveTimeOffsets
+from perfanim.core.vision.synchronise import synchronise_frames
+from perfanim.core.vision.time_offset_watch import TimeOffsetWatch
 
 FPS = 30.0
 SECONDS = 10.0
@@ -88,7 +88,7 @@ def test_points_of_late_cameras_are_as_good_as_of_synchronised_ones(rig, late_s)
         return [pipeline.locate(frame) for frame in frames]
 
     together, late = located(filmed(rig, 0.0, seconds=3.0)), located(filmed(rig, late_s, seconds=3.0))
-    moved, _ = synchronised(rig, late)
+    moved, _ = synchronise_frames(rig, late)
     # the median: which blob belongs to which is another matter, and of level cameras not always decided rightly
     usual = np.median(distances_m(together))
     assert np.median(distances_m(late)) > 3.0 * usual
@@ -100,7 +100,7 @@ def test_points_of_late_cameras_are_as_good_as_of_synchronised_ones(rig, late_s)
 
 def test_nothing_is_changed_when_the_cameras_are_synchronised(rig):
     frames = filmed(rig, 0.0, seconds=4.0)
-    moved, offsets = synchronised(rig, frames)
+    moved, offsets = synchronise_frames(rig, frames)
     assert moved == frames
     assert not offsets[1].is_certain
 
@@ -159,7 +159,7 @@ def at_once(function, *arguments) -> "Future":
 
 def test_live_the_offset_is_found_within_ten_seconds_and_used(rig):
     aligner = TimeAligner(rig, [TimeOffset(), TimeOffset()])
-    live = LiveTimeOffsets(rig, aligner, at_once)
+    live = TimeOffsetWatch(rig, aligner, at_once)
     for frame in filmed(rig, 1 / 120, seconds=SECONDS):
-        live.saw(frame)
+        live.update(frame)
     assert abs(aligner.offsets[1].offset_s - 1 / 120) <= REQUIRED_S
