@@ -10,28 +10,20 @@ from .accuracy import accuracy
 from .end_to_end import end_to_end
 from .figure5 import figure5
 from .figure6 import figure6
-from .gap import gap
-from .heterogeneity import heterogeneity
-from .offset import offset
 from .scale import scale
 from .speed import speed
 from .table1 import table1
-from .tuning import tuning
 from .vision import vision
 
 _BENCHES = {
     "vision": (vision, "centres, points and labels against the truth of the simulated cameras"),
-    "offset": (offset, "time between two simulated cameras that are not synchronised, and the points located with it"),
     "table1": (table1, "frames that the search visits, and its error"),
     "figure5": (figure5, "error of models of pose by their dimension"),
     "end-to-end": (end_to_end, "recorded motion filmed by simulated cameras, tracked and solved, beside true markers"),
     "figure6": (figure6, "nearest, lwr, local-pca and best frame by frame"),
     "accuracy": (accuracy, "every method on six takes, with the clip unseen and with the whole subject unseen"),
-    "gap": (gap, "what the distance to the paper's Figure 6 is made of: data, rate, markers, unit, model"),
     "speed": (speed, "time of detection, of two streams to labelled points, of solve, search and import"),
     "scale": (scale, "time to open, search and solve, and the error, by the size of the database"),
-    "heterogeneity": (heterogeneity, "walking solved with a database of walks and with one of everything"),
-    "tuning": (tuning, "local-pca over a grid of K, B and weights, on takes that no figure reports"),
 }
 
 

@@ -93,20 +93,8 @@ def without_tests(
     Args:
         split_at: share of the take that is split that is kept.
     """
-    return _without(database, path, LEFT_OUT, split_at, chosen)
-
-
-def without_development(database: Database, path: Path) -> Database:
-    """Return a database without the test takes and the development takes, built if it is not there."""
-    left_out = LEFT_OUT + tuple(take.trial for take in DEVELOPMENT if take.trial != SPLIT)
-    return _without(database, path, left_out, DEVELOPMENT_SPLIT_AT, lambda clip: True)
-
-
-def _without(
-    database: Database, path: Path, left_out: tuple[str, ...], split_at: float, chosen: Callable[[Clip], bool]
-) -> Database:
     if path.exists():
         return open_database(path)
-    frames = {clip: clip.stop - clip.start for clip in database.clips if clip.name not in left_out and chosen(clip)}
+    frames = {clip: clip.stop - clip.start for clip in database.clips if clip.name not in LEFT_OUT and chosen(clip)}
     frames |= {clip: int(count * split_at) for clip, count in frames.items() if clip.name == SPLIT}
     return write_subset(database, path, [(clip, 0, count) for clip, count in frames.items() if count > 0])

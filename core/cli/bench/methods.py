@@ -1,7 +1,7 @@
 """The methods that are compared, with the settings found on takes that no test uses.
 
 The paper names neither the units of its terms nor its grid of K. Both were chosen by the mean error on the takes of
-`data.DEVELOPMENT`, with their frames out of the database; `tuning` writes the grid.
+`data.DEVELOPMENT`, with their frames out of the database.
 """
 
 from ...solver.settings import SolveSettings

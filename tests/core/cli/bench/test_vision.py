@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from perfanim.core.cli.bench.offset import offset_row
 from perfanim.core.cli.bench.vision import centroid_row, in_world_of
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
@@ -37,9 +36,3 @@ def test_a_calibration_in_another_world_is_brought_into_the_true_one():
     for found, camera in zip(back.cameras, true.cameras, strict=True):
         np.testing.assert_allclose(found.rotation, camera.rotation, atol=1e-12)
         np.testing.assert_allclose(found.centre_m, camera.centre_m, atol=1e-12)
-
-
-def test_how_late_a_camera_is_shows_in_its_images():
-    row = offset_row(default_rig(), "jumping", 0.006, 0.0, seconds=2.0)
-    assert abs(row["error_ms"]) <= 1.0
-    assert row["after_p90_mm"] < row["before_p90_mm"]
