@@ -9,7 +9,6 @@ from perfanim.core.simulate.studio.source import simulated_source
 from perfanim.core.vision.pipeline import MarkerPipeline
 from perfanim.core.vision.sources.image_set import ImageSet
 from perfanim.core.vision.synchronise import synchronised
-from scipy.spatial.distance import cdist
 
 FPS = 60.0
 
