@@ -1,10 +1,11 @@
 """The user's recorded takes: where they are, what is in the folder, which were cut off, which were deleted."""
 
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 from ..core.errors import TakeError
 from ..core.formats.take_file.edit import append_notes
@@ -85,24 +86,32 @@ def cut_off() -> list[TakeSummary]:
     return [take for take in listed() if not take.complete or (take.orphaned and not take.notes.played)]
 
 
-def mark_recorded(path: Path | str, first: int, last: int) -> None:
-    """Note which part of a take was asked for, by the numbers of its frames: not a countdown, nor what came too late.
+def mark_captured(path: Path | str, filters: Mapping[str, Any], recorded: tuple[int, int] | None = None) -> None:
+    """Note how a capture was filtered, which of its frames were recorded, and that it was put onto a character.
+
+    Args:
+        path: the take.
+        filters: settings of the pose filter.
+        recorded: numbers of the first and last recorded frame, None for all.
 
     Raises:
-        TakeError: it is no take, or cannot be written.
+        TakeError: not a take, or it cannot be written.
     """
-    append_notes(path, replace(summarise(path).notes, recorded=(first, last)))
+    take = summarise(path)
+    played = take.notes.played or take.orphaned
+    append_notes(path, replace(take.notes, played=played, filters=filters, recorded=recorded or take.notes.recorded))
     forget()
 
 
 def mark_played(path: Path | str, character: str = "") -> None:
-    """Note that a take has been put onto a character; one that outlived Blender, or its capture, is offered no more.
+    """Note that a take was put onto a character, so that it is no longer offered for recovery.
 
     Args:
-        character: whose name is kept with the take; "" leaves what is there.
+        path: the take.
+        character: name to keep with the take; "" leaves the present one.
 
     Raises:
-        TakeError: it is no take, or cannot be written.
+        TakeError: not a take, or it cannot be written.
     """
     take = summarise(path)
     notes = replace(take.notes, played=take.notes.played or take.orphaned, character=character or take.notes.character)

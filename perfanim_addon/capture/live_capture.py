@@ -23,9 +23,9 @@ from . import request, sound
 from .armature_driver import ArmatureDriver
 from .capture_run import CaptureRun, Phase
 from .capture_space import CaptureSpace
-from .further_targets import Others, write_others
+from .further_targets import Others
 from .recording import Cue, Recording
-from .write_take import add_character, frames_of, pose_arrays, write_poses
+from .write_take import RecordedPart, TakeMotion, add_character, write_take
 
 Array = NDArray[np.float64]
 
@@ -241,21 +241,14 @@ class LiveCapture:
             self._others.restore()
         if not parts or self._skeleton is None or self._driver is None:
             return ""
-        name, only, actions = self._driver.object_name, self._driver.only, []
-        for recording, poses in parts:
-            start = recording.start_frame
-            actions.append(write_poses(context, name, *pose_arrays(poses), self._skeleton, start, "Capture", only))
-            name = name if name in bpy.data.objects else settings(context).armature.name
-        for recording, poses in parts if self._others is not None else ():
-            at, others = frames_of(context, poses, recording.start_frame), self._others
-            actions += write_others(
-                context, name, self._skeleton, others.props, others.roles, all_poses, poses, at, "Capture"
-            )
+        others = self._others
+        motion = TakeMotion(self._skeleton, others.props if others else (), others.roles if others else (), all_poses)
+        recorded = [RecordedPart(poses, recording.start_frame) for recording, poses in parts]
+        _, actions = write_take(context, motion, recorded, "Capture", self._driver.object_name, self._driver.only)
         first, last = parts[0][1][0], parts[-1][1][-1]
+        span = None if (first, last) == (all_poses[0], all_poses[-1]) else (first.number, last.number)
         with contextlib.suppress(PerfanimError):  # there may be no take: its disk is full, its worker was killed
-            take_library.mark_played(self._take_path)
-            if (first, last) != (all_poses[0], all_poses[-1]):
-                take_library.mark_recorded(self._take_path, first.number, last.number)
+            take_library.mark_captured(self._take_path, request.shape(settings(context)), span)
         text = f"{sum(len(poses) for _, poses in parts)} frames recorded in {', '.join(actions)}"
         return f"{text}; {self.run.standing}" if self.run and self.run.standing else text
 

@@ -7,20 +7,27 @@ import bpy
 import numpy as np
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
-from ...core.body.foot_lock import floor_of
+from ...core.body.scene_pose import PerformerPose
 from ...core.errors import PerfanimError, SettingsError, TakeError
 from ...core.formats.markers.marker_files import READABLE
 from ...core.formats.motion.write_motion import ANGLES, VRMA, write_motion
 from ...core.formats.take_file.reading import TakeFile, rate, read_take_file, summarise, take_name, unused_path
 from ...core.labelling.take_import import UPS
 from ...core.retarget.joint_naming import OWN
-from ...core.session.pose_filters import FilterSettings, filter_poses
+from ...core.session.pose_filters import FilterSettings
 from ...core.solver.settings import METHODS
 from .. import take_library
 from ..capture import request as capture_setup
-from ..capture.further_targets import write_others
 from ..capture.performer_driver import roles_of
-from ..capture.write_take import add_character, frames_of, increasing, pose_arrays, write_poses
+from ..capture.write_take import (
+    RecordedPart,
+    TakeMotion,
+    add_character,
+    filter_take,
+    increasing,
+    pose_arrays,
+    write_take,
+)
 from ..export.export_animation import ENDINGS, Form, export_poses
 from ..jobs import activity
 from ..jobs.job import Job, command
@@ -70,14 +77,20 @@ class _TakeJob(JobOperator):
         return Job(self.title, PANEL, request, python, first=first)
 
 
-def _poses_of(context: bpy.types.Context, take: TakeFile) -> list[Any]:
-    """Return the poses of the recorded part of a take, smoothed and with feet held as the Capture panel says."""
-    poses = [solved.pose for solved in take.recorded_poses]
+def _motion(context: bpy.types.Context, take: TakeFile) -> TakeMotion:
+    """Return the filtered motion of a take, and the characters that follow its performers."""
+    chosen = FilterSettings.of_table(capture_setup.shape(settings(context)))
+    poses = filter_take(take, chosen, use_stored=context.scene.perfanim_result.filters == "RECORDED")
+    performers = roles_of(context, take.setup.further_subjects())
+    return TakeMotion(take.setup.worn_subject().skeleton, take.setup.carried_props(), performers, poses)
+
+
+def _recorded(take: TakeFile, motion: TakeMotion) -> list[PerformerPose]:
+    """Return the poses of the recorded part of a take; TakeError when there are none."""
+    poses = [pose for pose in motion.poses if take.is_recorded(pose.number)]
     if not poses:
         raise TakeError("has no pose that was solved live", where=take.notes.name, advice="solve it again")
-    shape = FilterSettings.of_table(capture_setup.shape(settings(context)))
-    others = [subject.skeleton for subject in take.setup.further_subjects()]
-    return filter_poses(poses, take.setup.worn_subject().skeleton, floor_of(take.setup.camera_rig()), shape, others)
+    return poses
 
 
 def _chosen(context: bpy.types.Context) -> str:
@@ -92,13 +105,10 @@ def _play(context: bpy.types.Context, path: Path) -> str:
     Props and further performers go onto their targets' objects and characters, or new ones.
     """
     take = read_take_file(path)
-    poses, skeleton = _poses_of(context, take), take.setup.worn_subject().skeleton
-    first_frame, title = start_frame(context), take.notes.name
-    actions = [write_poses(context, _chosen(context), *pose_arrays(poses), skeleton, first_frame, title)]
-    name = settings(context).armature.name
-    props, roles = take.setup.carried_props(), roles_of(context, take.setup.further_subjects())
-    everything, at = [solved.pose for solved in take.poses], frames_of(context, poses, first_frame)
-    actions += write_others(context, name, skeleton, props, roles, everything, poses, at, title)
+    motion = _motion(context, take)
+    poses = _recorded(take, motion)
+    part = RecordedPart(poses, start_frame(context))
+    name, actions = write_take(context, motion, [part], take.notes.name, _chosen(context))
     take_library.mark_played(path, name)
     text, unsolved = f"{len(poses)} frames in {', '.join(actions)} on {name}", take.frame_count - len(take.poses)
     return f"{text}; {unsolved} more were not solved live: solve it again for them" if unsolved > 0 else text
@@ -373,12 +383,12 @@ class PERFANIM_OT_export_take(_OfTake, bpy.types.Operator, ExportHelper):
 
     def _export(self, context: bpy.types.Context, target: Path) -> str:
         take = read_take_file(self.path)
-        found, subject, name = _poses_of(context, take), take.setup.worn_subject(), _chosen(context)
-        others = take.setup.further_subjects()
+        motion, subject, name = _motion(context, take), take.setup.worn_subject(), _chosen(context)
+        found, others = _recorded(take, motion), take.setup.further_subjects()
         if self.performer > 1 + len(others):
             raise TakeError(f"has {1 + len(others)} performers", where=take.notes.name, advice="choose one of them")
         if self.performer > 1:
-            role = roles_of(context, others)[self.performer - 2]
+            role = motion.performers[self.performer - 2]
             found, subject, name = [pose.others[role.index] for pose in found], role.subject, role.armature
         times_s, rotations, positions = pose_arrays(found)
         numbers = np.array([pose.number for pose in found])

@@ -33,6 +33,19 @@ class PERFANIM_PG_result(bpy.types.PropertyGroup):
         ),
         default="PLAYHEAD",
     )
+    filters: bpy.props.EnumProperty(
+        name="Filters",
+        description="Smoothing and foot lock of the keyframes",
+        items=(
+            (
+                "RECORDED",
+                "As Recorded",
+                "As during the capture; takes that do not store it: as set in the Capture panel",
+            ),
+            ("CHOSEN", "As Set", "As set in the Capture panel"),
+        ),
+        default="RECORDED",
+    )
     only_selected: bpy.props.BoolProperty(
         name="Selected Bones Only",
         description="Move only the bones that are selected in Pose Mode; the others keep their own animation",
@@ -97,7 +110,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     column = layout.column()
     column.use_property_split = True
     column.use_property_decorate = False
-    for name in ("onto", "start", "only_selected", "reduce"):
+    for name in ("onto", "start", "filters", "only_selected", "reduce"):
         column.prop(chosen, name)
     if chosen.reduce:
         column.prop(chosen, "reduce_deg")

@@ -116,6 +116,7 @@ class TakeNotes:
         played: whether it was put onto a character after the recording.
         recorded: numbers of the first and last frame that were asked for, where a countdown or an end by itself left
             others beside them; None: all.
+        filters: settings of the pose filter while it was captured, as `FilterSettings` reads them; None: not stored.
     """
 
     name: str = ""
@@ -124,6 +125,7 @@ class TakeNotes:
     character: str = ""
     played: bool = False
     recorded: tuple[int, int] | None = None
+    filters: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.rating <= MOST_STARS:
@@ -142,7 +144,9 @@ class TakeNotes:
         stars = min(max(rating, 0), MOST_STARS) if isinstance(rating, int) else 0
         span = facts.get("recorded")
         recorded = (int(span[0]), int(span[1])) if isinstance(span, list) and len(span) == 2 else None
-        return TakeNotes(**texts, rating=stars, played=bool(facts.get("played", False)), recorded=recorded)
+        table, played = facts.get("filters"), bool(facts.get("played", False))
+        filters = table if isinstance(table, dict) else None
+        return TakeNotes(**texts, rating=stars, played=played, recorded=recorded, filters=filters)
 
 
 def json_object(data: bytes, where: str) -> dict[str, Any]:

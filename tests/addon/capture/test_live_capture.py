@@ -135,8 +135,7 @@ def test_a_recording_of_a_length_says_which_part_of_the_take_it_is(part: Any, mo
     bpy.context.scene.frame_set(7)
     run = play_worker(part, monkeypatch, skeleton, swing(skeleton, ("head",), 60))
     noted: list[Any] = []
-    monkeypatch.setattr(part("take_library"), "mark_played", lambda *_: None)
-    monkeypatch.setattr(part("take_library"), "mark_recorded", lambda *what: noted.append(what))
+    monkeypatch.setattr(part("take_library"), "mark_captured", lambda path, _, span: noted.append((path, *span)))
     bpy.context.scene.perfanim.record_length_s = 0.5
     capture = part("capture.live_capture").LiveCapture(None, [])
     for _ in range(45):
@@ -155,8 +154,7 @@ def test_a_rehearsal_records_what_the_button_says(part: Any, monkeypatch: pytest
     bpy.context.scene.render.fps = 60
     run = play_worker(part, monkeypatch, skeleton, swing(skeleton, ("head",), 60))
     noted: list[Any] = []
-    monkeypatch.setattr(part("take_library"), "mark_played", lambda *_: None)
-    monkeypatch.setattr(part("take_library"), "mark_recorded", lambda *what: noted.append(what))
+    monkeypatch.setattr(part("take_library"), "mark_captured", lambda path, _, span: noted.append((path, *span)))
     chosen.record_by_button = True
     capture = part("capture.live_capture").LiveCapture(None, [])
     monkeypatch.setattr(running, "current", lambda: capture)
@@ -297,7 +295,7 @@ def test_a_character_deleted_while_capturing_does_not_lose_the_take(part: Any) -
         else part("operators.database").starter_arguments()
     )
     capture = live.LiveCapture(None, prepare)
-    errors = sys.modules[live.__name__.replace("perfanim_addon.live", "core.errors")]
+    errors = sys.modules[live.__name__.replace("perfanim_addon.capture.live_capture", "core.errors")]
     try:
         tick_until(capture, lambda: capture.run is not None and len(capture.run.poses) >= 10)
         bpy.data.objects.remove(bpy.context.scene.perfanim.armature)
@@ -311,7 +309,7 @@ def test_a_character_deleted_while_capturing_does_not_lose_the_take(part: Any) -
 
 
 def test_times_that_stand_still_are_spread(part: Any) -> None:
-    times = part("capture.live_capture").increasing(np.array([0.0, 0.1, 0.1, 0.05, 0.2]))
+    times = part("capture.write_take").increasing(np.array([0.0, 0.1, 0.1, 0.05, 0.2]))
     assert np.all(np.diff(times) > 0)
     np.testing.assert_allclose(times, [0.0, 0.1, 0.1, 0.1, 0.2], atol=1e-3)
 

@@ -87,8 +87,7 @@ def play(part: Any, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
             skeleton=FIRST, props=(), performers=SUBJECTS, request={"take": "a.perftake"}, start=lambda _python: run
         )
         monkeypatch.setattr(part("capture.request"), "make", lambda _chosen: asked)
-        for name in ("mark_played", "mark_recorded"):
-            monkeypatch.setattr(part("take_library"), name, lambda *_: None)
+        monkeypatch.setattr(part("take_library"), "mark_captured", lambda *_: None)
         bpy.context.scene.render.fps = 60
         bpy.context.scene.frame_set(1)
         return part("capture.live_capture").LiveCapture(None, [])

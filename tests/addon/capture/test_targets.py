@@ -150,7 +150,7 @@ def test_an_objects_own_action_is_given_back_when_nothing_is_kept(part: Any, sho
     cube.animation_data_create().action = old = bpy.data.actions.new("Old")
     room = part("capture.capture_space").CaptureSpace(armature, part("character.posing").posing_of(armature, skeleton))
     following = driver.TargetDriver(bpy.context, [prop])
-    pose = sys.modules[f"{driver.__package__.rpartition('.')[0]}.core.markers.prop"].PropPose
+    pose = sys.modules[driver.__name__.replace("perfanim_addon.capture.prop_driver", "core.body.scene_pose")].PropPose
     following.apply(bpy.context, [pose(np.array([1.0, 0, 0, 0]), np.zeros(3))], room)
     assert cube.animation_data.action is old  # not seen yet: it is left alone
     following.apply(bpy.context, [pose(np.array([1.0, 0, 0, 0]), np.array([0.0, 1.0, 0.5]), 0.001, 5)], room)

@@ -1,0 +1,55 @@
+"""The end of a capture and Put on Character write the same keyframes for the same take."""
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from perfanim.core.database.build import build_database
+from perfanim.core.formats.take_file.reading import read_take_file
+from perfanim.core.system.assets import MOTION
+from played import curves_of
+from ticking import tick_until
+
+
+def keys_of(armature: Any) -> dict[tuple[str, int], np.ndarray]:
+    """Frame and value of each key of the action that an armature plays."""
+    return {
+        (curve.data_path, curve.array_index): np.array([key.co for key in curve.keyframe_points])
+        for curve in curves_of(armature)
+    }
+
+
+def test_put_on_character_writes_the_keys_of_the_capture(part: Any, tmp_path: Path) -> None:
+    scene, chosen = bpy.context.scene, bpy.context.scene.perfanim
+    build_database([str(MOTION / "walking-01-neutral.bvh")], tmp_path / "walk.pfdb", 30.0)
+    chosen.database, chosen.behaviour = str(tmp_path / "walk.pfdb"), "walking"
+    # a countdown: the filters have run for a second before the first recorded pose
+    chosen.smoothing_ms, chosen.feet, chosen.record_countdown_s, chosen.record_length_s = 80.0, "auto", 1, 0.5
+    scene.perfanim_result.start = "FIRST"
+    capture = part("capture.live_capture").LiveCapture(None, [])
+    try:
+        tick_until(capture, lambda: capture.recording is None and capture.run is not None)
+        capture.stop()
+        while not capture.done:
+            capture.tick(bpy.context)
+        text = capture.keep(bpy.context)
+    finally:
+        capture.close()
+    assert "frames recorded in Capture" in text
+    armature = chosen.armature
+    live = keys_of(armature)
+    (listed,) = part("take_library").listed()
+    take = read_take_file(listed.path)
+    assert len(take.recorded_poses) < len(take.poses)
+    assert take.notes.filters == {"smoothing_s": 0.08, "feet": "auto"}
+    chosen.smoothing_ms, chosen.feet = 0.0, "off"
+    assert bpy.ops.perfanim.play_take(path=str(listed.path)) == {"FINISHED"}
+    written = keys_of(armature)
+    assert written.keys() == live.keys()
+    for curve, keys in written.items():
+        np.testing.assert_array_equal(keys, live[curve])
+    scene.perfanim_result.filters = "CHOSEN"
+    bpy.ops.perfanim.play_take(path=str(listed.path))
+    unfiltered = keys_of(armature)
+    assert any(not np.allclose(unfiltered[curve], keys, atol=1e-6) for curve, keys in live.items())
