@@ -133,7 +133,7 @@ def _stand_in(request: dict[str, Any]) -> None:
     and when the images of the last were in hand.
     """
     run = CaptureRun(WorkerClient(request))
-    _say(run._client._process.pid)
+    _say(run._client.process_id)
     taken = mended_at = 0
     was_mending = False
     with _count_file(request["take"]).open("wb", buffering=0) as count:
@@ -173,7 +173,7 @@ def _reference(request: dict[str, Any], path: Path) -> list[bytes]:
     taken = 0
     while not client.ended:
         taken += sum(message.kind is MessageKind.POSE for message in client.poll())
-        client.confirm_taken(taken)
+        client.acknowledge(taken)
         if taken > 1.5 * LONGEST_S * 60:
             client.request_stop()
         client.wait(0.02)

@@ -15,9 +15,9 @@ from typing import Any
 
 from .. import __version__
 from ..errors import PerfanimError
-from .outcome import Outcome
+from .outcome import PartialResult
 
-# Each command's module offers add_parser(subparsers), which sets `run`: (args, progress) -> summary, or an `Outcome`.
+# Each command's module has add_parser(subparsers), which sets `run`: (args, progress) -> summary or `PartialResult`.
 COMMANDS = (
     "demo",
     "calibrate",
@@ -168,9 +168,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stderr.write("perfanim: interrupted\n")
         return 130
     progress.clear()
-    text = summary.text if isinstance(summary, Outcome) else summary_text(summary)
+    text = summary.text if isinstance(summary, PartialResult) else summary_text(summary)
     sys.stdout.write((json.dumps(jsonable(summary)) if args.json else text) + "\n")
-    if isinstance(summary, Outcome) and summary.failure:
+    if isinstance(summary, PartialResult) and summary.failure:
         sys.stdout.flush()
         sys.stderr.write(f"perfanim: {summary.failure}\n")
         return 1

@@ -3,7 +3,7 @@
 from typing import Any
 
 
-class Outcome(dict[str, Any]):
+class PartialResult(dict[str, Any]):
     """A summary with a text of its own for people.
 
     Args:

@@ -30,7 +30,7 @@ def open_source(spec: Mapping[str, Any]) -> ImageSource:
         return ImageFileSource(listed_values(spec, "paths"), fps or 30.0)
     if kind == "cameras":
         size = spec.get("size")
-        controls = [CameraControls.of_spec(told) for told in spec.get("controls", ())]
+        controls = [CameraControls.of_spec(row) for row in spec.get("controls", ())]
         return CameraSource(
             listed_values(spec, "devices"), (int(size[0]), int(size[1])) if size else None, fps, controls
         )

@@ -3,12 +3,12 @@
 Requests (JSON):
     {"job": "capture", ...}: a whole capture, images to poses; starts a process of its own for the cameras.
     {"job": "cameras", ...}: images to marker frames.
-    {"job": "trackers", ...}: likewise what another program sends by VMC.
-    {"job": "record board", ...}: the cameras calibrated from a board held before them.
-    {"job": "record floor", ...}: the floor found from the board lying on it.
-    {"job": "record floor markers", ...}: the floor found from markers lying on it.
-    {"job": "record pose", ...}: what the performer's calibration needs.
-    {"job": "calibrate performer", ...}: the poses recorded and the performer measured from them.
+    {"job": "trackers", ...}: trackers of another program, by VMC, to marker frames.
+    {"job": "record board", ...}: cameras calibrated from a board held before them.
+    {"job": "record floor", ...}: floor from the board lying on it.
+    {"job": "record floor markers", ...}: floor from markers lying on it.
+    {"job": "record pose", ...}: take of the performer's calibration poses.
+    {"job": "calibrate performer", ...}: the same, and the performer measured from them.
     {"job": "command", "arguments": [...]}: a command of the command line, with its progress as STATUS messages and
         its summary as RESULT, so that long work never freezes Blender.
 """
@@ -23,11 +23,11 @@ from .channel import Channel
 
 
 def main(port: int, token: str, name: str) -> int:
-    """Connect to Blender on `port`, do the job of that name that it asks for, and end; returns the exit status."""
+    """Connect to Blender, do the job of this name, return the exit status."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that half-written files are removed
     channel = Channel(port, token)
     try:
-        job = _job(name)  # what it needs is loaded while the request is on its way
+        job = _job(name)  # its libraries load while the request is on its way
         job.run(channel.wait_request(), channel)
     except PerfanimError as error:
         channel.send_error(error)
@@ -38,7 +38,7 @@ def main(port: int, token: str, name: str) -> int:
         channel.send_error(CaptureError(f"cannot load a library: {error}", where="worker", advice=advice))
         return 1
     except Exception as error:
-        # The last resort of a process without a terminal: the whole traceback goes to its log, the user gets one line.
+        # last resort of a process without a terminal: the traceback goes to its log, the user gets one line
         traceback.print_exc()
         channel.send_error(CaptureError(f"failed unexpectedly: {type(error).__name__}: {error}", where="worker"))
         return 1
@@ -48,10 +48,7 @@ def main(port: int, token: str, name: str) -> int:
 
 
 def _job(name: str) -> ModuleType:
-    """Import and return the module of the job of this name.
-
-    Imported here: a database is built without loading what images need, and the other way round.
-    """
+    """Import and return the module of a job; the others' libraries are slow to load."""
     match name:
         case "capture":
             from .jobs import capture

@@ -1,7 +1,8 @@
-"""Messages between Blender and its worker processes: a version, a kind, a length and bytes; never pickle.
+"""Messages between Blender and its worker processes; never pickle.
 
+A message is a version, a kind, a length and bytes.
 Control messages carry JSON. Frames and poses carry the moment at which their images were in hand (seconds of
-`time.perf_counter`, which is one clock for all processes of a machine), so that the latency can be told at the end.
+`time.perf_counter`, one clock for all processes of a machine), so that the latency is known at the end.
 """
 
 import json
@@ -28,21 +29,21 @@ _MAGIC = b"PA"
 
 
 class MessageKind(IntEnum):
-    """What a message is; the first four go to the worker, the others come from it."""
+    """Kinds of messages; the first four go to the worker, the others come from it."""
 
-    REQUEST = 1  # JSON: what to do
-    STOP = 2  # end cleanly, hand over what is left
-    TAKEN = 3  # JSON: frames that the receiver is done with, so that a source that can wait does not run ahead
-    TUNE = 4  # JSON: how poses are to be shown from now on, see `pose_shaping.FilterSettings`
+    REQUEST = 1  # JSON: the job
+    STOP = 2  # end cleanly, send the remaining frames
+    ACK = 3  # JSON: frames that the receiver has dealt with, so that a source that can wait does not run ahead
+    FILTER = 4  # JSON: settings of the pose filter from now on (`session.pose_filters`)
     HELLO = 10  # JSON: token, process id
-    STATUS = 11  # JSON: activity, fraction, frames, queued; stalled_s, skew_s, blind where they are known
+    STATUS = 11  # JSON: activity, fraction, frames, queued; stalled_s, skew_s, blind where known
     FRAME = 12  # stamp and marker frame
     RESULT = 13  # JSON: summary of the finished job
     ERROR = 14  # JSON: what, where, advice
     WARNING = 15  # JSON: text
-    END = 16  # JSON: frames handed over; nothing follows
+    END = 16  # JSON: frames sent; nothing follows
     POSE = 17  # stamp, time in the solver, frames waiting, and pose frame
-    PREVIEW = 18  # width, height and RGB bytes of a picture to be shown, row after row from the top
+    PREVIEW = 18  # width, height and RGB bytes of a picture to show, row after row from the top
 
 
 @dataclass(frozen=True)
@@ -65,14 +66,14 @@ class Message:
         return value
 
     def error(self) -> CaptureError:
-        """Return the error that an ERROR message tells of."""
+        """Return the error of an ERROR message."""
         content = {key: str(value) for key, value in self.json().items()}
         return CaptureError(
             content.get("what", "failed"), where=content.get("where", ""), advice=content.get("advice", "")
         )
 
     def frame(self) -> tuple[float, MarkerFrame]:
-        """Return (moment at which the images were in hand, marker frame) of a FRAME message."""
+        """Return stamp and marker frame of a FRAME message."""
         if self.kind is not MessageKind.FRAME:
             raise CaptureError(f"a {self.kind.name} message holds no marker frame", where="worker")
         return unpack_stamped(self.payload)
@@ -112,7 +113,7 @@ def _plain(value: Any) -> Any:
 
 
 def encode_frame(stamp_s: float, frame: MarkerFrame) -> bytes:
-    """Return a FRAME message as bytes; `stamp_s` is `time.perf_counter()` when the images were in hand."""
+    """Return a FRAME message; `stamp_s` is `time.perf_counter()` of the images."""
     return encode(MessageKind.FRAME, pack_stamped(stamp_s, frame))
 
 
@@ -123,7 +124,7 @@ def encode_preview(picture: NDArray[np.uint8]) -> bytes:
 
 
 class Decoder:
-    """Cuts a stream of bytes into messages, whatever pieces it arrives in."""
+    """Cuts a stream of bytes into messages."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()

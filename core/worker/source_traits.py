@@ -1,29 +1,33 @@
-"""What is to be known about an image source before it is opened, without the images' libraries."""
+"""Traits of an image source, known without opening it."""
 
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 
+def _kind(request: Mapping[str, Any]) -> str:
+    return str(request["source"].get("kind", ""))
+
+
 def is_live(request: Mapping[str, Any]) -> bool:
-    """Return whether what comes does not wait: from cameras or trackers; `request` as of `camera_job`."""
-    return str(request["source"].get("kind", "")) == "cameras" or has_no_cameras(request)
+    """Return whether the source of a job's request cannot wait: cameras, trackers."""
+    return _kind(request) == "cameras" or has_no_cameras(request)
 
 
 def has_no_cameras(request: Mapping[str, Any]) -> bool:
-    """Return whether markers come from another program (see `tracker_job`), and there are no images."""
-    return str(request["source"].get("kind", "")) == "vmc"
+    """Return whether markers come from another program, without images."""
+    return _kind(request) == "vmc"
 
 
 def is_simulated(request: Mapping[str, Any]) -> bool:
-    """Return whether the images are the simulated performer's, whose time stamps are exact."""
-    return str(request["source"].get("kind", "")) == "simulated"
+    """Return whether the images are simulated, so that their time stamps are exact."""
+    return _kind(request) == "simulated"
 
 
 def is_repeatable(request: Mapping[str, Any]) -> bool:
-    """Return whether the images can be read again, so that a process that takes another's place loses none.
+    """Return whether the images can be read again after a process was replaced.
 
-    Cameras', trackers' and streams' cannot, and those of a simulated performer who plays by the clock.
+    Those of cameras, trackers and streams cannot, nor those of a simulated performer who plays by the clock.
     """
     if is_simulated(request):
         return not request["source"].get("live")

@@ -1,55 +1,43 @@
-"""Poses of a live capture sent to another program as they are shown, by the VMC protocol."""
+"""Sending the poses of a live capture to another program by the VMC protocol."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from ..body.scene_pose import PerformerPose
 from ..body.skeleton import Skeleton
 from ..errors import CaptureError
 from ..formats.vmc.link import Sender
-from ..session.pose_filters import FilterSettings, PoseFilter
 
 
-class BroadcastShaper(PoseFilter):
-    """Shapes poses, and sends each to another program.
+class VmcSender:
+    """Sends the first performer's poses.
 
-    Here, in the solver's process, every pose passes at the pace of the cameras, however slowly Blender draws. What the
-    network does not take is told once, and then nothing is sent any more: a capture goes on without it.
+    Here, in the solver's process, every pose passes at the pace of the cameras, however slowly Blender draws. At the
+    first failure it warns once and stops sending: the capture continues.
 
     Args:
-        skeleton, floor_m, shape, others: as of `PoseFilter`; only the first performer is sent.
+        skeleton: the performer's.
         host, port: of the other program.
-        tell: told what is wrong, in plain words.
+        warn: called with the problem in plain words.
     """
 
-    def __init__(
-        self,
-        skeleton: Skeleton,
-        floor_m: float | None,
-        shape: FilterSettings,
-        host: str,
-        port: int,
-        tell: Callable[[str], None],
-        others: Sequence[Skeleton] = (),
-    ) -> None:
-        super().__init__(skeleton, floor_m, shape, others)
-        self._tell = tell
+    def __init__(self, skeleton: Skeleton, host: str, port: int, warn: Callable[[str], None]) -> None:
+        self._warn = warn
         self._sender: Sender | None = None
         try:
             self._sender = Sender(skeleton, host, port)
         except CaptureError as error:
             self._fail(error)
 
-    def step(self, pose: PerformerPose) -> PerformerPose:
-        """Return the next pose as it is shown, after it was sent."""
-        shown = super().step(pose)
-        if self._sender is not None:
-            try:
-                self._sender.send(shown.time_s, shown.rotations, shown.root_position_m)
-            except CaptureError as error:
-                self._sender.close()
-                self._sender = None
-                self._fail(error)
-        return shown
+    def send(self, pose: PerformerPose) -> None:
+        """Send a pose; do nothing after a failure."""
+        if self._sender is None:
+            return
+        try:
+            self._sender.send(pose.time_s, pose.rotations, pose.root_position_m)
+        except CaptureError as error:
+            self._sender.close()
+            self._sender = None
+            self._fail(error)
 
     def _fail(self, error: CaptureError) -> None:
-        self._tell(f"nothing is sent by VMC: {error}")
+        self._warn(f"nothing is sent by VMC: {error}")

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from ...core.body.scene_pose import PerformerPose
 from ...core.errors import CaptureError, PerfanimError
 from ...core.worker.protocol import Message, MessageKind
-from ...core.worker.restart_point import Seam
+from ...core.worker.restart_point import RestartPoint
+from ...core.worker.supervised_client import SupervisedClient
 
 STOP_LIMIT_S = 8.0
 FREEZE_NOTICE_S = 0.2
@@ -32,16 +33,19 @@ class Phase(Enum):
 class Client(Protocol):
     """What a capture needs of a worker client."""
 
-    ended: bool
-    may_restart: bool
+    @property
+    def ended(self) -> bool: ...  # noqa: D102
+
+    @property
+    def may_restart(self) -> bool: ...  # noqa: D102
 
     def restart(self, **changes: Any) -> None: ...  # noqa: D102
 
     def poll(self) -> list[Message]: ...  # noqa: D102
 
-    def confirm_taken(self, frames: int) -> None: ...  # noqa: D102
+    def acknowledge(self, frames: int) -> None: ...  # noqa: D102
 
-    def tune(self, shape: Mapping[str, Any]) -> None: ...  # noqa: D102
+    def set_filter(self, settings: Mapping[str, Any]) -> None: ...  # noqa: D102
 
     def request_stop(self) -> None: ...  # noqa: D102
 
@@ -97,6 +101,7 @@ class CaptureRun:
         self.error: PerfanimError | None = None
         self.statistics = Statistics()
         self._client = client
+        self._supervised = SupervisedClient(client, "the solver's process", self._on_restart)
         self._clock = clock
         self._arrivals: deque[float] = deque()
         self._stamp = 0.0
@@ -129,14 +134,14 @@ class CaptureRun:
             return None
         before, taken = len(self.poses), self._taken
         try:
-            for message in self._poll():
+            for message in self._supervised.poll():
                 self._take(message)
         except PerfanimError as error:
             self.error = self.error or error
             self.phase = Phase.DONE
         self._count_rate()
         if self._taken > taken:
-            self._client.confirm_taken(self._taken)
+            self._client.acknowledge(self._taken)
         if len(self.poses) > before:
             self.statistics.not_shown += len(self.poses) - before - 1
         if self._client.ended:
@@ -148,19 +153,8 @@ class CaptureRun:
             )
         return self.poses[-1] if len(self.poses) > before else None
 
-    def _poll(self) -> list[Message]:
-        """Return what the worker has sent; one that died or hangs in the midst of the capture is replaced."""
-        try:
-            return self._client.poll()
-        except CaptureError as error:
-            if not self.poses or self.phase is not Phase.RUNNING or not self._client.may_restart:
-                raise
-            cause = f"the solver's process {error.what}"
-        first, last = self.poses[0], self.poses[-1]
-        seam = Seam.after((first.number, first.time_s), (last.number, last.time_s), self._stamp)
+    def _on_restart(self, point: RestartPoint, cause: str) -> None:
         self._mending = f"{cause}: starting it again"
-        self._client.restart(after=seam.table(), cause=cause)
-        return []
 
     def take_preview(self) -> NDArray[np.uint8] | None:
         """Return the newest picture (height, width, 3), RGB, of what the cameras see; None when there is no new one."""
@@ -173,7 +167,7 @@ class CaptureRun:
 
     def tune(self, shape: Mapping[str, Any]) -> None:
         """Have poses shown, and kept in `poses`, in another shape from now on (see `core.pose_shaping`)."""
-        self._client.tune(shape)
+        self._client.set_filter(shape)
 
     def stop(self) -> None:
         """Ask for a clean end; go on calling `tick` until the phase is DONE."""
@@ -239,6 +233,7 @@ class CaptureRun:
         figures.solve_s = solved.solve_s
         figures.confidence = solved.pose.confidence
         self._stamp = solved.stamp_s
+        self._supervised.note_frame(solved.pose.number, solved.pose.time_s, solved.stamp_s)
         self._mending = ""
         self._last_arrival = self._clock()
         self._arrivals.append(self._last_arrival)

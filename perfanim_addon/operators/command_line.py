@@ -29,7 +29,7 @@ def run(arguments: Sequence[str]) -> int:
     from ...core.cli import in_blender
     from ...core.cli.retarget import BLENDER_VARIABLE
     from ...core.system import helper_process
-    from ...core.worker.client import library_paths
+    from ...core.worker.child_process import library_paths
 
     python = preferences.worker_python(bpy.context) or sys.executable
     # characters are retargeted by another Blender like this one, where it is a program

@@ -21,7 +21,7 @@ from ...markers.subject import load_subject
 from ...retarget.retargeter import RootMotion
 from ...solver.settings import METHODS
 from ..options import add_motion_options
-from ..outcome import Outcome
+from ..outcome import PartialResult
 from ..retarget import check_blender
 from . import worker
 from .plan import ALSO, SAVED_AS, Plan, TakePlan, Value, plan_of, read_plan
@@ -167,7 +167,7 @@ def _check_character(path: Path, blender: str | None) -> None:
     check_blender(blender)
 
 
-def _told(result: BatchResult, out: str) -> Outcome:
+def _told(result: BatchResult, out: str) -> PartialResult:
     """Return the summary, for a person the table and what to look at."""
     place = Path(out)
     rows = []
@@ -180,4 +180,4 @@ def _told(result: BatchResult, out: str) -> Outcome:
     line = ", ".join(f"{count} {status}" for status, count in counted.items())
     failure = f"{out}: {counted[BAD]} of {len(rows)} takes are bad; see {page}" if counted[BAD] else ""
     text = f"{text_table(result.records)}\n\n{line}; {done} were done before\n{page}"
-    return Outcome(counted | {"finished_before": done, "takes": rows, "page": page}, text, failure)
+    return PartialResult(counted | {"finished_before": done, "takes": rows, "page": page}, text, failure)

@@ -69,7 +69,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
                 channel.send_frame(stamp_s, frame)
                 preview.send(images.newest, partial(draw_blobs, frame, thresholds, pipeline.rig))
                 if in_flight is not None:
-                    channel.wait_taken(int(in_flight))
+                    channel.wait_for_ack(int(in_flight))
     except Stopped:
         return
 
@@ -145,13 +145,13 @@ def _read_backgrounds(path: Path) -> list[Background]:
 
 def _remaining(request: Mapping[str, Any], source: Any) -> Iterable[ImageSetLike]:
     """Return the images that were not handed over by the process before."""
-    after = request.get("after")
-    if after is None or not is_repeatable(request):
+    if request.get("after") is None or not is_repeatable(request):
         return source
+    after = int(request["after"]["number"])
     if is_simulated(request):
-        source.first = int(after) + 1
+        source.first = after + 1
         return source
-    return dropwhile(lambda images: images.number <= int(after), source)
+    return dropwhile(lambda images: images.number <= after, source)
 
 
 def _rig(request: Mapping[str, Any], source: ImageSource) -> CameraRig:

@@ -1,4 +1,4 @@
-"""Counting down to the moment at which something is recorded."""
+"""Countdown to the moment of a recording."""
 
 import math
 import time
@@ -12,22 +12,22 @@ from .cameras import Stopped
 
 @dataclass
 class Line:
-    """What stands beside the countdown, and how much of the work is done."""
+    """Text beside the countdown, and the fraction of the work done."""
 
     text: str
     fraction: float | None = None
 
 
-def counted_down(images: Iterator[ImageSetLike], seconds: float, channel: Channel, line: Line) -> ImageSetLike | None:
-    """Take images and tell the seconds that are left; return the first image set after them, None at the end."""
-    due_s, told = time.perf_counter() + seconds, 0
+def count_down(images: Iterator[ImageSetLike], seconds: float, channel: Channel, line: Line) -> ImageSetLike | None:
+    """Send the seconds left; return the first image set after them, None at the end."""
+    due_s, sent = time.perf_counter() + seconds, 0
     for image_set in images:
         if channel.stop_requested.is_set():
             raise Stopped
         left = math.ceil(due_s - time.perf_counter())
         if left <= 0:
             return image_set
-        if left != told:
-            told = left
+        if left != sent:
+            sent = left
             channel.send_status(f"{left}: {line.text}", line.fraction)
     return None

@@ -32,7 +32,7 @@ from ...vision.sources.spec import ImageSetLike, ImageSource
 from ..channel import Channel
 from ..source_traits import is_live, is_simulated
 from .cameras import Stopped, opened
-from .countdown import Line, counted_down
+from .countdown import Line, count_down
 
 _LONGEST_S = 60.0  # of a recording in which poses are looked for
 
@@ -86,7 +86,7 @@ def _moments(
     """Yield the image sets from the first pose to the last, and tell the performer what to do."""
     hold_s, between_s = float(request["seconds"]), float(request["between_s"])
     if is_live(request):
-        counted_down(images, float(request["countdown_s"]), channel, Line(INSTRUCTIONS[poses[0]]))
+        count_down(images, float(request["countdown_s"]), channel, Line(INSTRUCTIONS[poses[0]]))
     elif not is_simulated(request) and len(poses) > 1:
         # nobody can be told when: the poses are somewhere in the recording
         yield from _for_seconds(images, _LONGEST_S, channel, lambda left_s: "looking for the markers")

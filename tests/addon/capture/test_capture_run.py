@@ -50,14 +50,15 @@ class PlayedWorker:
         self.ended = self.ended or any(message.kind is MessageKind.END for message in taken)
         return taken
 
-    def confirm_taken(self, frames: int) -> None:
+    def acknowledge(self, frames: int) -> None:
         self.taken = frames
 
-    def tune(self, shape: Mapping[str, Any]) -> None:
+    def set_filter(self, shape: Mapping[str, Any]) -> None:
         self.tuned = shape
 
     def request_stop(self) -> None:
         self.asked_to_stop = True
+        self.may_restart = False
 
     def close(self) -> None:
         self.closed = True

@@ -13,7 +13,7 @@ from perfanim.core.worker.protocol import MessageKind
 
 def main(request: str) -> None:
     client = WorkerClient(json.loads(request))
-    sys.stdout.write(f"{client._process.pid}\n")
+    sys.stdout.write(f"{client.process_id}\n")
     sys.stdout.flush()
     taken = 0
     while not client.ended:
@@ -22,7 +22,7 @@ def main(request: str) -> None:
             sys.stdout.write("capturing\n")
             sys.stdout.flush()
         taken += poses
-        client.confirm_taken(taken)
+        client.acknowledge(taken)
         time.sleep(1 / 60)
 
 

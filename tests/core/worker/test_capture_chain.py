@@ -28,7 +28,7 @@ from perfanim.core.simulate.studio.carried_prop import in_hand
 from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import Message, MessageKind
-from perfanim.core.worker.restart_point import Seam
+from perfanim.core.worker.restart_point import RestartPoint
 
 PATIENCE_S = 180.0
 ROOT_M = 0.3  # a quarter of what two performers are apart: nobody is taken for the other
@@ -58,7 +58,7 @@ def collect(
     while not until(messages):
         assert time.monotonic() < limit, [(m.kind.name, m.payload[:80]) for m in messages][-5:]
         messages += client.poll()
-        client.confirm_taken(len(of(MessageKind.POSE, messages)))
+        client.acknowledge(len(of(MessageKind.POSE, messages)))
         client.wait(0.05)
     return messages
 
@@ -111,7 +111,7 @@ def test_stop_ends_the_chain_and_loses_nothing(request_files: dict[str, str], tm
     client = WorkerClient(asked)
     try:
         messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= 20 and bool(of(MessageKind.PREVIEW, m)))
-        client.tune({})
+        client.set_filter({})
         tuned_at = len(of(MessageKind.POSE, messages))
         messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= tuned_at + 10, messages)
         client.request_stop()
@@ -180,7 +180,7 @@ def test_the_simulated_performer_waits_for_who_watches(request_files: dict[str, 
         messages: list[Message] = []
         limit = time.monotonic() + PATIENCE_S
         for taken in range(4):
-            client.confirm_taken(taken)
+            client.acknowledge(taken)
             while len(of(MessageKind.POSE, messages)) <= taken:
                 assert time.monotonic() < limit
                 messages += client.poll()
@@ -250,7 +250,7 @@ def test_processes_that_die_or_hang_are_replaced_and_the_take_goes_on(
     client = WorkerClient(asked)
     try:
         messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= 10)
-        solver = client._process.pid
+        solver = client.process_id
         (first_cameras,) = children(solver)
         os.kill(first_cameras, signal.SIGKILL)
 
@@ -262,12 +262,12 @@ def test_processes_that_die_or_hang_are_replaced_and_the_take_goes_on(
         messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= count + 10, messages)
         (second_cameras,) = children(solver)
         os.kill(solver, signal.SIGSTOP)
-        with pytest.raises(CaptureError, match="has said nothing for 1"):
+        with pytest.raises(CaptureError, match="sent nothing for 1"):
             collect(client, lambda _: False, messages)
         count = len(of(MessageKind.POSE, messages))
         last = read_take_file(path).poses[-1]
         assert client.may_restart
-        table = Seam(last.pose.number, last.pose.time_s, last.stamp_s).table()
+        table = RestartPoint(last.pose.number, last.pose.time_s, last.stamp_s).table()
         client.restart(after=table, cause="the solver's process hung")
         messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= count + 10, messages)
         wait_until_gone([first_cameras, solver, second_cameras])

@@ -11,8 +11,10 @@ from typing import Any
 
 import pytest
 from perfanim.core.errors import CaptureError
+from perfanim.core.worker import child_process
 from perfanim.core.worker import client as client_module
 from perfanim.core.worker.client import WorkerClient
+from perfanim.core.worker.connection import WorkerConnection
 from perfanim.core.worker.protocol import Message, MessageKind
 
 PATIENCE_S = 60.0
@@ -56,7 +58,7 @@ def test_poll_never_waits() -> None:
 
 def test_a_killed_worker_is_noticed() -> None:
     with worker({"job": "nonsense"}) as client:
-        os.kill(client._process.pid, signal.SIGKILL)
+        os.kill(client.process_id, signal.SIGKILL)
         with pytest.raises(CaptureError, match="ended by itself"):
             collect(client, lambda m: False)
 
@@ -65,22 +67,21 @@ def test_a_worker_that_gets_no_further_may_be_replaced_but_not_again_and_again(m
     said: list[Message] = []
     with worker({"job": "nonsense"}) as client:
         collect(client, lambda m: bool(m))
-        monkeypatch.setattr(client, "_receive", lambda: [said.pop(0)] if said else [])
-        client._connection, client._ended = socket.socket(), False
+        monkeypatch.setattr(WorkerConnection, "receive", lambda _: [said.pop(0)] if said else [])
+        client._ended = False
         stalled = Message(MessageKind.STATUS, b'{"stalled_s": 2.0}')
         said += [stalled, Message(MessageKind.POSE), Message(MessageKind.STATUS, b'{"stalled_s": 0.4}')]
         for _ in range(3):  # before its first pose a worker may take its time
             client.poll()
         assert client.may_restart
         said.append(stalled)
-        with pytest.raises(CaptureError, match=r"got no further for 2.0 s"):
+        with pytest.raises(CaptureError, match=r"made no progress for 2.0 s"):
             client.poll()
         for _ in range(client_module.MOST_RESTARTS):
             assert client.may_restart
             client.restart()
             assert not client.may_restart  # it has yet to show that it works
             said.append(Message(MessageKind.POSE))
-            client._connection = socket.socket()
             client.poll()
         assert not client.may_restart
         client.close()
@@ -98,7 +99,7 @@ def test_a_program_that_ends_before_it_is_told_what_to_do_is_named_and_gone(
     program.write_text("#!/bin/sh\necho no such module >&2\nexit 7\n")
     program.chmod(0o755)
     # more than a pipe holds, so that the program is gone before all is written, on every machine
-    monkeypatch.setattr(client_module, "library_paths", lambda: ["x" * 1_000_000])
+    monkeypatch.setattr(child_process, "library_paths", lambda: ["x" * 1_000_000])
     started: list[Any] = []
     popen = subprocess.Popen
     monkeypatch.setattr(subprocess, "Popen", lambda *a, **k: started.append(popen(*a, **k)) or started[-1])
@@ -109,7 +110,7 @@ def test_a_program_that_ends_before_it_is_told_what_to_do_is_named_and_gone(
 
 def test_a_stranger_on_the_port_is_refused() -> None:
     with worker({"job": "nonsense"}) as client:
-        port = client._listener.getsockname()[1]
+        port = client._connection.port
         with socket.create_connection(("127.0.0.1", port)) as stranger:
             stranger.sendall(b"PA\x01\x0a\x02\x00\x00\x00{}")
             messages = collect(client, lambda m: client.ended)
@@ -119,9 +120,8 @@ def test_a_stranger_on_the_port_is_refused() -> None:
 
 def test_the_worker_ends_when_its_parent_is_gone() -> None:
     client = WorkerClient({"job": "nonsense"}, python=sys.executable)
-    process = client._process
     client.close(grace_s=PATIENCE_S)
-    assert process.returncode is not None
+    assert not client.running
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs the C library's sleep")

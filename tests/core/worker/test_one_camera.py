@@ -41,7 +41,7 @@ def test_one_camera_starts_in_the_t_pose_and_follows(tmp_path: Path) -> None:
             messages = client.poll()
             assert not [message.payload for message in messages if message.kind is MessageKind.ERROR]
             poses += [message.pose().pose for message in messages if message.kind is MessageKind.POSE]
-            client.confirm_taken(len(poses))
+            client.acknowledge(len(poses))
             client.wait(0.05)
             assert time.monotonic() < limit
     finally:

@@ -35,8 +35,8 @@ def test_what_was_handed_over_is_passed_over(tmp_path: Path) -> None:
     sets = [ImageSet(number, (number / 60,), IMAGE) for number in (0, 1, 2, 4, 5, 6)]
     asked = of("images", paths=[str(tmp_path)])
     assert [one.number for one in _remaining(asked, sets)] == [0, 1, 2, 4, 5, 6]
-    assert [one.number for one in _remaining({**asked, "after": 3}, sets)] == [4, 5, 6]
-    assert [one.number for one in _remaining({**of("cameras"), "after": 3}, sets)] == [0, 1, 2, 4, 5, 6]
+    assert [one.number for one in _remaining({**asked, "after": {"number": 3}}, sets)] == [4, 5, 6]
+    assert [one.number for one in _remaining({**of("cameras"), "after": {"number": 3}}, sets)] == [0, 1, 2, 4, 5, 6]
     performer = SimpleNamespace(first=0)
-    _remaining({**of("simulated"), "after": 41}, performer)
+    _remaining({**of("simulated"), "after": {"number": 41}}, performer)
     assert performer.first == 42

@@ -3,13 +3,28 @@
 import numpy as np
 import pytest
 from perfanim.core.body.scene_pose import PerformerPose
+from perfanim.core.formats.take_file.pose_codec import TimedPose, unpack_solved
 from perfanim.core.formats.vmc.humanoid import bone_poses
 from perfanim.core.formats.vmc.link import Receiver
 from perfanim.core.formats.vmc.packets import BONE, Placed, frame_packet, read_packet
 from perfanim.core.session.pose_filters import FilterSettings, PoseFilter
-from perfanim.core.worker.vmc_output import BroadcastShaper
+from perfanim.core.worker.jobs.capture_stages import PoseOutput
+from perfanim.core.worker.vmc_output import VmcSender
 
 SMOOTH = FilterSettings(smoothing_s=0.05)
+
+
+class PlayedChannel:
+    """Keeps the poses sent to Blender."""
+
+    def __init__(self):
+        self.sent = []
+
+    def take_filter_settings(self):
+        return None
+
+    def send_pose(self, record):
+        self.sent.append(record)
 
 
 @pytest.fixture
@@ -24,10 +39,14 @@ def poses(truth):
 def test_what_is_sent_is_what_is_shown(truth, poses):
     told = []
     with Receiver(0) as receiver:
-        shaper = BroadcastShaper(truth.skeleton, None, SMOOTH, "127.0.0.1", receiver.port, told.append)
+        sender = VmcSender(truth.skeleton, "127.0.0.1", receiver.port, told.append)
+        channel = PlayedChannel()
+        output = PoseOutput(PoseFilter(truth.skeleton, None, SMOOTH), channel, None, sender)
         alone = PoseFilter(truth.skeleton, None, SMOOTH)
         for pose in poses:
-            shown = shaper.step(pose)
+            output.put(TimedPose(pose, 0.0), None)
+            assert output.send()
+            shown = unpack_solved(channel.sent[-1]).pose
             np.testing.assert_array_equal(shown.rotations, alone.step(pose).rotations)
             packet = receiver.receive(10.0)
             hips = next(m for m in read_packet(packet) if isinstance(m, Placed) and m.address == BONE)
@@ -38,10 +57,10 @@ def test_what_is_sent_is_what_is_shown(truth, poses):
 
 def test_a_packet_made_quickly_is_the_same(truth, poses):
     with Receiver(0) as receiver:
-        shaper = BroadcastShaper(truth.skeleton, None, FilterSettings(), "127.0.0.1", receiver.port, lambda text: None)
+        sender = VmcSender(truth.skeleton, "127.0.0.1", receiver.port, lambda text: None)
         expected = bone_poses(truth)
         for n, pose in enumerate(poses):
-            shaper.step(pose)
+            sender.send(pose)
             packet = frame_packet(pose.time_s, expected.names, expected.positions_m[n], expected.rotations[n])
             assert receiver.receive(10.0) == packet
 
@@ -49,7 +68,8 @@ def test_a_packet_made_quickly_is_the_same(truth, poses):
 def test_what_cannot_be_sent_is_told_once_and_holds_nothing_up(truth, poses):
     told = []
     for host, port in (("no.such.host.invalid", 39539), ("::1%no-such-link", 39539)):
-        shaper = BroadcastShaper(truth.skeleton, None, FilterSettings(), host, port, told.append)
-        assert [shaper.step(pose) for pose in poses] == poses
+        sender = VmcSender(truth.skeleton, host, port, told.append)
+        for pose in poses:
+            sender.send(pose)
         assert len(told) == 1
         assert told.pop().startswith(f"nothing is sent by VMC: {host}:{port}: cannot be sent to")

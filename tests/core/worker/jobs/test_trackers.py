@@ -121,11 +121,11 @@ def test_a_port_that_is_taken_and_a_sender_that_is_not_known_are_told(subject: P
         # who takes the place of a process that has not given it back yet waits for it, while it is wanted
         blender.stop_requested.set()
         with pytest.raises(CaptureError):
-            trackers.run({**taken, "after": 7}, blender)
+            trackers.run({**taken, "after": {"number": 7}}, blender)
         blender.stop_requested.clear()
         threading.Timer(0.2, other._socket.close).start()
         threading.Timer(0.5, blender.stop_requested.set).start()
-        trackers.run({**taken, "after": 7}, blender)
+        trackers.run({**taken, "after": {"number": 7}}, blender)
     assert blender.told[0] == f"waiting for trackers on port {other.port}"
     unknown = {"source": {"kind": "vmc", "port": 0, "sender": "no such computer"}, "subject": str(subject)}
     with pytest.raises(CaptureError, match="no such computer: is no computer that is known"):

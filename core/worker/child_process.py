@@ -1,0 +1,124 @@
+"""The process of one worker, its output kept for error messages."""
+
+import contextlib
+import importlib.util
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import IO
+
+from ..errors import CaptureError
+from ..system import helper_process
+from ..system.libraries import LIBRARIES
+from . import process
+
+_DYING_S = 1.0  # from a closed standard input to the end of a process
+
+
+def library_paths() -> list[str]:
+    """Return the folders of this process' libraries, for the worker to import."""
+    folders: list[str] = []
+    for name in LIBRARIES:
+        spec = importlib.util.find_spec(name)
+        for location in (spec.submodule_search_locations or []) if spec else []:
+            folder = str(Path(location).parent)
+            if folder not in folders:
+                folders.append(folder)
+    return folders
+
+
+def _not_started(program: str, reason: str) -> CaptureError:
+    advice = "reinstall Blender or set the worker's Python in the preferences"
+    return CaptureError(f"could not be started ({reason})", where=program, advice=advice)
+
+
+class ChildProcess:
+    """A Python process that runs `process.main`.
+
+    Args:
+        port, token: of the connection that it opens.
+        job: name of the job that it loads.
+        python: the interpreter, this process' by default; never Blender's own binary.
+
+    Raises:
+        CaptureError: the process could not be started.
+    """
+
+    def __init__(self, port: int, token: str, job: str, python: str | None = None) -> None:
+        program = python or sys.executable
+        self._log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 (closed in release)
+        try:
+            self._process = self._start(program)
+        except OSError as error:
+            self.release()
+            raise _not_started(program, str(error.strerror)) from error
+        try:
+            self._send_order(port, token, job)
+        except OSError as error:  # it ended before it read its order
+            self.end(_DYING_S)
+            reason = f"ended at once with status {self.status}{self.last_line()}"
+            self.release()
+            raise _not_started(program, reason) from error
+
+    def _start(self, python: str) -> "subprocess.Popen[bytes]":
+        environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        return subprocess.Popen(
+            helper_process.command(python),
+            stdin=subprocess.PIPE,
+            stdout=self._log,
+            stderr=self._log,
+            env=environment,
+            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+        )
+
+    def _send_order(self, port: int, token: str, job: str) -> None:
+        order = helper_process.order(process.main, port, token, job, paths=library_paths())
+        if self._process.stdin is not None:
+            self._process.stdin.write(order.encode("utf-8") + b"\n")
+            self._process.stdin.flush()
+
+    @property
+    def id(self) -> int:
+        """Process id."""
+        return self._process.pid
+
+    @property
+    def status(self) -> int | None:
+        """Exit status; None while the process runs."""
+        return self._process.poll()
+
+    def last_line(self) -> str:
+        """Return ": " and the last line that the process printed; "" for none."""
+        self._log.seek(0)
+        lines = self._log.read().decode("utf-8", "replace").strip().splitlines()
+        return f": {lines[-1]}" if lines else ""
+
+    def end(self, grace_s: float) -> None:
+        """Close the process' input; `grace_s` later terminate it, then kill it."""
+        self._close_input()
+        for force in (self._process.terminate, self._process.kill):
+            try:
+                self._process.wait(timeout=grace_s)
+                return
+            except subprocess.TimeoutExpired:
+                force()
+        self._process.wait()
+
+    def kill(self) -> None:
+        """End the process by force and release it; one that hangs answers to nothing else."""
+        self._close_input()
+        self._process.kill()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(timeout=_DYING_S)
+        self.release()
+
+    def release(self) -> None:
+        """Remove the log; safe to call twice."""
+        self._log.close()
+
+    def _close_input(self) -> None:
+        if self._process.stdin is not None:
+            with contextlib.suppress(OSError):  # what a process that is gone has not read is still in its buffer
+                self._process.stdin.close()

@@ -1,0 +1,117 @@
+"""Blender's end of the loopback connection to one worker process.
+
+A plain socket, as it can be read without waiting on Linux, macOS and Windows. `multiprocessing.connection` cannot:
+`accept` blocks in its handshake with any program that connects, and `recv_bytes` blocks once a part of a message has
+come, so a worker that hangs in the middle of a picture would freeze Blender's window.
+"""
+
+import hmac
+import secrets
+import select
+import socket
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from .protocol import Decoder, Message, MessageKind, encode_json
+
+_CHUNK = 1 << 20
+
+
+class WorkerConnection:
+    """Socket for the one program with the right token; no method but `wait` waits.
+    Args:
+        request: the job, sent once the worker has connected; may change until then.
+    """
+
+    def __init__(self, request: Mapping[str, Any]) -> None:
+        self.token = secrets.token_hex(16)
+        self.is_authenticated = False  # stays True once the worker has closed the connection
+        self._request = request
+        self._decoder = Decoder()
+        self._outgoing = bytearray()
+        self._socket: socket.socket | None = None
+        self._listener = socket.create_server(("127.0.0.1", 0), backlog=4)
+        self._listener.setblocking(False)
+
+    @property
+    def port(self) -> int:
+        """Port for the worker."""
+        return int(self._listener.getsockname()[1])
+
+    def receive(self) -> list[Message]:
+        """Return all whole messages that have arrived.
+
+        Raises:
+            CaptureError: the stream is damaged or of another version.
+        """
+        if self._socket is None and not self.is_authenticated:
+            self._accept()
+        messages: list[Message] = []
+        while self._socket is not None:
+            try:
+                data = self._socket.recv(_CHUNK)
+            except BlockingIOError:
+                break
+            except OSError:
+                data = b""
+            if not data:
+                self.disconnect()
+                break
+            messages += self._decoder.feed(data)
+        if messages and not self.is_authenticated:
+            messages = self._authenticate(messages)
+        return messages
+
+    def _accept(self) -> None:
+        try:
+            connection, _ = self._listener.accept()
+        except BlockingIOError:
+            return
+        connection.setblocking(False)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._socket = connection
+
+    def _authenticate(self, messages: Sequence[Message]) -> list[Message]:
+        """Return the messages after the greeting; drop a program without the token."""
+        hello = messages[0]
+        token = str(hello.json().get("token", "")) if hello.kind is MessageKind.HELLO else ""
+        if not hmac.compare_digest(token, self.token):
+            self.disconnect()
+            self._decoder = Decoder()
+            return []
+        self.is_authenticated = True
+        self._listener.close()
+        self._outgoing += encode_json(MessageKind.REQUEST, self._request)
+        return list(messages[1:])
+
+    def send(self, data: bytes = b"") -> None:
+        """Send the bytes and those still queued, as far as the system takes them now."""
+        self._outgoing += data
+        if not self._outgoing or self._socket is None or not self.is_authenticated:
+            return
+        try:
+            sent = self._socket.send(self._outgoing)
+        except (BlockingIOError, ConnectionError):
+            return  # a lost connection shows on reading
+        del self._outgoing[:sent]
+
+    def wait(self, limit_s: float) -> None:
+        """Return when there is something to receive, or after `limit_s`."""
+        if self._socket is not None:
+            select.select([self._socket], [], [], limit_s)
+        elif not self.is_authenticated:
+            select.select([self._listener], [], [], limit_s)
+        else:  # the connection is lost; the next poll says why
+            time.sleep(limit_s)
+
+    def disconnect(self) -> None:
+        """Close the connection; a worker ends when this happens."""
+        if self._socket is not None:
+            self._socket.close()
+        self._socket = None
+
+    def close(self) -> None:
+        """Close the connection and free the port; safe to call twice."""
+        self._listener.close()
+        self.disconnect()

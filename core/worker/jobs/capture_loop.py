@@ -1,0 +1,152 @@
+"""The loop of a capture: poll the cameras' process, record, solve, filter, send."""
+
+import time
+from collections import deque
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...body.scene_pose import PerformerPose
+from ...errors import CaptureError, PerfanimError
+from ...formats.take_file.pose_codec import TimedPose, pack_solved
+from ...formats.take_file.writer import TakeWriter
+from ...markers.marker_frame import MarkerFrame
+from ..channel import Channel
+from ..client import WorkerClient
+from ..protocol import Message, MessageKind
+from ..restart_point import RestartPoint
+from ..supervised_client import SupervisedClient
+from .capture_stages import CameraReport, FrameRecorder, PoseOutput
+
+if TYPE_CHECKING:
+    from ...session.multi_target_session import Stepper
+
+STOP_LIMIT_S = 5.0
+DISCONNECTED_LIMIT_S = 1.0  # the same when Blender is gone: the process has three seconds then, see `channel`
+_IDLE_S = 0.02
+
+
+class CaptureLoop:
+    """Solves every marker frame in order; drops none.
+
+    Args:
+        client: of the cameras' process.
+        recorder: of marker frames.
+        session: solves.
+        output: of poses.
+        channel: to Blender.
+        take: keeps poses and events; None for no take.
+        is_live: whether the source does not wait; other sources may stand still for long.
+    """
+
+    def __init__(
+        self,
+        client: WorkerClient,
+        recorder: FrameRecorder,
+        session: "Stepper",
+        output: PoseOutput,
+        channel: Channel,
+        take: TakeWriter | None,
+        *,
+        is_live: bool,
+    ) -> None:
+        self._client = client
+        self._cameras = SupervisedClient(client, "the cameras' process", self._on_restart)
+        self._recorder = recorder
+        self._session = session
+        self._output = output
+        self._channel = channel
+        self._take = take
+        self._is_live = is_live
+        self._report = CameraReport(channel)
+        self._frames: deque[tuple[float, MarkerFrame]] = deque()  # recorded, not solved
+        self._pose: PerformerPose | None = None  # the last
+        self._stop_asked_s = 0.0
+        self._error: PerfanimError | None = None
+
+    def run(self) -> None:
+        """Loop until all frames are solved; then raise the cameras' error, if any."""
+        while self._output.is_ready or self._frames or not (self._client.ended or self._error):
+            if self._is_live:
+                self._channel.progress_s = time.monotonic()
+            self._receive()
+            if self._channel.disconnected.is_set():  # the take has the frames; they can be solved at any time
+                self._frames.clear()
+                self._output.drop()
+            if self._output.is_ready:
+                if self._output.send():
+                    self._client.acknowledge(self._channel.frames)
+            elif self._frames:
+                self._solve(*self._frames.popleft())
+            else:
+                self._client.wait(_IDLE_S)
+        self._channel.progress_s = None
+        if self._error is not None:
+            raise self._error
+
+    def _receive(self) -> None:
+        if self._error is not None:
+            return
+        try:
+            self._pass_stop_on()
+            for message in self._cameras.poll():
+                self._on_message(message)
+        except PerfanimError as error:
+            self._error = error  # the frames that have arrived are solved all the same
+
+    def _pass_stop_on(self) -> None:
+        if not self._channel.stop_requested.is_set():
+            return
+        if not self._stop_asked_s:
+            self._stop_asked_s = time.monotonic()
+            self._client.request_stop()
+        limit_s = DISCONNECTED_LIMIT_S if self._channel.disconnected.is_set() else STOP_LIMIT_S
+        if time.monotonic() - self._stop_asked_s > limit_s:
+            raise CaptureError("the cameras did not stop in time", advice="unplug the camera that hangs")
+
+    def _on_restart(self, point: RestartPoint, cause: str) -> None:
+        self._recorder.expect_restart(point, cause)
+        self._channel.send_warning(f"{cause}: starting it again", standing=True)
+
+    def _on_message(self, message: Message) -> None:
+        if message.kind is MessageKind.FRAME:
+            stamp_s, frame = self._recorder.record(message.payload)
+            self._cameras.note_frame(frame.number, frame.time_s, stamp_s)
+            self._frames.append((stamp_s, frame))
+        elif message.kind is MessageKind.STATUS:
+            content = message.json()
+            self._channel.send_status(str(content.get("activity", "")), content.get("fraction"))
+        elif message.kind is MessageKind.WARNING:
+            content = message.json()
+            text = str(content.get("text", ""))
+            self._channel.send_warning(text, standing=bool(content.get("standing")))
+            if self._take is not None and text:
+                self._take.add_event(text)
+        elif message.kind is MessageKind.PREVIEW:
+            self._channel.send_preview(self._draw_labels(message.preview()))
+        elif message.kind is MessageKind.END:
+            self._channel.final["handed_over"] = self._client.earlier_frames + int(message.json().get("frames", -1))
+        elif message.kind is MessageKind.ERROR:
+            raise message.error()
+
+    def _draw_labels(self, pictures: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return the cameras' pictures with the names of the markers as solved last."""
+        from ...vision.blob_preview import draw_labels  # this process needs no OpenCV otherwise
+
+        rig, pose = self._session.rig, self._pose
+        if rig is None or pose is None or pose.confidence == 0.0:
+            return pictures
+        seen = np.isfinite(pose.observed_m[:, 0]) | (pose.single_cameras >= 0)
+        return draw_labels(self._session.subject.marker_set.names, pose.markers_m, seen, rig, pictures)
+
+    def _solve(self, stamp_s: float, frame: MarkerFrame) -> None:
+        started_s = time.perf_counter()
+        self._pose = self._session.step(frame)
+        solved = TimedPose(self._pose, stamp_s, time.perf_counter() - started_s, len(self._frames))
+        record = None
+        if self._take is not None:
+            record = pack_solved(solved)
+            self._take.add_pose(record)
+        self._report.update(frame)
+        self._output.put(solved, record)

@@ -1,0 +1,142 @@
+"""Stages of a capture before and after the solver."""
+
+import math
+import time
+from typing import TYPE_CHECKING
+
+from ...formats.take_file.pose_codec import TimedPose, pack_solved
+from ...formats.take_file.writer import TakeWriter
+from ...markers.marker_frame import MarkerFrame
+from ...markers.marker_frame_codec import pack_stamped, unpack_stamped
+from ...session.pose_filters import FilterSettings, PoseFilter
+from ..channel import Channel
+from ..restart_point import FrameOffset, RestartPoint, gap_text
+
+if TYPE_CHECKING:
+    from ..vmc_output import VmcSender
+
+_REPORT_EVERY_S = 0.5
+_ACK_LIMIT_S = 0.25
+
+
+class FrameRecorder:
+    """Unpacks each marker frame once and keeps its bytes in the take.
+    Args:
+        take: keeps the frames; None for no take.
+        channel: to Blender.
+        is_repeatable: whether a source that is opened again continues with its own numbers and times.
+    """
+
+    def __init__(self, take: TakeWriter | None, channel: Channel, is_repeatable: bool) -> None:
+        self._take = take
+        self._channel = channel
+        self._is_repeatable = is_repeatable
+        self._offset = FrameOffset()
+        self._restart: tuple[RestartPoint, str] | None = None  # until the first frame after it
+
+    def expect_restart(self, point: RestartPoint, cause: str) -> None:
+        """Treat the next frame as the first of another process; `cause` is in plain words."""
+        self._restart = point, cause
+
+    def record(self, record: bytes) -> tuple[float, MarkerFrame]:
+        """Return stamp and frame with the numbers and times of the capture."""
+        stamp_s, frame = unpack_stamped(record)
+        if self._restart is not None:
+            point, cause = self._restart
+            self._restart = None
+            self._offset = FrameOffset() if self._is_repeatable else point.offset(stamp_s, frame)
+            self._report_gap(point, cause, point.gap_s(self._offset.apply(frame)))
+        if self._offset != FrameOffset():
+            frame = self._offset.apply(frame)
+            record = pack_stamped(stamp_s, frame)
+        if self._take is not None:
+            self._take.add_frame(record)
+        return stamp_s, frame
+
+    def _report_gap(self, point: RestartPoint, cause: str, gap_s: float) -> None:
+        if self._take is not None:
+            self._take.add_gap(f"{cause}: started again, {gap_text(gap_s)}", point.number, gap_s)
+        self._channel.send_warning("", standing=True)
+        self._channel.send_warning(f"{cause}: it was started again, {gap_text(gap_s)}")
+
+
+class CameraReport:
+    """Reports the time between the cameras' images and the count of unusable ones."""
+
+    def __init__(self, channel: Channel) -> None:
+        self._channel = channel
+        self._unusable_images = 0  # of single cameras
+        self._reported_s = 0.0
+
+    def update(self, frame: MarkerFrame) -> None:
+        """Count the images of a frame; report where it is time."""
+        times_s = [time_s for time_s in frame.camera_times_s.tolist() if not math.isnan(time_s)]
+        count = len(frame.camera_times_s)
+        self._unusable_images += count - len(times_s)
+        now_s = time.monotonic()
+        if now_s - self._reported_s < _REPORT_EVERY_S or count < 2:
+            return
+        self._reported_s = now_s
+        skew_s = times_s[-1] - times_s[0] if len(times_s) == count else None
+        self._channel.send_status(self._channel.activity, skew_s=skew_s, blind=self._unusable_images)
+
+
+class PoseOutput:
+    """Filters poses, sends them by VMC, and to Blender as fast as it takes them.
+
+    Args:
+        pose_filter: of the poses.
+        channel: to Blender.
+        poses_ahead: poses that may wait for Blender's acknowledgement; None for any number.
+        vmc: sends to another program.
+    """
+
+    def __init__(
+        self, pose_filter: PoseFilter, channel: Channel, poses_ahead: int | None, vmc: "VmcSender | None" = None
+    ) -> None:
+        self._filter = pose_filter
+        self._channel = channel
+        self._poses_ahead = poses_ahead
+        self._vmc = vmc
+        self._ready: bytes | None = None  # packed ahead: Blender has it as soon as it acknowledges the last
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether a pose waits to be sent."""
+        return self._ready is not None
+
+    def put(self, solved: TimedPose, record: bytes | None) -> None:
+        """Filter a pose, send it by VMC, and hold it ready for Blender.
+
+        `record` is the pose as packed for the take; None if there is none.
+        """
+        settings = self._channel.take_filter_settings()
+        if settings is not None:
+            self._filter.tune(FilterSettings.of_table(settings))
+        pose = self._filter.step(solved.pose)
+        if self._vmc is not None:
+            self._vmc.send(pose)
+        if record is None or pose is not solved.pose:
+            record = pack_solved(TimedPose(pose, solved.stamp_s, solved.solve_s, solved.waiting))
+        self._ready = record
+
+    def drop(self) -> None:
+        """Forget the pose that waits."""
+        self._ready = None
+
+    def send(self) -> bool:
+        """Send the pose that waits; wait a little and return False if Blender lags."""
+        if self._ready is None:
+            return False
+        if self._is_far_ahead():
+            assert self._poses_ahead is not None  # noqa: S101 - `_is_far_ahead`
+            self._channel.wait_for_ack(self._poses_ahead - 1, _ACK_LIMIT_S)
+            return False
+        self._channel.send_pose(self._ready)
+        self._ready = None
+        return True
+
+    def _is_far_ahead(self) -> bool:
+        if self._poses_ahead is None or self._channel.stop_requested.is_set():
+            return False
+        return self._channel.frames - self._channel.acknowledged >= self._poses_ahead

@@ -1,0 +1,64 @@
+"""Client of a worker that is replaced when it dies or hangs."""
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from ..errors import CaptureError
+from .protocol import Message
+from .restart_point import RestartPoint
+
+
+class Restartable(Protocol):
+    """Worker client that can replace its process (`WorkerClient`)."""
+
+    @property
+    def may_restart(self) -> bool: ...  # noqa: D102
+
+    def poll(self) -> list[Message]: ...  # noqa: D102
+
+    def restart(self, **changes: Any) -> None: ...  # noqa: D102
+
+
+class SupervisedClient:
+    """Polls a worker and replaces it where it may be.
+
+    The process in its place gets two more keys in its request: "after" (`RestartPoint` as a table) and "cause".
+
+    Args:
+        client: of the worker.
+        name: of the process in messages, "the solver's process".
+        on_restart: called with the restart point and the cause before the other process starts.
+    """
+
+    def __init__(
+        self, client: Restartable, name: str, on_restart: Callable[[RestartPoint, str], None] | None = None
+    ) -> None:
+        self._client = client
+        self._name = name
+        self._on_restart = on_restart
+        self._first: tuple[int, float] | None = None
+        self._last = (0, 0.0, 0.0)
+
+    def note_frame(self, number: int, time_s: float, stamp_s: float) -> None:
+        """Note number, time and stamp of the last frame that arrived."""
+        self._first = self._first or (number, time_s)
+        self._last = (number, time_s, stamp_s)
+
+    def poll(self) -> list[Message]:
+        """Return the messages of the worker; none when it was replaced just now.
+
+        Raises:
+            CaptureError: it died or hangs and may not be replaced.
+        """
+        try:
+            return self._client.poll()
+        except CaptureError as error:
+            if self._first is None or not self._client.may_restart:
+                raise
+            cause = f"{self._name} {error.what}"
+        number, time_s, stamp_s = self._last
+        point = RestartPoint.after(self._first, (number, time_s), stamp_s)
+        if self._on_restart is not None:
+            self._on_restart(point, cause)
+        self._client.restart(after=point.table(), cause=cause)
+        return []
