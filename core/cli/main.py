@@ -89,17 +89,17 @@ def _command(name: str) -> ModuleType:
 
             return demo
         case "calibrate":
-            from .calibrate import cameras
+            from .calibrate import command as calibrate
 
-            return cameras
+            return calibrate
         case "track":
             from . import track
 
             return track
         case "take":
-            from .take import info_export
+            from .take import command as take
 
-            return info_export
+            return take
         case "database":
             from . import database
 
@@ -121,9 +121,9 @@ def _command(name: str) -> ModuleType:
 
             return vmc
         case "batch":
-            from .batch import command
+            from .batch import command as batch
 
-            return command
+            return batch
         case "simulate":
             from . import simulate
 

@@ -7,13 +7,10 @@ pickles.
 import json
 import queue
 import re
-import struct
-import subprocess
 import sys
 from collections import deque
 from collections.abc import Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -28,9 +25,8 @@ from ..errors import DatabaseError, PerfanimError
 from ..formats.motion.motion_sources import MotionFile
 from ..formats.motion.read_motion import read_motion_parts
 from ..geometry import rotations as rot
-from ..system import helper_process
+from ..system.json_process import JsonProcess
 
-_LENGTH = struct.Struct("<I")
 _SKELETON_ARRAYS = ("parents", "offsets_m", "tips_m", "angle_axes")
 _AHEAD = 8  # files per process that may be read before they are taken
 
@@ -117,30 +113,19 @@ class _ReaderProcess:
 
     def __init__(self) -> None:
         self._skeletons: list[Skeleton] = []
-        self._process = subprocess.Popen(
-            helper_process.command(sys.executable), stdin=subprocess.PIPE, stdout=subprocess.PIPE
-        )
-        self._send(helper_process.order(serve))
-
-    def _send(self, line: str) -> None:
-        assert self._process.stdin is not None  # noqa: S101  # it was asked for
-        try:
-            self._process.stdin.write(line.encode() + b"\n")
-            self._process.stdin.flush()
-        except OSError:
-            raise _died() from None
-
-    def _receive(self, count: int) -> bytearray:
-        assert self._process.stdout is not None  # noqa: S101  # it was asked for
-        data = bytearray(count)
-        if self._process.stdout.readinto(data) != count:  # type: ignore[attr-defined]  # a BufferedReader has it
-            raise _died()
-        return data
+        self._process = JsonProcess(serve)
+        self.kill, self.close = self._process.kill, self._process.close
 
     def read(self, task: Sequence[Any]) -> ReadFile:
-        """Return the result of one file."""
-        self._send(json.dumps(task))
-        header = json.loads(self._receive(_LENGTH.unpack(self._receive(_LENGTH.size))[0]))
+        """Return the clips and defects of one file."""
+        try:
+            return self._read(task)
+        except BrokenPipeError:
+            advice = "build with --workers 1"
+            raise DatabaseError("a process that reads motion files died", advice=advice) from None
+
+    def _read(self, task: Sequence[Any]) -> ReadFile:
+        header = json.loads(self._process.ask(json.dumps(task)))
         for row in header["new_skeletons"]:
             parents, offsets_m, tips_m, axes = (np.array(row[name]) for name in _SKELETON_ARRAYS)
             self._skeletons.append(
@@ -150,23 +135,10 @@ class _ReaderProcess:
         for row in header["clips"]:
             skeleton = self._skeletons[row["skeleton"]]
             frames, joints = row["frames"], len(skeleton)
-            rotations = np.frombuffer(self._receive(frames * joints * 16), np.float32).reshape(frames, joints, 4)
-            positions = np.frombuffer(self._receive(frames * 12), np.float32).reshape(frames, 3)
+            rotations = np.frombuffer(self._process.read(frames * joints * 16), np.float32).reshape(frames, joints, 4)
+            positions = np.frombuffer(self._process.read(frames * 12), np.float32).reshape(frames, 3)
             clips.append(ReadClip(row["name"], row["first_frame"], row["source_fps"], skeleton, rotations, positions))
         return ReadFile(tuple(clips), tuple(header["defects"]), header["reason"], header["line"])
-
-    def kill(self) -> None:
-        """End the process at once."""
-        self._process.kill()
-
-    def close(self) -> None:
-        """Forget the process, once nobody reads from it."""
-        with suppress(OSError):  # a request that was not taken
-            self._process.communicate()
-
-
-def _died() -> Exception:
-    return DatabaseError("a process that reads motion files died", advice="build with --workers 1")
 
 
 def read_file(path: str, skeleton: str, name: str, fps: float, shortest: int) -> ReadFile:
@@ -229,7 +201,7 @@ class _Sender:
         ]
         facts = {"clips": rows, "new_skeletons": new, "defects": result.defects}
         header = json.dumps(facts | {"reason": result.reason, "line": result.line}).encode()
-        self._stream.write(_LENGTH.pack(len(header)) + header)
+        self._stream.write(header + b"\n")
         for clip in result.clips:
             self._stream.write(clip.rotations.data)
             self._stream.write(clip.root_positions_m.data)

@@ -1,15 +1,11 @@
-"""Tasks done by several processes at once."""
+"""Tasks of a batch in several processes at once."""
 
-import os
 import queue
-import subprocess
-import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
-from contextlib import suppress
 
-from ...system import helper_process
+from ...system.json_process import JsonProcess
 from .take_record import Record, Task, failed
 
 # sums of several threads differ in their last bits, and the results of a batch must not
@@ -17,13 +13,13 @@ _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THR
 
 
 def in_processes(serve: Callable[[], None], jobs: int, tasks: Sequence[Task]) -> Generator[Record, None, None]:
-    """Yield what comes of tasks, as it comes.
+    """Yield the records of tasks in the order in which they finish.
 
     Args:
-        serve: function at the top level of a module that serves tasks: a line of JSON each on standard
+        serve: function at the top level of a module that does tasks: a line of JSON each on standard
             input, a line of JSON each as answer.
         jobs: processes; one that dies is replaced, and its take is bad.
-        tasks: in the order in which they are begun, but for those of one performer, which a process keeps.
+        tasks: in the order in which they begin, except that a process keeps to the tasks of one performer.
     """
     open_tasks, records = _OpenTasks(tasks), queue.SimpleQueue[Record]()
     workers = [_Worker(serve) for _ in range(min(jobs, len(tasks)))]
@@ -43,76 +39,67 @@ def in_processes(serve: Callable[[], None], jobs: int, tasks: Sequence[Task]) ->
 
 
 def _keep_busy(worker: "_Worker", open_tasks: "_OpenTasks", records: queue.SimpleQueue[Record]) -> None:
-    """Have a process do takes until none is left."""
-    task = open_tasks.after(None)
+    task = open_tasks.next_after(None)
     while task is not None:
         records.put(worker.run(task))
-        task = open_tasks.after(task)
+        task = open_tasks.next_after(task)
     worker.close()
 
 
 class _OpenTasks:
-    """Takes that nobody has begun. Each process gets such as it did before, whose performer it has prepared."""
+    """Tasks not begun, by performer: a process prepares its performer once."""
 
     def __init__(self, tasks: Sequence[Task]) -> None:
         self._lock = threading.Lock()
         self._left: dict[tuple[str, ...], deque[Task]] = {}
         self._begun: set[tuple[str, ...]] = set()
         for task in tasks:
-            self._left.setdefault(_kind(task), deque()).append(task)
+            self._left.setdefault(_performer(task), deque()).append(task)
 
-    def after(self, last: Task | None) -> Task | None:
+    def next_after(self, last: Task | None) -> Task | None:
         """Return a task for the process that did `last`, None when none is left."""
         with self._lock:
             if not self._left:
                 return None
-            kind = _kind(last) if last is not None else None
-            if kind not in self._left:
-                # one that no process has begun, else that of which most are left
-                kind = max(self._left, key=lambda kind: (kind not in self._begun, len(self._left[kind])))
-            self._begun.add(kind)
-            task = self._left[kind].popleft()
-            if not self._left[kind]:
-                del self._left[kind]
+            performer = _performer(last) if last is not None else None
+            if performer not in self._left:
+                # one that no process has begun, else the one with most tasks left
+                performer = max(self._left, key=lambda each: (each not in self._begun, len(self._left[each])))
+            self._begun.add(performer)
+            task = self._left[performer].popleft()
+            if not self._left[performer]:
+                del self._left[performer]
             return task
 
     def clear(self) -> None:
-        """Forget those that are left."""
+        """Forget the tasks that are left."""
         with self._lock:
             self._left.clear()
 
 
-def _kind(task: Task) -> tuple[str, ...]:
+def _performer(task: Task) -> tuple[str, ...]:
     return tuple(task.take.options_of("solve"))
 
 
 class _Worker:
-    """A process that does one task after another; when it dies, another takes its place."""
+    """Does one task after another in a process; when it dies, another takes its place."""
 
     def __init__(self, serve: Callable[[], None]) -> None:
         self._serve = serve
         self._lock = threading.Lock()
-        self._process: subprocess.Popen[str] | None = None
+        self._process: JsonProcess | None = None
         self._is_killed = False
 
     def run(self, task: Task) -> Record:
-        """Return what comes of a task."""
-        answer = ""
+        """Return the record of a task."""
         try:
-            process = self._started()
-            if process.stdin is not None and process.stdout is not None:
-                process.stdin.write(task.text() + "\n")
-                process.stdin.flush()
-                answer = process.stdout.readline()
-        except OSError:  # it does not listen any more
-            pass
-        if answer:
-            return Record.of_text(answer)
-        self.close()
-        return failed(task.take, "its process ended without a word: too little memory, or a fault of a library")
+            return Record.of_text(self._running_process().ask(task.text()))
+        except BrokenPipeError:
+            self.close()
+            return failed(task.take, "its process ended without a message: too little memory, or a library crashed")
 
     def kill(self) -> None:
-        """End the process for good, whatever it is doing; asked by another thread."""
+        """End the process for good, from another thread than `run`."""
         with self._lock:
             self._is_killed = True
             if self._process is not None:
@@ -123,19 +110,12 @@ class _Worker:
         with self._lock:
             process, self._process = self._process, None
         if process is not None:
-            process.kill()
-            with suppress(OSError):  # a request that was not taken
-                process.communicate()
+            process.close()
 
-    def _started(self) -> "subprocess.Popen[str]":
+    def _running_process(self) -> JsonProcess:
         with self._lock:
             if self._is_killed:
                 raise BrokenPipeError
             if self._process is None:
-                self._process = subprocess.Popen(
-                    helper_process.command(sys.executable), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-                    encoding="utf-8", env={**os.environ, **_ONE_THREAD},
-                )  # fmt: skip
-                if self._process.stdin is not None:
-                    self._process.stdin.write(helper_process.order(self._serve) + "\n")
+                self._process = JsonProcess(self._serve, _ONE_THREAD)
             return self._process

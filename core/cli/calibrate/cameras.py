@@ -1,32 +1,17 @@
-"""`perfanim calibrate`: cameras, the board to print, the subject, a prop, cameras anew from a take."""
+"""`perfanim calibrate cameras`: intrinsics, distortion and relative poses from a board."""
 
 import argparse
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...errors import SettingsError
-from . import floor, prop, refine, subject
-
-if TYPE_CHECKING:
-    from ...vision.calibration.calibrate import CalibrationResult
 
 Progress = Callable[[float, str], None]
 
 
-def add_parser(subparsers: Any) -> None:
-    """Add the `calibrate` command group."""
-    parser = subparsers.add_parser("calibrate", help="calibrate cameras, a subject or a prop, print a board")
-    group = parser.add_subparsers(metavar="WHAT", required=True)
-    _add_cameras(group)
-    _add_board(group)
-    subject.add_parser(group)
-    prop.add_parser(group)
-    floor.add_parser(group)
-    refine.add_parser(group)
-
-
-def _add_cameras(group: Any) -> None:
+def add_parser(group: Any) -> None:
+    """Add `cameras` to the `calibrate` group."""
     parser = group.add_parser("cameras", help="intrinsics, distortion and relative pose from pictures of a board")
     parser.add_argument(
         "--left", metavar="GLOB", help="pictures of the left camera: a folder or a pattern in quotes; or a video"
@@ -52,20 +37,14 @@ def _add_cameras(group: Any) -> None:
         "--points", metavar="FILE", help="instead of pictures: JSON of board points already found (mm and pixels)"
     )
     parser.add_argument("--out", metavar="cameras.toml", required=True, help="the calibration to write")
-    parser.set_defaults(run=run_cameras)
+    parser.set_defaults(run=run)
 
 
-def _add_board(group: Any) -> None:
-    parser = group.add_parser("board", help="write the board as a PDF to print")
-    parser.add_argument("--spec", "--board", metavar="SPEC", required=True, help="as for `calibrate cameras`")
-    parser.add_argument("--out", metavar="board.pdf", required=True, help="the PDF to write")
-    parser.set_defaults(run=run_board)
-
-
-def run_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Calibrate, write the rig, return the summary."""
     from ...geometry.rig_file import save_rig
     from ...vision.calibration.calibrate import calibrate_from_points
+    from ...vision.calibration.calibration_summary import calibration_summary
 
     if args.points:
         from ...vision.calibration.board_points import load_board_points
@@ -83,34 +62,7 @@ def run_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         square_m = board.square_m
         result = _from_files(patterns, board, progress, left_right=bool(args.left))
     save_rig(result.rig, args.out)
-    return {**summary_of(result, square_m), "out": str(args.out)}
-
-
-def summary_of(result: "CalibrationResult", square_m: float = 0.0) -> dict[str, Any]:
-    """Return what is told of a calibration; `square_m` is the board's square, 0 where it is not known."""
-    summary: dict[str, Any] = {
-        "verdict": result.verdict,
-        "stereo_rms_px": result.stereo_rms_px,
-        "held_out_rms_px": result.held_out_px,
-        "rms_px": dict(result.rms_px),
-        "coverage": dict(result.coverage),
-        "used": len(result.used),
-        "rejected": [{"picture": row.picture, "reason": row.reason} for row in result.rejected],
-        "views_px": {name: _of_camera(result.views_px, name) for name in result.rms_px},
-        "advice": list(result.advice),
-    }
-    if len(result.rig) > 1:
-        summary["baseline_mm"] = result.baseline_m * 1000.0
-        summary["distance_sigma_percent"] = 100.0 * result.distance_sigma
-    if result.late_s:
-        summary["late_ms"] = {name: 1000.0 * late for name, late in result.late_s.items()}
-    if square_m and len(result.rig) > 1:
-        summary["baseline_squares"] = result.baseline_m / square_m
-    return summary
-
-
-def _of_camera(views_px: Mapping[tuple[str, str], float], name: str) -> dict[str, float]:
-    return {picture: error for (picture, camera), error in views_px.items() if camera == name}
+    return {**calibration_summary(result, square_m), "out": str(args.out)}
 
 
 def _from_files(patterns: dict[str, str], board: Any, progress: Progress, *, left_right: bool) -> Any:
@@ -142,12 +94,3 @@ def _patterns(args: argparse.Namespace) -> dict[str, str]:
     if not patterns:
         raise SettingsError("pictures of the board are needed", advice="give --left and --right, or --camera")
     return patterns
-
-
-def run_board(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Write the board's PDF."""
-    from ...vision.calibration.board import parse_board
-    from ...vision.calibration.board_pdf import write_board_pdf
-
-    paper = write_board_pdf(parse_board(args.spec), args.spec, args.out)
-    return {"out": str(args.out), "paper": paper}

@@ -1,6 +1,6 @@
-"""The performer recorded in the calibration poses and measured from them, in one go.
+"""Record a performer's calibration poses and calibrate the subject from them.
 
-Request: what `record_pose` takes, and "name" (of the performer) and "subject_out" (subject to write). The RESULT is
+Request: that of `record_pose`, and "name" (of the performer) and "subject_out" (subject to write). The RESULT is
 that of `record_pose` with "subject" (the file), "residual_mm", "verdict" and "advice".
 """
 
@@ -14,17 +14,17 @@ from ...subjects.pose_calibration import calibrate_subject, pose_points
 from ...system.assets import SKELETONS
 from ..channel import Channel
 from .cameras import Stopped
-from .record_pose import recorded
+from .record_pose import record_poses
 
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:
-    """Record and calibrate; there is no RESULT when a stop was asked for.
+    """Record and calibrate; there is no RESULT after a STOP.
 
     Raises:
         PerfanimError: the source cannot be opened or used, does not show the performer, or a pose was not held.
     """
     try:
-        take, result = recorded(request, channel)
+        take, result = record_poses(request, channel)
     except Stopped:
         return
     channel.send_status("measuring the performer")

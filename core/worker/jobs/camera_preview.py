@@ -1,4 +1,4 @@
-"""Pictures of what the cameras see, for Blender to show: small, few, and only when they were asked for.
+"""Small pictures of the cameras' images for Blender to show.
 
 Request: "preview" (true to send them).
 """
@@ -20,7 +20,7 @@ _EVERY_S = 0.2
 
 
 class PreviewSender:
-    """Sends the cameras' images side by side, at most five times a second; nothing at all if nobody asked for it."""
+    """Sends the cameras' images side by side, five times a second, if requested."""
 
     def __init__(self, request: Mapping[str, Any], channel: Channel) -> None:
         self._channel = channel

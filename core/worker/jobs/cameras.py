@@ -1,11 +1,11 @@
-"""The cameras' process: images to marker frames until STOP or the end of the source.
+"""Images to marker frames until STOP or the end of the source.
 
-Request: "source" (see `sources.spec`), "rig" (calibration file; null for the simulated performer, whose cameras are
-known), "background_s" (seconds in which the empty room is learned, cameras only), "threshold" (grey levels or null),
-"in_flight" (frames that may be on their way; null: no limit. Cameras cannot wait, all other sources can), "preview"
-(see `preview`), "background_file" (where the backgrounds are kept for a process that takes this one's place).
-Of a process that takes another's place also "after": number of the last frame that was handed over. Its backgrounds
-are the other's, as the performer stands before the cameras now.
+Request: "source" (see `sources.spec`), "rig" (calibration file; null for the simulated performer with known cameras),
+"background_s" (seconds to learn the empty room, cameras only), "threshold" (grey levels or null), "in_flight" (frames
+that may be on their way; null: no limit. Cameras cannot wait, all other sources can), "preview" (see `camera_preview`),
+"background_file" (keeps the backgrounds for a process that takes this one's place).
+A process that takes another's place also gets "after" (`RestartPoint` as a table). It uses the other's backgrounds, as
+the performer stands before the cameras now.
 """
 
 import time
@@ -43,12 +43,12 @@ _FREED_S = 5.0  # in which a process that was replaced gives the cameras back
 _RETRY_S = 0.1
 
 
-class Stopped(Exception):  # noqa: N818 - no error: somebody asked for the end
-    """A stop was asked for before the work was done."""
+class Stopped(Exception):  # noqa: N818 - no error: the end was requested
+    """A stop was requested before the work was done."""
 
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:
-    """Hand over marker frames.
+    """Send marker frames.
 
     Raises:
         PerfanimError: the source cannot be opened, stops giving images, or does not fit the calibration.
@@ -57,7 +57,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     # images of this size are done before a second thread has begun, and Blender draws on the other core
     cv2.setNumThreads(1)
     try:
-        with opened(request, channel) as (source, pipeline):
+        with open_pipeline(request, channel) as (source, pipeline):
             channel.send_status("waiting for images")
             for warning in getattr(source, "warnings", ()):
                 channel.send_warning(warning)
@@ -75,7 +75,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
 
 
 class _Images:
-    """Image sets until a stop is asked for; `newest` are the images of the last."""
+    """Image sets until a stop is requested; `newest` are the images of the last."""
 
     def __init__(self, stop: Event, images: Iterable[ImageSetLike]) -> None:
         self.newest: tuple[Image, ...] = ()
@@ -91,11 +91,11 @@ class _Images:
 
 
 @contextmanager
-def opened(request: Mapping[str, Any], channel: Channel) -> Iterator[tuple[ImageSource, MarkerPipeline]]:
+def open_pipeline(request: Mapping[str, Any], channel: Channel) -> Iterator[tuple[ImageSource, MarkerPipeline]]:
     """Yield the source and its pipeline with the backgrounds learned.
 
     Raises:
-        Stopped: a stop was asked for meanwhile. PerfanimError: the source cannot be opened or lacks a calibration.
+        Stopped: a stop was requested meanwhile. PerfanimError: the source cannot be opened or lacks a calibration.
     """
     spec = dict(request["source"])
     channel.send_status("opening the cameras")
@@ -119,7 +119,7 @@ def _takes_place(request: Mapping[str, Any]) -> bool:
 
 
 def _open_when_free(spec: Mapping[str, Any], channel: Channel) -> ImageSource:
-    """Open a source that the process before may not have given back yet; errors as `open_source`."""
+    """Open a source that the process before may still hold; errors as `open_source`."""
     limit_s = time.monotonic() + _FREED_S
     while True:
         try:
@@ -144,7 +144,7 @@ def _read_backgrounds(path: Path) -> list[Background]:
 
 
 def _remaining(request: Mapping[str, Any], source: Any) -> Iterable[ImageSetLike]:
-    """Return the images that were not handed over by the process before."""
+    """Return the images that the process before did not process."""
     if request.get("after") is None or not is_repeatable(request):
         return source
     after = int(request["after"]["number"])
@@ -164,7 +164,7 @@ def _rig(request: Mapping[str, Any], source: ImageSource) -> CameraRig:
 
 
 def _learn(pipeline: MarkerPipeline, source: Any, kind: str, seconds: float, channel: Channel) -> None:
-    """Learn the backgrounds in the way that the kind of source allows."""
+    """Learn the backgrounds as the kind of source allows."""
     if kind == "simulated":
         pipeline.learn_empty(_reported(source.background_frames(_EMPTY_FRAMES), _EMPTY_FRAMES, "", channel))
     elif kind == "cameras":
@@ -172,7 +172,7 @@ def _learn(pipeline: MarkerPipeline, source: Any, kind: str, seconds: float, cha
         pipeline.learn_empty(_reported(source.samples(count), count, ": stay out of sight", channel))
     else:
         moments = list(_reported(source.samples(_SPREAD_FRAMES), _SPREAD_FRAMES, "", channel))
-        if moments:  # a stream cannot be looked through beforehand
+        if moments:  # a stream cannot be read beforehand
             pipeline.learn_from_take(moments)
 
 

@@ -1,11 +1,11 @@
-"""The cameras calibrated from a board that somebody carries before them.
+"""Calibrate the cameras from a board carried before them.
 
 Request: "source" (see `sources.spec`), "board" (its SPEC), "limit" (views at which it ends though the result is not
 good), "every_s" (null: a view is taken when the board is held still; else seconds between two views), "out" (folder;
-gets a folder for each camera with the pictures taken), "preview" (see `preview`).
+gets a folder for each camera with the pictures taken), "preview" (see `camera_preview`).
 
 A STOP ends it with the views taken so far. The RESULT is that of `perfanim calibrate cameras`, "pictures", the
-folders, and "rig", the calibration as tables: whoever asked writes it, so that one that was cancelled replaces none.
+folders, and "rig", the calibration as tables: Blender writes it, so that a cancelled calibration replaces none.
 """
 
 import time
@@ -19,7 +19,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...cli.calibrate.cameras import summary_of
 from ...errors import CaptureError
 from ...geometry.rig_file import rig_tables
 from ...simulate.studio.boards import CarriedBoard, board_poses
@@ -29,6 +28,7 @@ from ...system.files import atomic_path
 from ...vision.calibration.board import Board, parse_board
 from ...vision.calibration.board_preview import draw_corners, draw_coverage, draw_taken, draw_wanted
 from ...vision.calibration.board_session import BoardSession, Sight
+from ...vision.calibration.calibration_summary import calibration_summary
 from ...vision.sources.image_set import camera_title, moment_of, usable_images
 from ...vision.sources.spec import ImageSetLike, ImageSource
 from ..channel import Channel
@@ -42,14 +42,14 @@ _SHOWN_S = 0.6  # that a view was taken
 
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:
-    """Calibrate; the RESULT says how good it is.
+    """Calibrate and send the RESULT.
 
     Raises:
         PerfanimError: the source cannot be opened or used, or does not show the board.
     """
     board, folder = parse_board(request["board"]), Path(request["out"])
     channel.send_status("opening the cameras", 0.0)
-    source = _opened(request["source"], board)
+    source = _open(request["source"], board)
     try:
         with ThreadPoolExecutor(1) as later:
             images = iter(source)
@@ -57,7 +57,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
             if first is None:
                 raise CaptureError("the cameras gave no images", advice="check the source")
             names, titles = camera_names(len(first.images))
-            folders = [_emptied(folder / name) for name in names]
+            folders = [_empty_folder(folder / name) for name in names]
             every_s = None if request.get("every_s") is None else float(request["every_s"])
             session = BoardSession(board, names, titles, later.submit, int(request["limit"]), every_s)
             _watch(chain([first], images), session, folders, PreviewSender(request, channel), channel)
@@ -65,18 +65,18 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
             result = session.finish()
     finally:
         source.close()
-    summary = summary_of(result, board.square_m)
+    summary = calibration_summary(result, board.square_m)
     channel.send_result({**summary, "rig": rig_tables(result.rig), "pictures": [str(path) for path in folders]})
 
 
 def camera_names(count: int) -> tuple[list[str], list[str]]:
-    """Return the names of so many cameras, and what they are called in sentences."""
+    """Return the names of the cameras, and their names in sentences."""
     names = ["left", "right"] if count == 2 else [f"camera{index + 1}" for index in range(count)]
     titles = [camera_title(index, names) for index in range(count)]
     return names, titles if count == 2 else ["the camera"] if count == 1 else [f"camera {i + 1}" for i in range(count)]
 
 
-def _emptied(folder: Path) -> Path:
+def _empty_folder(folder: Path) -> Path:
     """Return a folder without the pictures of an earlier calibration."""
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob("*.png"):
@@ -84,7 +84,7 @@ def _emptied(folder: Path) -> Path:
     return folder
 
 
-def _opened(spec: Mapping[str, Any], board: Board) -> ImageSource:
+def _open(spec: Mapping[str, Any], board: Board) -> ImageSource:
     if spec.get("kind") != "simulated":
         return open_source(spec)
     rig = default_rig(int(spec.get("cameras", 2)))
@@ -98,8 +98,8 @@ def _watch(
     preview: PreviewSender,
     channel: Channel,
 ) -> None:
-    """Show the session all images until it is done, a stop is asked for, or they are over."""
-    said, taken_s = ("", -1), -_SHOWN_S
+    """Pass images to the session until it is done, a stop, or the source's end."""
+    sent, taken_s = ("", -1), -_SHOWN_S
     for image_set in images:
         if channel.stop_requested.is_set():
             return
@@ -113,8 +113,8 @@ def _watch(
             if sight.look is not None:
                 preview.send(image_set.images, _Drawing(session, sight, time.monotonic() - taken_s < _SHOWN_S).draw)
             advice = advice or sight.advice
-        if (advice, session.views) != said:
-            said = (advice, session.views)
+        if (advice, session.views) != sent:
+            sent = (advice, session.views)
             channel.send_status(advice, session.fraction, heading=_heading(session))
         if session.done:
             return
@@ -126,7 +126,7 @@ def _heading(session: BoardSession) -> str:
 
 
 class _Drawing:
-    """Draws what was found into each camera's reduced picture."""
+    """Draws the board and the coverage into each camera's reduced picture."""
 
     def __init__(self, session: BoardSession, sight: Sight, taken: bool) -> None:
         self._session = session
@@ -134,7 +134,7 @@ class _Drawing:
         self._taken = taken
 
     def draw(self, camera: int, picture: Image, image_width: int) -> None:
-        """Draw into the picture (BGR) of a camera, whose image is `image_width` wide."""
+        """Draw into the picture (BGR) of a camera with images `image_width` wide."""
         draw_coverage(picture, self._session.coverage[camera])
         view = self._sight.look.views[camera] if self._sight.look is not None else None
         if view is not None:

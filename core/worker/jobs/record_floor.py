@@ -1,8 +1,8 @@
-"""The floor, found from the board lying on it.
+"""Find the floor from the board lying on it.
 
-Request: "source" (see `sources.spec`), "board" (its SPEC), "rig" (calibration file), "preview" (see `preview`).
-The RESULT has "rig", the calibration as tables in a world whose floor is y = 0 and whose origin is the board's middle,
-and "scale", how large the board is by the calibration against its SPEC. There is none when a stop was asked for.
+Request: "source" (see `sources.spec`), "board" (its SPEC), "rig" (calibration file), "preview" (see `camera_preview`).
+The RESULT has "rig", the calibration as tables in a world with its origin in the board's middle and its floor at y = 0,
+and "scale", size of the board by the calibration / by its SPEC. There is none after a STOP.
 """
 
 from collections.abc import Mapping
@@ -39,7 +39,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     """
     board, rig = parse_board(request["board"]), load_rig(str(request["rig"]))
     channel.send_status("opening the cameras", 0.0)
-    source = _opened(request["source"], board)
+    source = _open(request["source"], board)
     try:
         look = _still_board(source, board, PreviewSender(request, channel), channel)
     finally:
@@ -53,15 +53,15 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     channel.send_result({"rig": rig_tables(rig_on_floor(rig, points_m)), "scale": scale})
 
 
-def _opened(spec: Mapping[str, Any], board: Board) -> ImageSource:
+def _open(spec: Mapping[str, Any], board: Board) -> ImageSource:
     if spec.get("kind") != "simulated":
         return open_source(spec)
     return CarriedBoard(Renderer(default_rig(int(spec.get("cameras", 2)))), board, [board_on_floor(board)[0]])
 
 
 def _still_board(source: ImageSource, board: Board, preview: PreviewSender, channel: Channel) -> Look | None:
-    """Return what is seen once the board lies still before all cameras, None when a stop is asked for first."""
-    watch, said = BoardWatch(board, find_board), ""
+    """Return the views of the board once it lies still; None after a STOP."""
+    watch, sent = BoardWatch(board, find_board), ""
     for image_set in source:
         if channel.stop_requested.is_set():
             return None
@@ -72,8 +72,8 @@ def _still_board(source: ImageSource, board: Board, preview: PreviewSender, chan
             if look.still:
                 return look
             advice = advice or ("let it lie still" if look.together else _show_it(look))
-        if advice != said:
-            said = advice
+        if advice != sent:
+            sent = advice
             channel.send_status(advice)
     raise CalibrationError(
         "the cameras did not see the board lying still together", advice="lay it where they all see the whole of it"

@@ -1,10 +1,9 @@
-"""The floor, and if wanted the scale, found from markers lying on it.
+"""Find the floor, and optionally the scale, from markers lying on it.
 
-Request: what `camera_job` takes, and "height_m" (of the markers' middles above the floor) and "longest_m" (between the
-two that lie farthest apart, as measured; null: the calibration's scale is kept).
-The RESULT has "rig", the calibration as tables in a world whose floor is y = 0 and whose origin is the markers' middle,
-"markers", how many they were, and "scale", the factor that the calibration was scaled by. There is none when a stop was
-asked for.
+Request: that of `cameras`, and "height_m" (of the markers' middles above the floor) and "longest_m" (measured between
+the two farthest apart; null: the calibration's scale is kept).
+The RESULT has "rig", the calibration as tables in a world with its origin in the markers' middle and its floor at
+y = 0, "markers", their number, and "scale", the factor applied to the calibration. There is none after a STOP.
 """
 
 from collections.abc import Iterator, Mapping
@@ -27,7 +26,7 @@ from ...vision.sources.spec import ImageSource
 from ..channel import Channel
 from ..source_traits import is_simulated
 from .camera_preview import PreviewSender
-from .cameras import Stopped, opened
+from .cameras import Stopped, open_pipeline
 
 _EMPTY_FRAMES = 30  # of the simulated room
 
@@ -39,8 +38,8 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
         PerfanimError: the source cannot be opened or used, or does not show markers that lie still.
     """
     try:
-        with _opened(request, channel) as (source, pipeline):
-            watch = _watched(source, pipeline, PreviewSender(request, channel), channel)
+        with _open(request, channel) as (source, pipeline):
+            watch = _watch(source, pipeline, PreviewSender(request, channel), channel)
     except Stopped:
         return
     if watch.points_m is None:
@@ -53,9 +52,9 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
 
 
 @contextmanager
-def _opened(request: Mapping[str, Any], channel: Channel) -> Iterator[tuple[ImageSource, MarkerPipeline]]:
+def _open(request: Mapping[str, Any], channel: Channel) -> Iterator[tuple[ImageSource, MarkerPipeline]]:
     if not is_simulated(request):
-        with opened(request, channel) as pair:
+        with open_pipeline(request, channel) as pair:
             yield pair
         return
     source = FloorMarkers(default_rig(int(request["source"].get("cameras", 2))))
@@ -65,9 +64,9 @@ def _opened(request: Mapping[str, Any], channel: Channel) -> Iterator[tuple[Imag
     yield source, pipeline
 
 
-def _watched(source: ImageSource, pipeline: MarkerPipeline, preview: PreviewSender, channel: Channel) -> FloorWatch:
-    """Return what has watched the markers until they lay still, or until the source's end."""
-    watch, said = FloorWatch(), ""
+def _watch(source: ImageSource, pipeline: MarkerPipeline, preview: PreviewSender, channel: Channel) -> FloorWatch:
+    """Watch the markers until they lie still, or until the source's end."""
+    watch, sent = FloorWatch(), ""
     thresholds = [detector.threshold for detector in pipeline.detectors]
     for images in source:
         if channel.stop_requested.is_set():
@@ -80,7 +79,7 @@ def _watched(source: ImageSource, pipeline: MarkerPipeline, preview: PreviewSend
         if watch.points_m is not None:
             break
         advice = "; ".join(getattr(images, "notes", ())) or watch.advice
-        if advice != said:
-            said = advice
+        if advice != sent:
+            sent = advice
             channel.send_status(advice)
     return watch

@@ -1,11 +1,11 @@
-"""The performer in calibration poses, one after the other, from which the subject is calibrated.
+"""Record the performer in calibration poses, one after the other.
 
-Request: what `camera_job` takes, and "marker_set" (name or file), "poses" (of `POSES`, upright one first),
-"countdown_s" (time to take the first pose, cameras only), "between_s" (time from each pose to the next), "seconds" (how
-long each is held), "out" (take to write), "floor_out" (calibration to write in a world with the floor where the feet
-stand, if the present one has no floor).
+Request: that of `cameras`, and "marker_set" (name or file), "poses" (of `POSES`, upright one first), "countdown_s"
+(time to take the first pose, cameras only), "between_s" (time from each pose to the next), "seconds" (how long each is
+held), "out" (take to write), "floor_out" (calibration to write in a world with the floor under the feet, if the present
+one has no floor).
 
-The take goes on between the poses, so that its trajectories do; `pose_points` finds the poses in it.
+The take continues between the poses, so that its trajectories do; `pose_points` finds the poses in it.
 """
 
 import math
@@ -31,29 +31,30 @@ from ...vision.calibration.floor import rig_on_floor
 from ...vision.sources.spec import ImageSetLike, ImageSource
 from ..channel import Channel
 from ..source_traits import is_live, is_simulated
-from .cameras import Stopped, opened
+from .cameras import Stopped, open_pipeline
 from .countdown import Line, count_down
 
 _LONGEST_S = 60.0  # of a recording in which poses are looked for
 
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:
-    """Record; the RESULT says what was written, and there is none when a stop was asked for.
-
+    """Record and send a RESULT with the files written; none after a STOP.
     Raises:
         PerfanimError: the source cannot be opened or used, or does not show the performer.
     """
     try:
-        channel.send_result(recorded(request, channel)[1])
+        channel.send_result(record_poses(request, channel)[1])
     except Stopped:
         return
 
 
-def recorded(request: Mapping[str, Any], channel: Channel) -> tuple[MarkerTake, dict[str, Any]]:
-    """Write a take of the poses; a floor is found from the feet of the first. Return it and what was written.
+def record_poses(request: Mapping[str, Any], channel: Channel) -> tuple[MarkerTake, dict[str, Any]]:
+    """Write a take of the poses; return it and the RESULT.
+
+    The feet of the first pose give the floor where the calibration has none.
 
     Raises:
-        Stopped: a stop was asked for meanwhile. PerfanimError: as in `run`.
+        Stopped: a stop was requested meanwhile. PerfanimError: as in `run`.
     """
     marker_set = load_marker_set(request["marker_set"])
     poses = [str(pose) for pose in request["poses"]]
@@ -61,11 +62,11 @@ def recorded(request: Mapping[str, Any], channel: Channel) -> tuple[MarkerTake, 
     if is_simulated(request):
         held = {"poses": poses, "held_s": float(request["seconds"])}
         request = {**request, "source": {**request["source"], **held}, "between_s": ARRIVAL_S}
-    with opened(request, channel) as (source, pipeline):
+    with open_pipeline(request, channel) as (source, pipeline):
         frames = [pipeline.process(images) for images in _moments(request, poses, iter(source), channel)]
     rig = pipeline.rig
     channel.send_status("joining the markers to trajectories")
-    take = _tracked(frames, source, marker_set, rig)
+    take = _track(frames, source, marker_set, rig)
     result: dict[str, Any] = {"frames": take.frames, "out": str(request["out"])}
     if request.get("rig") and "floor" not in rig.metadata:
         try:
@@ -83,12 +84,12 @@ def recorded(request: Mapping[str, Any], channel: Channel) -> tuple[MarkerTake, 
 def _moments(
     request: Mapping[str, Any], poses: list[str], images: Iterator[ImageSetLike], channel: Channel
 ) -> Iterator[ImageSetLike]:
-    """Yield the image sets from the first pose to the last, and tell the performer what to do."""
+    """Yield the image sets from the first pose to the last; send the instructions."""
     hold_s, between_s = float(request["seconds"]), float(request["between_s"])
     if is_live(request):
         count_down(images, float(request["countdown_s"]), channel, Line(INSTRUCTIONS[poses[0]]))
     elif not is_simulated(request) and len(poses) > 1:
-        # nobody can be told when: the poses are somewhere in the recording
+        # no instructions can be given: the poses are somewhere in the recording
         yield from _for_seconds(images, _LONGEST_S, channel, lambda left_s: "looking for the markers")
         return
     for number, pose in enumerate(poses):
@@ -121,7 +122,7 @@ def _for_seconds(
         yield image_set
 
 
-def _tracked(frames: list[MarkerFrame], source: ImageSource, marker_set: MarkerSet, rig: CameraRig) -> MarkerTake:
+def _track(frames: list[MarkerFrame], source: ImageSource, marker_set: MarkerSet, rig: CameraRig) -> MarkerTake:
     if not frames:
         raise CaptureError("there were no images of the poses", advice="check the source")
     tracking = track_markers(frames, "calibration", source.fps, len(marker_set))

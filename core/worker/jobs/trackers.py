@@ -1,7 +1,7 @@
-"""In place of the cameras' process where another program sends trackers by VMC: its packets to marker frames.
+"""Trackers of another program, by VMC, to marker frames: in place of the cameras.
 
-Request: "source" (kind "vmc", "port" that is listened to, "sender": name or address of the only computer that is, ""
-for all), "subject" (file: whose markers the trackers are). Of a process that takes another's place also "after".
+Request: "source" (kind "vmc", "port" to listen on, "sender": name or address of the only computer to accept, "" for
+all), "subject" (file of the one who wears the trackers). A process that takes another's place also gets "after".
 """
 
 import time
@@ -16,13 +16,13 @@ from ...markers.subject import load_subject
 from ..channel import Channel
 
 _LOOK_S = 0.1
-_SILENT_S = 1.0  # without a marker for so long, and the reason is told
+_SILENT_S = 1.0  # without a marker until the reason is sent
 _FREED_S = 5.0  # in which a process that was replaced gives the port back
 _RETRY_S = 0.1
 
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:
-    """Hand over marker frames until a stop is asked for.
+    """Send marker frames until STOP.
 
     Raises:
         PerfanimError: the port is taken, the sender is not known, or the subject cannot be read.
@@ -38,11 +38,11 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
             frames = stream.add(packet, now_s) if packet is not None else []
             for frame in frames:
                 channel.send_frame(now_s, frame)
-            silence.look(now_s, bool(frames))
+            silence.update(now_s, bool(frames))
 
 
 def _listening(port: int, sender: str, takes_place: bool, channel: Channel) -> Receiver:
-    """Return the open port, which the process before may not have given back yet."""
+    """Return a receiver on the port; wait while the process before still holds it."""
     limit_s = time.monotonic() + (_FREED_S if takes_place else 0.0)
     while True:
         try:
@@ -53,29 +53,29 @@ def _listening(port: int, sender: str, takes_place: bool, channel: Channel) -> R
 
 
 class _Silence:
-    """Tells why no markers come, once, and that they are back."""
+    """Warns once why no markers come, and once that they are back."""
 
     def __init__(self, receiver: Receiver, stream: TrackerStream, sender: str, channel: Channel) -> None:
         self._receiver, self._stream, self._channel = receiver, stream, channel
         self._from = f" from {sender}" if sender else ""
-        self._told = ""
+        self._warning = ""
         self._hears = self._came = False
         self._since_s = time.perf_counter()
 
-    def look(self, now_s: float, came: bool) -> None:
-        """Take note of whether markers have come."""
+    def update(self, now_s: float, came: bool) -> None:
+        """Note whether markers have come."""
         if came:
-            if self._told:
+            if self._warning:
                 self._channel.send_warning("", standing=True)
-            if self._told and self._came:
+            if self._warning and self._came:
                 self._channel.send_warning(f"the trackers are back after {now_s - self._since_s:.1f} s")
-            self._since_s, self._came, self._told = now_s, True, ""
+            self._since_s, self._came, self._warning = now_s, True, ""
         elif not self._hears and self._stream.gathering.packets > self._stream.gathering.malformed:
             self._hears, self._since_s = True, now_s  # what it sends is known when it has sent all of it once
         elif now_s - self._since_s > _SILENT_S:
             reason = self._reason()
-            if reason != self._told:
-                self._told = reason
+            if reason != self._warning:
+                self._warning = reason
                 self._channel.send_warning(reason, standing=True)
 
     def _reason(self) -> str:

@@ -24,7 +24,7 @@ def serve():
 # as if a library printed something with each take
 LOUD = """
 import os
-from perfanim.core.cli import batch_worker
+from perfanim.core.cli.batch import worker as batch_worker
 
 serve_task = batch_worker.serve_task
 
@@ -56,7 +56,7 @@ def test_a_process_that_dies_costs_its_take_alone(inputs, tmp_path, served, jobs
     result = run(takes, tmp_path / "out", partial(in_processes, served(MORTAL), jobs))
     assert {r.name: r.status for r in result.records} == {"a": "good", "b": "good", "c": BAD, "d": "good"}
     (dead,) = [record for record in result.records if record.status == BAD]
-    assert "ended without a word" in dead.reasons[0]
+    assert "ended without a message" in dead.reasons[0]
     assert not dead.is_kept
     answered = {record.figures["pid"] for record in result.records if record.name != "c"}
     assert len(answered) <= jobs + 1

@@ -98,10 +98,10 @@ from perfanim.core.cli.batch.plan import plan_of
 from perfanim.core.cli.batch.processes import in_processes
 from perfanim.core.cli.batch.plan import plan_of
 from perfanim.core.cli.batch.run import run_batch
-from perfanim.core.cli import batch_worker
+from perfanim.core.cli.batch import worker as batch_worker
 
 def dying(tasks):
-    for number, record in enumerate(in_processes(batch_worker.SERVE, 2, tasks)):
+    for number, record in enumerate(in_processes(batch_worker.serve, 2, tasks)):
         if number == 2:
             os.kill(os.getpid(), signal.SIGKILL)
         yield record

@@ -1,0 +1,24 @@
+"""`perfanim calibrate board`: the board to print."""
+
+import argparse
+from collections.abc import Callable
+from typing import Any
+
+Progress = Callable[[float, str], None]
+
+
+def add_parser(group: Any) -> None:
+    """Add `board` to the `calibrate` group."""
+    parser = group.add_parser("board", help="write the board as a PDF to print")
+    parser.add_argument("--spec", "--board", metavar="SPEC", required=True, help="as for `calibrate cameras`")
+    parser.add_argument("--out", metavar="board.pdf", required=True, help="the PDF to write")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Write the board's PDF."""
+    from ...vision.calibration.board import parse_board
+    from ...vision.calibration.board_pdf import write_board_pdf
+
+    paper = write_board_pdf(parse_board(args.spec), args.spec, args.out)
+    return {"out": str(args.out), "paper": paper}

@@ -1,0 +1,113 @@
+"""`perfanim take export`: motion or markers of a recorded take."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import FormatError, SettingsError, TakeError
+from ...formats.markers.marker_files import WRITABLE, is_recorded, read_take, write_take
+from ...formats.markers.prop_csv import write_prop_csv
+from ...formats.markers.recorded_take import marker_take
+from ...formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_motion
+from ...formats.take_file.reading import ENDING, TakeFile, rate, read_take_file
+from ...session.solve_take import by_performer, resample_uniform
+from ..options import add_motion_options
+
+Progress = Callable[[float, str], None]
+
+
+def add_parser(group: Any) -> None:
+    """Add `export` to the `take` group."""
+    parser = group.add_parser("export", help="motion or markers of a recorded take as they were solved live")
+    parser.add_argument(
+        "take", metavar="TAKE", help=f"recorded take ({ENDING}); one that was cut off gives what it has"
+    )
+    parser.add_argument(
+        "--out",
+        required=True,
+        metavar="FILE",
+        help=f"motion ({', '.join(MOTION_ENDINGS)}) or markers ({', '.join(WRITABLE)})",
+    )
+    add_motion_options(parser)
+    parser.add_argument(
+        "--prop", metavar="NAME", help="instead: where this prop was, as a table (.csv: metres, quaternion w first)"
+    )
+    parser.add_argument(
+        "--performer", metavar="NAME", help="motion of this further performer (default: of the first performer)"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Write the motion or the markers."""
+    out = Path(args.out)
+    endings = (*MOTION_ENDINGS, *WRITABLE)
+    if not out.name.lower().endswith(endings):
+        raise FormatError("has an ending that cannot be written", where=str(out), advice=f"use {', '.join(endings)}")
+    if args.prop is not None and out.suffix.lower() != ".csv":
+        raise SettingsError(f"{out} does not end in .csv", advice="a prop's place is written as a table")
+    progress(0.0, "reading")
+    if not is_recorded(args.take):
+        if args.prop is not None or args.performer is not None:
+            raise FormatError(
+                "holds the markers of one performer and no props",
+                where=str(args.take),
+                advice="only a .perftake has further targets",
+            )
+        markers = read_take(args.take)
+        if is_motion(out):
+            raise FormatError(
+                "holds markers and no motion", where=str(args.take), advice="perfanim solve makes motion of markers"
+            )
+        write_take(markers, out)
+        return {"frames": markers.frames, "fps": markers.fps, "warnings": [], "out": str(out)}
+    take = read_take_file(args.take)
+    warnings = list(take.problems)
+    unsolved = take.frame_count - len(take.poses)
+    if unsolved > 0:
+        warnings.append(f"{unsolved} frames were not solved live and are left out: perfanim solve takes all of them")
+    if args.prop is not None:
+        return _export_prop(take, args.prop, out, warnings)
+    if is_motion(out):
+        index = _performer_index(take, args.performer)
+        subject = (take.setup.worn_subject(), *take.setup.further_subjects())[index]
+        everybody = by_performer([solved.pose for solved in take.recorded_poses])
+        poses = everybody[index] if index < len(everybody) else []
+        motion = resample_uniform(poses, subject, take.notes.name, str(args.take))
+        motion = write_motion(motion, out, args.units, args.naming, args.rate)
+        return {"frames": motion.frames, "fps": motion.fps, "warnings": warnings, "out": str(out)}
+    if args.performer is not None:
+        raise SettingsError("a further performer's motion can be exported, not the markers", where=str(out))
+    markers = marker_take(take)
+    write_take(markers, out)
+    return {"frames": markers.frames, "fps": markers.fps, "warnings": warnings, "out": str(out)}
+
+
+def _performer_index(take: TakeFile, name: str | None) -> int:
+    """Return which performer is meant, 0 for the first; TakeError when there is no such."""
+    if name is None:
+        return 0
+    names = [subject.name for subject in take.setup.further_subjects()]
+    if name in names:
+        return 1 + names.index(name)
+    told = f"they are: {', '.join(names)}" if names else "it was recorded with one; solve it with --performer"
+    raise TakeError(f"has no further performer {name!r}", where=str(take.path), advice=told)
+
+
+def _export_prop(take: TakeFile, name: str, out: Path, warnings: list[str]) -> dict[str, Any]:
+    """Write where a prop was."""
+    names = [prop.name for prop in take.setup.carried_props()]
+    if name not in names:
+        told = f"its props: {', '.join(names)}" if names else "it was recorded without any; solve it with --prop"
+        raise TakeError(f"has no prop {name!r}", where=str(take.path), advice=told)
+    poses = [solved.pose for solved in take.recorded_poses]
+    if len(poses) < 2:
+        raise TakeError(f"has {len(poses)} solved frames", where=str(take.path), advice="solve it again")
+    fps = rate(np.array([pose.time_s for pose in poses]), np.array([pose.number for pose in poses]))
+    index = names.index(name)
+    write_prop_csv(poses, index, name, fps, out)
+    found = sum(pose.props[index].found for pose in poses) / len(poses)
+    return {"frames": len(poses), "fps": fps, "found_fraction": found, "warnings": warnings, "out": str(out)}

@@ -1,0 +1,108 @@
+"""`perfanim take info`: facts about a take, and whether all of it is there."""
+
+import argparse
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ...formats.markers.marker_files import declared_frames, is_recorded, read_take
+from ...formats.take_file.lock import is_locked
+from ...formats.take_file.reading import ENDING, TakeFile, rate, read_take_file
+from ...session.solve_take import by_performer
+
+Progress = Callable[[float, str], None]
+
+
+def add_parser(group: Any) -> None:
+    """Add `info` to the `take` group."""
+    parser = group.add_parser("info", help="what is in a take, and whether all of it is there")
+    parser.add_argument("take", metavar="TAKE", help=f"{ENDING}, .c3d, .trc, .csv, .tsv or .take.npz")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Return what is in a take."""
+    progress(0.0, "reading")
+    return _recorded_info(read_take_file(args.take)) if is_recorded(args.take) else _marker_info(args.take)
+
+
+def _recorded_info(take: TakeFile) -> dict[str, Any]:
+    frames, setup = take.frames, take.setup
+    numbers = np.array([frame.number for frame in frames], dtype=np.int64)
+    times_s = np.array([frame.time_s for frame in frames])
+    subject = setup.worn_subject()
+    rig = setup.camera_rig()
+    poses = [solved.pose for solved in take.poses]
+    return {
+        "format": "recorded take",
+        "name": take.notes.name,
+        "frames": len(frames),
+        "duration_s": float(times_s[-1] - times_s[0]) if len(frames) else 0.0,
+        "fps": rate(times_s, numbers) if len(frames) > 1 else None,
+        "complete": take.complete,
+        "lost_frames": _left_out(numbers),
+        "gaps": len(take.gaps),
+        "gaps_s": sum(gap.seconds for gap in take.gaps),
+        "markers": len(subject.marker_set),
+        "names": list(subject.marker_set.names),
+        "visible_fraction": float(np.mean([np.isfinite(p.observed_m[:, 0]) for p in poses])) if poses else None,
+        "poses": len(poses),
+        "confidence": float(np.mean([pose.confidence for pose in poses])) if poses else None,
+        "cameras": len(rig) if rig is not None else 0,
+        "subject": subject.name,
+        "marker_set": subject.marker_set.name,
+        "database": setup.database.get("path", ""),
+        "props": _props_found(take),
+        "performers": _performers_followed(take),
+        "created": setup.created,
+        "software": setup.software,
+        "notes": take.notes.notes,
+        "rating": take.notes.rating,
+        "character": take.notes.character,
+        "recorded": take.notes.recorded,
+        "events": list(take.events),
+        "bytes": take.path.stat().st_size,
+        "problems": ["it is being recorded"] if is_locked(take.path) else take.problems,
+    }
+
+
+def _props_found(take: TakeFile) -> dict[str, float | None]:
+    """Return in which share of the poses each prop was found."""
+    found = [[prop.found for prop in solved.pose.props] for solved in take.poses]
+    names = [prop.name for prop in take.setup.carried_props()]
+    return {name: float(np.mean([row[i] for row in found])) if found else None for i, name in enumerate(names)}
+
+
+def _performers_followed(take: TakeFile) -> list[dict[str, Any]]:
+    """Return name and mean confidence of each further performer."""
+    others = by_performer([solved.pose for solved in take.poses])[1:]
+    names = [subject.name for subject in take.setup.further_subjects()]
+    confidences = [float(np.mean([pose.confidence for pose in poses])) for poses in others]
+    known = confidences if take.poses else [None] * len(names)
+    return [{"name": name, "confidence": value} for name, value in zip(names, known, strict=True)]
+
+
+def _marker_info(path: str) -> dict[str, Any]:
+    take, declared = read_take(path), declared_frames(path)
+    promised = (
+        f"the header promises {declared} frames: the file was cut off, write it again with the program it is from"
+    )
+    return {
+        "format": "marker take",
+        "name": take.name,
+        "frames": take.frames,
+        "duration_s": float(take.times_s[-1] - take.times_s[0]),
+        "fps": take.fps,
+        "complete": take.frames >= declared,
+        "lost_frames": _left_out(take.frame_numbers) + max(declared - take.frames, 0),
+        "markers": len(take.names),
+        "names": list(take.names),
+        "visible_fraction": float(take.visible.mean()),
+        "problems": [promised] * (take.frames < declared),
+    }
+
+
+def _left_out(numbers: Any) -> int:
+    """Return how many frames are missing between the first and the last."""
+    return int(numbers[-1] - numbers[0]) + 1 - len(numbers) if len(numbers) else 0

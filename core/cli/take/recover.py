@@ -1,0 +1,45 @@
+"""`perfanim take recover`: a whole take of what is intact of a damaged one."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ...errors import FormatError, SettingsError
+from ...formats.markers.marker_files import is_recorded
+from ...formats.take_file.edit import recover
+from ...formats.take_file.reading import ENDING, read_take_file, take_name
+
+Progress = Callable[[float, str], None]
+
+
+def add_parser(group: Any) -> None:
+    """Add `recover` to the `take` group."""
+    parser = group.add_parser(
+        "recover", help="write what is intact of a take that was cut off or damaged as a whole one"
+    )
+    parser.add_argument("take", metavar="TAKE", help=f"recorded take ({ENDING}); it stays as it is")
+    parser.add_argument("--out", metavar="TAKE", help=f"take to write (default: NAME-recovered{ENDING} beside it)")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Write a whole take of what is intact."""
+    path = Path(args.take)
+    out = Path(args.out) if args.out else path.with_name(f"{take_name(path)}-recovered{ENDING}")
+    if not is_recorded(out):
+        raise SettingsError(f"{out} does not end in {ENDING}", advice="or it would not be known as a take")
+    if out.exists() and not args.out:
+        raise FormatError("is there already", where=str(out), advice="give another name with --out")
+    progress(0.0, "reading")
+    take = read_take_file(path)
+    problems = [str(fault) for fault in take.faults]
+    recover(take, out)
+    frames = take.frames
+    return {
+        "frames": len(frames),
+        "poses": len(take.poses),
+        "duration_s": float(frames[-1].time_s - frames[0].time_s) if frames else 0.0,
+        "left_out": problems,
+        "out": str(out),
+    }
