@@ -13,7 +13,7 @@ from ..errors import TakeError
 from ..geometry import rotations as rot
 from ..geometry.camera import CameraRig
 from ..geometry.rigid_transform import kabsch, transform
-from .filtering import smoothed
+from .filtering import smooth_take
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
 
@@ -50,8 +50,8 @@ def floor_points(take: MarkerTake, marker_set: MarkerSet, pose: Callable[[Skelet
     """
     skeleton = default_skeleton()
     upright = upright_rotation(take, marker_set, skeleton, pose(skeleton))
-    calm = smoothed(take, min(_SMOOTHING_HZ, 0.2 * take.fps))
-    stands = _stands(calm, marker_set, skeleton, upright)
+    calm = smooth_take(take, min(_SMOOTHING_HZ, 0.2 * take.fps))
+    stands = _stance_points(calm, marker_set, skeleton, upright)
     if len(stands) < _FEWEST_S * take.fps:
         raise TakeError(
             "no foot stands long enough to find the floor", where=take.name, advice="lay the board on the floor"
@@ -59,7 +59,7 @@ def floor_points(take: MarkerTake, marker_set: MarkerSet, pose: Callable[[Skelet
     return _plane(stands, upright)
 
 
-def moved_to_rig(take: MarkerTake, old: CameraRig, new: CameraRig) -> MarkerTake:
+def to_rig_world(take: MarkerTake, old: CameraRig, new: CameraRig) -> MarkerTake:
     """Return the take in the world of the new rig, which has the same cameras as the old one."""
     before, after = old.cameras[0], new.cameras[0]
     rotation = after.rotation.T @ before.rotation
@@ -94,7 +94,7 @@ def _columns(take: MarkerTake, marker_set: MarkerSet) -> list[int]:
     return [take.names.index(name) for name in marker_set.names]
 
 
-def _stands(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, upright: Array) -> Array:
+def _stance_points(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, upright: Array) -> Array:
     """Return (N, 3) points of the floor in the level frame, below markers of resting feet."""
     columns = _columns(take, marker_set)
     heights = _usual_heights(marker_set, skeleton)

@@ -49,7 +49,7 @@ class Gap:
         return self.stop - self.start
 
 
-def gaps_of(visible: Mask) -> list[Gap]:
+def find_gaps(visible: Mask) -> list[Gap]:
     """Return the gaps of what is seen (F, M), marker by marker; none of markers that are never seen."""
     found = []
     for marker, seen in enumerate(visible.T):
@@ -59,7 +59,7 @@ def gaps_of(visible: Mask) -> list[Gap]:
     return found
 
 
-def without_shoulders(take: MarkerTake) -> MarkerTake:
+def widen_gaps(take: MarkerTake) -> MarkerTake:
     """Return the take with each gap a tenth of a second longer at both ends.
 
     A body that is solved from this does not jump where a marker goes or comes back: right before and after it has not
@@ -67,22 +67,22 @@ def without_shoulders(take: MarkerTake) -> MarkerTake:
     """
     frames = _shoulder(take.fps)
     kept = take.visible
-    for gap in gaps_of(take.visible):
+    for gap in find_gaps(take.visible):
         kept[max(0, gap.start - frames) : gap.stop + frames, gap.marker] = False
     return replace(take, positions_m=np.where(kept[..., None], take.positions_m, np.nan))
 
 
-def with_gaps_filled(take: MarkerTake, marker_set: MarkerSet, motion: Motion) -> MarkerTake:
+def fill_gaps(take: MarkerTake, marker_set: MarkerSet, motion: Motion) -> MarkerTake:
     """Return the take with the gaps of a set's markers filled; what was measured stays as it is.
 
     Args:
         take: with gaps, its markers under the set's names; other markers, and those never seen, are left as they are.
         marker_set: worn.
-        motion: solved from `without_shoulders` of the take, in its world, frame by frame.
+        motion: solved from `widen_gaps` of the take, in its world, frame by frame.
     """
     joints, turns = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
     carriers = {marker.name: motion.skeleton.index(marker.joint) for marker in marker_set.markers}
-    gaps = [gap for gap in gaps_of(take.visible) if take.names[gap.marker] in carriers]
+    gaps = [gap for gap in find_gaps(take.visible) if take.names[gap.marker] in carriers]
     fillers = [_Filler(take, gap, joints, turns, carriers[take.names[gap.marker]]) for gap in gaps]
     drifts = np.array([filler.drift_m for filler in fillers])
     drifts = drifts[np.isfinite(drifts)]

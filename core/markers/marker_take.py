@@ -36,7 +36,7 @@ class SingleViews:
     cameras: NDArray[np.int64]
     points: Array
 
-    def picked(self, frames: slice = slice(None), markers: Sequence[int] | slice = slice(None)) -> "SingleViews":
+    def select(self, frames: slice = slice(None), markers: Sequence[int] | slice = slice(None)) -> "SingleViews":
         """Return part of the frames, and markers in another order."""
         return SingleViews(self.rig, self.cameras[frames][:, markers], self.points[frames][:, markers])
 

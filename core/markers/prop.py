@@ -151,7 +151,7 @@ def save_prop(prop: Prop, path: str | Path) -> None:
     write_toml(path, prop_tables(prop))
 
 
-def check_together(props: Sequence[Prop]) -> None:
+def check_distinct(props: Sequence[Prop]) -> None:
     """Raise PropError for props that have one name, or that cannot be told from each other by their distances."""
     if len({prop.name for prop in props}) < len(props):
         raise PropError("two props have the same name", advice="give each a name of its own in its file")

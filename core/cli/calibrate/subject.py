@@ -12,7 +12,7 @@ from ...body.standard_skeleton import default_skeleton
 from ...database.store import open_database
 from ...errors import SettingsError
 from ...formats.markers.marker_files import read_take
-from ...markers.label_matching import AUTO, best_match, load_names, match_names, named_by_hand
+from ...markers.label_matching import AUTO, load_names, match_best_set, match_labels, rename_labels
 from ...markers.marker_set import MarkerSet, load_marker_set
 from ...markers.marker_take import MarkerTake
 from ...markers.subject import Subject, load_subject, save_subject
@@ -80,10 +80,12 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
     progress(0.0, "reading")
     take = part(read_take(args.take), args.frames)
     if args.names is not None:
-        take = named_by_hand(take, load_names(args.names))
+        take = rename_labels(take, load_names(args.names))
     by_labels = args.marker_set == AUTO
-    marker_set = best_match(take.names, str(args.take)).marker_set if by_labels else load_marker_set(args.marker_set)
-    take = match_names(take.names, marker_set).renamed(take)
+    marker_set = (
+        match_best_set(take.names, str(args.take)).marker_set if by_labels else load_marker_set(args.marker_set)
+    )
+    take = match_labels(take.names, marker_set).rename(take)
     if args.refine and (not args.database or args.height is not None):
         raise SettingsError("--refine needs --database and no --height", advice="the subject has its height")
     known = load_subject(args.skeleton_from) if args.skeleton_from else None

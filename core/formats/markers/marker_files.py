@@ -10,7 +10,7 @@ from .c3d import read_c3d
 from .c3d_write import write_c3d
 from .csv_take import read_csv, write_csv
 from .qualisys_tsv import read_tsv
-from .recorded_take import read_own_take
+from .recorded_take import read_recorded_take
 from .trc import read_trc, write_trc
 
 READABLE = (".c3d", ".trc", ".csv", ".tsv", ".take.npz", ENDING)
@@ -35,7 +35,7 @@ def read_take(path: Path | str) -> MarkerTake:
     name = path.name.lower()
     if name.endswith(".npz"):
         return load_take(path)
-    readers = {".c3d": read_c3d, ".trc": read_trc, ".csv": read_csv, ".tsv": read_tsv, ENDING: read_own_take}
+    readers = {".c3d": read_c3d, ".trc": read_trc, ".csv": read_csv, ".tsv": read_tsv, ENDING: read_recorded_take}
     if path.suffix.lower() not in readers:
         raise FormatError("is no marker take", where=str(path), advice="give one of " + ", ".join(READABLE))
     return readers[path.suffix.lower()](path)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import FormatError, TakeError
+from ...markers.frame_rate import frame_rate
 from ...markers.marker_take import MarkerTake
 
 Array = NDArray[np.float64]
@@ -71,10 +72,8 @@ def make_take(
 
 
 def rate_from_times(times_s: Array) -> float:
-    """Return the frame rate of equally spaced times, NaN when there are none."""
-    steps = np.diff(times_s[np.isfinite(times_s)])
-    step = float(np.median(steps)) if len(steps) else 0.0
-    if step <= 0.0:
+    """Return the frame rate of equally spaced times, NaN when there is none."""
+    try:
+        return frame_rate(times_s)
+    except TakeError:
         return float("nan")
-    fps = 1.0 / step
-    return float(round(fps)) if abs(fps - round(fps)) < 0.02 * max(1.0, fps / 100.0) else fps

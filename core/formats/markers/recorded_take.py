@@ -5,11 +5,12 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import TakeError
+from ...markers.frame_rate import frame_rate
 from ...markers.marker_take import MarkerTake
-from ..take_file.reading import TakeFile, rate, read_take_file
+from ..take_file.reading import TakeFile, read_take_file
 
 
-def read_own_take(path: Path | str) -> MarkerTake:
+def read_recorded_take(path: Path | str) -> MarkerTake:
     """Return the markers of a recorded take as they were labelled live.
 
     Raises:
@@ -31,7 +32,7 @@ def marker_take(take: TakeFile) -> MarkerTake:
     times_s, numbers = np.array([p.time_s for p in poses]), np.array([p.number for p in poses])
     return MarkerTake(
         take.notes.name,
-        rate(times_s, numbers),
+        frame_rate(times_s, numbers),
         take.setup.worn_subject().marker_set.names,
         np.array([p.observed_m for p in poses]),
         numbers,

@@ -10,7 +10,7 @@ from ...markers.marker_take import MarkerTake
 from ...system.files import atomic_path, read_bytes
 from .c3d import Layout, layout_of
 from .marker_files import check_writable, read_take, write_take
-from .trc import rewritten_trc
+from .trc import rewrite_trc
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -42,7 +42,7 @@ def rewrite_take(source: Path | str, take: MarkerTake, target: Path | str) -> li
     if kind == ".c3d":
         content = _c3d(data, str(source), take.positions_m, changed, ~np.isfinite(before[..., 0]))
     else:
-        content = rewritten_trc(data, str(source), take.positions_m, changed)
+        content = rewrite_trc(data, str(source), take.positions_m, changed)
     with atomic_path(target) as temporary:
         temporary.write_bytes(content)
     return []

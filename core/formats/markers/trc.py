@@ -112,7 +112,7 @@ def write_trc(take: MarkerTake, path: Path | str) -> None:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def rewritten_trc(data: bytes, where: str, positions_m: Array, changed: NDArray[np.bool_]) -> bytes:
+def rewrite_trc(data: bytes, where: str, positions_m: Array, changed: NDArray[np.bool_]) -> bytes:
     """Return the bytes of a TRC file that `read_trc` reads with the changed positions, (F, M, 3) and (F, M)."""
     text = data.decode("utf-8", errors="surrogateescape")
     parts = re.split("(\r\n|\r|\n)", text)  # lines, and what ends them between

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def steady_angles(angles: Array) -> Array:
+def unwrap_euler(angles: Array) -> Array:
     """Return angles (F, 3), radians, in whichever of their two forms, and turns, is nearest to the frame before.
 
     Three angles about three different axes turn as (a + pi, pi - b, c + pi) do.

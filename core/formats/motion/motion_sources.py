@@ -133,12 +133,12 @@ def _paired(found: dict[str, Path]) -> list[MotionFile]:
         if pure.suffix.lower() not in MOTION_SUFFIXES or path.resolve() in seen:
             continue
         seen.add(path.resolve())
-        skeleton = skeleton_name(name, list(skeletons)) if pure.suffix.lower() == ".amc" else None
+        skeleton = find_skeleton(name, list(skeletons)) if pure.suffix.lower() == ".amc" else None
         files.append(MotionFile(name, path, skeletons[skeleton] if skeleton else None, descriptions.get(pure.stem, "")))
     return files
 
 
-def skeleton_name(motion: str, skeletons: Sequence[str]) -> str | None:
+def find_skeleton(motion: str, skeletons: Sequence[str]) -> str | None:
     """Return which of the ASF names belongs to an AMC name.
 
     First in its folder, then anywhere: the same stem, or the stem up to the last underscore ("14_02" -> "14");

@@ -18,7 +18,7 @@ from ...system.files import read_bytes
 from .amc import CMU_FPS, amc_motion, parse_amc_values
 from .asf import AsfFile, read_asf, read_asf_file
 from .bvh import read_bvh
-from .motion_sources import skeleton_name
+from .motion_sources import find_skeleton
 
 _NOT_FINITE = "numbers that are not finite"
 
@@ -108,7 +108,7 @@ def _finite_ranges(finite: NDArray[np.bool_], where: str) -> tuple[list[tuple[in
 def _read_amc(path: Path, skeleton: Path | None, name: str) -> MotionParts:
     if skeleton is None:
         beside = [str(p) for p in path.parent.glob("*") if p.suffix.lower() == ".asf"]
-        found = skeleton_name(str(path), beside)
+        found = find_skeleton(str(path), beside)
         if found is None:
             raise FormatError(
                 "has no skeleton: no .asf file beside it fits", where=str(path), advice="give --skeleton FILE.asf"

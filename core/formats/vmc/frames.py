@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from ...errors import FormatError
-from .packets import TRACKERS, Clock, Placed, read_packet
+from .packets import TRACKERS, Clock, Placement, read_packet
 
 MOST_PLACED = 1000  # bones and trackers of a frame; a program that makes up ever new names fills no memory
 
@@ -23,10 +23,10 @@ class VmcFrame:
 
     arrival_s: float
     clock_s: float | None
-    placed: dict[Key, Placed]
+    placed: dict[Key, Placement]
 
 
-class FrameGathering:
+class FrameAssembler:
     """Frames of VMC packets.
 
     A frame ends where something that it has comes again, so it does not matter over how many packets a program spreads
@@ -44,7 +44,7 @@ class FrameGathering:
     def _clear(self) -> None:
         self._arrival_s = 0.0
         self._clock_s: float | None = None
-        self._placed: dict[Key, Placed] = {}
+        self._placed: dict[Key, Placement] = {}
 
     def add(self, packet: bytes, arrival_s: float) -> list[VmcFrame]:
         """Take a packet in and return the frames that have ended; a malformed one is counted and has no effect.
@@ -61,7 +61,7 @@ class FrameGathering:
             return []
         return [frame for message in messages for frame in self._add(message, arrival_s)]
 
-    def _add(self, message: Placed | Clock, arrival_s: float) -> list[VmcFrame]:
+    def _add(self, message: Placement | Clock, arrival_s: float) -> list[VmcFrame]:
         if isinstance(message, Clock):
             again = self._clock_s is not None
         else:

@@ -38,7 +38,7 @@ _MIRROR_ROTATION = np.array([1.0, 1.0, -1.0, -1.0])
 
 
 @dataclass(frozen=True)
-class Placed:
+class Placement:
     """Where a bone, the root or a tracker is, in our axes.
 
     Args:
@@ -121,7 +121,7 @@ def _message(address: str, arguments: Sequence[tuple[str, str | int | float]]) -
     return builder.build()
 
 
-def read_packet(packet: bytes) -> list[Placed | Clock]:
+def read_packet(packet: bytes) -> list[Placement | Clock]:
     """Return what a packet tells of root, bones, trackers and time, in its order; all else in it is passed over.
 
     Raises:
@@ -155,7 +155,7 @@ def _messages(packet: bytes) -> Iterator[bytes]:
         pending += reversed(inner)
 
 
-def _read_message(message: bytes) -> Placed | Clock | None:
+def _read_message(message: bytes) -> Placement | Clock | None:
     address = message.partition(b"\0")[0].decode("ascii", "replace")
     is_time = address == TIME
     if not (is_time or address in (ROOT, BONE) or address in TRACKERS):
@@ -178,4 +178,4 @@ def _read_message(message: bytes) -> Placed | Clock | None:
     rotation = _MIRROR_ROTATION * numbers[[6, 3, 4, 5]]
     if np.linalg.norm(rotation) < 0.5:
         raise FormatError(f"has {address} with a rotation that is none")
-    return Placed(address, name, _MIRROR_POSITION * numbers[:3], rot.normalize(rotation))
+    return Placement(address, name, _MIRROR_POSITION * numbers[:3], rot.normalize(rotation))

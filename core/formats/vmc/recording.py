@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from ...body.motion import Motion
 from ...errors import TakeError
 from ...geometry import rotations as rot
+from ...markers.frame_rate import frame_rate
 from ...markers.marker_take import MarkerTake
-from ..take_file.reading import rate
-from .frames import FrameGathering, Key, VmcFrame, tracker_names
+from .frames import FrameAssembler, Key, VmcFrame, tracker_names
 from .humanoid import BONES, BonePoses, motion_of_bones
 from .packets import BONE, ROOT, TRACKERS
 from .tracker_points import AXES, axis_names, axis_points
@@ -30,11 +30,11 @@ class Recording:
     """
 
     def __init__(self) -> None:
-        self.gathering = FrameGathering()
+        self.gathering = FrameAssembler()
         self._frames: list[VmcFrame] = []
 
     def add(self, packet: bytes, arrival_s: float) -> None:
-        """Take a packet in, as `FrameGathering.add` does."""
+        """Take a packet in, as `FrameAssembler.add` does."""
         self._frames += self.gathering.add(packet, arrival_s)
 
     def motion(self, name: str) -> tuple[Motion, int]:
@@ -100,7 +100,7 @@ class Recording:
         is_steady = len(clocks_s) == len(frames) and bool(np.all(np.diff(clocks_s) > 0.0))
         for times_s in (clocks_s, arrivals_s) if is_steady else (arrivals_s,):
             from_first_s = times_s - times_s[0]
-            fps = rate(from_first_s, np.arange(len(frames)))
+            fps = frame_rate(from_first_s, np.arange(len(frames)))
             if from_first_s[-1] * fps < _MOST_LOST * len(frames):
                 return frames, from_first_s, fps
         raise TakeError(

@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ...markers.label_matching import match_names
+from ...markers.label_matching import match_labels
 from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_set import MarkerSet
 from ...system.steady_clock import SteadyClock
-from .frames import MOST_PLACED, FrameGathering, Key, VmcFrame, tracker_names
+from .frames import MOST_PLACED, FrameAssembler, Key, VmcFrame, tracker_names
 from .packets import TRACKERS
 from .tracker_points import AXES, axis_names, axis_points
 
@@ -24,7 +24,7 @@ class TrackerStream:
     A frame is handed over as soon as all is there that was in the last one, so it need not wait for the next.
 
     Args:
-        marker_set: worn; of what comes, its markers alone count. Names agree as `match_names` says, those of
+        marker_set: worn; of what comes, its markers alone count. Names agree as `match_labels` says, those of
             `axis_points` among them.
 
     Attributes:
@@ -32,7 +32,7 @@ class TrackerStream:
     """
 
     def __init__(self, marker_set: MarkerSet) -> None:
-        self.gathering = FrameGathering()
+        self.gathering = FrameAssembler()
         self._marker_set = marker_set
         self._labels: dict[Key, NDArray[np.int64]] = {}  # (4,) of each tracker and its axes' points, -1: no marker
         self._expected: frozenset[Key] = frozenset()
@@ -80,7 +80,7 @@ class TrackerStream:
         before = self._labels if len(self._labels) < MOST_PLACED else {}
         known = tracker_names([*before, *keys])
         spelled = {key: (name, *axis_names(name)) for key, name in known.items()}
-        match = match_names([name for names in spelled.values() for name in names], self._marker_set)
+        match = match_labels([name for names in spelled.values() for name in names], self._marker_set)
         index = {label: self._marker_set.names.index(marker) for marker, label in match.label_of.items()}
         self._labels = {key: np.array([index.get(name, -1) for name in names]) for key, names in spelled.items()}
 
