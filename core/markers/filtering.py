@@ -1,4 +1,4 @@
-"""Noise taken out of recorded trajectories: of markers before they are solved, of the solved motion after."""
+"""Low-pass filters for recorded markers and solved motion."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ _ORDER = 2  # run forwards and backwards: fourth order without lag, as is usual 
 
 
 def smooth_take(take: MarkerTake, cutoff_hz: float) -> MarkerTake:
-    """Return the take with its trajectories low-passed without lag; frames without a marker stay without it.
+    """Low-pass a take's trajectories without lag; gaps stay.
 
     Every unbroken stretch of a trajectory is filtered by itself; those too short for the filter stay as they are.
 
@@ -62,7 +62,7 @@ def smooth_motion(motion: Motion, cutoff_hz: float) -> Motion:
 
 
 def smooth_on_body(take: MarkerTake, marker_set: MarkerSet, motion: Motion, cutoff_hz: float) -> MarkerTake:
-    """Return the take with noise taken out of a set's markers, with the help of the body that was solved from them.
+    """Reduce the noise of a set's markers with the help of the solved body.
 
     A marker's noise is that of one trajectory, the body's is what all of them and the database's poses leave of it. So
     the marker's place in the frame of its joint is low-passed far below the motion, and the path that the joint then
@@ -92,7 +92,7 @@ def smooth_on_body(take: MarkerTake, marker_set: MarkerSet, motion: Motion, cuto
 
 
 def _low_pass(cutoff_hz: float, fps: float, name: str) -> Array | None:
-    """Return the filter's sections; None where it would let all that the rate can show pass."""
+    """Return the filter's sections, None if it would pass all frequencies."""
     if not 0.0 < cutoff_hz < 0.5 * fps:
         raise SettingsError(
             f"smoothing at {cutoff_hz:g} Hz is out of range",
@@ -109,7 +109,7 @@ def _low_pass(cutoff_hz: float, fps: float, name: str) -> Array | None:
 
 
 def _filtered(sections: Array | None, path: Array) -> Array:
-    """Return (F, ...) filtered forwards and backwards; one too short for the filter's run-in stays as it is."""
+    """Filter (F, ...) forwards and backwards; too short a path is left as it is."""
     if sections is None or len(path) <= 3 * (2 * len(sections) + 1):
         return path
     from scipy.signal import sosfiltfilt

@@ -7,7 +7,7 @@ from ..errors import TakeError
 
 
 def frame_rate(times_s: NDArray[np.float64], numbers: NDArray[np.int64] | None = None) -> float:
-    """Return the frames per second of ascending times; a whole number when close to one.
+    """Return the frames per second of ascending times, rounded if almost whole.
 
     Args:
         times_s: (F,) of the frames; those that are not finite are left out, unless there are numbers.

@@ -1,4 +1,4 @@
-"""Which labels of a take are which markers of a set, whatever their case, separators and the subject before them."""
+"""Matching of a take's labels to a set's markers, tolerant of spelling."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ _MOST_NAMES = 12  # in a message
 
 @dataclass(frozen=True)
 class LabelMatch:
-    """A marker set and which labels of a take are its markers.
+    """Match of a marker set to the labels of a take.
 
     Args:
         marker_set: the set.
@@ -36,13 +36,13 @@ class LabelMatch:
         return sum(name in self.label_of for name in torso) >= _FEWEST_TORSO
 
     def rename(self, take: MarkerTake) -> MarkerTake:
-        """Return the take with its labels replaced by the markers' names; other labels stay."""
+        """Replace labels by the markers' names; other labels stay."""
         marker_of = {label: marker for marker, label in self.label_of.items()}
         return replace(take, names=tuple(marker_of.get(name, name) for name in take.names))
 
 
 def match_labels(labels: Sequence[str], marker_set: MarkerSet) -> LabelMatch:
-    """Return which labels are markers of a set; of several that could be one marker the first, exact ones before all.
+    """Match labels to the markers of a set.
 
     A label is a marker's name, or one of the other names that the set gives for it, whatever the case and the
     characters between its letters and digits, with or without a subject before it: "Anna:R.ASIS", "anna_rasis".
@@ -69,13 +69,13 @@ def normalise_label(name: str) -> str:
 
 
 def _subjects(labels: Sequence[str]) -> set[str]:
-    """Return the words before an underscore that so many labels share that they may be subjects."""
+    """Return the words before an underscore that many labels share: subjects."""
     counts = Counter(label.rpartition(":")[2].partition("_")[0] for label in labels if "_" in label)
     return {word for word, count in counts.items() if count >= _FEWEST_PREFIXED}
 
 
 def match_best_set(labels: Sequence[str], where: str) -> LabelMatch:
-    """Return the shipped marker set that most labels belong to; of several the one that lacks fewest.
+    """Return the shipped marker set with most of the labels.
 
     Raises:
         TakeError: no set has enough torso markers among the labels.
@@ -111,23 +111,23 @@ def load_names(path: Path | str) -> dict[str, str]:
 
 
 def rename_labels(take: MarkerTake, names: Mapping[str, str]) -> MarkerTake:
-    """Return the take with labels replaced as told; one that is in the way of a marker gets "other" before it.
+    """Rename labels; one that is in the way of a marker gets "other" before it.
 
     Raises:
         TakeError: none of the labels is in the take, or two of them are to be one marker.
     """
-    told = {label: marker for label, marker in names.items() if label in take.names}
-    if not told:
+    given = {label: marker for label, marker in names.items() if label in take.names}
+    if not given:
         raise TakeError(
             f"none of the labels {join_names(list(names))} is among its {join_names(take.names)}",
             where=take.name,
             advice="check the file of --names",
         )
-    double = [marker for marker, count in Counter(told.values()).items() if count > 1]
+    double = [marker for marker, count in Counter(given.values()).items() if count > 1]
     if double:
         raise TakeError(
             f"{join_names(double)} would be several of its markers", where=take.name, advice="check --names"
         )
-    given = set(told.values())
-    renamed = [told.get(name, f"other {name}" if name in given else name) for name in take.names]
+    taken = set(given.values())
+    renamed = [given.get(name, f"other {name}" if name in taken else name) for name in take.names]
     return replace(take, names=tuple(renamed))

@@ -23,13 +23,13 @@ def is_recorded(path: Path | str) -> bool:
 
 
 def read_take(path: Path | str) -> MarkerTake:
-    """Return the marker take of a .c3d, .trc, .csv (Motive's or our own), .tsv (Qualisys), .take.npz or .perftake file.
+    """Return the marker take of a file; its extension chooses the format.
 
-    Positions are metres in the file's own axes; what is missing is NaN.
+    Positions are metres in the file's own axes, NaN where missing. Readable: `READABLE`.
 
     Raises:
         FormatError: another kind of file, damaged, or without markers.
-        TakeError: an own take of another version, or a recorded one without poses.
+        TakeError: a .take.npz of another version, or a recorded take without poses.
     """
     path = Path(path)
     name = path.name.lower()
@@ -42,7 +42,7 @@ def read_take(path: Path | str) -> MarkerTake:
 
 
 def declared_frames(path: Path | str) -> int:
-    """Return how many frames the header of a file that `read_take` reads promises, 0 when it has no place for that."""
+    """Return the frame count in the header of a file, 0 if its format has none."""
     counters = {".c3d": c3d.declared_frames, ".trc": trc.declared_frames, ".tsv": qualisys_tsv.declared_frames}
     count = counters.get(Path(path).suffix.lower())
     return count(path) if count else 0

@@ -1,4 +1,4 @@
-"""What the readers of marker takes share."""
+"""Common parts of the readers of marker takes."""
 
 from collections.abc import Sequence
 
@@ -29,7 +29,7 @@ def metres_of(unit: str, where: str) -> float:
 
 
 def numbers_of(fields: Sequence[str], where: str) -> list[float]:
-    """Return the numbers of text fields, NaN for blank ones and every spelling of "nan"."""
+    """Return the numbers of text fields, NaN for blank fields and "nan"."""
     try:
         return [float(field) if field and not field.isspace() else np.nan for field in fields]
     except ValueError as error:
@@ -37,7 +37,7 @@ def numbers_of(fields: Sequence[str], where: str) -> list[float]:
 
 
 def unique_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the names with a count behind the later ones of those that repeat, and "unnamed" for blank ones."""
+    """Return names made unique by a count; blank ones become "unnamed"."""
     result: list[str] = []
     taken: set[str] = set()
     for name in names:
@@ -54,7 +54,7 @@ def make_take(
     where: str, name: str, fps: float, names: Sequence[str], positions_m: Array,
     frame_numbers: Array | None = None, times_s: Array | None = None,
 ) -> MarkerTake:  # fmt: skip
-    """Return a take; infinite positions are missing ones; FormatError names the file when the parts do not fit.
+    """Return a take; infinite positions and the very origin count as missing.
 
     Points at the very origin are missing ones too: many systems write zeros for them.
     """

@@ -20,7 +20,7 @@ def read_recorded_take(path: Path | str) -> MarkerTake:
 
 
 def marker_take(take: TakeFile) -> MarkerTake:
-    """Return the markers (F, M) of a take's poses in its world, NaN where a marker was not located; errors as above.
+    """Return a recorded take's labelled markers in its world.
 
     What single cameras showed is left out: a recorded take keeps it by blob, not by marker.
     """

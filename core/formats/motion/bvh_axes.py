@@ -1,4 +1,4 @@
-"""BVH files as Blender's exporter writes them, in an armature's own space, brought to another."""
+"""Change of space of BVH files, as Blender's exporter writes them."""
 
 from dataclasses import dataclass, field
 

@@ -1,4 +1,4 @@
-"""VMC packets gathered into frames, over however many packets a program spreads each."""
+"""Frames assembled from VMC packets, however a program spreads them."""
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
@@ -13,11 +13,11 @@ Key = tuple[str, str]  # address and name
 
 @dataclass(frozen=True)
 class VmcFrame:
-    """What belongs to one moment.
+    """Transforms and clock of one moment.
 
     Args:
         arrival_s: when the first of it came.
-        clock_s: the sender's time, None where it tells none.
+        clock_s: the sender's time, None if it sends none.
         placed: root, bones and trackers.
     """
 
@@ -47,7 +47,7 @@ class FrameAssembler:
         self._placed: dict[Key, Placement] = {}
 
     def add(self, packet: bytes, arrival_s: float) -> list[VmcFrame]:
-        """Take a packet in and return the frames that have ended; a malformed one is counted and has no effect.
+        """Add a packet and return the frames that ended; a malformed one only counts.
 
         Args:
             packet: a UDP datagram.
@@ -76,7 +76,7 @@ class FrameAssembler:
         return ended
 
     def has_all(self, keys: Collection[Key]) -> bool:
-        """Whether the frame that is still open has all of these."""
+        """Return whether the open frame has all of these."""
         return all(key in self._placed for key in keys)
 
     def end(self) -> list[VmcFrame]:
@@ -87,7 +87,7 @@ class FrameAssembler:
 
 
 def tracker_names(keys: Iterable[Key]) -> dict[Key, str]:
-    """Return the names of the head sets, controllers and trackers among `keys`: their serial numbers.
+    """Return the serial numbers of head sets, controllers and trackers among keys.
 
     One without goes by its kind; of two with the same, each has its kind before it.
     """

@@ -79,7 +79,7 @@ def frame_packet(time_s: float, names: Sequence[str], positions_m: Array, rotati
 
 
 class FramePackets:
-    """Makes the bundles of frames that have the same bones, as `frame_packet` does, in a fiftieth of its time.
+    """Fast `frame_packet` for frames with the same bones, in a fiftieth of its time.
 
     Only the numbers differ from frame to frame, and OSC keeps each at a multiple of four bytes.
     """
@@ -122,7 +122,7 @@ def _message(address: str, arguments: Sequence[tuple[str, str | int | float]]) -
 
 
 def read_packet(packet: bytes) -> list[Placement | Clock]:
-    """Return what a packet tells of root, bones, trackers and time, in its order; all else in it is passed over.
+    """Return the transforms and times of a packet, in its order.
 
     Raises:
         FormatError: it is no OSC packet, or one of these messages is not as the protocol has it.
@@ -149,7 +149,7 @@ def _messages(packet: bytes) -> Iterator[bytes]:
             size = int.from_bytes(item[at : at + 4], "big")
             end = at + 4 + size
             if size % 4 or size == 0 or end > len(item):
-                raise FormatError("has an OSC bundle whose sizes do not fit")
+                raise FormatError("has an OSC bundle with wrong sizes")
             inner.append(item[at + 4 : end])
             at = end
         pending += reversed(inner)

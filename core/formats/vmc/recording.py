@@ -1,4 +1,4 @@
-"""What comes in VMC packets, gathered into frames, and these as motion or as marker take."""
+"""Recording of VMC packets as motion or as marker take."""
 
 from collections.abc import Sequence
 
@@ -54,7 +54,7 @@ class Recording:
         return motion_of_bones(_at_rate(poses, times_s, fps), name, fps), len(frames)
 
     def markers(self, name: str) -> MarkerTake:
-        """Return head set, controllers and trackers as markers called by their serial numbers.
+        """Return head set, controllers and trackers as markers with their serial numbers.
 
         Of one that turns there are also the points of `tracker_points`, by which its rotation counts.
 
@@ -87,7 +87,7 @@ class Recording:
         return self._frames
 
     def _with(self, keys: Sequence[Key], name: str, what: str) -> tuple[list[VmcFrame], Array, float]:
-        """Return the frames that have one of the keys, their times (F,) from the first, and their rate."""
+        """Return frames with one of the keys, times (F,) from the first, and the rate."""
         frames = [frame for frame in self._all() if any(key in frame.placed for key in keys)]
         if len(frames) < 2:
             raise TakeError(
@@ -109,7 +109,7 @@ class Recording:
 
 
 def _filled(frames: Sequence[VmcFrame], keys: Sequence[Key]) -> BonePoses:
-    """Return the poses of bones; where a frame lacks one, it is as in the frame before, or as it first came."""
+    """Return the poses of bones; a missing one stays as in the frame before."""
     there = np.array([[key in frame.placed for key in keys] for frame in frames])
     row = np.where(there, np.arange(len(frames))[:, None], -1)
     row = np.maximum.accumulate(row, axis=0)

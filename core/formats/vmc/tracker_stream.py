@@ -13,13 +13,13 @@ from .tracker_points import AXES, axis_names, axis_points
 
 _SIGMA_M = 0.001  # uncertainty given to positions that come without one
 _PAUSE_S = 0.25  # between two frames: the numbers of those that are missing are left out
-_USUAL_PERIOD_S = 1.0 / 60.0  # where a single frame tells no rate
+_USUAL_PERIOD_S = 1.0 / 60.0  # a single frame has no rate
 _LEAST_STEP_S = 0.001  # between two frames that the network has held up and then hands over at once
 _POINTS = 1 + len(AXES)  # of a tracker
 
 
 class TrackerStream:
-    """Marker frames of VMC packets whose trackers are called as markers of a set.
+    """Marker frames of VMC packets with trackers named as markers of a set.
 
     A frame is handed over as soon as all is there that was in the last one, so it need not wait for the next.
 
@@ -47,7 +47,7 @@ class TrackerStream:
         return tuple(tracker_names(self._labels).values())
 
     def add(self, packet: bytes, arrival_s: float) -> list[MarkerFrame]:
-        """Take a packet in and return the marker frames that have ended; a malformed one has no effect.
+        """Add a packet and return the marker frames that ended.
 
         Args:
             packet: a UDP datagram.
@@ -76,7 +76,7 @@ class TrackerStream:
         return MarkerFrame(self._number, self._time_s, points.reshape(-1, 3)[worn], covariances, labels[worn])
 
     def _meet(self, keys: list[Key]) -> None:
-        """Find out which markers trackers are of which some are new."""
+        """Match trackers to markers again because some are new."""
         before = self._labels if len(self._labels) < MOST_PLACED else {}
         known = tracker_names([*before, *keys])
         spelled = {key: (name, *axis_names(name)) for key, name in known.items()}
