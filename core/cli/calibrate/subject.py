@@ -16,7 +16,6 @@ from ...markers.label_matching import AUTO, load_names, match_best_set, match_la
 from ...markers.marker_set import MarkerSet, load_marker_set
 from ...markers.marker_take import MarkerTake
 from ...markers.subject import Subject, load_subject, save_subject
-from ...simulate.performer.bodies import load_bodies
 from ...subjects.from_motion import frames_of, subject_from_motion
 from ...subjects.pose_calibration import (
     SubjectCalibration,
@@ -25,7 +24,7 @@ from ...subjects.pose_calibration import (
     calibration_points,
     pose_points,
 )
-from ...system.assets import SKELETONS
+from ...subjects.prototype_bodies import load_bodies
 
 _DOUBTFUL_M = 0.015  # a body that explains the motion's markers no better is not to be trusted
 
@@ -125,7 +124,7 @@ def _from_poses(
         points = calibration_points(take, marker_set, args.seconds)
     if known:
         return calibrate_markers(points, marker_set, known, name, *poses)
-    return calibrate_subject(points, marker_set, load_bodies(SKELETONS), name, *poses)
+    return calibrate_subject(points, marker_set, load_bodies(), name, *poses)
 
 
 def _trust(result: SubjectCalibration) -> dict[str, Any]:
