@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..errors import SettingsError
 from ..geometry import rotations as rot
 from ..geometry.camera import CameraRig
+from ..geometry.two_bone_ik import reach_with_two_bones
 from .calibration_poses import standing
 from .motion import Motion
 from .skeleton import Skeleton, forward_kinematics
@@ -31,6 +32,7 @@ _GLIDE_REACH_M = 0.30  # the same where it is held although it glides
 _LOWER_M = 0.02  # a foot must be lower than the held one by this to take its place
 _FADE_S = 0.12
 _STRETCH = 0.995  # of the leg, up to which it may be straightened: near a straight knee millimetres turn it by degrees
+_KNEE_AXIS = np.array([1.0, 0.0, 0.0])  # of a straight leg: to the performer's left in the rest pose
 _PAUSE_S = 0.25  # after so long without a pose everything begins anew
 _LOWEST_PERCENT = 5.0  # of a motion's frames, that tells the floor: single frames are noise
 
@@ -175,32 +177,14 @@ class FootLock:
     def _reach(self, foot: _Foot, rotations: Array, positions: Array, world: Array) -> None:
         """Turn hip, knee and ankle so that the ankle moves by the foot's offset; `rotations` is changed."""
         hip, knee, ankle = positions[foot.femur], positions[foot.tibia], positions[foot.foot]
-        thigh, shank, reach = knee - hip, ankle - knee, ankle - hip
-        a, b, c = (float(np.linalg.norm(v)) for v in (thigh, shank, reach))
-        target = reach + foot.offset_m
-        longest = max(_STRETCH * (a + b), c)
-        wanted = float(np.linalg.norm(target))
-        d = min(max(wanted, abs(a - b) + 1e-6), longest)
-        axis = np.cross(thigh, shank)
-        size = float(np.linalg.norm(axis))
-        # a straight knee bends about its own axis, to the performer's left in the rest pose
-        axis = axis / size if size > 1e-3 * a * b else rot.rotate(world[foot.tibia], np.array([1.0, 0.0, 0.0]))
-        hip_before, hip_after = _angle(a, c, b), _angle(a, d, b)
-        ankle_before, ankle_after = _angle(b, c, a), _angle(b, d, a)
-        turn = rot.between(reach / c, target / max(wanted, 1e-9))
-        femur = rot.multiply(turn, rot.multiply(_about(axis, hip_before - hip_after), world[foot.femur]))
-        tibia = rot.multiply(turn, rot.multiply(_about(axis, ankle_after - ankle_before), world[foot.tibia]))
+        femur, tibia = reach_with_two_bones(
+            (hip, knee, ankle),
+            (world[foot.femur], world[foot.tibia]),
+            ankle - hip + foot.offset_m,
+            rot.rotate(world[foot.tibia], _KNEE_AXIS),
+            _STRETCH,
+        )
         above = world[self._skeleton.parents[foot.femur]]
         rotations[foot.femur] = rot.multiply(rot.conjugate(above), femur)
         rotations[foot.tibia] = rot.multiply(rot.conjugate(femur), tibia)
         rotations[foot.foot] = rot.multiply(rot.conjugate(tibia), world[foot.foot])
-
-
-def _angle(near: float, side: float, opposite: float) -> float:
-    """Return the angle between the sides `near` and `side` of a triangle."""
-    cosine = (near * near + side * side - opposite * opposite) / (2.0 * near * side)
-    return float(np.arccos(min(max(cosine, -1.0), 1.0)))
-
-
-def _about(axis: Array, angle: float) -> Array:
-    return rot.from_rotation_vector(axis * angle)

@@ -62,13 +62,13 @@ def unit(a: Vector) -> Vector:
     return times((dot(a, a) + _TINY) ** -0.5, a)
 
 
-def larger(a: Part, b: Part) -> Part:
-    """Return the larger of each two."""
+def maximum(a: Part, b: Part) -> Part:
+    """Return the elementwise maximum."""
     return 0.5 * (a + b + abs(a - b))
 
 
-def smaller(a: Part, b: Part) -> Part:
-    """Return the smaller of each two."""
+def minimum(a: Part, b: Part) -> Part:
+    """Return the elementwise minimum."""
     return 0.5 * (a + b - abs(a - b))
 
 

@@ -76,6 +76,11 @@ class BoneMap:
         return expected and not self.of_state(State.DOUBTFUL)
 
 
+def identity_bone_map() -> BoneMap:
+    """Return the map of an armature with the joints' own names."""
+    return BoneMap({joint: JointMatch(joint, State.MAPPED) for joint in JOINT_NAMES}, "names")
+
+
 def find_bone_map(rest: ArmatureRest, presets: Mapping[str, Mapping[str, str]] | None = None) -> BoneMap:
     """Return the map of an armature.
 

@@ -41,27 +41,30 @@ class RestAlignment:
     """A character's rest pose as the product sees it.
 
     Args:
-        armature_from_product: (3, 3) rotation.
+        armature_from_world: (3, 3) rotation.
         units_per_metre: length in the armature's space of a metre of the performer, from the length of the legs.
         heads_m: (B, 3) bone heads in the product's axes, in metres of the performer.
         ground_m: height in the same space of the ground on which the character stands.
         turns: joint -> (4,) quaternion that turns its bone from the character's rest pose to the product's.
     """
 
-    armature_from_product: Array
+    armature_from_world: Array
     units_per_metre: float
     heads_m: Array
     ground_m: float
     turns: dict[str, Array]
 
 
-def align_character(skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str, int]) -> RestAlignment:
+def align_character(
+    skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str, int], same_body: bool = False
+) -> RestAlignment:
     """Return how a character's rest pose lies in the product's.
 
     Args:
         skeleton: the performer's.
         rest: the character's armature.
         joints: joint -> bone index, with hips, thighs and upper arms at least.
+        same_body: the character has the performer's proportions: hands follow the forearms, feet keep their direction.
 
     Raises:
         CharacterError: its left and right cannot be told, or the legs have no length.
@@ -72,7 +75,7 @@ def align_character(skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str,
     scale = _leg_lengths(skeleton, rest, joints)
     heads = rest.heads @ frame / scale
     tails = rest.tails @ frame / scale
-    turns = _turns(skeleton, rest, joints, heads, tails)
+    turns = _turns(skeleton, rest, joints, heads, tails, same_body)
     return RestAlignment(frame, scale, heads, _ground(rest, joints, heads), turns)
 
 
@@ -134,7 +137,12 @@ def _ground(rest: ArmatureRest, joints: Mapping[str, int], heads: Array) -> floa
 
 
 def _turns(
-    skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str, int], heads: Array, tails: Array
+    skeleton: Skeleton,
+    rest: ArmatureRest,
+    joints: Mapping[str, int],
+    heads: Array,
+    tails: Array,
+    same_body: bool,
 ) -> dict[str, Array]:
     turns: dict[str, Array] = {}
     for name in skeleton.names:
@@ -142,17 +150,17 @@ def _turns(
             continue
         kind, side = name[1:], name[0]
         turn = rot.identity()
-        if kind in _HAND_PARTS:
+        if kind in _HAND_PARTS or (same_body and kind == "hand"):
             turn = next((turns[side + j] for j in ("hand", "wrist", "radius") if side + j in turns), turn)
         elif kind in BONE_ENDS:
             turn = next((turns[side + j] for j in _ABOVE.get(kind, ()) if side + j in turns), turn)
             direction = bone_direction(name, rest, joints, heads, tails)
             if direction is not None:
                 turn = rot.multiply(rot.between(rot.rotate(turn, direction), _wanted(skeleton, name, joints)), turn)
-        elif kind in ("foot", "toes"):
+        elif kind in ("foot", "toes") and not same_body:
             turn = turns[side + "foot"] if side + "foot" in turns else _heading(skeleton, joints, heads, side)
         turns[name] = turn
-    for side in "lr":
+    for side in () if same_body else "lr":
         _face_palm_down(skeleton, rest, joints, heads, turns, side)
     return turns
 

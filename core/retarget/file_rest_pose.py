@@ -84,7 +84,7 @@ BONES_ALONG_X = AxisRig(
 class RestAlignment:
     """For each joint found, by the product's name: source-joint-from-product-joint quaternion (4,)."""
 
-    source_from_product: dict[str, Array]
+    source_from_world: dict[str, Array]
 
 
 def align_rest(source: SourceMotion, found: Mapping[str, int]) -> RestAlignment:

@@ -1,4 +1,4 @@
-"""Legs of a character, bent until the balls of its feet are where the performer's are."""
+"""Legs of a character, bent until the balls of its feet lie at the performer's."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,19 +8,20 @@ import numpy as np
 from ..body.skeleton import Skeleton
 from ..geometry import quaternion_components as c
 from ..geometry import rotations as rot
+from ..geometry.two_bone_ik import two_bone_directions
 from .armature_rest import Array
 from .character_rest_pose import RestAlignment
 
 _BALL_ABOVE_SOLE = 0.029  # height of the ball of a standing foot above the floor, in leg lengths
-_REACH = 0.9995  # of the leg's length: no knee is quite straight
+_REACH = 0.9995  # of the leg's length, the most that it is stretched
 _SOFT = 0.005  # of the leg's length: how gently the hips begin to come down for a foot out of reach
 _STANDING, _RAISED = 0.75, 0.45  # cosine between a leg and the vertical from which, and below which not, they do
-_HINGE = 0.05  # weight of the knee's axis against the plane in which it is bent: it tells where a leg is straight
+_HINGE = 0.05  # weight of the knee's axis against the plane in which it is bent: decides where a leg is straight
 
 
 @dataclass(frozen=True)
 class _Leg:
-    """Indices and lengths of a leg; vectors in the product's axes, `own` the performer's, all in its metres."""
+    """Indices and lengths of a leg; vectors in world axes, in the performer's metres; `own` is the performer's."""
 
     joints: tuple[int, ...]
     places: tuple[int, int]
@@ -39,7 +40,7 @@ class _Leg:
 
 @dataclass(frozen=True)
 class _Step:
-    """How the performer's thigh and shank are turned and point, and where the character's ankle belongs."""
+    """Rotations and directions of the performer's thigh and shank, and the target of the character's ankle."""
 
     upper: c.Quaternion
     lower: c.Quaternion
@@ -48,80 +49,107 @@ class _Step:
     ankle: c.Vector
 
 
-class Legs:
-    """Both legs of a character, and the way of its hips that goes with them.
+@dataclass(frozen=True)
+class LegPlan:
+    """Both legs of a character and its hips; vectors in world axes, in the performer's metres.
+
+    Args:
+        hips_to_middle: from the hips' head to the middle between the thighs.
+        own_middle: the same of the performer.
+        hips_up: height added to the hips so that the soles stand on the floor.
+        legs: those with knee and ankle; another leg keeps its joints' rotations.
+    """
+
+    hips_to_middle: c.Vector
+    own_middle: c.Vector
+    hips_up: float
+    legs: tuple[_Leg, ...]
+
+
+def plan_legs(
+    skeleton: Skeleton, alignment: RestAlignment, joints: Mapping[str, int], places: Mapping[int, int]
+) -> LegPlan:
+    """Measure the legs of a character against the performer's.
 
     Args:
         skeleton: the performer's.
         alignment: of the character's rest pose to it.
         joints: joint -> index of the character's bone.
-        places: index of a bone -> where its rotation stands among those of `bend`.
+        places: index of a bone -> its place among the driven bones.
     """
+    heads = alignment.heads_m
+    middle = 0.5 * (heads[joints["lfemur"]] + heads[joints["rfemur"]])
+    thighs = skeleton.offsets_m[[skeleton.index(side + "femur") for side in "lr"]]
+    legs, up = [], []
+    for side in "lr":
+        if all(side + name in joints for name in ("femur", "tibia", "foot")):
+            leg, leg_up = _plan_leg(skeleton, alignment, joints, places, side)
+            legs.append(leg)
+            up.append(leg_up)
+    return LegPlan(
+        c.components(middle - heads[joints["root"]]),
+        c.components(np.mean(thighs, axis=0)),
+        float(np.mean(up)) if up else 0.0,
+        tuple(legs),
+    )
 
-    def __init__(
-        self, skeleton: Skeleton, alignment: RestAlignment, joints: Mapping[str, int], places: Mapping[int, int]
-    ) -> None:
-        heads = alignment.heads_m
-        middle = 0.5 * (heads[joints["lfemur"]] + heads[joints["rfemur"]])
-        self._hips_to_middle: c.Vector = c.components(middle - heads[joints["root"]])
-        thighs = skeleton.offsets_m[[skeleton.index(side + "femur") for side in "lr"]]
-        self._own_middle: c.Vector = c.components(np.mean(thighs, axis=0))
-        self._legs: list[_Leg] = []  # a leg without knee or ankle keeps what its joints have
-        up = []
-        for side in "lr":
-            if not all(side + name in joints for name in ("femur", "tibia", "foot")):
-                continue
-            thigh, shank, own_ball = (skeleton.offsets_m[skeleton.index(side + n)] for n in ("tibia", "foot", "toes"))
-            femur, tibia, foot = (joints[side + name] for name in ("femur", "tibia", "foot"))
-            to_ball = own_ball
-            if side + "toes" in joints:
-                to_ball = rot.rotate(alignment.turns[side + "foot"], heads[joints[side + "toes"]] - heads[foot])
-            lengths = [float(np.linalg.norm(heads[b] - heads[a])) for a, b in ((femur, tibia), (tibia, foot))]
-            # how much higher than the performer's the ball of a standing foot is, and with it ankle and hips
-            ball_up = float(heads[foot, 1] + to_ball[1]) - _BALL_ABOVE_SOLE * sum(lengths)
-            up.append(ball_up - float(to_ball[1] - own_ball[1]))
-            # a knee bends the shank backwards: down x back is to the left
-            hinge = np.cross(thigh, [0.0, 0.0, -1.0])
-            self._legs.append(
-                _Leg(
-                    joints=tuple(skeleton.index(side + name) for name in ("femur", "tibia", "foot")),
-                    places=(places[femur], places[tibia]),
-                    own_hip=c.components(skeleton.offsets_m[skeleton.index(side + "femur")]),
-                    own_thigh_m=float(np.linalg.norm(thigh)),
-                    own_shank_m=float(np.linalg.norm(shank)),
-                    thigh_way=c.unit(c.components(thigh)),
-                    shank_way=c.unit(c.components(shank)),
-                    hinge=c.unit(c.components(hinge)),
-                    thigh_m=lengths[0],
-                    shank_m=lengths[1],
-                    from_middle=c.components(heads[femur] - middle),
-                    ankle_shift=c.components(own_ball - to_ball),
-                    ball_up=ball_up,
-                )
-            )
-        self._hips_up = float(np.mean(up)) if up else 0.0
 
-    def bend(self, world: Array, root: c.Quaternion, position: c.Vector, turned: Array) -> c.Vector:
-        """Turn thighs and shanks in `turned`, and return where the hips are, in the product's metres.
+def _plan_leg(
+    skeleton: Skeleton, alignment: RestAlignment, joints: Mapping[str, int], places: Mapping[int, int], side: str
+) -> tuple[_Leg, float]:
+    """Return a leg, and the height by which it raises the hips."""
+    heads = alignment.heads_m
+    middle = 0.5 * (heads[joints["lfemur"]] + heads[joints["rfemur"]])
+    thigh, shank, own_ball = (skeleton.offsets_m[skeleton.index(side + n)] for n in ("tibia", "foot", "toes"))
+    femur, tibia, foot = (joints[side + name] for name in ("femur", "tibia", "foot"))
+    to_ball = own_ball
+    if side + "toes" in joints:
+        to_ball = rot.rotate(alignment.turns[side + "foot"], heads[joints[side + "toes"]] - heads[foot])
+    lengths = [float(np.linalg.norm(heads[b] - heads[a])) for a, b in ((femur, tibia), (tibia, foot))]
+    # how much higher than the performer's the ball of a standing foot is, and with it ankle and hips
+    ball_up = float(heads[foot, 1] + to_ball[1]) - _BALL_ABOVE_SOLE * sum(lengths)
+    # a knee bends the shank backwards: down x back is to the left
+    hinge = np.cross(thigh, [0.0, 0.0, -1.0])
+    leg = _Leg(
+        joints=tuple(skeleton.index(side + name) for name in ("femur", "tibia", "foot")),
+        places=(places[femur], places[tibia]),
+        own_hip=c.components(skeleton.offsets_m[skeleton.index(side + "femur")]),
+        own_thigh_m=float(np.linalg.norm(thigh)),
+        own_shank_m=float(np.linalg.norm(shank)),
+        thigh_way=c.unit(c.components(thigh)),
+        shank_way=c.unit(c.components(shank)),
+        hinge=c.unit(c.components(hinge)),
+        thigh_m=lengths[0],
+        shank_m=lengths[1],
+        from_middle=c.components(heads[femur] - middle),
+        ankle_shift=c.components(own_ball - to_ball),
+        ball_up=ball_up,
+    )
+    return leg, ball_up - float(to_ball[1] - own_ball[1])
 
-        Args:
-            world: (..., J, 4) orientations of the performer's joints.
-            root, position: of the performer's root.
-            turned: (..., N, 4) orientations of what turns the character's bones; those of the legs are written.
-        """
-        middle = c.plus(c.plus(position, c.rotate(root, self._own_middle)), (0.0, self._hips_up, 0.0))
-        steps = [_step(leg, world, root, position) for leg in self._legs]
-        hips = [c.plus(middle, c.rotate(root, leg.from_middle)) for leg in self._legs]
-        if steps:
-            lower = _lowering(self._legs, [c.minus(step.ankle, hip) for step, hip in zip(steps, hips, strict=True)])
-            middle = c.minus(middle, (0.0, lower, 0.0))
-            for leg, step, hip in zip(self._legs, steps, hips, strict=True):
-                _bend_leg(leg, step, c.minus(step.ankle, c.minus(hip, (0.0, lower, 0.0))), turned)
-        return c.minus(middle, c.rotate(root, self._hips_to_middle))
+
+def bend_legs(plan: LegPlan, world: Array, root: c.Quaternion, position: c.Vector, turned: Array) -> c.Vector:
+    """Turn thighs and shanks in `turned`, and return the hips' position in the performer's metres.
+
+    Args:
+        plan: of the character's legs.
+        world: (..., J, 4) orientations of the performer's joints.
+        root, position: of the performer's root.
+        turned: (..., N, 4) world rotations of the driven bones; those of the legs are written.
+    """
+    middle = c.plus(c.plus(position, c.rotate(root, plan.own_middle)), (0.0, plan.hips_up, 0.0))
+    steps = [_step(leg, world, root, position) for leg in plan.legs]
+    hips = [c.plus(middle, c.rotate(root, leg.from_middle)) for leg in plan.legs]
+    if steps:
+        lower = _lowering(plan.legs, [c.minus(step.ankle, hip) for step, hip in zip(steps, hips, strict=True)])
+        middle = c.minus(middle, (0.0, lower, 0.0))
+        for leg, step, hip in zip(plan.legs, steps, hips, strict=True):
+            _bend_leg(leg, step, c.minus(step.ankle, c.minus(hip, (0.0, lower, 0.0))), turned)
+    return c.minus(middle, c.rotate(root, plan.hips_to_middle))
 
 
 def _step(leg: _Leg, world: Array, root: c.Quaternion, position: c.Vector) -> _Step:
-    """Return how the performer's leg is held, and where the character's ankle belongs."""
+    """Return the performer's leg in one pose."""
     upper, lower, end = (c.components(world[..., joint, :]) for joint in leg.joints)
     thigh_way, shank_way = c.rotate(upper, leg.thigh_way), c.rotate(lower, leg.shank_way)
     ankle = c.plus(position, c.rotate(root, leg.own_hip))
@@ -131,25 +159,25 @@ def _step(leg: _Leg, world: Array, root: c.Quaternion, position: c.Vector) -> _S
 
 
 def _lowering(legs: Sequence[_Leg], reaches: Sequence[c.Vector]) -> c.Part:
-    """Return by how much the hips must come down for the feet to be reached, in metres; nothing for raised legs.
+    """Return the lowering of the hips, in metres, that lets the legs reach their feet; raised legs do not count.
 
     Args:
-        reaches: from each hip to where its ankle belongs.
+        reaches: from each hip to the target of its ankle.
     """
     lowest: c.Part = 0.0
     for leg, reach in zip(legs, reaches, strict=True):
         limit = _REACH * (leg.thigh_m + leg.shank_m)
         across = reach[0] * reach[0] + reach[2] * reach[2]
         down = -reach[1]
-        over = down - c.larger(limit * limit - across, 0.0) ** 0.5
+        over = down - c.maximum(limit * limit - across, 0.0) ** 0.5
         over = 0.5 * (over + (over * over + (_SOFT * limit) ** 2) ** 0.5)
         steep = (down / ((across + down * down) ** 0.5 + 1e-9) - _RAISED) / (_STANDING - _RAISED)
-        lowest = c.larger(lowest, over * c.smaller(c.larger(steep, 0.0), 1.0))
+        lowest = c.maximum(lowest, over * c.minimum(c.maximum(steep, 0.0), 1.0))
     return lowest
 
 
 def _bend_leg(leg: _Leg, step: _Step, reach: c.Vector, turned: Array) -> None:
-    """Turn thigh and shank until the ankle is where it belongs, `reach` from the hip."""
+    """Turn thigh and shank until the ankle lies `reach` from the hip."""
     normal = c.plus(c.cross(step.thigh_way, step.shank_way), c.times(_HINGE, c.rotate(step.upper, leg.hinge)))
     unreached = c.plus(c.times(leg.thigh_m, step.thigh_way), c.times(leg.shank_m, step.shank_way))
     thigh, shank = two_bone_directions(reach, normal, leg.thigh_m, leg.shank_m, unreached)
@@ -158,25 +186,3 @@ def _bend_leg(leg: _Leg, step: _Step, reach: c.Vector, turned: Array) -> None:
         (leg.places[1], step.shank_way, shank, step.lower),
     ):
         turned[..., place, :] = c.stacked(c.multiply(c.shortest_turn(before, after), turn))
-
-
-def two_bone_directions(
-    reach: c.Vector, normal: c.Vector, first_m: float, second_m: float, unreached: c.Vector
-) -> tuple[c.Vector, c.Vector]:
-    """Return the directions of two bones that end at `reach` from where they begin.
-
-    Args:
-        reach: where the second bone should end; beyond the bones' length, as near as can be.
-        normal: of the plane in which the joint between them bends, when they end at `unreached`; it goes along when
-            the limb is turned from there.
-        first_m, second_m: lengths.
-        unreached: where the bones end before.
-    """
-    way = c.unit(reach)
-    distance = c.smaller(c.larger(c.length(reach), abs(first_m - second_m) + 1e-6), _REACH * (first_m + second_m))
-    across = c.rotate(c.shortest_turn(c.unit(unreached), way), normal)
-    across = c.unit(c.minus(across, c.times(c.dot(across, way), way)))
-    cosine = c.smaller((first_m**2 + distance**2 - second_m**2) / (2.0 * first_m * distance), 1.0)
-    sine = (1.0 - cosine * cosine) ** 0.5
-    first = c.plus(c.times(cosine, way), c.times(sine, c.cross(way, across)))
-    return first, c.unit(c.minus(c.times(distance, way), c.times(first_m, first)))

@@ -1,13 +1,14 @@
-"""Motion of the product's skeleton onto a character: the rotations of its bones and the way of its hips.
+"""Retargeting: the performer's motion on a character with other bones and proportions.
 
-Each bone that stands for a joint takes the joint's orientation in the world, through the alignment of the rest poses;
-bones of the trunk and the neck between two such bones take what lies between, by their place along the chain. The
-hips go as far as the performer's by the ratio of leg lengths, and the legs are bent (two-bone inverse kinematics, in
-the knee's own plane) until the balls of the feet are where the performer's are, so that what stands still there
-stands still here, whatever the proportions; hips come down where a leg is too short for that.
+A plan is made once per character; each pose is then turned by it alone, without memory of earlier poses.
+
+Each bone mapped to a joint takes the joint's world orientation, through the alignment of the rest poses. Bones of the
+trunk and the neck between two such bones are interpolated by their place along the chain. The hips travel by the ratio
+of leg lengths. Two-bone inverse kinematics puts the balls of the feet at the performer's, so a planted foot stays
+planted whatever the proportions; the hips come down where a leg is too short.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -19,9 +20,9 @@ from ..geometry import quaternion_components as c
 from ..geometry import rotations as rot
 from .armature_rest import ArmatureRest, Array, IntArray
 from .bone_map import BoneMap
-from .character_rest_pose import align_character
+from .character_rest_pose import RestAlignment, align_character
 from .driven_bones import DrivenBone, driven_ancestors, driven_bones, root_bone
-from .leg_ik import Legs
+from .leg_ik import LegPlan, bend_legs, plan_legs
 
 _IDENTITY = rot.identity()
 
@@ -31,7 +32,7 @@ _LEFT_SIGN = np.array([[1.0, -1.0, -1.0, -1.0], [1.0, 1.0, -1.0, 1.0], [1.0, 1.0
 
 
 class RootMotion(Enum):
-    """What carries the character through the room."""
+    """Carrier of the character's travel through the scene."""
 
     HIPS = "hips"
     ROOT_BONE = "root bone"
@@ -40,14 +41,14 @@ class RootMotion(Enum):
 
 @dataclass(frozen=True)
 class CharacterPose:
-    """What is set on the character; the leading shape is that of the motion.
+    """Transforms to set on a character; the leading shape is that of the motion.
 
     Args:
-        rotations: (..., N, 4) rotation of each of the `Retargeter.bones` relative to its rest pose, as Blender has it.
-        locations: (..., L, 3) location of each of the `Retargeter.located` bones relative to its rest pose. Hips that
-            are held by the bone above are moved by that.
-        object_rotation: (..., 4), object_location: (..., 3): how the object moves in its own space, in the
-            armature's unit; None unless the object carries the motion.
+        rotations: (..., N, 4) rotation of each of `RetargetPlan.bones` relative to its rest pose, in Blender's sense.
+        locations: (..., L, 3) location of each of `RetargetPlan.located` relative to its rest pose. Hips connected to
+            the bone above are moved by that bone.
+        object_rotation: (..., 4), object_location: (..., 3): motion of the object in its own space, in the armature's
+            unit; None unless the object carries the motion.
     """
 
     rotations: Array
@@ -56,157 +57,288 @@ class CharacterPose:
     object_location: Array | None
 
 
-class Retargeter:
-    """Turns poses of a performer into those of a character.
+@dataclass(frozen=True)
+class _Blend:
+    """Joints whose orientations turn each driven bone: the first, or a share of the way to the second."""
+
+    first: IntArray
+    second: IntArray
+    share: Array
+    between: IntArray
+
+
+@dataclass(frozen=True)
+class _RootBone:
+    """Rest frame of the root bone in the armature's space; `moves_hips` where the hips are connected up to it."""
+
+    head: Array
+    location_axes: Array
+    rotation: Array
+    moves_hips: bool
+
+
+@dataclass(frozen=True)
+class _Carriers:
+    """Rest frames of the bones that carry the character, in the armature's space.
+
+    Args:
+        hips: place of the hips among the driven bones.
+        hips_head: (3,) their head.
+        mover_axes: (3, 3) axes of the location of the bone that moves the hips.
+        root: None unless a root bone carries the motion.
+    """
+
+    hips: int
+    hips_head: Array
+    mover_axes: Array
+    root: _RootBone | None
+
+
+@dataclass(frozen=True)
+class RetargetPlan:
+    """Retargeting from one performer to one character, made by `plan_retarget` and used by `apply_plan`.
+
+    Args:
+        skeleton: the performer's.
+        joints: joint -> index of the character's bone.
+        alignment: of the two rest poses.
+        root_motion: as used: the hips where the armature has no root bone.
+        driven: names of the bones turned by joints.
+        bones: names of all bones turned, in the order of `CharacterPose.rotations`.
+        located: names of the bones moved, in the order of `CharacterPose.locations`.
+        is_direct: the bones follow the joints one by one, and nothing is bent or interpolated.
+    """
+
+    skeleton: Skeleton
+    joints: Mapping[str, int]
+    alignment: RestAlignment
+    root_motion: RootMotion
+    driven: tuple[str, ...]
+    bones: tuple[str, ...]
+    located: tuple[str, ...]
+    is_direct: bool
+    blend: _Blend
+    ancestors: IntArray
+    jumps: tuple[IntArray, ...]
+    maps: Array
+    legs: LegPlan | None
+    forearms: tuple[tuple[int, int, c.Vector], ...]
+    carriers: _Carriers
+
+
+def plan_retarget(
+    skeleton: Skeleton,
+    rest: ArmatureRest,
+    bone_map: BoneMap,
+    root_motion: RootMotion = RootMotion.HIPS,
+    ancestors: IntArray | None = None,
+    same_body: bool = False,
+) -> RetargetPlan:
+    """Plan the retargeting of a performer's motion onto a character.
 
     Args:
         skeleton: the performer's.
         rest: the character's armature.
-        bone_map: which bone is which joint.
-        root_motion: what carries the character through the room; a root bone is the topmost bone above the hips, and
-            where there is none, the hips carry it.
+        bone_map: the bone of each joint.
+        root_motion: a root bone is the topmost bone above the hips; without one the hips carry the character.
         ancestors: (B,) for each bone the bone whose rotation it follows, -1 for none; where constraints let it follow
             another than its parent. By default the parents.
+        same_body: the character has the performer's proportions: legs are not bent, hands and feet keep their shape.
 
     Raises:
-        CharacterError: the character's rest pose cannot be read.
+        CharacterError: the character's rest pose is not usable.
     """
+    joints = {joint: rest.index[bone] for joint, bone in bone_map.bones.items()}
+    alignment = align_character(skeleton, rest, joints, same_body)
+    root = root_bone(rest, joints["root"]) if root_motion is RootMotion.ROOT_BONE else -1
+    if root_motion is RootMotion.ROOT_BONE and root < 0:
+        root_motion = RootMotion.HIPS
+    driven = driven_bones(skeleton, rest, joints, alignment.turns)
+    order = [entry.bone for entry in driven]
+    places = {bone: place for place, bone in enumerate(order)}
+    follows = driven_ancestors(rest, order, ancestors)
+    blend = _blend(driven)
+    names = tuple(rest.names[bone] for bone in order)
+    mover = rest.mover(joints["root"])
+    carrier = (rest.names[root],) if root >= 0 else ()
+    return RetargetPlan(
+        skeleton=skeleton,
+        joints=joints,
+        alignment=alignment,
+        root_motion=root_motion,
+        driven=names,
+        bones=names + carrier,
+        located=(rest.names[mover], *carrier) if mover != root else carrier,
+        is_direct=same_body and root_motion is RootMotion.HIPS and _follows_joints(skeleton, blend, follows),
+        blend=blend,
+        ancestors=follows,
+        jumps=tuple(_jumps(skeleton.parents)),
+        maps=_bone_maps(rest, alignment, driven, follows),
+        legs=None if same_body else plan_legs(skeleton, alignment, joints, places),
+        forearms=_forearms(skeleton, joints, places),
+        carriers=_carriers(rest, joints["root"], places[joints["root"]], root),
+    )
 
-    def __init__(
-        self,
-        skeleton: Skeleton,
-        rest: ArmatureRest,
-        bone_map: BoneMap,
-        root_motion: RootMotion = RootMotion.HIPS,
-        ancestors: IntArray | None = None,
-    ) -> None:
-        self.skeleton = skeleton
-        self.joints = {joint: rest.index[bone] for joint, bone in bone_map.bones.items()}
-        self.alignment = align_character(skeleton, rest, self.joints)
-        self._hips = self.joints["root"]
-        self.root_motion = root_motion
-        self._root_bone = root_bone(rest, self._hips) if root_motion is RootMotion.ROOT_BONE else -1
-        if root_motion is RootMotion.ROOT_BONE and self._root_bone < 0:
-            self.root_motion = RootMotion.HIPS
-        driven = driven_bones(skeleton, rest, self.joints, self.alignment.turns)
-        self._order = [entry.bone for entry in driven]
-        self._first = np.array([entry.first for entry in driven])
-        self._second = np.array([entry.second for entry in driven])
-        self._share = np.array([entry.share for entry in driven])[:, None]
-        self._between = np.flatnonzero(self._share[:, 0] > 0.0)
-        self._place = {bone: place for place, bone in enumerate(self._order)}
-        axes = rot.from_matrix(self.alignment.armature_from_product.T @ rest.axes)
-        self._rest_axes = axes
-        self._ancestors = driven_ancestors(rest, self._order, ancestors)
-        self._free = np.flatnonzero(self._ancestors < 0)
-        self._jumps = _jumps(skeleton.parents)
-        self._maps = self._bone_maps(driven)
-        self._legs = Legs(skeleton, self.alignment, self.joints, self._place)
-        self._prepare_forearms()
-        self._prepare_root(rest)
-        carrier = (rest.names[self._root_bone],) if self._root_bone >= 0 else ()
-        self.driven = tuple(rest.names[bone] for bone in self._order)
-        self.bones = self.driven + carrier
-        self.located = (rest.names[self._mover], *carrier) if self._mover != self._root_bone else carrier
 
-    def _bone_maps(self, driven: Sequence[DrivenBone]) -> Array:
-        """Return (N, 4, 4): the bone's quaternion = map @ quaternion of its joint relative to its ancestor's.
+def apply_plan(plan: RetargetPlan, rotations: ArrayLike, root_positions_m: ArrayLike) -> CharacterPose:
+    """Return the character's pose, of one frame or of many.
 
-        A bone stands at D C in the product's axes, with D what turns it and C = A R, the alignment A of its rest pose
-        and its rest axes R. Blender wants R^-1 R_p (D_p C_p)^-1 (D C), with p the ancestor: (R^-1 R_p C_p^-1) (D_p^-1
-        D) C, linear in the middle factor.
-        """
-        own = rot.multiply(np.array([entry.turn for entry in driven]), self._rest_axes[self._order])
-        left = rot.conjugate(self._rest_axes[self._order])
-        has = self._ancestors >= 0
-        bones = np.array(self._order)[self._ancestors[has]]
-        left[has] = rot.multiply(
-            left[has], rot.multiply(self._rest_axes[bones], rot.conjugate(own[self._ancestors[has]]))
-        )
-        basis = np.eye(4)[None]
-        columns = rot.multiply(rot.multiply(left[:, None], basis), own[:, None])
-        return np.ascontiguousarray(np.swapaxes(columns, -1, -2))
+    Args:
+        plan: for the character.
+        rotations: (J, 4) or (F, J, 4) parent-from-joint quaternions relative to rest.
+        root_positions_m: (3,) or (F, 3) root in world space, metres.
+    """
+    local = np.asarray(rotations, dtype=np.float64)
+    positions = np.asarray(root_positions_m, dtype=np.float64)
+    if plan.is_direct:
+        bones = np.matmul(plan.maps, local[..., plan.blend.first, :, None])[..., 0]
+        return _move_hips(plan, bones, _in_armature(plan, positions))
+    world = _world_rotations(plan, local)
+    turned = _turned_bones(plan.blend, world)
+    root: c.Quaternion = c.components(world[..., 0, :])
+    hips_m: c.Vector = c.components(positions)
+    if plan.legs is not None:
+        hips_m = bend_legs(plan.legs, world, root, hips_m, turned)
+    for forearm, hand, way in plan.forearms:
+        _turn_forearm(turned, forearm, hand, way)
+    heading = c.stacked(_heading(root)) if plan.root_motion is not RootMotion.HIPS else None
+    bones = _blender_rotations(plan, turned, heading)
+    hips = _in_armature(plan, c.stacked(hips_m))
+    if heading is None:
+        return _move_hips(plan, bones, hips)
+    turn = _in_axes(heading, plan.alignment.armature_from_world)
+    if plan.carriers.root is None:
+        return _move_object(plan, bones, hips, turn)
+    return _move_root_bone(plan, plan.carriers.root, bones, hips, turn)
 
-    def _prepare_forearms(self) -> None:
-        self._forearms: list[tuple[int, int, c.Vector]] = []
-        for side in "lr":
-            if side + "wrist" not in self.joints and {side + "radius", side + "hand"} <= self.joints.keys():
-                way = self.skeleton.offsets_m[self.skeleton.index(side + "wrist")]
-                forearm, hand = (self._place[self.joints[side + name]] for name in ("radius", "hand"))
-                self._forearms.append((forearm, hand, c.unit(c.components(way))))
 
-    def _prepare_root(self, rest: ArmatureRest) -> None:
-        def location_axes(bone: int) -> Array:
-            return rest.axes[bone].T if rest.local_location[bone] else np.eye(3)
+def _blend(driven: Sequence[DrivenBone]) -> _Blend:
+    share = np.array([entry.share for entry in driven])[:, None]
+    first, second = (np.array(joints) for joints in zip(*((d.first, d.second) for d in driven), strict=True))
+    return _Blend(first, second, share, np.flatnonzero(share[:, 0] > 0.0))
 
-        self._mover = rest.mover(self._hips)
-        self._mover_axes, self._hips_head = location_axes(self._mover), rest.heads[self._hips]
-        if self._root_bone >= 0:
-            self._root_axes, self._root_head = location_axes(self._root_bone), rest.heads[self._root_bone]
-            self._root_rotation = rot.from_matrix(rest.axes[self._root_bone])
 
-    def pose(self, rotations: ArrayLike, root_positions_m: ArrayLike) -> CharacterPose:
-        """Return the character's pose, of one frame or of many.
+def _follows_joints(skeleton: Skeleton, blend: _Blend, ancestors: IntArray) -> bool:
+    """Tell whether each bone follows the bone of its joint's parent, and stands for one joint only."""
+    above = np.where(ancestors >= 0, blend.first[ancestors], -1)
+    return len(blend.between) == 0 and bool(np.array_equal(above, skeleton.parents[blend.first]))
 
-        Args:
-            rotations: (J, 4) or (F, J, 4) parent-from-joint quaternions relative to rest.
-            root_positions_m: (3,) or (F, 3) root in product space, metres.
-        """
-        world = self._world_rotations(np.asarray(rotations, dtype=np.float64))
-        turned = world[..., self._first, :]
-        if len(self._between):
-            turned[..., self._between, :] = _between(
-                turned[..., self._between, :], world[..., self._second[self._between], :], self._share[self._between]
-            )
-        root: c.Quaternion = c.components(world[..., 0, :])
-        position: c.Vector = c.components(np.asarray(root_positions_m, dtype=np.float64))
-        hips_m = self._legs.bend(world, root, position, turned)
-        for forearm, hand, way in self._forearms:
-            _turn_forearm(turned, forearm, hand, way)
-        return self._as_blender(turned, root, hips_m)
 
-    def _world_rotations(self, local: Array) -> Array:
-        """Return (..., J, 4) world-from-joint quaternions: products along stretches of its line that double."""
-        matrices = np.empty((*local.shape[:-2], len(self.skeleton) + 1, 4, 4))
-        np.multiply(local[..., _LEFT_INDEX], _LEFT_SIGN, out=matrices[..., :-1, :, :])
-        matrices[..., -1, :, :] = np.eye(4)
-        for above in self._jumps:
-            matrices = np.matmul(matrices[..., above, :, :], matrices)
-        return matrices[..., :-1, :, 0]
+def _bone_maps(
+    rest: ArmatureRest, alignment: RestAlignment, driven: Sequence[DrivenBone], ancestors: IntArray
+) -> Array:
+    """Return (N, 4, 4): the bone's quaternion = map @ quaternion of its joint relative to its ancestor's.
 
-    def _as_blender(self, turned: Array, root: c.Quaternion, hips_m: c.Vector) -> CharacterPose:
-        above = turned[..., self._ancestors, :]
-        above[..., self._free, :] = _IDENTITY
-        heading = _heading(root) if self.root_motion is not RootMotion.HIPS else None
-        if heading is not None:
-            above[..., self._place[self._hips], :] = c.stacked(heading)
-        relative = np.matmul(np.swapaxes(above[..., _LEFT_INDEX] * _LEFT_SIGN, -1, -2), turned[..., None])
-        bones = np.matmul(self._maps, relative)[..., 0]
-        scale = self.alignment.units_per_metre
-        hips = scale * c.stacked(hips_m) @ self.alignment.armature_from_product.T
-        if heading is None:
-            return CharacterPose(bones, ((hips - self._hips_head) @ self._mover_axes.T)[..., None, :], None, None)
-        turn = _in_axes(c.stacked(heading), self.alignment.armature_from_product)
-        way = hips - rot.rotate(turn, self._hips_head)
-        up = self.alignment.armature_from_product[:, 1]
-        carried = way - (way @ up)[..., None] * up  # what stays upright is left to the hips
-        from_rest = rot.rotate(rot.conjugate(turn), hips - carried) - self._hips_head
-        locations = (from_rest @ self._mover_axes.T)[..., None, :]
-        if self.root_motion is RootMotion.OBJECT:
-            return CharacterPose(bones, locations, turn, carried)
-        axes = rot.conjugate(self._root_rotation)
-        root_turn = rot.multiply(rot.multiply(axes, turn), self._root_rotation)
-        moved = rot.rotate(turn, self._root_head) + carried - self._root_head
-        bones = np.concatenate((bones, root_turn[..., None, :]), axis=-2)
-        if self._mover == self._root_bone:
-            locations = ((moved + rot.rotate(turn, from_rest)) @ self._root_axes.T)[..., None, :]
-        else:
-            locations = np.concatenate((locations, (moved @ self._root_axes.T)[..., None, :]), axis=-2)
-        return CharacterPose(bones, locations, None, None)
+    A bone stands at D C in the performer's axes, with D the rotation of its joint and C = A R, the alignment A of its
+    rest pose and its rest axes R. Blender wants R^-1 R_p (D_p C_p)^-1 (D C), with p the ancestor:
+    (R^-1 R_p C_p^-1) (D_p^-1 D) C, linear in the middle factor.
+    """
+    order = [entry.bone for entry in driven]
+    axes = rot.from_matrix(alignment.armature_from_world.T @ rest.axes)
+    own = rot.multiply(np.array([entry.turn for entry in driven]), axes[order])
+    left = rot.conjugate(axes[order])
+    has = ancestors >= 0
+    bones = np.array(order)[ancestors[has]]
+    left[has] = rot.multiply(left[has], rot.multiply(axes[bones], rot.conjugate(own[ancestors[has]])))
+    columns = rot.multiply(rot.multiply(left[:, None], np.eye(4)[None]), own[:, None])
+    return np.ascontiguousarray(np.swapaxes(columns, -1, -2))
+
+
+def _forearms(
+    skeleton: Skeleton, joints: Mapping[str, int], places: Mapping[int, int]
+) -> tuple[tuple[int, int, c.Vector], ...]:
+    """Return places of forearm and hand, and the forearm's direction, of each arm without a wrist bone."""
+    found = []
+    for side in "lr":
+        if side + "wrist" not in joints and {side + "radius", side + "hand"} <= joints.keys():
+            way = skeleton.offsets_m[skeleton.index(side + "wrist")]
+            forearm, hand = (places[joints[side + name]] for name in ("radius", "hand"))
+            found.append((forearm, hand, c.unit(c.components(way))))
+    return tuple(found)
+
+
+def _carriers(rest: ArmatureRest, hips: int, place: int, root: int) -> _Carriers:
+    def location_axes(bone: int) -> Array:
+        return rest.axes[bone].T if rest.local_location[bone] else np.eye(3)
+
+    mover = rest.mover(hips)
+    carrier = None
+    if root >= 0:
+        carrier = _RootBone(rest.heads[root], location_axes(root), rot.from_matrix(rest.axes[root]), mover == root)
+    return _Carriers(place, rest.heads[hips], location_axes(mover), carrier)
+
+
+def _world_rotations(plan: RetargetPlan, local: Array) -> Array:
+    """Return (..., J, 4) world-from-joint quaternions: products along stretches of the hierarchy that double."""
+    matrices = np.empty((*local.shape[:-2], len(plan.skeleton) + 1, 4, 4))
+    np.multiply(local[..., _LEFT_INDEX], _LEFT_SIGN, out=matrices[..., :-1, :, :])
+    matrices[..., -1, :, :] = np.eye(4)
+    for above in plan.jumps:
+        matrices = np.matmul(matrices[..., above, :, :], matrices)
+    return matrices[..., :-1, :, 0]
+
+
+def _turned_bones(blend: _Blend, world: Array) -> Array:
+    """Return (..., N, 4) world rotations from rest of the driven bones."""
+    turned = world[..., blend.first, :]
+    if len(blend.between):
+        first, second = turned[..., blend.between, :], world[..., blend.second[blend.between], :]
+        turned[..., blend.between, :] = _between(first, second, blend.share[blend.between])
+    return turned
+
+
+def _blender_rotations(plan: RetargetPlan, turned: Array, heading: Array | None) -> Array:
+    """Return (..., N, 4) bone rotations relative to rest; the hips' relative to the heading if there is one."""
+    above = turned[..., plan.ancestors, :]
+    above[..., plan.ancestors < 0, :] = _IDENTITY
+    if heading is not None:
+        above[..., plan.carriers.hips, :] = heading
+    relative = np.matmul(np.swapaxes(above[..., _LEFT_INDEX] * _LEFT_SIGN, -1, -2), turned[..., None])
+    return np.asarray(np.matmul(plan.maps, relative)[..., 0])
+
+
+def _in_armature(plan: RetargetPlan, positions_m: Array) -> Array:
+    scale = plan.alignment.units_per_metre
+    return np.asarray(scale * positions_m @ plan.alignment.armature_from_world.T)
+
+
+def _move_hips(plan: RetargetPlan, bones: Array, hips: Array) -> CharacterPose:
+    """Let the hips carry the character."""
+    locations = ((hips - plan.carriers.hips_head) @ plan.carriers.mover_axes.T)[..., None, :]
+    return CharacterPose(bones, locations, None, None)
+
+
+def _move_object(plan: RetargetPlan, bones: Array, hips: Array, turn: Array) -> CharacterPose:
+    """Let the armature object carry the character."""
+    carried, from_rest = _split_travel(plan, hips, turn)
+    locations = (from_rest @ plan.carriers.mover_axes.T)[..., None, :]
+    return CharacterPose(bones, locations, turn, carried)
+
+
+def _move_root_bone(plan: RetargetPlan, root: _RootBone, bones: Array, hips: Array, turn: Array) -> CharacterPose:
+    """Let the root bone carry the character."""
+    carried, from_rest = _split_travel(plan, hips, turn)
+    root_turn = rot.multiply(rot.multiply(rot.conjugate(root.rotation), turn), root.rotation)
+    moved = rot.rotate(turn, root.head) + carried - root.head
+    bones = np.concatenate((bones, root_turn[..., None, :]), axis=-2)
+    if root.moves_hips:
+        locations = ((moved + rot.rotate(turn, from_rest)) @ root.location_axes.T)[..., None, :]
+    else:
+        above = (from_rest @ plan.carriers.mover_axes.T)[..., None, :]
+        locations = np.concatenate((above, (moved @ root.location_axes.T)[..., None, :]), axis=-2)
+    return CharacterPose(bones, locations, None, None)
+
+
+def _split_travel(plan: RetargetPlan, hips: Array, turn: Array) -> tuple[Array, Array]:
+    """Return the travel (..., 3) along the floor, and the rest of the hips' motion from their rest position."""
+    head, up = plan.carriers.hips_head, plan.alignment.armature_from_world[:, 1]
+    way = hips - rot.rotate(turn, head)
+    carried = way - (way @ up)[..., None] * up  # the vertical part is left to the hips
+    return carried, rot.rotate(rot.conjugate(turn), hips - carried) - head
 
 
 def _turn_forearm(turned: Array, forearm: int, hand: int, way: c.Vector) -> None:
-    """Turn a forearm half as far about itself as its hand: skin is not wrung where there is no wrist bone."""
+    """Turn a forearm by half its hand's twist: without a wrist bone the skin would be wrung at one place."""
     turn = c.components(turned[..., forearm, :])
     w, x, y, z = c.multiply(c.conjugate(turn), c.components(turned[..., hand, :]))
     along = x * way[0] + y * way[1] + z * way[2]
@@ -225,18 +357,18 @@ def _between(first: Array, second: Array, share: Array) -> Array:
 
 
 def _heading(turn: c.Quaternion) -> c.Quaternion:
-    """Return the part of a rotation that is about the vertical."""
+    """Return the part of a rotation about the vertical."""
     w, _, y, _ = c.unit_quaternion((turn[0], 0.0 * turn[0], turn[2], 0.0 * turn[0]))
     return w, 0.0 * w, y, 0.0 * w
 
 
 def _in_axes(quaternions: Array, matrix: Array) -> Array:
-    """Return rotations told in other axes."""
+    """Return rotations expressed in other axes."""
     return np.concatenate((quaternions[..., :1], quaternions[..., 1:] @ matrix.T), axis=-1)
 
 
 def _jumps(parents: IntArray) -> list[IntArray]:
-    """Return for doubling distances which joint lies that far above each; past the root, and for it, the last place.
+    """Return for doubling distances the joint that far above each; past the root, and for it, the last place.
 
     With M_j a joint's own rotation, M_j <- M_above(j) M_j for each in turn makes M_j the product along its whole line.
     """

@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 from ...core.body.skeleton import Skeleton
 from ...core.errors import CharacterError
 from ...core.geometry import rotations as rot
+from ...core.retarget.retargeter import RetargetPlan, apply_plan
 from ..character.create_character import find_armature
-from ..character.posing import Posing, posing_of
+from ..character.posing import plan_for
 from ..character.rig import clear_offsets, delta_transforms
 from .keyframes import KeyWriter, bone_path
 from .placement import BLEND_S, Onto, Placement, new_action, put
@@ -46,7 +47,7 @@ def write_action(
     """Write poses as a new action of an armature; the action that was there is kept in the file.
 
     Args:
-        object_name: an armature object, driven as `posing_of` tells.
+        object_name: an armature object, driven as `plan_for` tells.
         frames: (F,) scene frame of each pose, strictly increasing, fractions allowed (see `scene_frames`).
         rotations: (F, J, 4) parent-from-joint quaternions relative to rest.
         root_positions_m: (F, 3) root in product space.
@@ -66,32 +67,32 @@ def write_action(
     q = np.asarray(rotations, dtype=np.float64)
     positions = np.asarray(root_positions_m, dtype=np.float64)
     _check(at, q, positions, skeleton)
-    return write_posing(
-        armature_object, at, q, positions, posing_of(armature_object, skeleton), name=name, placement=placement
+    return write_with_plan(
+        armature_object, at, q, positions, plan_for(armature_object, skeleton), name=name, placement=placement
     )
 
 
-def write_posing(
+def write_with_plan(
     armature_object: bpy.types.Object,
     frames: Array,
     rotations: Array,
     root_positions_m: Array,
-    posing: Posing,
+    plan: RetargetPlan,
     *,
     name: str,
     placement: Placement = _NEW,
 ) -> str:
-    """Write poses through a given posing as a new action; arguments and result otherwise as of `write_action`."""
+    """Write poses by a given retarget plan as a new action; arguments and result otherwise as of `write_action`."""
     animation = armature_object.animation_data or armature_object.animation_data_create()
     if animation.use_tweak_mode:
         advice = "leave tweak mode (Tab in the NLA editor)"
         raise CharacterError("a strip of it is being edited", where=armature_object.name, advice=advice)
-    turned = _moved(posing.bones, placement.only)
-    moved = _moved(posing.located, placement.only)
+    turned = _moved(plan.bones, placement.only)
+    moved = _moved(plan.located, placement.only)
     if not turned and not moved:
         advice = "select bones of the map in Pose Mode, or write all"
         raise CharacterError("none of the bones that would move is selected", where=armature_object.name, advice=advice)
-    pose = posing.pose(rotations, root_positions_m)
+    pose = apply_plan(plan, rotations, root_positions_m)
     keep_in_quaternions(armature_object, turned)
     clear_offsets(armature_object, turned, moved)
     for bone_name in turned:

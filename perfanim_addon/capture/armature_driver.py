@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...core.body.skeleton import Skeleton
+from ...core.retarget.retargeter import apply_plan
 from ..animation.quaternion_curves import keep_in_quaternions
 from ..character.body_parts import PARTS, bones_of_parts
 from ..character.create_character import find_armature
-from ..character.posing import Posing, posing_of
+from ..character.posing import plan_for
 from ..character.rig import clear_offsets, delta_transforms
 
 _QUATERNION_MODE = 0  # PoseBone.rotation_mode "QUATERNION" as foreach_get returns it
@@ -21,7 +22,7 @@ class ArmatureDriver:
     Only the object's name is kept: undo, redo and file load replace Blender's data, so it is looked up for every pose.
 
     Args:
-        object_name: an armature object, driven as `posing_of` tells; rest pose, rolls, scale and further bones are
+        object_name: an armature object, driven as `plan_for` tells; rest pose, rolls, scale and further bones are
             its own. Its bones are switched to quaternions.
         skeleton: the skeleton that the poses are relative to.
         parts: of the body that are moved (see `body_parts`); the bones of the others are left alone.
@@ -40,24 +41,19 @@ class ArmatureDriver:
     def bind(self) -> None:
         """Read the armature's rest pose again, as after an edit of its bones; errors as at construction."""
         armature_object = find_armature(self.object_name)
-        self._posing = posing_of(armature_object, self._skeleton)
+        self.plan = plan_for(armature_object, self._skeleton)
         bones = armature_object.pose.bones
         places = {bone.name: index for index, bone in enumerate(bones)}
-        self.only = bones_of_parts(armature_object, self._posing, self._parts)
-        only = {*self._posing.bones, *self._posing.located} if self.only is None else self.only
-        self._turned = np.flatnonzero([name in only for name in self._posing.bones])
-        self._located = [(name, place) for place, name in enumerate(self._posing.located) if name in only]
-        self._names = [self._posing.bones[place] for place in self._turned]
+        self.only = bones_of_parts(armature_object, self.plan, self._parts)
+        only = {*self.plan.bones, *self.plan.located} if self.only is None else self.only
+        self._turned = np.flatnonzero([name in only for name in self.plan.bones])
+        self._located = [(name, place) for place, name in enumerate(self.plan.located) if name in only]
+        self._names = [self.plan.bones[place] for place in self._turned]
         keep_in_quaternions(armature_object, self._names)  # an animation of theirs in other angles would stop
         clear_offsets(armature_object, self._names, (name for name, _ in self._located))
         self._order: NDArray[np.int64] = np.array([places[name] for name in self._names], dtype=np.int64)
         self._quaternions = np.zeros((len(bones), 4), dtype=np.float32)
         self._modes = np.zeros(len(bones), dtype=np.int32)
-
-    @property
-    def posing(self) -> Posing:
-        """How the armature is posed."""
-        return self._posing
 
     def apply(self, rotations: ArrayLike, root_position_m: ArrayLike) -> None:
         """Pose the armature at once.
@@ -78,7 +74,7 @@ class ArmatureDriver:
         flat = self._quaternions.reshape(-1)
         if len(bones) > len(self._order):  # further bones of the rig keep the pose they have
             bones.foreach_get("rotation_quaternion", flat)
-        pose = self._posing.pose(rotations, root_position_m)
+        pose = apply_plan(self.plan, rotations, root_position_m)
         self._quaternions[self._order] = pose.rotations[self._turned]
         bones.foreach_set("rotation_quaternion", flat)
         if pose.object_rotation is not None and pose.object_location is not None and self.only is None:

@@ -15,8 +15,8 @@ from mathutils import Matrix, Quaternion, Vector
 from numpy.typing import ArrayLike, NDArray
 
 from ...core.geometry import rotations as rot
-from ..character.axes import BLENDER_FROM_PRODUCT
-from ..character.posing import Posing, ProductPosing
+from ...core.retarget.retargeter import RetargetPlan
+from ..character.axes import BLENDER_FROM_WORLD
 
 Array = NDArray[np.float64]
 
@@ -45,16 +45,16 @@ class CaptureSpace:
 
     Args:
         armature_object: the character.
-        posing: how it is posed.
+        plan: for driving it.
     """
 
-    def __init__(self, armature_object: bpy.types.Object, posing: Posing) -> None:
-        fit = posing.pose_map if isinstance(posing, ProductPosing) else posing.alignment
+    def __init__(self, armature_object: bpy.types.Object, plan: RetargetPlan) -> None:
+        fit = plan.alignment
         placed = _still_matrix(armature_object)
-        self._turn = rot.from_matrix(np.array(placed.to_3x3().normalized()) @ fit.armature_from_product)
-        self._linear = fit.units_per_metre * np.array(placed.to_3x3()) @ fit.armature_from_product
+        self._turn = rot.from_matrix(np.array(placed.to_3x3().normalized()) @ fit.armature_from_world)
+        self._linear = fit.units_per_metre * np.array(placed.to_3x3()) @ fit.armature_from_world
         self._origin = np.array(placed.translation)
-        self._own = rot.conjugate(rot.from_matrix(BLENDER_FROM_PRODUCT))
+        self._own = rot.conjugate(rot.from_matrix(BLENDER_FROM_WORLD))
 
     def brought(self, turns: Array, places_m: Array) -> tuple[Array, Array]:
         """Return quaternions (..., 4) and locations (..., 3) in the scene of props' turns and places in the world."""

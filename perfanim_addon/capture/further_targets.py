@@ -7,7 +7,7 @@ import bpy
 from ...core.body.scene_pose import PerformerPose
 from ...core.markers.prop import Prop
 from ...core.markers.subject import Subject
-from ..character.posing import Posing
+from ...core.retarget.retargeter import RetargetPlan
 from .capture_space import CaptureSpace
 from .performer_driver import PerformerDriver, Role
 from .prop_driver import TargetDriver
@@ -37,9 +37,9 @@ class Others:
         """The further performers, with the characters that move along by now."""
         return self._performers.roles
 
-    def enter(self, context: bpy.types.Context, armature_object: bpy.types.Object, posing: Posing) -> None:
+    def enter(self, context: bpy.types.Context, armature_object: bpy.types.Object, plan: RetargetPlan) -> None:
         """Go on in the room of the first performer's character; further performers without one get a new one."""
-        self._room = CaptureSpace(armature_object, posing)
+        self._room = CaptureSpace(armature_object, plan)
         self._performers.enter(context, self._room)
 
     def apply(self, context: bpy.types.Context, frames: Sequence[PerformerPose]) -> None:

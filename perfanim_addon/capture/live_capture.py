@@ -124,7 +124,7 @@ class LiveCapture:
         chosen = settings(context)
         parts = frozenset(chosen.overlay)
         if parts and self._drawn is None:
-            room = CaptureSpace(chosen.armature, self._bind(context).posing)
+            room = CaptureSpace(chosen.armature, self._bind(context).plan)
             self._drawn = overlay.Scene.of(self._request, lambda places_m: room.brought(rot.identity(), places_m)[1])
         overlay.show(self._drawn, pose, parts)
 
@@ -186,7 +186,7 @@ class LiveCapture:
             if self._driver.only is None:
                 self._held.take(chosen.armature)
             if self._others is not None:
-                self._others.enter(context, chosen.armature, self._driver.posing)
+                self._others.enter(context, chosen.armature, self._driver.plan)
             others = self._others.roles if self._others is not None else []
             if any(map(_plays, (chosen.armature, *(role.character() for role in others)))):
                 bpy.app.handlers.frame_change_post.append(_after_frame_change)

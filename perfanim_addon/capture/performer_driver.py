@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from ...core.body.scene_pose import PerformerPose
 from ...core.body.skeleton import forward_kinematics
 from ...core.markers.subject import Subject
-from ..animation.actions import write_posing
+from ..animation.actions import write_with_plan
 from ..animation.suspended_actions import HeldActions
 from ..character.create_character import create_character
-from ..character.posing import posing_of
+from ..character.posing import plan_for
 from ..settings import target_settings
 from ..settings.result_settings import placement
 from .armature_driver import ArmatureDriver
@@ -153,7 +153,7 @@ class _Follower:
         if self._carried is None:
             if self.role.first_seen(frames[-1:]) is None:
                 return
-            self._carried = _carried(self.role, frames, CaptureSpace(character, driver.posing), self._room)
+            self._carried = _carried(self.role, frames, CaptureSpace(character, driver.plan), self._room)
             if driver.only is None:
                 self._held.take(character)
         pose = frames[-1].others[self.role.index]
@@ -204,15 +204,15 @@ def write_performer_actions(
         is_new = role.character() is None
         role = role.cast(context, room)
         character, subject = bpy.data.objects[role.armature], role.subject
-        posing = posing_of(character, subject.skeleton)
+        plan = plan_for(character, subject.skeleton)
         how = placement(context, None if is_new else character, role.only)
-        if how.only is not None and not how.only & {*posing.bones, *posing.located}:
+        if how.only is not None and not how.only & {*plan.bones, *plan.located}:
             continue
         poses = [frame.others[role.index] for frame in recorded[first:]]
-        moved = _carried(role, all_frames, CaptureSpace(character, posing), room).moved(
+        moved = _carried(role, all_frames, CaptureSpace(character, plan), room).moved(
             np.stack([pose.rotations for pose in poses]), np.stack([pose.root_position_m for pose in poses])
         )
         written.append(
-            write_posing(character, at[first:], *moved, posing, name=f"{name} {subject.name}", placement=how)
+            write_with_plan(character, at[first:], *moved, plan, name=f"{name} {subject.name}", placement=how)
         )
     return written

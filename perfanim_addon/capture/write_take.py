@@ -16,7 +16,7 @@ from ...core.session.pose_filters import FilterSettings, filter_poses
 from ..animation.actions import scene_frames, write_action
 from ..character.create_character import create_character, find_armature
 from ..character.free_place import free_place, look_at
-from ..character.posing import posing_of
+from ..character.posing import plan_for
 from ..settings.capture_settings import settings
 from ..settings.result_settings import placement
 from .capture_space import CaptureSpace
@@ -96,7 +96,7 @@ def write_take(
         if settings(context).extend_scene:
             context.scene.frame_end = max(context.scene.frame_end, int(np.ceil(at[-1])))
     if motion.props or motion.performers:
-        space = CaptureSpace(find_armature(armature), posing_of(find_armature(armature), motion.skeleton))
+        space = CaptureSpace(find_armature(armature), plan_for(find_armature(armature), motion.skeleton))
         for part, at in zip(parts, frames, strict=True):
             how = placement(context, None)
             actions += write_prop_actions(context, motion.props, part.poses, at, space, title, how)

@@ -4,9 +4,8 @@ from collections.abc import Collection
 
 import bpy
 
-from ..preferences.paths import user_folder
-from .bone_map_settings import stored_map
-from .posing import PRESETS_FOLDER, Posing, ProductPosing, find_map
+from ...core.retarget.retargeter import RetargetPlan
+from .posing import bones_of
 
 _MIDDLE = {
     "HIPS": ("root",),
@@ -23,13 +22,15 @@ _PART_OF = {joint: part for part, joints in _MIDDLE.items() for joint in joints}
 }
 
 
-def bones_of_parts(armature_object: bpy.types.Object, posing: Posing, parts: Collection[str]) -> frozenset[str] | None:
+def bones_of_parts(
+    armature_object: bpy.types.Object, plan: RetargetPlan, parts: Collection[str]
+) -> frozenset[str] | None:
     """Return the bones that are moved when only some parts of the body are; None when all are.
 
     A bone that stands for no joint belongs to the part of the next one above it that does; those above all to the hips.
 
     Args:
-        armature_object: driven by `posing`.
+        armature_object: driven by `plan`.
         parts: of `PARTS`.
 
     Raises:
@@ -37,14 +38,10 @@ def bones_of_parts(armature_object: bpy.types.Object, posing: Posing, parts: Col
     """
     if set(parts) >= set(PARTS):
         return None
-    if isinstance(posing, ProductPosing):
-        part_of = _PART_OF
-    else:
-        bone_map = stored_map(armature_object) or find_map(armature_object, user_folder(PRESETS_FOLDER))
-        part_of = {bone: _PART_OF[joint] for joint, bone in bone_map.bones.items()}
+    part_of = {bone: _PART_OF[joint] for joint, bone in bones_of(armature_object).items()}
     bones = armature_object.pose.bones
     found = set()
-    for name in {*posing.bones, *posing.located}:
+    for name in {*plan.bones, *plan.located}:
         line = (name, *(bone.name for bone in bones[name].parent_recursive))
         part = next((part_of[bone] for bone in line if bone in part_of), "HIPS")
         found |= {name} if part in parts else set()

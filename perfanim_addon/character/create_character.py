@@ -114,36 +114,3 @@ def find_armature(object_name: str) -> bpy.types.Object:
 def check_armature(armature_object: bpy.types.Object) -> list[str]:
     """Return the product's joint names for which the armature has no bone: empty when it can be driven."""
     return [name for name in JOINT_NAMES if name not in armature_object.data.bones]
-
-
-def read_rest(armature_object: bpy.types.Object, skeleton: Skeleton) -> axes.RigRest:
-    """Return the rest pose of the armature's bones in the skeleton's order.
-
-    Raises:
-        CharacterError: bones are missing; the message names them.
-    """
-    bones = armature_object.data.bones
-    missing = [name for name in skeleton.names if name not in bones]
-    if missing:
-        raise CharacterError(
-            f"the armature lacks {len(missing)} of {len(skeleton)} bones: {', '.join(missing)}",
-            where=armature_object.name,
-            advice="rename its bones to these names or add a character",
-        )
-    found = [bones[name] for name in skeleton.names]
-    joints = {name: index for index, name in enumerate(skeleton.names)}
-    return axes.RigRest(
-        heads=np.array([bone.head_local for bone in found], dtype=np.float64),
-        axes=np.array([bone.matrix_local.to_3x3().normalized() for bone in found], dtype=np.float64),
-        ancestors=np.array([_ancestor(bone, joints) for bone in found], dtype=np.int64),
-        root_location_is_local=bool(found[0].use_local_location),
-    )
-
-
-def _ancestor(bone: bpy.types.Bone, joints: dict[str, int]) -> int:
-    """Return the nearest joint above that turns the bone; helper bones in between are taken as unposed."""
-    while bone.use_inherit_rotation and bone.parent is not None:
-        bone = bone.parent
-        if bone.name in joints:
-            return joints[bone.name]
-    return -1

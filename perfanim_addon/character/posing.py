@@ -1,61 +1,26 @@
-"""How poses of the performer become those of an armature: straight for the product's own, retargeted for any other."""
+"""Retarget plans of Blender's armatures: direct for the add-on's own characters, by a bone map for others."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Protocol
 
 import bpy
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ...core.body.skeleton import Skeleton
 from ...core.body.standard_skeleton import JOINT_NAMES
 from ...core.errors import CharacterError
-from ...core.retarget.bone_map import BoneMap, find_bone_map
+from ...core.retarget.armature_rest import ArmatureRest
+from ...core.retarget.bone_map import BoneMap, find_bone_map, identity_bone_map
 from ...core.retarget.bone_map_files import read_presets
-from ...core.retarget.retargeter import CharacterPose, Retargeter, RootMotion
+from ...core.retarget.retargeter import RetargetPlan, RootMotion, plan_retarget
 from ..preferences.paths import user_folder
-from .axes import PoseMap
 from .bone_map_settings import clear_map, store_map, store_problem, stored_map, stored_root_motion
-from .create_character import check_armature, read_rest
+from .create_character import check_armature
 from .rig import check_scale, followed_bones, is_constrained, read_armature_rest, switch_to_fk
 
 _SAME_SHARE = 0.003  # of the length of both legs, up to which a bone is as long as the performer's
 _LINKED = "make a library override of it (Object > Library Override > Make)"
 PRESETS_FOLDER = "bone_maps"  # of the user's
-
-
-class Posing(Protocol):
-    """Turns poses of the performer into bone transforms.
-
-    Args:
-        bones: names of the bones that are turned, in the order of `CharacterPose.rotations`.
-        located: names of those that are moved, in the order of `CharacterPose.locations`.
-    """
-
-    bones: tuple[str, ...]
-    located: tuple[str, ...]
-
-    def pose(self, rotations: ArrayLike, root_positions_m: ArrayLike) -> CharacterPose:
-        """Return the pose of one frame or of many, as `Retargeter.pose`."""
-
-
-class ProductPosing:
-    """For armatures with the product's bone names: joints are taken as they are.
-
-    Raises:
-        CharacterError: bones are missing (named in the message), or its proportions cannot be read.
-    """
-
-    def __init__(self, armature_object: bpy.types.Object, skeleton: Skeleton) -> None:
-        self.pose_map = PoseMap(skeleton, read_rest(armature_object, skeleton))
-        self.bones = skeleton.names
-        self.located = skeleton.names[:1]
-
-    def pose(self, rotations: ArrayLike, root_positions_m: ArrayLike) -> CharacterPose:
-        """Return the pose."""
-        location = self.pose_map.root_location(root_positions_m)
-        return CharacterPose(self.pose_map.bone_rotations(rotations), location[..., None, :], None, None)
 
 
 def find_map(armature_object: bpy.types.Object, presets_folder: Path | None = None) -> BoneMap:
@@ -103,11 +68,11 @@ def _problem(armature_object: bpy.types.Object, check: Callable[[bpy.types.Objec
     return ""
 
 
-def _has_proportions(armature_object: bpy.types.Object, skeleton: Skeleton) -> bool:
-    """Tell whether an armature has the product's names and the legs of a performer: then the feet need no care."""
-    if check_armature(armature_object):
+def _has_proportions(rest: ArmatureRest, skeleton: Skeleton) -> bool:
+    """Tell whether an armature has the joints' names and a performer's legs: then the feet need no care."""
+    if not set(JOINT_NAMES) <= rest.index.keys():
         return False
-    heads = read_rest(armature_object, skeleton).heads
+    heads = rest.heads[[rest.index[name] for name in skeleton.names]]
     lines = [skeleton.index(side + joint) for side in "lr" for joint in ("tibia", "foot", "toes")]
     above = skeleton.parents[lines]
     mine = np.linalg.norm(heads[lines] - heads[above], axis=-1)
@@ -115,8 +80,8 @@ def _has_proportions(armature_object: bpy.types.Object, skeleton: Skeleton) -> b
     return bool(np.allclose(mine / np.sum(mine), own / np.sum(own), atol=_SAME_SHARE))
 
 
-def posing_of(armature_object: bpy.types.Object, skeleton: Skeleton) -> Posing:
-    """Return how an armature is posed: by the map that is kept with it, by the product's names, or by a map found.
+def plan_for(armature_object: bpy.types.Object, skeleton: Skeleton) -> RetargetPlan:
+    """Plan the retargeting onto an armature: by its stored map, by the joints' names, or by a map found now.
 
     Raises:
         CharacterError: it cannot be driven, with the reason.
@@ -127,15 +92,17 @@ def posing_of(armature_object: bpy.types.Object, skeleton: Skeleton) -> Posing:
         )
     kept = stored_map(armature_object)
     root_motion = stored_root_motion(armature_object)
-    if kept is None and root_motion is RootMotion.HIPS and _has_proportions(armature_object, skeleton):
-        check_scale(armature_object)
-        return ProductPosing(armature_object, skeleton)
+    if kept is None and root_motion is RootMotion.HIPS:
+        rest = read_armature_rest(armature_object)
+        if _has_proportions(rest, skeleton):
+            check_scale(armature_object)
+            return plan_retarget(skeleton, rest, identity_bone_map(), same_body=True)
     bone_map = kept or find_map(armature_object, user_folder(PRESETS_FOLDER))
-    return retarget_posing(armature_object, skeleton, bone_map, root_motion)
+    return plan_with_map(armature_object, skeleton, bone_map, root_motion)
 
 
 def bones_of(armature_object: bpy.types.Object) -> dict[str, str]:
-    """Return joint -> bone of an armature, as `posing_of` finds them.
+    """Return joint -> bone of an armature, as `plan_for` finds them.
 
     Raises:
         CharacterError: they cannot be told, with the reason.
@@ -146,9 +113,9 @@ def bones_of(armature_object: bpy.types.Object) -> dict[str, str]:
     return (kept or find_map(armature_object, user_folder(PRESETS_FOLDER))).bones
 
 
-def retarget_posing(
+def plan_with_map(
     armature_object: bpy.types.Object, skeleton: Skeleton, bone_map: BoneMap, root_motion: RootMotion
-) -> Retargeter:
+) -> RetargetPlan:
     """Return the retargeting onto an armature by a map; inverse kinematics is switched off.
 
     Raises:
@@ -158,13 +125,13 @@ def retarget_posing(
     check_scale(armature_object)
     armature_object.data.pose_position = "POSE"  # shown in its rest position it would not move
     rest = read_armature_rest(armature_object)
-    made = Retargeter(skeleton, rest, bone_map, root_motion)
-    _rest_between(armature_object, bone_map.bones["root"], made.bones)
-    if is_constrained(armature_object, made.driven):
-        switch_to_fk(armature_object, made.driven)
-        follows = followed_bones(bpy.context, armature_object, made.driven)
-        made = Retargeter(skeleton, rest, bone_map, root_motion, np.asarray(follows))
-    return made
+    plan = plan_retarget(skeleton, rest, bone_map, root_motion)
+    _rest_between(armature_object, bone_map.bones["root"], plan.bones)
+    if is_constrained(armature_object, plan.driven):
+        switch_to_fk(armature_object, plan.driven)
+        follows = followed_bones(bpy.context, armature_object, plan.driven)
+        plan = plan_retarget(skeleton, rest, bone_map, root_motion, np.asarray(follows))
+    return plan
 
 
 def _rest_between(armature_object: bpy.types.Object, hips: str, driven: Sequence[str]) -> None:

@@ -24,10 +24,10 @@ from ...core.errors import CharacterError, FormatError, PerfanimError
 from ...core.formats.motion.read_motion import read_motion
 from ...core.retarget.bone_map import BoneMap, State, checked_map
 from ...core.retarget.bone_map_files import named_bone_map
-from ...core.retarget.retargeter import Retargeter, RootMotion
+from ...core.retarget.retargeter import RetargetPlan, RootMotion
 from ...core.system.files import atomic_path
-from ..animation.actions import scene_frames, write_posing
-from ..character.posing import find_map, retarget_posing
+from ..animation.actions import scene_frames, write_with_plan
+from ..character.posing import find_map, plan_with_map
 from ..character.rig import read_armature_rest
 from .export_animation import ENDINGS, Form, write_played
 from .export_blend import add_stage, render, set_up_rendering, write_scene
@@ -79,7 +79,7 @@ def retarget_file(
         scene.render.fps = max(1, round(motion.fps))
         scene.render.fps_base = scene.render.fps / motion.fps
     armature_object, bone_map = _humanoid(character, preset)
-    posing, frames = _performed(armature_object, bone_map, motion, root_motion)
+    plan, frames = _performed(armature_object, bone_map, motion, root_motion)
     kind = _KINDS.get(target.suffix.lower())
     if kind is not None:
         write_played(bpy.context, armature_object, target, kind, bone_map.bones, form or Form())
@@ -97,8 +97,8 @@ def retarget_file(
             render(scene, still)
     return _map_facts(bone_map) | {
         "armature": armature_object.name,
-        "root_motion": posing.root_motion.value,
-        "scale": posing.alignment.units_per_metre,
+        "root_motion": plan.root_motion.value,
+        "scale": plan.alignment.units_per_metre,
         "frames": motion.frames,
         "out": str(target),
     }
@@ -106,16 +106,16 @@ def retarget_file(
 
 def _performed(
     armature_object: bpy.types.Object, bone_map: BoneMap, motion: Motion, root_motion: RootMotion
-) -> tuple[Retargeter, Array]:
+) -> tuple[RetargetPlan, Array]:
     """Let a character play a motion, and the scene last as long; return how it is posed and the frames (F,)."""
     scene = bpy.context.scene
     release_pose(armature_object)
     bpy.context.view_layer.update()  # the place in the scene of what an importer has parented
-    posing = retarget_posing(armature_object, motion.skeleton, bone_map, root_motion)
+    plan = plan_with_map(armature_object, motion.skeleton, bone_map, root_motion)
     frames = scene_frames(np.arange(motion.frames) / motion.fps, scene)
-    write_posing(armature_object, frames, motion.rotations, motion.root_positions_m, posing, name=motion.name)
+    write_with_plan(armature_object, frames, motion.rotations, motion.root_positions_m, plan, name=motion.name)
     scene.frame_start, scene.frame_end = 1, int(np.ceil(frames[-1]))
-    return posing, frames
+    return plan, frames
 
 
 def _map_facts(bone_map: BoneMap) -> dict[str, Any]:

@@ -8,12 +8,12 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.retarget.armature_rest import ArmatureRest
 from perfanim.core.retarget.character_rest_pose import bone_direction
 from perfanim.core.retarget.file_rest_pose import BONE_ENDS
-from perfanim.core.retarget.retargeter import CharacterPose, Retargeter
+from perfanim.core.retarget.retargeter import CharacterPose, RetargetPlan
 
 LIMBS = ("femur", "tibia", "humerus", "radius", "hand")
 
 
-def pose_bones(rest: ArmatureRest, made: Retargeter, pose: CharacterPose) -> tuple[np.ndarray, np.ndarray]:
+def pose_bones(rest: ArmatureRest, made: RetargetPlan, pose: CharacterPose) -> tuple[np.ndarray, np.ndarray]:
     """Heads (F, B, 3) and rotations (F, B, 4) of all bones in the object's parent space: Blender's own rules."""
     frames = len(pose.rotations)
     count = len(rest)
@@ -45,20 +45,20 @@ def pose_bones(rest: ArmatureRest, made: Retargeter, pose: CharacterPose) -> tup
     return heads, rot.multiply(pose.object_rotation[:, None], turns)
 
 
-def to_performer(made: Retargeter, heads: np.ndarray) -> np.ndarray:
+def to_performer(made: RetargetPlan, heads: np.ndarray) -> np.ndarray:
     """Points of the armature in the performer's axes and metres."""
-    return heads @ made.alignment.armature_from_product / made.alignment.units_per_metre
+    return heads @ made.alignment.armature_from_world / made.alignment.units_per_metre
 
 
 def direction_errors_deg(
-    motion: Motion, rest: ArmatureRest, made: Retargeter, turns: np.ndarray
+    motion: Motion, rest: ArmatureRest, made: RetargetPlan, turns: np.ndarray
 ) -> dict[str, np.ndarray]:
     """(F,) angle between where a bone points and where the performer's does, by joint, degrees.
 
     Feet point as their rest pose's heading does, flat on the floor: ankles are of different height.
     """
     _, world = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
-    frame, heads = made.alignment.armature_from_product, made.alignment.heads_m
+    frame, heads = made.alignment.armature_from_world, made.alignment.heads_m
     tails = rest.tails @ frame / made.alignment.units_per_metre
     axes = rot.from_matrix(rest.axes)
     errors = {}
@@ -89,7 +89,7 @@ def direction_errors_deg(
     return errors
 
 
-def slides_cm_s(motion: Motion, made: Retargeter, heads: np.ndarray) -> tuple[float, float]:
+def slides_cm_s(motion: Motion, made: RetargetPlan, heads: np.ndarray) -> tuple[float, float]:
     """Mean horizontal speed of what the feet stand on while the performer's stand, character's and performer's.
 
     The balls of the feet, or the ankles of a character that has no toes; in the performer's centimetres per second.

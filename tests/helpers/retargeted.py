@@ -9,7 +9,7 @@ import numpy as np
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.geometry import rotations as rot
-from perfanim.perfanim_addon.character.axes import BLENDER_FROM_PRODUCT
+from perfanim.perfanim_addon.character.axes import BLENDER_FROM_WORLD
 
 LIMBS = (("humerus", "radius"), ("radius", "hand"), ("hand", "fingers"), ("foot", "toes"))
 _STANDS_M_S = 0.15
@@ -77,12 +77,12 @@ def measured(done: dict[str, Any], motion: Motion) -> Played:
             if start == "foot":  # ankles are of different height: what is flat on the floor is compared
                 way, own = way * [1.0, 1.0, 0.0], own * [1.0, 0.0, 1.0]
             mine = since[side + start] @ way
-            theirs = rot.rotate(world[:, motion.skeleton.index(side + start)], own) @ BLENDER_FROM_PRODUCT.T
+            theirs = rot.rotate(world[:, motion.skeleton.index(side + start)], own) @ BLENDER_FROM_WORLD.T
             cosine = np.sum(mine * theirs, axis=-1) / np.linalg.norm(mine, axis=-1) / np.linalg.norm(theirs, axis=-1)
             directions[side + start] = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
     kind = "toes" if "ltoes" in bones else "foot"
     scale = done["scale"] * float(np.mean(np.array(armature_object.matrix_world.to_scale())))
-    own_feet = positions[:, [motion.skeleton.index(side + kind) for side in "lr"]] @ BLENDER_FROM_PRODUCT.T
+    own_feet = positions[:, [motion.skeleton.index(side + kind) for side in "lr"]] @ BLENDER_FROM_WORLD.T
     feet = np.stack([found[bones[side + kind]][:, :3, 3] for side in "lr"], axis=1) / scale
     own_speed = np.linalg.norm(np.diff(own_feet, axis=0), axis=-1) * motion.fps
     speed = np.linalg.norm(np.diff(feet, axis=0), axis=-1) * motion.fps

@@ -1,1 +1,1 @@
-"""Live motion exchange by the Virtual Motion Capture protocol (OSC over UDP)."""
+"""Motion to and from other programs, live, by the Virtual Motion Capture protocol (VMC: OSC messages over UDP)."""

@@ -1,4 +1,4 @@
-"""Bones of a VMC humanoid (Unity's HumanBodyBones), and motion in them.
+"""The bones of a VMC humanoid (Unity's HumanBodyBones), and motion of ours told in them.
 
 A humanoid stands in a T pose when all its rotations are zero, legs straight down, and then the axes of all bones are
 the world's. Our rest pose spreads the legs, so orientations are taken to and from it as those of a foreign file are
@@ -70,12 +70,12 @@ class BonePoses:
 
 
 class Humanoid:
-    """Standard skeleton as a humanoid with the same bone lengths.
+    """A body of the product's joints as a humanoid with the same bone lengths.
 
     The hips carry it through the room. Fingers and thumbs, which nothing measures, are left out.
 
     Raises:
-        SkeletonError: standard joints are missing.
+        SkeletonError: it has not all of the product's joints.
     """
 
     def __init__(self, skeleton: Skeleton) -> None:
@@ -84,7 +84,7 @@ class Humanoid:
         names, self._parents = tuple(BONES), _parents(tuple(BONES))
         self._offsets = _t_pose_offsets(skeleton, self._joints, self._parents)
         still = _source("T pose", 1.0, names, self._offsets, rot.identity((1, len(names))), np.zeros((1, 3)))
-        bone_from_joint = align_rest(still, match_joints(still)).source_from_product
+        bone_from_joint = align_rest(still, match_joints(still)).source_from_world
         self._joint_from_bone = rot.conjugate([bone_from_joint[joint] for joint, _ in BONES.values()])
 
     def poses(self, rotations: Array, root_positions_m: Array) -> BonePoses:
@@ -102,12 +102,12 @@ class Humanoid:
 
 
 def bone_poses(motion: Motion) -> BonePoses:
-    """Return a motion of the standard skeleton as humanoid poses; see `Humanoid`."""
+    """Return a motion of the product's joints as poses of a humanoid; SkeletonError as of `Humanoid`."""
     return Humanoid(motion.skeleton).poses(motion.rotations, motion.root_positions_m)
 
 
 def motion_of_bones(poses: BonePoses, name: str, fps: float) -> Motion:
-    """Return humanoid poses as a motion of the standard skeleton.
+    """Return poses of a humanoid as a motion of the product's joints, with the humanoid's bone lengths.
 
     Programs that send rotations alone put all bones at zero; then the body is the average one.
 
@@ -126,7 +126,7 @@ def motion_of_bones(poses: BonePoses, name: str, fps: float) -> Motion:
 
 
 def _t_pose_offsets(skeleton: Skeleton, joints: list[int], parents: NDArray[np.int64]) -> Array:
-    """Return (B, 3) offsets of bones from their parents in the T pose, 0 for the hips."""
+    """Return (B, 3) where each bone begins relative to the one above it in the T pose, that of the hips zero."""
     positions, _ = forward_kinematics(skeleton, t_pose(skeleton), np.zeros(3))
     starts = positions[joints]
     offsets = starts - starts[parents]

@@ -236,7 +236,7 @@ def test_parts_of_a_foreign_rig_take_the_bones_between(part: Any) -> None:
     parts = part("character.body_parts")
     skeleton = part("operators.character").performer_skeleton(bpy.context.scene.perfanim)
     armature = bpy.data.objects[part("capture.live_capture").add_character(bpy.context, skeleton)]
-    product = posing.posing_of(armature, skeleton)
+    product = posing.plan_for(armature, skeleton)
     assert parts.bones_of_parts(armature, product, parts.PARTS) is None
     by_part = {one: parts.bones_of_parts(armature, product, {one}) for one in parts.PARTS}
     assert frozenset().union(*by_part.values()) == set(skeleton.names)
@@ -245,8 +245,8 @@ def test_parts_of_a_foreign_rig_take_the_bones_between(part: Any) -> None:
     for bone in armature.data.bones:
         bone.name = "Rig " + bone.name
     posing.fill_map(armature)
-    retargeter = posing.posing_of(armature, skeleton)
-    assert not isinstance(retargeter, posing.ProductPosing)
+    retargeter = posing.plan_for(armature, skeleton)
+    assert product.is_direct and not retargeter.is_direct
     for one, bones in by_part.items():
         found = parts.bones_of_parts(armature, retargeter, {one})
         assert found == {"Rig " + bone for bone in bones if "Rig " + bone in retargeter.bones}

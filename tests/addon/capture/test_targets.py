@@ -79,7 +79,7 @@ def test_a_prop_is_measured_from_the_chosen_take(part: Any, shown: Any, tmp_path
 
 def expected_matrix(part: Any, armature: Any, turn: np.ndarray, place: np.ndarray) -> Matrix:
     """Where a prop of the performer's room stands beside a character of the performer's own size."""
-    axes = Matrix(part("character.axes").BLENDER_FROM_PRODUCT)
+    axes = Matrix(part("character.axes").BLENDER_FROM_WORLD)
     turned = axes @ Quaternion(turn).to_matrix() @ axes.inverted()
     return armature.matrix_world @ Matrix.Translation(axes @ Vector(place)) @ turned.to_4x4()
 
@@ -148,7 +148,7 @@ def test_an_objects_own_action_is_given_back_when_nothing_is_kept(part: Any, sho
     entry = shown.entries.add()
     entry.object = cube = bpy.data.objects.new("Cube", None)
     cube.animation_data_create().action = old = bpy.data.actions.new("Old")
-    room = part("capture.capture_space").CaptureSpace(armature, part("character.posing").posing_of(armature, skeleton))
+    room = part("capture.capture_space").CaptureSpace(armature, part("character.posing").plan_for(armature, skeleton))
     following = driver.TargetDriver(bpy.context, [prop])
     pose = sys.modules[driver.__name__.replace("perfanim_addon.capture.prop_driver", "core.body.scene_pose")].PropPose
     following.apply(bpy.context, [pose(np.array([1.0, 0, 0, 0]), np.zeros(3))], room)

@@ -151,8 +151,8 @@ def test_a_rig_in_centimetres_with_y_up_is_driven_alike():
     # as FBX files come in: the object turns and shrinks what the armature has
     name = create_character.create_character(bpy.context, SKELETON)
     obj = bpy.data.objects[name]
-    obj.data.transform(Matrix(axes.BLENDER_FROM_PRODUCT.T.tolist()).to_4x4() @ Matrix.Scale(100.0, 4))
-    obj.matrix_world = Matrix(axes.BLENDER_FROM_PRODUCT.tolist()).to_4x4() @ Matrix.Scale(0.01, 4)
+    obj.data.transform(Matrix(axes.BLENDER_FROM_WORLD.T.tolist()).to_4x4() @ Matrix.Scale(100.0, 4))
+    obj.matrix_world = Matrix(axes.BLENDER_FROM_WORLD.tolist()).to_4x4() @ Matrix.Scale(0.01, 4)
     rotations, root = random_pose(7)
     ArmatureDriver(name, SKELETON).apply(rotations, root)
     expected, _ = forward_kinematics(SKELETON, rotations, root)

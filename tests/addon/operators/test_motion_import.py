@@ -12,7 +12,7 @@ from perfanim.core.formats.motion.write_motion import write_motion
 from perfanim.core.formats.vmc.humanoid import BONES
 from perfanim.core.retarget.joint_naming import NAMINGS
 from perfanim.core.system.assets import MOTION
-from perfanim.perfanim_addon.character.axes import BLENDER_FROM_PRODUCT
+from perfanim.perfanim_addon.character.axes import BLENDER_FROM_WORLD
 
 SAME_M = 0.001
 
@@ -28,7 +28,7 @@ def wanted(motion: Motion) -> np.ndarray:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.context.scene.render.fps = round(motion.fps)
     positions, _ = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
-    return positions @ BLENDER_FROM_PRODUCT.T
+    return positions @ BLENDER_FROM_WORLD.T
 
 
 def places(objects: list, bone: str, frames: list[float]) -> np.ndarray:

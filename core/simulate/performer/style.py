@@ -3,7 +3,8 @@
 from dataclasses import dataclass, fields
 
 import numpy as np
-from perfanim.core.errors import SettingsError
+
+from ...errors import SettingsError
 
 
 @dataclass(frozen=True)
