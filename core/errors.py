@@ -1,11 +1,11 @@
-"""The one error tree: every failure that a user can meet says what is wrong, where, and what to do."""
+"""Error tree: each error has a fact, a place and an advice."""
 
 
 class PerfanimError(Exception):
     """Base of all errors that are reported to the user in one line.
 
     Args:
-        what: what is wrong, in plain words.
+        what: the fact, in plain words.
         where: file, line, frame, camera, ... ("" when there is no place).
         advice: what the user can do about it.
     """
@@ -20,7 +20,7 @@ class PerfanimError(Exception):
 
 
 class FormatError(PerfanimError):
-    """A file is not what its name promises, or is damaged."""
+    """A file is of another kind or damaged."""
 
 
 class SkeletonError(PerfanimError):
@@ -36,7 +36,7 @@ class MarkerSetError(PerfanimError):
 
 
 class TakeError(PerfanimError):
-    """A recorded take is unusable for what was asked."""
+    """A take is unusable for the requested task."""
 
 
 class SubjectError(PerfanimError):
@@ -44,7 +44,7 @@ class SubjectError(PerfanimError):
 
 
 class PropError(PerfanimError):
-    """A prop cannot be told from itself in another position, or its definition is damaged."""
+    """A prop looks the same in another position, or its definition is damaged."""
 
 
 class DatabaseError(PerfanimError):

@@ -12,7 +12,6 @@ from typing import Any
 from ..errors import CharacterError, SettingsError
 from ..system.files import atomic_path
 from .main import jsonable
-from .options import seed
 
 
 def add_parser(subparsers: Any) -> None:
@@ -22,7 +21,6 @@ def add_parser(subparsers: Any) -> None:
     )
     parser.add_argument("--out", default="out/demo", metavar="DIR", help="folder for the results (default out/demo)")
     parser.add_argument("--seconds", type=float, default=21.0, metavar="S", help="of performance (default 21)")
-    parser.add_argument("--seed", type=seed, default=0, metavar="N", help="another performance for every number")
     parser.set_defaults(run=run)
 
 
@@ -33,7 +31,7 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
     if not 5.0 <= args.seconds <= 600.0:
         raise SettingsError(f"--seconds {args.seconds:g} is out of range", advice="give 5 to 600")
     out = Path(args.out)
-    report = run_demo(out, args.seconds, args.seed, progress)
+    report = run_demo(out, args.seconds, progress)
     if importlib.util.find_spec("bpy") is not None:
         report["outputs"]["blend"] = str(_write_blend(out, progress))
     write_report(out / "report.md", report)

@@ -20,8 +20,8 @@ from ..formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_motio
 from ..formats.take_file.reading import ENDING, TakeFile, read_take_file
 from ..geometry.rig_file import load_rig
 from ..labelling.take_import import UPS, import_take
-from ..markers.filtering import smoothed, smoothed_motion
-from ..markers.label_matching import AUTO, best_match, load_names, match_names, named_by_hand
+from ..markers.filtering import smooth_motion, smooth_take
+from ..markers.label_matching import AUTO, load_names, match_best_set, match_labels, rename_labels
 from ..markers.marker_set import MarkerSet, load_marker_set
 from ..markers.marker_take import MarkerTake
 from ..markers.prop import Prop, load_prop
@@ -168,7 +168,7 @@ def solve(
     solved, facts = solve_kind(args, progress, store)
     motions = [solved.motion, *solved.others]
     if args.smooth is not None:
-        motions = [smoothed_motion(motion, args.smooth) for motion in motions]
+        motions = [smooth_motion(motion, args.smooth) for motion in motions]
     if args.feet != "off":
         floor_m = _floor_m(args)
         motions = [with_feet_held(motion, args.feet, floor_m) for motion in motions]
@@ -192,15 +192,15 @@ def _solve_markers(
     """Solve labelled markers."""
     take = read_take(args.take)
     if args.names is not None:
-        take = named_by_hand(take, load_names(args.names))
+        take = rename_labels(take, load_names(args.names))
     marker_set = _marker_set(args, take)
     subject = _subject(args, marker_set)
     if args.up is not None:
         take = import_take(take, subject.marker_set, args.up)
     elif not is_unnamed(take):
-        take = match_names(take.names, subject.marker_set).renamed(take)
+        take = match_labels(take.names, subject.marker_set).rename(take)
     if args.smooth is not None:
-        take = smoothed(take, args.smooth)
+        take = smooth_take(take, args.smooth)
     settings, database = SolveSettings(method=args.method or "best"), store.database(args.database)
     worn, facts = _few(args.use, take, subject, database) if args.use is not None else (worn_in(take, subject), {})
     solved = solve_take(take, worn, database, settings, progress, store.session)
@@ -328,7 +328,7 @@ def _differences(take: MarkerTake, subject: Subject) -> list[str]:
 def _marker_set(args: argparse.Namespace, take: MarkerTake) -> MarkerSet | None:
     """Return the marker set that is asked for, None for the subject's."""
     if args.marker_set == AUTO:
-        return best_match(take.names, str(args.take)).marker_set
+        return match_best_set(take.names, str(args.take)).marker_set
     return load_marker_set(args.marker_set) if args.marker_set is not None else None
 
 

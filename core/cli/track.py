@@ -231,14 +231,14 @@ def _check_one_camera(args: argparse.Namespace) -> None:
 def _on_floor(args: argparse.Namespace, take: Any, rig: Any) -> Any:
     """Return the take in a world with its floor at y = 0, and write the calibration in it if wanted."""
     from ..geometry.rig_file import save_rig
-    from ..markers.floor_from_feet import floor_points, moved_to_rig
+    from ..markers.floor_from_feet import floor_points, to_rig_world
     from ..markers.marker_set import load_marker_set
     from ..vision.calibration.floor import rig_on_floor
 
     level = rig_on_floor(rig, floor_points(take, load_marker_set(args.marker_set)))
     if args.floor_cameras:
         save_rig(level, args.floor_cameras)
-    return moved_to_rig(take, rig, level)
+    return to_rig_world(take, rig, level)
 
 
 def _pipeline(args: argparse.Namespace, rig: Any, source: Any, progress: Progress) -> Any:

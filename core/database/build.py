@@ -17,7 +17,7 @@ from ..body.skeleton import Skeleton
 from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import DatabaseError, FormatError
 from ..formats.motion.motion_sources import MotionFile, motion_files
-from .culling import kept_clips, near_duplicates
+from .culling import clips_after_culling, near_duplicates
 from .frame_file import FrameFile
 from .graph import LARGE_DATABASE, GraphSettings
 from .labels import behaviour_of, subject_of
@@ -182,7 +182,7 @@ def _without_duplicates(database: Database, cull_deg: float) -> Database:
     culled = near_duplicates(poses, database.clips, database.fps, cull_deg)
     return replace(
         database,
-        clips=tuple(kept_clips(database.clips, culled, database.fps)),
+        clips=tuple(clips_after_culling(database.clips, culled, database.fps)),
         poses=database.poses[~culled],
         root_rotations=database.root_rotations[~culled],
         root_positions_m=database.root_positions_m[~culled],

@@ -124,7 +124,7 @@ def _long_runs(flags: BoolArray, shortest: float) -> BoolArray:
     return result
 
 
-def kept_clips(clips: Sequence[Clip], culled: BoolArray, fps: float) -> list[Clip]:
+def clips_after_culling(clips: Sequence[Clip], culled: BoolArray, fps: float) -> list[Clip]:
     """Return the clips of the remaining frames, renumbered."""
     kept: list[Clip] = []
     for clip in clips:

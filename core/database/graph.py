@@ -86,7 +86,7 @@ def l1_distance_deg(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
     return np.degrees(np.sum(np.abs(a - b), axis=-1)) / JOINT_ANGLES
 
 
-def weighted(poses: FloatArray) -> FloatArray:
+def weigh_poses(poses: FloatArray) -> FloatArray:
     """Scale poses (..., D) so that their L2 distance is about that of markers, metres."""
     skeleton = default_skeleton()
     positions = np.zeros((len(skeleton), 3))
@@ -113,7 +113,7 @@ def build_graph(
         settings: how frames are joined; default the paper's distances.
     """
     settings = settings or GraphSettings()
-    scaled = weighted(poses)
+    scaled = weigh_poses(poses)
     threshold_deg = settings.threshold_deg(fps)
     neighbours = np.full((len(poses), settings.most), -1, dtype=np.int32)
     _join_consecutive(neighbours, clip_of_frame)

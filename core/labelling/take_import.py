@@ -13,7 +13,7 @@ from ..geometry import rotations as rot
 from ..geometry.camera import CameraRig
 from ..geometry.rigid_transform import transform
 from ..markers.floor_from_feet import floor_points, upright_rotation
-from ..markers.label_matching import listed, match_names
+from ..markers.label_matching import join_names, match_labels
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from ..markers.take_frames import is_unnamed
@@ -37,7 +37,7 @@ _TURNS = {  # from a world with this axis up to one with y up
 def import_take(take: MarkerTake, marker_set: MarkerSet, up: str) -> MarkerTake:
     """Return a take with y up and its markers under the names of the marker set.
 
-    Names agree as `match_names` says; where they do not agree at all, a take with as many markers as the set is told
+    Names agree as `match_labels` says; where they do not agree at all, a take with as many markers as the set is told
     apart by where they are on a standing body. A take of one camera is
     returned as it is: its markers are told apart when it is solved, and its calibration has the world.
 
@@ -65,16 +65,16 @@ def import_take(take: MarkerTake, marker_set: MarkerSet, up: str) -> MarkerTake:
 
 def _by_name(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake | None:
     """Return the take under the set's names as far as they agree, None when those of the torso do not."""
-    match = match_names(take.names, marker_set)
-    return match.renamed(take) if match.has_torso else None
+    match = match_labels(take.names, marker_set)
+    return match.rename(take) if match.has_torso else None
 
 
 def _by_place(take: MarkerTake, marker_set: MarkerSet, axes: Sequence[str]) -> MarkerTake:
     """Return the take turned so that it stands, under the set's names as the markers' places tell them."""
     if len(take.names) != len(marker_set):
         raise TakeError(
-            f"its markers are called {listed(take.names)}, those of the set {marker_set.name} "
-            f"{listed(marker_set.names)}",
+            f"its markers are called {join_names(take.names)}, those of the set {marker_set.name} "
+            f"{join_names(marker_set.names)}",
             where=take.name,
             advice="choose the marker set that was worn, or give one of your own (TOML) with these names",
         )

@@ -51,7 +51,7 @@ def name_trajectories(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
             advice="track without --marker-set, or correct the set's offset_m",
         )
     order = rows[np.argsort(columns)]
-    single = take.single.picked(markers=order.tolist()) if take.single is not None else None
+    single = take.single.select(markers=order.tolist()) if take.single is not None else None
     return replace(take, names=marker_set.names, positions_m=take.positions_m[:, order], single=single)
 
 

@@ -1,4 +1,4 @@
-"""Noise taken out of recorded trajectories: of markers before they are solved, of the solved motion after."""
+"""Low-pass filters for recorded markers and solved motion."""
 
 from dataclasses import replace
 
@@ -18,8 +18,8 @@ _PLACE_SHARE = 0.2  # of the cut-off: markers move so much more slowly on the bo
 _ORDER = 2  # run forwards and backwards: fourth order without lag, as is usual for gait (Winter 2009, section 3.4)
 
 
-def smoothed(take: MarkerTake, cutoff_hz: float) -> MarkerTake:
-    """Return the take with its trajectories low-passed without lag; frames without a marker stay without it.
+def smooth_take(take: MarkerTake, cutoff_hz: float) -> MarkerTake:
+    """Low-pass a take's trajectories without lag; gaps stay.
 
     Every unbroken stretch of a trajectory is filtered by itself; those too short for the filter stay as they are.
 
@@ -38,17 +38,17 @@ def smoothed(take: MarkerTake, cutoff_hz: float) -> MarkerTake:
     return replace(take, positions_m=positions)
 
 
-def smoothed_motion(motion: Motion, cutoff_hz: float) -> Motion:
+def smooth_motion(motion: Motion, cutoff_hz: float) -> Motion:
     """Return the motion with joint rotations and root path low-passed without lag.
 
     Joints without markers follow the database's examples, which change from frame to frame.
 
     Args:
         motion: any motion.
-        cutoff_hz: as for `smoothed`.
+        cutoff_hz: as for `smooth_take`.
 
     Raises:
-        SettingsError: as for `smoothed`.
+        SettingsError: as for `smooth_take`.
     """
     sections = _low_pass(cutoff_hz, motion.fps, motion.name)
     steps = np.sum(motion.rotations[1:] * motion.rotations[:-1], axis=-1, keepdims=True)
@@ -61,12 +61,12 @@ def smoothed_motion(motion: Motion, cutoff_hz: float) -> Motion:
     )
 
 
-def smoothed_on_body(take: MarkerTake, marker_set: MarkerSet, motion: Motion, cutoff_hz: float) -> MarkerTake:
-    """Return the take with noise taken out of a set's markers, with the help of the body that was solved from them.
+def smooth_on_body(take: MarkerTake, marker_set: MarkerSet, motion: Motion, cutoff_hz: float) -> MarkerTake:
+    """Reduce the noise of a set's markers with the help of the solved body.
 
     A marker's noise is that of one trajectory, the body's is what all of them and the database's poses leave of it. So
     the marker's place in the frame of its joint is low-passed far below the motion, and the path that the joint then
-    carries it along is low-passed as `smoothed` does.
+    carries it along is low-passed as `smooth_take` does.
 
     Args:
         take: its markers under the set's names; others stay as they are.
@@ -75,7 +75,7 @@ def smoothed_on_body(take: MarkerTake, marker_set: MarkerSet, motion: Motion, cu
         cutoff_hz: of the path; a fifth of it of the place on the body.
 
     Raises:
-        SettingsError: as for `smoothed`.
+        SettingsError: as for `smooth_take`.
     """
     joints, turns = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
     worn = [marker for marker in marker_set.markers if marker.name in take.names]
@@ -84,15 +84,15 @@ def smoothed_on_body(take: MarkerTake, marker_set: MarkerSet, motion: Motion, cu
     joints, turns = joints[:, carriers], turns[:, carriers]
     names = tuple(marker.name for marker in worn)
     places = rot.rotate(rot.conjugate(turns), take.positions_m[:, columns] - joints)
-    still = smoothed(replace(take, names=names, positions_m=places, single=None), _PLACE_SHARE * cutoff_hz)
+    still = smooth_take(replace(take, names=names, positions_m=places, single=None), _PLACE_SHARE * cutoff_hz)
     carried = replace(still, positions_m=joints + rot.rotate(turns, still.positions_m))
     positions = take.positions_m.copy()
-    positions[:, columns] = smoothed(carried, cutoff_hz).positions_m
+    positions[:, columns] = smooth_take(carried, cutoff_hz).positions_m
     return replace(take, positions_m=positions)
 
 
 def _low_pass(cutoff_hz: float, fps: float, name: str) -> Array | None:
-    """Return the filter's sections; None where it would let all that the rate can show pass."""
+    """Return the filter's sections, None if it would pass all frequencies."""
     if not 0.0 < cutoff_hz < 0.5 * fps:
         raise SettingsError(
             f"smoothing at {cutoff_hz:g} Hz is out of range",
@@ -109,7 +109,7 @@ def _low_pass(cutoff_hz: float, fps: float, name: str) -> Array | None:
 
 
 def _filtered(sections: Array | None, path: Array) -> Array:
-    """Return (F, ...) filtered forwards and backwards; one too short for the filter's run-in stays as it is."""
+    """Filter (F, ...) forwards and backwards; too short a path is left as it is."""
     if sections is None or len(path) <= 3 * (2 * len(sections) + 1):
         return path
     from scipy.signal import sosfiltfilt

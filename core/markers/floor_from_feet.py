@@ -1,4 +1,4 @@
-"""Where the floor is, from feet that stand on it: for recordings in which no board was laid on the floor."""
+"""Floor of a recording from standing feet, where no board showed it."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,7 +13,7 @@ from ..errors import TakeError
 from ..geometry import rotations as rot
 from ..geometry.camera import CameraRig
 from ..geometry.rigid_transform import kabsch, transform
-from .filtering import smoothed
+from .filtering import smooth_take
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
 
@@ -36,13 +36,13 @@ _UPRIGHT_SAMPLES = 60
 def floor_points(take: MarkerTake, marker_set: MarkerSet, pose: Callable[[Skeleton], Array] = standing) -> Array:
     """Return four points (4, 3) of the floor, about where the performer moved.
 
-    The markers of the feet, while they rest, lie as high above the floor as on a standing person; a plane is laid
+    The markers of the feet, while they rest, lie as high above the floor as on a standing person; a plane is fitted
     through them, which an upright performer's mean direction steadies where the feet stood nearly on one line.
 
     Args:
         take: labelled, in any world; the performer stands or walks in it.
         marker_set: with usual offsets and markers on the feet.
-        pose: the performer's usual one, whose mean direction is upright.
+        pose: the performer's usual one; its mean direction is upright.
 
     Raises:
         TakeError: no markers on the feet, or feet that never rest.
@@ -50,8 +50,8 @@ def floor_points(take: MarkerTake, marker_set: MarkerSet, pose: Callable[[Skelet
     """
     skeleton = default_skeleton()
     upright = upright_rotation(take, marker_set, skeleton, pose(skeleton))
-    calm = smoothed(take, min(_SMOOTHING_HZ, 0.2 * take.fps))
-    stands = _stands(calm, marker_set, skeleton, upright)
+    calm = smooth_take(take, min(_SMOOTHING_HZ, 0.2 * take.fps))
+    stands = _stance_points(calm, marker_set, skeleton, upright)
     if len(stands) < _FEWEST_S * take.fps:
         raise TakeError(
             "no foot stands long enough to find the floor", where=take.name, advice="lay the board on the floor"
@@ -59,8 +59,8 @@ def floor_points(take: MarkerTake, marker_set: MarkerSet, pose: Callable[[Skelet
     return _plane(stands, upright)
 
 
-def moved_to_rig(take: MarkerTake, old: CameraRig, new: CameraRig) -> MarkerTake:
-    """Return the take in the world of the new rig, which has the same cameras as the old one."""
+def to_rig_world(take: MarkerTake, old: CameraRig, new: CameraRig) -> MarkerTake:
+    """Move a take to the world of a new rig with the same cameras."""
     before, after = old.cameras[0], new.cameras[0]
     rotation = after.rotation.T @ before.rotation
     translation = after.rotation.T @ (before.translation_m - after.translation_m)
@@ -69,7 +69,7 @@ def moved_to_rig(take: MarkerTake, old: CameraRig, new: CameraRig) -> MarkerTake
 
 
 def upright_rotation(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, pose: Array) -> Array:
-    """Return the rotation (3, 3) from a level frame into the take's world, by the mean direction of the body."""
+    """Return the rotation (3, 3) from a level frame, by the body's mean direction."""
     joints = marker_set.joint_indices(skeleton)
     positions, world = forward_kinematics(skeleton, pose, np.zeros(3))
     template = positions[joints] + rot.rotate(world[joints], marker_set.offsets_m)
@@ -94,8 +94,8 @@ def _columns(take: MarkerTake, marker_set: MarkerSet) -> list[int]:
     return [take.names.index(name) for name in marker_set.names]
 
 
-def _stands(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, upright: Array) -> Array:
-    """Return (N, 3) points of the floor in the level frame, below markers of resting feet."""
+def _stance_points(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, upright: Array) -> Array:
+    """Return (N, 3) level-frame points of the floor below markers of resting feet."""
     columns = _columns(take, marker_set)
     heights = _usual_heights(marker_set, skeleton)
     radius = round(take.fps)
@@ -127,7 +127,7 @@ def _usual_heights(marker_set: MarkerSet, skeleton: Skeleton) -> Array:
 
 
 def _plane(stands: Array, upright: Array) -> Array:
-    """Return four points (4, 3), in the take's world, of the plane y = a x + b z + c through level-frame points."""
+    """Return four points (4, 3) of the plane fitted to level-frame points."""
     kept = np.ones(len(stands), dtype=bool)
     for _ in range(_TRIM_ROUNDS):
         middle = stands[kept].mean(axis=0)

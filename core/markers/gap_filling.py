@@ -1,4 +1,4 @@
-"""Gaps of a marker take filled by the body that the other markers show, and by the trajectory's own course.
+"""Gap filling by the solved body and by the trajectory's own course.
 
 A marker is followed in the frame of the joint that carries it: there it hardly moves, but for skin and for what the
 body's calibration has wrong. Across a gap its place in that frame is interpolated, and the solved joint carries it. A
@@ -27,7 +27,7 @@ Mask = NDArray[np.bool_]
 _SHOULDER_S = 0.1  # of a trajectory beside a gap: its place on the body is taken from there
 _SETTLED_S = 0.04  # after so long what the first and last frame beside the gap had alone has faded to 1/e
 _LEAVING_S = 0.1  # after so long from the gap's ends the body's error has grown to 1 - 1/e
-_LEAST_DRIFT_M = 0.01  # of a marker on the body across a gap, where hardly anything tells
+_LEAST_DRIFT_M = 0.01  # of a marker on the body across a gap, where there is little evidence
 _EARLIER_GAPS = 3.0  # the drift across all gaps counts as much as so many observations of one
 _LEAST_ERROR_M = 0.001
 _LONG_S = 0.5  # splines across gaps so long go wrong twice as far as tried out: motion changes
@@ -37,7 +37,7 @@ _MID_ERROR = 0.0398  # root mean square of u^2 (1 - u)^2, the shape of a cubic i
 
 @dataclass(frozen=True)
 class Gap:
-    """Frames `start` to before `stop` in which a marker (its column in the take) is not located."""
+    """Frames `start` to before `stop` without a marker (column of the take)."""
 
     marker: int
     start: int
@@ -49,8 +49,8 @@ class Gap:
         return self.stop - self.start
 
 
-def gaps_of(visible: Mask) -> list[Gap]:
-    """Return the gaps of what is seen (F, M), marker by marker; none of markers that are never seen."""
+def find_gaps(visible: Mask) -> list[Gap]:
+    """Return the gaps of visible (F, M), marker by marker, but of markers never seen."""
     found = []
     for marker, seen in enumerate(visible.T):
         if seen.any():
@@ -59,7 +59,7 @@ def gaps_of(visible: Mask) -> list[Gap]:
     return found
 
 
-def without_shoulders(take: MarkerTake) -> MarkerTake:
+def widen_gaps(take: MarkerTake) -> MarkerTake:
     """Return the take with each gap a tenth of a second longer at both ends.
 
     A body that is solved from this does not jump where a marker goes or comes back: right before and after it has not
@@ -67,22 +67,22 @@ def without_shoulders(take: MarkerTake) -> MarkerTake:
     """
     frames = _shoulder(take.fps)
     kept = take.visible
-    for gap in gaps_of(take.visible):
+    for gap in find_gaps(take.visible):
         kept[max(0, gap.start - frames) : gap.stop + frames, gap.marker] = False
     return replace(take, positions_m=np.where(kept[..., None], take.positions_m, np.nan))
 
 
-def with_gaps_filled(take: MarkerTake, marker_set: MarkerSet, motion: Motion) -> MarkerTake:
-    """Return the take with the gaps of a set's markers filled; what was measured stays as it is.
+def fill_gaps(take: MarkerTake, marker_set: MarkerSet, motion: Motion) -> MarkerTake:
+    """Fill the gaps of a set's markers; measured positions stay.
 
     Args:
         take: with gaps, its markers under the set's names; other markers, and those never seen, are left as they are.
         marker_set: worn.
-        motion: solved from `without_shoulders` of the take, in its world, frame by frame.
+        motion: solved from `widen_gaps` of the take, in its world, frame by frame.
     """
     joints, turns = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
     carriers = {marker.name: motion.skeleton.index(marker.joint) for marker in marker_set.markers}
-    gaps = [gap for gap in gaps_of(take.visible) if take.names[gap.marker] in carriers]
+    gaps = [gap for gap in find_gaps(take.visible) if take.names[gap.marker] in carriers]
     fillers = [_Filler(take, gap, joints, turns, carriers[take.names[gap.marker]]) for gap in gaps]
     drifts = np.array([filler.drift_m for filler in fillers])
     drifts = drifts[np.isfinite(drifts)]
@@ -98,7 +98,7 @@ def _shoulder(fps: float) -> int:
 
 
 class _Filler:
-    """One gap, between what is measured beside it."""
+    """One gap, between the measured positions beside it."""
 
     def __init__(self, take: MarkerTake, gap: Gap, joints: Array, turns: Array, carrier: int) -> None:
         self._fps, self._gap = take.fps, gap
@@ -112,7 +112,7 @@ class _Filler:
 
     @property
     def drift_m(self) -> float:
-        """How far the marker's place on the body has moved over the gap, NaN at the take's ends."""
+        """Drift of the marker's place on the body over the gap, NaN at the take's ends."""
         if not len(self._before) or not len(self._after):
             return float("nan")
         return float(np.linalg.norm(self._place(self._before).mean(axis=0) - self._place(self._after).mean(axis=0)))
@@ -142,7 +142,7 @@ class _Filler:
         return np.asarray(weight * spline + (1.0 - weight) * body)
 
     def _by_body(self) -> Array:
-        """Return where the solved joint carries the marker, without a jump at the gap's ends."""
+        """Return the solved joint's path for the marker, without a jump at the ends."""
         count = self._gap.frames
         steps = np.arange(1, count + 1)[:, None]
         ends = [rows for rows in (self._before, self._after) if len(rows)]
@@ -157,7 +157,7 @@ class _Filler:
         return np.asarray(self._joint[rows] + rot.rotate(self._turn[rows], places))
 
     def _tried_m(self) -> float | None:
-        """Return the root mean square error of splines over gaps so long made where the marker is seen, or None."""
+        """Return the RMS error of splines over such gaps made in seen frames, or None."""
         count, beside = self._gap.frames, _shoulder(self._fps)
         length = count + 2 * beside
         whole = np.convolve(self._seen, np.ones(length, dtype=int), mode="valid") == length

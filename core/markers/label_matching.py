@@ -1,4 +1,4 @@
-"""Which labels of a take are which markers of a set, whatever their case, separators and the subject before them."""
+"""Matching of a take's labels to a set's markers, tolerant of spelling."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -18,8 +18,8 @@ _MOST_NAMES = 12  # in a message
 
 
 @dataclass(frozen=True)
-class NameMatch:
-    """A marker set and which labels of a take are its markers.
+class LabelMatch:
+    """Match of a marker set to the labels of a take.
 
     Args:
         marker_set: the set.
@@ -35,14 +35,14 @@ class NameMatch:
         torso = [marker.name for marker in self.marker_set.markers if marker.torso]
         return sum(name in self.label_of for name in torso) >= _FEWEST_TORSO
 
-    def renamed(self, take: MarkerTake) -> MarkerTake:
-        """Return the take with its labels replaced by the markers' names; other labels stay."""
+    def rename(self, take: MarkerTake) -> MarkerTake:
+        """Replace labels by the markers' names; other labels stay."""
         marker_of = {label: marker for marker, label in self.label_of.items()}
         return replace(take, names=tuple(marker_of.get(name, name) for name in take.names))
 
 
-def match_names(labels: Sequence[str], marker_set: MarkerSet) -> NameMatch:
-    """Return which labels are markers of a set; of several that could be one marker the first, exact ones before all.
+def match_labels(labels: Sequence[str], marker_set: MarkerSet) -> LabelMatch:
+    """Match labels to the markers of a set.
 
     A label is a marker's name, or one of the other names that the set gives for it, whatever the case and the
     characters between its letters and digits, with or without a subject before it: "Anna:R.ASIS", "anna_rasis".
@@ -50,48 +50,48 @@ def match_names(labels: Sequence[str], marker_set: MarkerSet) -> NameMatch:
     known: dict[str, str] = {}
     for marker in marker_set.markers:
         for spelling in (marker.name, *marker.also):
-            known.setdefault(plain(spelling), marker.name)
+            known.setdefault(normalise_label(spelling), marker.name)
     found = {name: name for name in marker_set.names if name in labels}
     subjects = _subjects(labels)
     for label in labels:
         own = label.rpartition(":")[2]
         word, _, rest = own.partition("_")
         for name in (own, rest if word in subjects else ""):
-            if label not in found and plain(name) in known:
-                found.setdefault(known[plain(name)], label)
+            if label not in found and normalise_label(name) in known:
+                found.setdefault(known[normalise_label(name)], label)
                 break
-    return NameMatch(marker_set, found)
+    return LabelMatch(marker_set, found)
 
 
-def plain(name: str) -> str:
+def normalise_label(name: str) -> str:
     """Return the letters and digits of a name, without case."""
     return "".join(c for c in name.casefold() if c.isalnum())
 
 
 def _subjects(labels: Sequence[str]) -> set[str]:
-    """Return the words before an underscore that so many labels share that they may be subjects."""
+    """Return the words before an underscore that many labels share: subjects."""
     counts = Counter(label.rpartition(":")[2].partition("_")[0] for label in labels if "_" in label)
     return {word for word, count in counts.items() if count >= _FEWEST_PREFIXED}
 
 
-def best_match(labels: Sequence[str], where: str) -> NameMatch:
-    """Return the shipped marker set that most labels belong to; of several the one that lacks fewest.
+def match_best_set(labels: Sequence[str], where: str) -> LabelMatch:
+    """Return the shipped marker set with most of the labels.
 
     Raises:
         TakeError: no set has enough torso markers among the labels.
     """
-    matches = [match_names(labels, load_marker_set(name)) for name in marker_set_names()]
+    matches = [match_labels(labels, load_marker_set(name)) for name in marker_set_names()]
     matches = [match for match in matches if match.has_torso]
     if not matches:
         raise TakeError(
-            f"its markers ({listed(labels)}) are those of no shipped marker set",
+            f"its markers ({join_names(labels)}) are those of no shipped marker set",
             where=where,
             advice="give --marker-set, or --names with a table of which marker is which",
         )
     return max(matches, key=lambda match: (len(match.label_of), -len(match.marker_set)))
 
 
-def listed(names: Sequence[str]) -> str:
+def join_names(names: Sequence[str]) -> str:
     """Return names for a message, long lists cut."""
     left = len(names) - _MOST_NAMES
     return ", ".join(names[:_MOST_NAMES]) + (f" and {left} more" if left > 0 else "")
@@ -110,22 +110,24 @@ def load_names(path: Path | str) -> dict[str, str]:
     return dict(table)
 
 
-def named_by_hand(take: MarkerTake, names: Mapping[str, str]) -> MarkerTake:
-    """Return the take with labels replaced as told; one that is in the way of a marker gets "other" before it.
+def rename_labels(take: MarkerTake, names: Mapping[str, str]) -> MarkerTake:
+    """Rename labels; one that is in the way of a marker gets "other" before it.
 
     Raises:
         TakeError: none of the labels is in the take, or two of them are to be one marker.
     """
-    told = {label: marker for label, marker in names.items() if label in take.names}
-    if not told:
+    given = {label: marker for label, marker in names.items() if label in take.names}
+    if not given:
         raise TakeError(
-            f"none of the labels {listed(list(names))} is among its {listed(take.names)}",
+            f"none of the labels {join_names(list(names))} is among its {join_names(take.names)}",
             where=take.name,
             advice="check the file of --names",
         )
-    double = [marker for marker, count in Counter(told.values()).items() if count > 1]
+    double = [marker for marker, count in Counter(given.values()).items() if count > 1]
     if double:
-        raise TakeError(f"{listed(double)} would be several of its markers", where=take.name, advice="check --names")
-    given = set(told.values())
-    renamed = [told.get(name, f"other {name}" if name in given else name) for name in take.names]
+        raise TakeError(
+            f"{join_names(double)} would be several of its markers", where=take.name, advice="check --names"
+        )
+    taken = set(given.values())
+    renamed = [given.get(name, f"other {name}" if name in taken else name) for name in take.names]
     return replace(take, names=tuple(renamed))

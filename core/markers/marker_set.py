@@ -1,4 +1,4 @@
-"""Marker sets (which joint carries which marker) and subjects (a person's skeleton with calibrated markers)."""
+"""Marker sets: markers, their joints and offsets."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ class Marker:
         offset_m: (3) joint origin to marker in the rest pose in the joint's axes (x left, y up, z forward), metres;
             None until the subject is calibrated.
         torso: whether it serves to find the root.
-        text: what it is called in messages ("left foot"); empty: its name.
+        text: its name in messages ("left foot"); empty: `name`.
         also: other names that systems write for it.
     """
 
@@ -70,12 +70,12 @@ class MarkerSet:
 
     @property
     def texts(self) -> tuple[str, ...]:
-        """What the markers are called in messages, in order."""
+        """Names of the markers in messages, in order."""
         return tuple(marker.text or marker.name for marker in self.markers)
 
     @property
     def torso(self) -> NDArray[np.bool_]:
-        """(M,) which markers serve to find the root."""
+        """(M,) true for markers that serve to find the root."""
         return np.array([marker.torso for marker in self.markers])
 
     @property

@@ -1,4 +1,4 @@
-"""Labelled marker trajectories: what is tracked, simulated, or read from other systems."""
+"""Labelled marker trajectories: tracked, simulated, or of other systems."""
 
 import zipfile
 import zlib
@@ -24,7 +24,7 @@ _DAMAGE = (KeyError, ValueError, EOFError, TypeError, RuntimeError, zipfile.BadZ
 
 @dataclass(frozen=True)
 class SingleViews:
-    """Markers that one camera alone shows: no position in space, but a ray on which they lie.
+    """Markers seen by one camera alone: rays, no positions.
 
     Args:
         rig: the cameras, in the take's world.
@@ -36,7 +36,7 @@ class SingleViews:
     cameras: NDArray[np.int64]
     points: Array
 
-    def picked(self, frames: slice = slice(None), markers: Sequence[int] | slice = slice(None)) -> "SingleViews":
+    def select(self, frames: slice = slice(None), markers: Sequence[int] | slice = slice(None)) -> "SingleViews":
         """Return part of the frames, and markers in another order."""
         return SingleViews(self.rig, self.cameras[frames][:, markers], self.points[frames][:, markers])
 
@@ -46,7 +46,7 @@ class MarkerTake:
     """Trajectories of named markers.
 
     Args:
-        name: what it is called.
+        name: shown in lists and messages.
         fps: nominal rate, frames per second.
         names: (M) marker names, unique.
         positions_m: (F, M, 3) world positions, NaN where a marker was not located.
@@ -105,7 +105,7 @@ class MarkerTake:
 
 
 def save_take(take: MarkerTake, path: str | Path) -> None:
-    """Write the product's own take file (a zip of numpy arrays, no pickle)."""
+    """Write a .take.npz file (a zip of numpy arrays, no pickle)."""
     with atomic_path(path) as temporary, temporary.open("wb") as stream:
         np.savez_compressed(
             stream,
@@ -145,7 +145,7 @@ def _single_from(stored: Mapping[str, Any]) -> SingleViews | None:
 
 
 def load_take(path: str | Path) -> MarkerTake:
-    """Return a take from the product's own file; TakeError when it is not one or is damaged."""
+    """Return a take from a .take.npz file; TakeError when it is none or damaged."""
     try:
         with np.load(path, allow_pickle=False) as stored:
             if str(stored["kind"]) != _KIND or int(stored["version"]) != _VERSION:

@@ -1,7 +1,7 @@
-"""Props: rigid things that carry markers of their own (a sword, a stick, a camera), and where they are.
+"""Props: rigid objects with markers of their own (sword, stick, camera).
 
 A definition is the places of the markers in the prop's own frame. Only their distances are known to the cameras, so a
-prop must be told from itself in every other position: no two ways of laying it on its own markers may fit.
+prop must look different in every other position: no second way of placing it on its own markers may fit.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 FEWEST_MARKERS = 3
 MOST_MARKERS = 12
-LEAST_PLANARITY_M = 0.01  # RMS distance from the line nearest to the markers, below which nothing tells the roll
+LEAST_PLANARITY_M = 0.01  # RMS distance from the line nearest to the markers, below which the roll is unknown
 _LEAST_APART_M = 0.02  # markers that are closer become one blob
 _ALIKE_M = 0.008  # RMS: two positions in which the markers are nearer to each other are taken for one another
 _ALIKE_SPAN_M = 0.02  # by which distances may differ in the search for such positions
@@ -33,7 +33,7 @@ class Prop:
     """A rigid thing with markers.
 
     Args:
-        name: what it is called.
+        name: shown in lists and messages.
         names: (M) marker names, unique.
         positions_m: (M, 3) the markers in the prop's own frame, in which it stands upright: y along it.
         residual_m: RMS distance between seen and rigid markers when it was measured (0 when it was not).
@@ -63,7 +63,7 @@ class Prop:
         self._check_apart()
         if planarity_m(places) < LEAST_PLANARITY_M:
             raise PropError(
-                "its markers lie on a line, so that nothing tells how it is turned about it",
+                "its markers lie on a line, so its roll is unknown",
                 where=self._where,
                 advice="put one of them at least 3 cm aside",
             )
@@ -90,14 +90,14 @@ class Prop:
             )
 
     def _check_unlike(self) -> None:
-        """Refuse markers that can be laid on each other by a turn of the whole, so that nobody could tell which is."""
+        """Refuse markers that coincide with each other after a rotation of the prop."""
         count = len(self.names)
         for way in match_rigid_pattern(self.positions_m, self.spans_m, np.full((count, count), _ALIKE_SPAN_M), count):
             exchanged = np.flatnonzero(way != np.arange(count))
             if len(exchanged) and fit_rigid(self.positions_m, self.positions_m[way])[2] < _ALIKE_M:
-                told = ", ".join(self.names[marker] for marker in exchanged)
+                exchanged_names = ", ".join(self.names[marker] for marker in exchanged)
                 raise PropError(
-                    f"looks the same in another position, with {told} exchanged",
+                    f"looks the same in another position, with {exchanged_names} exchanged",
                     where=self._where,
                     advice="move one of them by 3 cm or more, so that no distance between two markers occurs twice",
                 )
@@ -112,7 +112,7 @@ def load_prop(name_or_path: str | Path) -> Prop:
     """Return a shipped prop by its name, or one from a TOML file.
 
     Raises:
-        PropError: there is none, or it cannot be told from itself in another position.
+        PropError: there is none, or it looks the same in another position.
         FormatError: the file cannot be read, or is no TOML.
     """
     path = PROPS / f"{name_or_path}.toml"
@@ -125,7 +125,7 @@ def load_prop(name_or_path: str | Path) -> Prop:
 
 
 def prop_from(table: Mapping[str, Any], where: str) -> Prop:
-    """Return the prop of a definition's tables; PropError when they are none of this version."""
+    """Return the prop of a definition's tables; PropError for another version."""
     if table.get("kind") != _KIND or table.get("version") != 1:
         raise PropError("is no prop definition of this version", where=where, advice="calibrate the prop again")
     try:
@@ -151,8 +151,8 @@ def save_prop(prop: Prop, path: str | Path) -> None:
     write_toml(path, prop_tables(prop))
 
 
-def check_together(props: Sequence[Prop]) -> None:
-    """Raise PropError for props that have one name, or that cannot be told from each other by their distances."""
+def check_distinct(props: Sequence[Prop]) -> None:
+    """Raise PropError for props with one name or the same pattern of markers."""
     if len({prop.name for prop in props}) < len(props):
         raise PropError("two props have the same name", advice="give each a name of its own in its file")
     for first in props:

@@ -69,7 +69,7 @@ def load_subject(path: str | Path) -> Subject:
 
 
 def subject_from(table: Mapping[str, Any], where: str) -> Subject:
-    """Return the subject of a subject file's tables; SubjectError when they are not one of this version."""
+    """Return the subject of a file's tables; SubjectError for another version."""
     if table.get("kind") != "perfanim subject" or table.get("version") != 1:
         raise SubjectError("is not a subject file of this version", where=where, advice="calibrate the subject again")
     try:

@@ -37,7 +37,7 @@ def take_frames(take: MarkerTake, marker_set: MarkerSet) -> Iterator[MarkerFrame
     kept = np.array([i for i, name in enumerate(marker_set.names) if name in columns])
     order = [columns[marker_set.names[i]] for i in kept]
     positions = take.positions_m[:, order]
-    single = take.single.picked(markers=order) if take.single is not None else None
+    single = take.single.select(markers=order) if take.single is not None else None
     for f, (number, time_s, row) in enumerate(zip(take.frame_numbers, take.times_s, positions, strict=True)):
         seen = np.all(np.isfinite(row), axis=-1)
         covariances = np.broadcast_to(_SIGMA_M**2 * np.eye(3), (int(seen.sum()), 3, 3))

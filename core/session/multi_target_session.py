@@ -14,7 +14,7 @@ from ..errors import SettingsError
 from ..geometry.camera import CameraRig
 from ..labelling.prop_tracking import PropTracker
 from ..markers.marker_frame import MarkerFrame
-from ..markers.prop import Prop, check_together
+from ..markers.prop import Prop, check_distinct
 from ..markers.subject import Subject
 from .performer_assignment import PerformerAssignment
 from .session import Session
@@ -44,7 +44,7 @@ class MultiTargetSession:
     """
 
     def __init__(self, sessions: Sequence[Session], props: Sequence[Prop]) -> None:
-        check_together(props)
+        check_distinct(props)
         first = sessions[0]
         self.subject, self.rig = first.subject, first.rig
         cameras = first.rig.cameras if first.rig else ()

@@ -11,9 +11,10 @@ from ..body.motion import Motion
 from ..body.scene_pose import PerformerPose
 from ..database.store import Database
 from ..errors import TakeError
-from ..formats.take_file.reading import TakeFile, rate
+from ..formats.take_file.reading import TakeFile
 from ..geometry import rotations as rot
 from ..geometry.camera import CameraRig
+from ..markers.frame_rate import frame_rate
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_take import MarkerTake
 from ..markers.prop import Prop
@@ -139,7 +140,7 @@ def resample_uniform(poses: Sequence[PerformerPose], subject: Subject, name: str
     numbers = np.array([pose.number for pose in poses])
     if len(numbers) < 2 or np.any(np.diff(numbers) < 1):
         raise TakeError(f"has {len(numbers)} poses that make no motion", where=where, advice="record a longer take")
-    fps = rate(np.array([pose.time_s for pose in poses]), numbers)
+    fps = frame_rate(np.array([pose.time_s for pose in poses]), numbers)
     motion = motion_of(poses, subject, name, fps)
     wanted = np.arange(numbers[0], numbers[-1] + 1)
     if len(wanted) == len(numbers):

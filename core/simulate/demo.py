@@ -28,12 +28,13 @@ from ..session.session import Session
 from ..session.solve_take import motion_of
 from ..solver.settings import SolveSettings
 from ..subjects.from_recording import subject_from_recording
-from ..system.assets import MOTION, SKELETONS
+from ..subjects.prototype_bodies import load_bodies
+from ..system.assets import MOTION
 from ..system.files import atomic_path
 from ..vision.pipeline import MarkerPipeline
 from .calibrated_studio import calibrate_studio, studio_on_floor
-from .performer import demo_performance
-from .performer.bodies import load_bodies
+from .performance import DEMO
+from .performance import performance as play
 from .preview import (
     TRUTH,
     CharacterPainter,
@@ -75,13 +76,12 @@ class Recording:
     seconds: float
 
 
-def run_demo(out: Path, seconds: float, seed: int, progress: Progress) -> dict[str, Any]:
+def run_demo(out: Path, seconds: float, progress: Progress) -> dict[str, Any]:
     """Run the whole chain and write its results into the folder `out`.
 
     Args:
         out: folder for motion, preview, calibration, subject and database.
         seconds: length of the performance.
-        seed: of the performance; the embedded database holds none of them.
         progress: told how far it is.
 
     Returns:
@@ -89,7 +89,7 @@ def run_demo(out: Path, seconds: float, seed: int, progress: Progress) -> dict[s
     """
     out.mkdir(parents=True, exist_ok=True)
     database = embedded_database(out / "embedded.pfdb", progress)
-    performed = demo_performance(seed, seconds)  # begins in the T pose
+    performed = play(DEMO, seconds)  # begins in the T pose
     motion = with_poses(performed, _POSES_BEFORE, _HELD_S)
     before = motion.frames - performed.frames
     source = simulated_source(motion, MARKER_SET, Renderer(default_rig()))
@@ -102,7 +102,7 @@ def run_demo(out: Path, seconds: float, seed: int, progress: Progress) -> dict[s
         recording.frames[: before + round(_T_POSE_S * source.fps)],
         source.fps,
         load_marker_set(MARKER_SET),
-        load_bodies(SKELETONS),
+        load_bodies(),
         "simulated performer",
         CALIBRATION,
     ).subject

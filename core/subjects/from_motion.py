@@ -108,7 +108,7 @@ def frames_of(take: MarkerTake, frames: slice) -> MarkerTake:
         positions_m=take.positions_m[frames],
         frame_numbers=take.frame_numbers[frames],
         times_s=take.times_s[frames],
-        single=take.single.picked(frames) if take.single is not None else None,
+        single=take.single.select(frames) if take.single is not None else None,
     )
 
 

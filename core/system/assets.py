@@ -5,5 +5,6 @@ from .. import PACKAGE_ROOT
 ASSETS = PACKAGE_ROOT / "assets"
 MARKER_SETS = ASSETS / "marker_sets"
 MOTION = ASSETS / "motion"
+PERFORMANCES = ASSETS / "performances"
 PROPS = ASSETS / "props"
 SKELETONS = ASSETS / "skeletons.json"

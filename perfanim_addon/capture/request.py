@@ -13,7 +13,7 @@ from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import CaptureError, PerfanimError
 from ...core.geometry.camera import CameraRig
 from ...core.geometry.rig_file import save_rig
-from ...core.markers.prop import Prop, check_together
+from ...core.markers.prop import Prop, check_distinct
 from ...core.markers.subject import Subject, save_subject
 from ...core.worker.client import WorkerClient
 from .. import take_library
@@ -89,7 +89,7 @@ def _with_targets(setup: Setup, settings: Any) -> Setup:
     props, performers = target_settings.props(scene), target_settings.performers(scene)
     if not props and not performers:
         return setup
-    check_together(props)
+    check_distinct(props)
     paths = [target_settings.path_of(entry) for entry in target_settings.of_kind(scene, "PROP")]
     files = [_performer_file(index, subject) for index, subject in enumerate(performers)]
     request = {**setup.request, "props": paths, "performers": files}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...core.body.skeleton import Skeleton
 from ...core.errors import CharacterError, FormatError
-from ...core.formats.motion.bvh_axes import moved_bvh
+from ...core.formats.motion.bvh_axes import transform_bvh
 from ...core.system.files import atomic_path
 from ..animation.actions import scene_frames, write_action
 from ..animation.channels import play, played
@@ -115,7 +115,7 @@ def write_played(
         if kind == "BVH":
             scale = np.diag([form.scale, form.scale, form.scale, 1.0])
             spaces = scale @ _YUP_FROM_BLENDER @ _places(context, armature_object)
-            temporary.write_text(moved_bvh(temporary.read_text(encoding="utf-8"), spaces), encoding="utf-8")
+            temporary.write_text(transform_bvh(temporary.read_text(encoding="utf-8"), spaces), encoding="utf-8")
 
 
 def _places(context: bpy.types.Context, armature_object: bpy.types.Object) -> Array:

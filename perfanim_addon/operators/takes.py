@@ -11,8 +11,9 @@ from ...core.body.scene_pose import PerformerPose
 from ...core.errors import PerfanimError, SettingsError, TakeError
 from ...core.formats.markers.marker_files import READABLE
 from ...core.formats.motion.write_motion import ANGLES, VRMA, write_motion
-from ...core.formats.take_file.reading import TakeFile, rate, read_take_file, summarise, take_name, unused_path
+from ...core.formats.take_file.reading import TakeFile, read_take_file, summarise, take_name, unused_path
 from ...core.labelling.take_import import UPS
+from ...core.markers.frame_rate import frame_rate
 from ...core.retarget.joint_naming import OWN
 from ...core.session.pose_filters import FilterSettings
 from ...core.solver.settings import METHODS
@@ -392,7 +393,7 @@ class PERFANIM_OT_export_take(_OfTake, bpy.types.Operator, ExportHelper):
             found, subject, name = [pose.others[role.index] for pose in found], role.subject, role.armature
         times_s, rotations, positions = pose_arrays(found)
         numbers = np.array([pose.number for pose in found])
-        fps = self.rate or (rate(times_s, numbers) if len(times_s) > 1 else 1.0)
+        fps = self.rate or (frame_rate(times_s, numbers) if len(times_s) > 1 else 1.0)
         what = f"{take.notes.name} ({subject.name})" if others else take.notes.name
         naming = "" if self.naming == "OWN" else self.naming
         if self.kind in _MOTIONS:

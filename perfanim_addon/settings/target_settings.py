@@ -11,7 +11,7 @@ import bpy
 from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import CharacterError, PerfanimError, SettingsError, SubjectError
 from ...core.markers.marker_set import MarkerSet
-from ...core.markers.prop import Prop, check_together
+from ...core.markers.prop import Prop, check_distinct
 from ...core.markers.subject import Subject
 from ...core.system.assets import PROPS
 from ..character.posing import map_problem
@@ -110,7 +110,7 @@ def title(entry: PERFANIM_PG_target) -> str:
 def problem(scene: bpy.types.Scene) -> str:
     """Return why the targets cannot be followed, "" when they can; quick enough for drawing."""
     try:
-        check_together(props(scene))
+        check_distinct(props(scene))
         for entry in of_kind(scene, "PROP"):
             check_object(entry.object)
         performers(scene)

@@ -8,13 +8,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from motion_synthesis import perform
 from perfanim.core.body.motion import sliced
 from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.formats.markers.marker_files import write_take
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.simulate.markers import simulate_markers
-from perfanim.core.simulate.performer import perform
 
 PATIENCE_S = 120.0
 

@@ -23,7 +23,6 @@ from ...session.session import Session
 from ...session.solve_take import motion_of, solve_take
 from ...simulate.calibrated_studio import calibrate_studio, studio_on_floor
 from ...simulate.markers import simulate_markers
-from ...simulate.performer.bodies import load_bodies
 from ...simulate.studio.placement import on_stage, on_treadmill, with_poses
 from ...simulate.studio.render import Renderer
 from ...simulate.studio.rig import default_rig
@@ -32,7 +31,7 @@ from ...simulate.studio.source import SimulatedSource, simulated_source
 from ...solver.settings import SolveSettings
 from ...subjects.from_frames import subject_from_frames
 from ...subjects.from_recording import subject_from_recording
-from ...system.assets import SKELETONS
+from ...subjects.prototype_bodies import load_bodies
 from ...vision.pipeline import MarkerPipeline
 from .data import BOXING, CMU, WALKING, Progress, read_take, whole_database, without_tests
 from .report import write_json, write_rows
@@ -106,7 +105,7 @@ def _solved(
     """Return the errors of every input in the last `taken` frames, so without the calibration poses."""
     still, start = round(_HELD_S * source.fps), source.frames - taken
     true_subject = Subject("true", source.motion.skeleton, source.subject.marker_set)
-    worn, bodies = load_marker_set(MARKER_SET), load_bodies(SKELETONS)
+    worn, bodies = load_marker_set(MARKER_SET), load_bodies()
     of_one = subject_from_frames(frames[:still], worn, bodies, "T pose").subject
     found = subject_from_recording(frames[:start], source.fps, worn, bodies, "all poses", CALIBRATION).subject
     take, _ = simulate_markers(source.motion, true_subject)

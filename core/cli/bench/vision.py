@@ -13,7 +13,7 @@ from ...geometry.camera import Camera, CameraRig
 from ...geometry.rigid_transform import kabsch
 from ...session.session import Session
 from ...simulate.calibrated_studio import calibrate_studio
-from ...simulate.performer import demo_performance
+from ...simulate.performance import DEMO, performance
 from ...simulate.studio.discs import draw_disc
 from ...simulate.studio.render import Renderer
 from ...simulate.studio.rig import default_rig
@@ -117,7 +117,7 @@ def _noisy(image: Image, rng: np.random.Generator) -> Image:
 def _points(speeds_m_s: tuple[float, ...]) -> list[dict[str, float]]:
     """Locate markers that cross the room at some speed, with cameras calibrated from pictures of the board."""
     true = _rig()
-    source = simulated_source(demo_performance(0), "boxing", Renderer(true, StudioSettings(noise_sigma=_NOISE)))
+    source = simulated_source(performance(DEMO), "boxing", Renderer(true, StudioSettings(noise_sigma=_NOISE)))
     rig = in_world_of(calibrate_studio(source).rig, true)
     return [_points_at(speed, true, rig) for speed in speeds_m_s]
 
@@ -203,7 +203,7 @@ def _film(camera: Camera, path: Array, rng: np.random.Generator) -> Image:
 
 def _labels(case: _Case, database: Database) -> dict[str, Any]:
     """Track and solve a performance with the true cameras and subject; count what its markers were taken for."""
-    motion = demo_performance(3, _LABEL_SECONDS)
+    motion = performance(DEMO, _LABEL_SECONDS, mirrored=True)
     source = simulated_source(motion, "boxing", Renderer(default_rig(), case.studio))
     right = wrong = missed = 0
     waits: list[int] = []

@@ -12,11 +12,10 @@ from ...body.standard_skeleton import default_skeleton
 from ...database.store import open_database
 from ...errors import SettingsError
 from ...formats.markers.marker_files import read_take
-from ...markers.label_matching import AUTO, best_match, load_names, match_names, named_by_hand
+from ...markers.label_matching import AUTO, load_names, match_best_set, match_labels, rename_labels
 from ...markers.marker_set import MarkerSet, load_marker_set
 from ...markers.marker_take import MarkerTake
 from ...markers.subject import Subject, load_subject, save_subject
-from ...simulate.performer.bodies import load_bodies
 from ...subjects.from_motion import frames_of, subject_from_motion
 from ...subjects.pose_calibration import (
     SubjectCalibration,
@@ -25,7 +24,7 @@ from ...subjects.pose_calibration import (
     calibration_points,
     pose_points,
 )
-from ...system.assets import SKELETONS
+from ...subjects.prototype_bodies import load_bodies
 
 _DOUBTFUL_M = 0.015  # a body that explains the motion's markers no better is not to be trusted
 
@@ -80,10 +79,12 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
     progress(0.0, "reading")
     take = part(read_take(args.take), args.frames)
     if args.names is not None:
-        take = named_by_hand(take, load_names(args.names))
+        take = rename_labels(take, load_names(args.names))
     by_labels = args.marker_set == AUTO
-    marker_set = best_match(take.names, str(args.take)).marker_set if by_labels else load_marker_set(args.marker_set)
-    take = match_names(take.names, marker_set).renamed(take)
+    marker_set = (
+        match_best_set(take.names, str(args.take)).marker_set if by_labels else load_marker_set(args.marker_set)
+    )
+    take = match_labels(take.names, marker_set).rename(take)
     if args.refine and (not args.database or args.height is not None):
         raise SettingsError("--refine needs --database and no --height", advice="the subject has its height")
     known = load_subject(args.skeleton_from) if args.skeleton_from else None
@@ -123,7 +124,7 @@ def _from_poses(
         points = calibration_points(take, marker_set, args.seconds)
     if known:
         return calibrate_markers(points, marker_set, known, name, *poses)
-    return calibrate_subject(points, marker_set, load_bodies(SKELETONS), name, *poses)
+    return calibrate_subject(points, marker_set, load_bodies(), name, *poses)
 
 
 def _trust(result: SubjectCalibration) -> dict[str, Any]:

@@ -12,7 +12,8 @@ from ...formats.markers.marker_files import WRITABLE, is_recorded, read_take, wr
 from ...formats.markers.prop_csv import write_prop_csv
 from ...formats.markers.recorded_take import marker_take
 from ...formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_motion
-from ...formats.take_file.reading import ENDING, TakeFile, rate, read_take_file
+from ...formats.take_file.reading import ENDING, TakeFile, read_take_file
+from ...markers.frame_rate import frame_rate
 from ...session.solve_take import by_performer, resample_uniform
 from ..options import add_motion_options
 
@@ -106,7 +107,7 @@ def _export_prop(take: TakeFile, name: str, out: Path, warnings: list[str]) -> d
     poses = [solved.pose for solved in take.recorded_poses]
     if len(poses) < 2:
         raise TakeError(f"has {len(poses)} solved frames", where=str(take.path), advice="solve it again")
-    fps = rate(np.array([pose.time_s for pose in poses]), np.array([pose.number for pose in poses]))
+    fps = frame_rate(np.array([pose.time_s for pose in poses]), np.array([pose.number for pose in poses]))
     index = names.index(name)
     write_prop_csv(poses, index, name, fps, out)
     found = sum(pose.props[index].found for pose in poses) / len(poses)

@@ -10,9 +10,9 @@ from ...database.store import Database, open_database
 from ...errors import SettingsError, TakeError
 from ...formats.markers.marker_files import WRITABLE, check_writable, is_recorded, read_take
 from ...formats.markers.rewrite_take import rewrite_take
-from ...markers.filtering import smoothed_on_body
-from ...markers.gap_filling import gaps_of, with_gaps_filled, without_shoulders
-from ...markers.label_matching import AUTO, best_match, load_names, match_names, named_by_hand
+from ...markers.filtering import smooth_on_body
+from ...markers.gap_filling import fill_gaps, find_gaps, widen_gaps
+from ...markers.label_matching import AUTO, load_names, match_best_set, match_labels, rename_labels
 from ...markers.marker_set import load_marker_set
 from ...markers.marker_take import MarkerTake
 from ...markers.subject import Subject, load_subject
@@ -66,15 +66,15 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if is_recorded(args.take) or is_unnamed(read):
         advice = "gaps are filled of marker takes whose markers have places and names"
         raise TakeError("holds no trajectories to fill", where=str(args.take), advice=advice)
-    take = named_by_hand(read, load_names(args.names)) if args.names is not None else read
+    take = rename_labels(read, load_names(args.names)) if args.names is not None else read
     subject, take = _worn(args, take, database, progress)
-    solved = solve_take(without_shoulders(take), subject, database, SolveSettings(), progress)
-    filled = with_gaps_filled(take, subject.marker_set, solved.motion)
+    solved = solve_take(widen_gaps(take), subject, database, SolveSettings(), progress)
+    filled = fill_gaps(take, subject.marker_set, solved.motion)
     if args.filter is not None:
         solved = solve_take(filled, subject, database, SolveSettings(), progress)
-        filled = smoothed_on_body(filled, subject.marker_set, solved.motion, args.filter)
+        filled = smooth_on_body(filled, subject.marker_set, solved.motion, args.filter)
     new = filled.visible & ~take.visible
-    lengths = [gap.frames for gap in gaps_of(take.visible) if new[gap.start, gap.marker]]
+    lengths = [gap.frames for gap in find_gaps(take.visible) if new[gap.start, gap.marker]]
     warnings = rewrite_take(args.take, replace(read, positions_m=filled.positions_m), args.out)
     left = sorted({name for name, open_ in zip(read.names, ~filled.visible.all(axis=0), strict=True) if open_})
     warnings += [f"gaps are left in {', '.join(left)}: no markers of the set, or never seen"] * bool(left)
@@ -96,9 +96,11 @@ def _worn(
     """Return who wears the markers, and the take under the markers' names."""
     if args.subject is not None:
         subject = load_subject(args.subject)
-        return subject, match_names(take.names, subject.marker_set).renamed(take)
+        return subject, match_labels(take.names, subject.marker_set).rename(take)
     by_labels = args.marker_set == AUTO
-    marker_set = best_match(take.names, str(args.take)).marker_set if by_labels else load_marker_set(args.marker_set)
-    named = match_names(take.names, marker_set).renamed(take)
+    marker_set = (
+        match_best_set(take.names, str(args.take)).marker_set if by_labels else load_marker_set(args.marker_set)
+    )
+    named = match_labels(take.names, marker_set).rename(take)
     start = Subject("performer", default_skeleton(args.height), marker_set)
     return subject_from_motion(named, start, database, progress).subject, named

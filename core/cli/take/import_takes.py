@@ -13,7 +13,7 @@ from ...formats.markers.marker_files import READABLE, declared_frames, is_record
 from ...formats.take_file.edit import recover
 from ...formats.take_file.reading import ENDING, read_take_file, take_name, unused_path
 from ...labelling.take_import import UPS, import_take
-from ...markers.label_matching import AUTO, best_match, load_names, named_by_hand
+from ...markers.label_matching import AUTO, load_names, match_best_set, rename_labels
 from ...markers.marker_set import MarkerSet, load_marker_set
 from ...markers.subject import Subject, load_subject
 from ...markers.take_frames import is_unnamed
@@ -127,8 +127,8 @@ def _imported(
     take = read_take(path)
     declared = declared_frames(path)
     warnings = [f"{path.name} holds {take.frames} of {declared} frames"] * (take.frames < declared)
-    take = named_by_hand(take, names) if names else take
-    subject = subject or _worn(args, best_match(take.names, str(path)).marker_set)
+    take = rename_labels(take, names) if names else take
+    subject = subject or _worn(args, match_best_set(take.names, str(path)).marker_set)
     take = import_take(replace(take, name=_stem(path)), subject.marker_set, args.up)
     lacking = [] if is_unnamed(take) else [name for name in subject.marker_set.names if name not in take.names]
     warnings += [f"not in {path.name}: {', '.join(lacking)}"] * bool(lacking)

@@ -8,7 +8,8 @@ import numpy as np
 
 from ...formats.markers.marker_files import declared_frames, is_recorded, read_take
 from ...formats.take_file.lock import is_locked
-from ...formats.take_file.reading import ENDING, TakeFile, rate, read_take_file
+from ...formats.take_file.reading import ENDING, TakeFile, read_take_file
+from ...markers.frame_rate import frame_rate
 from ...session.solve_take import by_performer
 
 Progress = Callable[[float, str], None]
@@ -39,7 +40,7 @@ def _recorded_info(take: TakeFile) -> dict[str, Any]:
         "name": take.notes.name,
         "frames": len(frames),
         "duration_s": float(times_s[-1] - times_s[0]) if len(frames) else 0.0,
-        "fps": rate(times_s, numbers) if len(frames) > 1 else None,
+        "fps": frame_rate(times_s, numbers) if len(frames) > 1 else None,
         "complete": take.complete,
         "lost_frames": _left_out(numbers),
         "gaps": len(take.gaps),

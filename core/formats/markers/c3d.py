@@ -1,4 +1,4 @@
-"""C3D marker takes: reader for the variants of all processors (PC, DEC, MIPS) and of integer and real storage.
+"""C3D marker takes: reader for all processors, integer and real storage.
 
 After the public format description (c3d.org): a 512-byte header block, parameter blocks with groups and parameters,
 then frames of four words a point (x, y, z, residual with camera mask) and the analog samples, which are passed over.
@@ -35,7 +35,7 @@ class Layout:
         scale: of integers; negative: the words are real numbers.
         start: first byte of the frames.
         fps: frames per second.
-        processor: that of the file's header, which tells the order of bytes and the kind of real numbers.
+        processor: of the file's header: the order of bytes and the kind of real numbers.
         metres: a length unit of the file.
     """
 
@@ -66,7 +66,7 @@ class Layout:
 
 
 def read_c3d(path: Path | str) -> MarkerTake:
-    """Return the take of a C3D file in metres; points with a negative residual are missing.
+    """Return the take of a C3D file in metres; negative residual means missing.
 
     Points without a label are called "unnamed". A header that promises more frames than are stored is believed only as
     far as whole frames are there.
@@ -84,7 +84,7 @@ def layout_of(data: bytes, where: str) -> Layout:
 
 
 def declared_frames(path: Path | str) -> int:
-    """Return how many frames the header of a C3D file promises, 0 when it leaves that open; errors as in `read_c3d`."""
+    """Return the frame count in a C3D header, 0 when open; errors as in `read_c3d`."""
     return _Reader(read_bytes(path), str(path)).declared()
 
 
@@ -135,7 +135,7 @@ class _Reader:
         return value
 
     def _word(self, index: int) -> int:
-        """Return 16-bit word `index` (from 1, as the format's description counts) of the header."""
+        """Return 16-bit word `index` of the header, counted from 1."""
         value: int = struct.unpack_from(self.order + "H", self.data, 2 * (index - 1))[0]
         return value
 
@@ -239,7 +239,7 @@ def _first(values: list[Any] | None, default: Any) -> Any:
 
 
 def _from_dec(words: NDArray[np.uint16]) -> Array:
-    """Return the values of VAX F-floating numbers, two 16-bit words each, the high one first."""
+    """Return the values of VAX F-floating numbers, two 16-bit words each."""
     pairs = words.reshape(-1, 2).astype(np.uint32)
     bits = (pairs[:, 0] << np.uint32(16)) | pairs[:, 1]
     # the same bits read as IEEE have an exponent that is two too great

@@ -1,4 +1,4 @@
-"""C3D marker takes: writer (Intel order, real numbers, millimetres), after the public format description (c3d.org)."""
+"""C3D marker takes: writer (Intel order, real numbers, millimetres)."""
 
 import struct
 from pathlib import Path
@@ -17,7 +17,7 @@ _CHARACTERS, _WORD, _REAL = -1, 2, 4
 
 
 def write_c3d(take: MarkerTake, path: Path | str) -> None:
-    """Write a take as C3D; frames that its numbers leave out, and missing markers, have residual -1.
+    """Write a take as C3D; missing frames and markers have residual -1.
 
     Raises:
         FormatError: more than 255 markers, or the folder cannot be written.

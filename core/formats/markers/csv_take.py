@@ -1,4 +1,4 @@
-"""Marker takes as CSV: the export of OptiTrack's Motive, and a plain table of our own.
+"""Marker takes as CSV: exports of OptiTrack's Motive, and a plain table.
 
 Our own table: comment lines with "#", one of them with "fps=..."; a header `frame,time_s,NAME_x,NAME_y,NAME_z,...`;
 then one row a frame in metres, blank where a marker is missing.
@@ -19,12 +19,12 @@ from .reader_parts import make_take, metres_of, numbers_of, rate_from_times
 Array = NDArray[np.float64]
 
 _COLUMN = re.compile(r"(?P<name>.+?)[ _.:]?(?P<axis>[xyzXYZ])")
-# Motive's kinds of columns, best first: what was seen before what was modelled
+# Motive's kinds of columns, best first: measured before modelled
 _MOTIVE_KINDS = ("marker", "bone marker", "rigid body marker")
 
 
 def read_csv(path: Path | str) -> MarkerTake:
-    """Return the take of a CSV file in metres; see the module for the forms that are understood.
+    """Return the take of a CSV file in metres; see the module for the layouts.
 
     Raises:
         FormatError: not a marker take, or damaged; names file and line.

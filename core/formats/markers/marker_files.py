@@ -10,7 +10,7 @@ from .c3d import read_c3d
 from .c3d_write import write_c3d
 from .csv_take import read_csv, write_csv
 from .qualisys_tsv import read_tsv
-from .recorded_take import read_own_take
+from .recorded_take import read_recorded_take
 from .trc import read_trc, write_trc
 
 READABLE = (".c3d", ".trc", ".csv", ".tsv", ".take.npz", ENDING)
@@ -23,26 +23,26 @@ def is_recorded(path: Path | str) -> bool:
 
 
 def read_take(path: Path | str) -> MarkerTake:
-    """Return the marker take of a .c3d, .trc, .csv (Motive's or our own), .tsv (Qualisys), .take.npz or .perftake file.
+    """Return the marker take of a file; its extension chooses the format.
 
-    Positions are metres in the file's own axes; what is missing is NaN.
+    Positions are metres in the file's own axes, NaN where missing. Readable: `READABLE`.
 
     Raises:
         FormatError: another kind of file, damaged, or without markers.
-        TakeError: an own take of another version, or a recorded one without poses.
+        TakeError: a .take.npz of another version, or a recorded take without poses.
     """
     path = Path(path)
     name = path.name.lower()
     if name.endswith(".npz"):
         return load_take(path)
-    readers = {".c3d": read_c3d, ".trc": read_trc, ".csv": read_csv, ".tsv": read_tsv, ENDING: read_own_take}
+    readers = {".c3d": read_c3d, ".trc": read_trc, ".csv": read_csv, ".tsv": read_tsv, ENDING: read_recorded_take}
     if path.suffix.lower() not in readers:
         raise FormatError("is no marker take", where=str(path), advice="give one of " + ", ".join(READABLE))
     return readers[path.suffix.lower()](path)
 
 
 def declared_frames(path: Path | str) -> int:
-    """Return how many frames the header of a file that `read_take` reads promises, 0 when it has no place for that."""
+    """Return the frame count in the header of a file, 0 if its format has none."""
     counters = {".c3d": c3d.declared_frames, ".trc": trc.declared_frames, ".tsv": qualisys_tsv.declared_frames}
     count = counters.get(Path(path).suffix.lower())
     return count(path) if count else 0

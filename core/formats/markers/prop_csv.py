@@ -11,7 +11,7 @@ HEADER = ("frame", "time_s", "x", "y", "z", "qw", "qx", "qy", "qz", "rms_mm", "m
 
 
 def write_prop_csv(poses: Sequence[PerformerPose], index: int, name: str, fps: float, path: Path | str) -> None:
-    """Write position (metres, y up) and world-from-prop quaternion of one of the props of poses; blank while hidden.
+    """Write a prop's position and rotation, a row a frame; blank while hidden.
 
     Args:
         poses: with props.

@@ -1,4 +1,4 @@
-"""Marker trajectories as Qualisys Track Manager exports them as text (TSV): millimetres, tab-separated."""
+"""Marker takes as TSV of Qualisys Track Manager: millimetres, tab-separated."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 _METRES = 0.001  # of its unit; the file does not name it
 _HEADER_LINES = 50  # more than any header has, events among them
 _AHEAD = 2  # columns before the positions, frame and time, where they are exported
-_NULL = "null"  # one way to export what is missing; others are nothing and zeros
+_NULL = "null"  # one export of missing values; others are blank and zeros
 
 
 def read_tsv(path: Path | str) -> MarkerTake:
@@ -54,7 +54,7 @@ def declared_frames(path: Path | str) -> int:
 
 
 def _header(lines: list[str], where: str) -> tuple[dict[str, list[str]], int]:
-    """Return the header's fields by their key, and the index of the first line that has numbers alone."""
+    """Return the header's fields by key, and the index of the first line of numbers."""
     header: dict[str, list[str]] = {}
     for number, line in enumerate(lines[:_HEADER_LINES]):
         key, *fields = line.split("\t")
@@ -82,7 +82,7 @@ def _fields(line: str) -> list[str]:
 
 
 def _rows(lines: list[str], first: int, width: int, where: str) -> Array:
-    """Return the frames' numbers, with frame and time before them where they are there."""
+    """Return the frames' numbers, after frame and time if the file has them."""
     rows: list[list[float]] = []
     for number, line in enumerate(lines[first:], start=first + 1):
         if not line:

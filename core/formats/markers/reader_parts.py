@@ -1,4 +1,4 @@
-"""What the readers of marker takes share."""
+"""Common parts of the readers of marker takes."""
 
 from collections.abc import Sequence
 
@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import FormatError, TakeError
+from ...markers.frame_rate import frame_rate
 from ...markers.marker_take import MarkerTake
 
 Array = NDArray[np.float64]
@@ -28,7 +29,7 @@ def metres_of(unit: str, where: str) -> float:
 
 
 def numbers_of(fields: Sequence[str], where: str) -> list[float]:
-    """Return the numbers of text fields, NaN for blank ones and every spelling of "nan"."""
+    """Return the numbers of text fields, NaN for blank fields and "nan"."""
     try:
         return [float(field) if field and not field.isspace() else np.nan for field in fields]
     except ValueError as error:
@@ -36,7 +37,7 @@ def numbers_of(fields: Sequence[str], where: str) -> list[float]:
 
 
 def unique_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the names with a count behind the later ones of those that repeat, and "unnamed" for blank ones."""
+    """Return names made unique by a count; blank ones become "unnamed"."""
     result: list[str] = []
     taken: set[str] = set()
     for name in names:
@@ -53,7 +54,7 @@ def make_take(
     where: str, name: str, fps: float, names: Sequence[str], positions_m: Array,
     frame_numbers: Array | None = None, times_s: Array | None = None,
 ) -> MarkerTake:  # fmt: skip
-    """Return a take; infinite positions are missing ones; FormatError names the file when the parts do not fit.
+    """Return a take; infinite positions and the very origin count as missing.
 
     Points at the very origin are missing ones too: many systems write zeros for them.
     """
@@ -71,10 +72,8 @@ def make_take(
 
 
 def rate_from_times(times_s: Array) -> float:
-    """Return the frame rate of equally spaced times, NaN when there are none."""
-    steps = np.diff(times_s[np.isfinite(times_s)])
-    step = float(np.median(steps)) if len(steps) else 0.0
-    if step <= 0.0:
+    """Return the frame rate of equally spaced times, NaN when there is none."""
+    try:
+        return frame_rate(times_s)
+    except TakeError:
         return float("nan")
-    fps = 1.0 / step
-    return float(round(fps)) if abs(fps - round(fps)) < 0.02 * max(1.0, fps / 100.0) else fps

@@ -5,11 +5,12 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import TakeError
+from ...markers.frame_rate import frame_rate
 from ...markers.marker_take import MarkerTake
-from ..take_file.reading import TakeFile, rate, read_take_file
+from ..take_file.reading import TakeFile, read_take_file
 
 
-def read_own_take(path: Path | str) -> MarkerTake:
+def read_recorded_take(path: Path | str) -> MarkerTake:
     """Return the markers of a recorded take as they were labelled live.
 
     Raises:
@@ -19,7 +20,7 @@ def read_own_take(path: Path | str) -> MarkerTake:
 
 
 def marker_take(take: TakeFile) -> MarkerTake:
-    """Return the markers (F, M) of a take's poses in its world, NaN where a marker was not located; errors as above.
+    """Return a recorded take's labelled markers in its world.
 
     What single cameras showed is left out: a recorded take keeps it by blob, not by marker.
     """
@@ -31,7 +32,7 @@ def marker_take(take: TakeFile) -> MarkerTake:
     times_s, numbers = np.array([p.time_s for p in poses]), np.array([p.number for p in poses])
     return MarkerTake(
         take.notes.name,
-        rate(times_s, numbers),
+        frame_rate(times_s, numbers),
         take.setup.worn_subject().marker_set.names,
         np.array([p.observed_m for p in poses]),
         numbers,

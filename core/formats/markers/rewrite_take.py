@@ -1,4 +1,4 @@
-"""A marker file again with some positions changed, and all else that it holds as it was."""
+"""Rewriting of a marker file with changed positions and everything else kept."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from ...markers.marker_take import MarkerTake
 from ...system.files import atomic_path, read_bytes
 from .c3d import Layout, layout_of
 from .marker_files import check_writable, read_take, write_take
-from .trc import rewritten_trc
+from .trc import rewrite_trc
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -19,7 +19,7 @@ _INTEGERS = 32767  # the largest position that a C3D file of integers holds, in 
 
 
 def rewrite_take(source: Path | str, take: MarkerTake, target: Path | str) -> list[str]:
-    """Write a take that was read from a file and whose positions have changed; return what the new file has lost.
+    """Write a changed take; return notes about content that the new file lost.
 
     In the file's own format everything else stays byte for byte: analog samples, events, parameters, points without a
     name. Positions that are new in a C3D file have no cameras and the residual 0, as that of interpolated points.
@@ -42,14 +42,14 @@ def rewrite_take(source: Path | str, take: MarkerTake, target: Path | str) -> li
     if kind == ".c3d":
         content = _c3d(data, str(source), take.positions_m, changed, ~np.isfinite(before[..., 0]))
     else:
-        content = rewritten_trc(data, str(source), take.positions_m, changed)
+        content = rewrite_trc(data, str(source), take.positions_m, changed)
     with atomic_path(target) as temporary:
         temporary.write_bytes(content)
     return []
 
 
 def _lost(source: Path) -> list[str]:
-    """Return what only a file's own format holds."""
+    """Return notes about content that only the file's own format holds."""
     if source.suffix.lower() == ".c3d":
         analog = layout_of(read_bytes(source), str(source)).analog_words > 0
         kept = ["analog samples"] * analog + ["events", "parameters", "residuals"]
@@ -60,7 +60,7 @@ def _lost(source: Path) -> list[str]:
 
 
 def _c3d(data: bytes, where: str, positions_m: Array, changed: Mask, new: Mask) -> bytes:
-    """Return the bytes of a C3D file with the changed positions, those that are `new` as interpolated."""
+    """Return a C3D file's bytes with changed positions; `new` ones as interpolated."""
     layout = layout_of(data, where)
     result = bytearray(data)
     values = positions_m / layout.metres
@@ -81,12 +81,12 @@ def _c3d(data: bytes, where: str, positions_m: Array, changed: Mask, new: Mask) 
 
 
 def _words(data: bytearray, layout: Layout, kind: str) -> NDArray[np.generic]:
-    """Return the frames (F, words of a frame), which share their memory with `data`."""
+    """Return a view (F, words of a frame) of the frames in `data`."""
     count = layout.width * layout.frames
     return np.frombuffer(data, kind, count, layout.start).reshape(layout.frames, layout.width)
 
 
 def _to_dec(values: Array) -> NDArray[np.uint32]:
-    """Return VAX F-floating numbers as 32 bits, the 16 high ones in the first two bytes."""
+    """Return VAX F-floating numbers as 32 bits, high half in the first two bytes."""
     bits = np.where(np.isfinite(values), 4.0 * values, 0.0).astype(np.float32).view(np.uint32)
     return (bits >> np.uint32(16)) | (bits << np.uint32(16))

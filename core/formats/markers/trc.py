@@ -42,7 +42,7 @@ def read_trc(path: Path | str) -> MarkerTake:
 
 
 def declared_frames(path: Path | str) -> int:
-    """Return how many frames the header of a TRC file promises, 0 when it leaves that open; errors as in `read_trc`."""
+    """Return the frame count in a TRC header, 0 when open; errors as in `read_trc`."""
     lines = read_bytes(path).decode("utf-8", errors="replace").splitlines()
     frames = _number(_header(lines, str(path)).get("numframes", ""))
     return int(frames) if frames > 0.0 else 0
@@ -112,8 +112,8 @@ def write_trc(take: MarkerTake, path: Path | str) -> None:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def rewritten_trc(data: bytes, where: str, positions_m: Array, changed: NDArray[np.bool_]) -> bytes:
-    """Return the bytes of a TRC file that `read_trc` reads with the changed positions, (F, M, 3) and (F, M)."""
+def rewrite_trc(data: bytes, where: str, positions_m: Array, changed: NDArray[np.bool_]) -> bytes:
+    """Return a TRC file's bytes with changed positions, (F, M, 3) and (F, M)."""
     text = data.decode("utf-8", errors="surrogateescape")
     parts = re.split("(\r\n|\r|\n)", text)  # lines, and what ends them between
     lines = parts[::2]

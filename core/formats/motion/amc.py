@@ -108,10 +108,10 @@ def _layout(body: bytes, where: str, asf: AsfFile, line: int) -> list[AsfBone]:
 
 
 def _values(body: bytes, layout: list[AsfBone]) -> Array | None:
-    """Return (F, D) values in the layout's order, or None when any frame departs from the layout.
+    """Return (F, D) values in the layout's order, None if a frame departs from it.
 
     Every frame has the same names on the same lines, so they are compared and blanked out in one go for all frames,
-    and what is left is a table of numbers.
+    and a table of numbers is left.
     """
     text = np.frombuffer(body if body.endswith(b"\n") else body + b"\n", dtype=np.uint8)
     ends = np.flatnonzero(text == _NEWLINE)
@@ -138,7 +138,7 @@ def _values(body: bytes, layout: list[AsfBone]) -> Array | None:
 
 
 def _first_fault(body: bytes, where: str, layout: list[AsfBone], line: int) -> FormatError:
-    """Return the error that names the first line at which an AMC file departs from its first frame."""
+    """Return the error for the first line that departs from the first frame."""
     expected = [[""]] + [[bone.name, *bone.channels] for bone in layout]
     step = -1
     number = line

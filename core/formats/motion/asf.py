@@ -46,7 +46,7 @@ class AsfBone:
 
 @dataclass(frozen=True)
 class AsfFile:
-    """What an ASF file says.
+    """Content of an ASF file.
 
     Args:
         path: where it was read.
@@ -72,9 +72,9 @@ class AsfFile:
 
 
 def read_asf(path: Path | str) -> Skeleton:
-    """Return the skeleton of an ASF file in metres (value * 0.0254 / its `length` unit).
+    """Return the skeleton of an ASF file in metres.
 
-    Joints carry the file's bone names. Bones without degrees of freedom that the product's skeleton does not have
+    Joints carry the file's bone names. Bones without degrees of freedom absent from the standard skeleton
     (CMU's lhipjoint, rhipjoint) are folded into their children's offsets. Angle frames and orders are the file's.
 
     Raises:
@@ -89,7 +89,7 @@ def read_asf_file(path: Path | str) -> AsfFile:
 
 
 def parse_asf(content: bytes, where: str) -> AsfFile:
-    """Return the description held in the bytes of an ASF file; `where` names it in errors."""
+    """Parse the bytes of an ASF file; `where` names it in errors."""
     return _Parser(content, where).parse()
 
 
@@ -236,7 +236,7 @@ class _Parser:
 
 
 def fixed_axis_rotation(angles: Array, order: str) -> Array:
-    """Return rotations by angles (..., n) about fixed axes, the first letter of `order` first, radians."""
+    """Return rotations about fixed axes by angles (..., n), radians, in that order."""
     return rot.from_euler(angles[..., ::-1], order[::-1])
 
 
@@ -262,7 +262,7 @@ def _skeleton_of(
 
 
 def _link(name: str, parents: dict[str, str], bones: dict[str, AsfBone], kept: list[str]) -> tuple[str, Array]:
-    """Return the nearest kept ancestor and the offset from its joint, over the bones left out between them."""
+    """Return the nearest kept ancestor and the offset from its joint."""
     offset = np.zeros(3)
     ancestor = parents[name]
     while ancestor != ROOT:

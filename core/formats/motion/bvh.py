@@ -1,4 +1,4 @@
-"""BVH motion files: reader for every channel layout, writer for the product's motion.
+"""BVH motion files: reader for every channel layout, and writer.
 
 A joint's position channels replace its OFFSET, rotations are multiplied in the order of the channels (a file with
 Zrotation Xrotation Yrotation means Rz Rx Ry), angles are degrees, Y is up.
@@ -200,7 +200,7 @@ def _read_motion(block: bytes, width: int, where: str, line: int) -> tuple[Array
 
 
 def _first_fault(body: bytes, width: int, where: str, line: int) -> FormatError:
-    """Return the error that names the first bad row; rows may be broken over lines, so columns are counted on."""
+    """Return the error for the first bad row; rows may be broken over lines."""
     seen = 0
     for number, raw in enumerate(body.split(b"\n"), start=line):
         for word in raw.split():
@@ -262,7 +262,7 @@ def _rotations(channels: list[tuple[int, str]], orders: list[str], rows: Array) 
 
 
 def _translations(channels: list[tuple[int, str]], rows: Array, offsets: Array) -> dict[int, Array]:
-    """Return the paths (F, 3) of the joints that position channels move, in file units.
+    """Return the paths (F, 3), file units, of joints moved by position channels.
 
     Those of other joints only repeat an offset, which they write into `offsets`.
     """
@@ -281,7 +281,7 @@ def _translations(channels: list[tuple[int, str]], rows: Array, offsets: Array) 
 
 
 def _likely_unit(parents: NDArray[np.int64], offsets: Array, tips: Array) -> float:
-    """Return the unit in which the longest chain below the first branching joint is nearest to an adult's."""
+    """Return the unit that makes the longest chain nearest to an adult's."""
     children = np.bincount(parents[parents >= 0], minlength=len(parents))
     reach = np.zeros(len(parents))
     for joint in range(1, len(parents)):

@@ -1,4 +1,4 @@
-"""BVH files as Blender's exporter writes them, in an armature's own space, brought to another."""
+"""Change of space of BVH files, as Blender's exporter writes them."""
 
 from dataclasses import dataclass, field
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...geometry import rotations as rot
-from .euler_continuity import steady_angles
+from .euler_continuity import unwrap_euler
 
 Array = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ class _Joint:
     order: str = ""
 
 
-def moved_bvh(text: str, matrices: ArrayLike) -> str:
+def transform_bvh(text: str, matrices: ArrayLike) -> str:
     """Return a BVH file's text in another space; the motion is the same.
 
     Args:
@@ -47,7 +47,7 @@ def moved_bvh(text: str, matrices: ArrayLike) -> str:
             angles = np.radians(values[:, joint.angles])
             before, after = turns if joint.is_top else turns[:1], rot.conjugate(turns[:1])
             turned = rot.multiply(rot.multiply(before, rot.from_euler(angles, joint.order)), after)
-            values[:, joint.angles] = np.degrees(steady_angles(rot.to_euler(turned, joint.order)))
+            values[:, joint.angles] = np.degrees(unwrap_euler(rot.to_euler(turned, joint.order)))
     written = [" ".join(f"{value:.{_DECIMALS}f}" for value in row) for row in values]
     return "\n".join([*lines, "MOTION", head, rate, *written]) + "\n"
 

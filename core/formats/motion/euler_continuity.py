@@ -1,4 +1,4 @@
-"""Euler angles over time, without the jumps between the two forms that every rotation has."""
+"""Euler angles over time without jumps between the two forms of a rotation."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def steady_angles(angles: Array) -> Array:
-    """Return angles (F, 3), radians, in whichever of their two forms, and turns, is nearest to the frame before.
+def unwrap_euler(angles: Array) -> Array:
+    """Return angles (F, 3), radians, each in the form nearest to the frame before.
 
     Three angles about three different axes turn as (a + pi, pi - b, c + pi) do.
     """

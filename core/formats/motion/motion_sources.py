@@ -1,4 +1,4 @@
-"""Motion files in files, folders and archives, with the skeleton that belongs to each AMC file."""
+"""Motion files in folders and archives, with the skeleton of each AMC file."""
 
 import lzma
 import shutil
@@ -46,7 +46,7 @@ class MotionFile:
 
 @contextmanager
 def motion_files(sources: Sequence[Path | str]) -> Iterator[list[MotionFile]]:
-    """Yield all BVH and AMC files of files, folders, .zip and .tar archives, sorted by source and name.
+    """Yield all BVH and AMC files of files, folders and archives, sorted.
 
     Archives are unpacked to a temporary folder that goes when the context ends.
 
@@ -133,13 +133,13 @@ def _paired(found: dict[str, Path]) -> list[MotionFile]:
         if pure.suffix.lower() not in MOTION_SUFFIXES or path.resolve() in seen:
             continue
         seen.add(path.resolve())
-        skeleton = skeleton_name(name, list(skeletons)) if pure.suffix.lower() == ".amc" else None
+        skeleton = find_skeleton(name, list(skeletons)) if pure.suffix.lower() == ".amc" else None
         files.append(MotionFile(name, path, skeletons[skeleton] if skeleton else None, descriptions.get(pure.stem, "")))
     return files
 
 
-def skeleton_name(motion: str, skeletons: Sequence[str]) -> str | None:
-    """Return which of the ASF names belongs to an AMC name.
+def find_skeleton(motion: str, skeletons: Sequence[str]) -> str | None:
+    """Return the ASF name that belongs to an AMC name.
 
     First in its folder, then anywhere: the same stem, or the stem up to the last underscore ("14_02" -> "14");
     otherwise the only one of its folder.

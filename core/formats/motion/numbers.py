@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 
 def parse_numbers(text: bytes) -> NDArray[np.float64] | None:
-    """Return all numbers of a text separated by white space, or None when anything else stands in it."""
+    """Return all numbers of a text, or None when it holds anything else."""
     with warnings.catch_warnings():
         # numpy 1 warns about what it cannot read, numpy 2 raises
         warnings.simplefilter("error", DeprecationWarning)

@@ -1,4 +1,4 @@
-"""Motion files of any supported format, brought onto the product's joints."""
+"""Motion files of any supported format, as motion of the standard skeleton."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -18,13 +18,13 @@ from ...system.files import read_bytes
 from .amc import CMU_FPS, amc_motion, parse_amc_values
 from .asf import AsfFile, read_asf, read_asf_file
 from .bvh import read_bvh
-from .motion_sources import skeleton_name
+from .motion_sources import find_skeleton
 
 _NOT_FINITE = "numbers that are not finite"
 
 
 def read_motion(path: Path | str, skeleton: Path | str | None = None) -> Motion:
-    """Return the motion of a BVH or AMC file on the product's joints with the file's bone lengths.
+    """Return the motion of a BVH or AMC file on the standard skeleton.
 
     Args:
         path: .bvh or .amc file.
@@ -32,7 +32,7 @@ def read_motion(path: Path | str, skeleton: Path | str | None = None) -> Motion:
 
     Raises:
         FormatError: unreadable, of another kind, or frames lack numbers.
-        SkeletonError: its joints cannot be told.
+        SkeletonError: its joints cannot be recognised.
     """
     read = read_motion_parts(Path(path), None if skeleton is None else Path(skeleton))
     gaps = [defect for defect in read.defects if defect.kind == _NOT_FINITE]
@@ -50,7 +50,7 @@ class MotionPart:
     """Frames of a file that follow each other.
 
     Args:
-        motion: on the product's joints.
+        motion: on the standard skeleton with the file's bone lengths.
         first_frame: of the file, counted from 0.
         angle_jumps: (F,) true where an angle in the file is far from that of the frame before.
     """
@@ -62,7 +62,7 @@ class MotionPart:
 
 @dataclass(frozen=True)
 class MotionParts:
-    """What a file holds, and what was tolerated or left out."""
+    """Content of a file, and the defects that were tolerated or left out."""
 
     parts: tuple[MotionPart, ...]
     defects: tuple[Defect, ...]
@@ -95,7 +95,7 @@ def _finite_ranges(finite: NDArray[np.bool_], where: str) -> tuple[list[tuple[in
     edges = np.flatnonzero(np.diff(np.concatenate(([False], finite, [False]))))
     ranges = [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
     if not ranges:
-        raise FormatError("has no frame whose numbers are all finite", where=where)
+        raise FormatError("has numbers that are not finite in every frame", where=where)
     bounds = [0, *(bound for pair in ranges for bound in pair), len(finite)]
     gaps = [
         Defect(_NOT_FINITE, start + 1, stop, "cut out")
@@ -108,7 +108,7 @@ def _finite_ranges(finite: NDArray[np.bool_], where: str) -> tuple[list[tuple[in
 def _read_amc(path: Path, skeleton: Path | None, name: str) -> MotionParts:
     if skeleton is None:
         beside = [str(p) for p in path.parent.glob("*") if p.suffix.lower() == ".asf"]
-        found = skeleton_name(str(path), beside)
+        found = find_skeleton(str(path), beside)
         if found is None:
             raise FormatError(
                 "has no skeleton: no .asf file beside it fits", where=str(path), advice="give --skeleton FILE.asf"
@@ -129,12 +129,12 @@ def _read_amc(path: Path, skeleton: Path | None, name: str) -> MotionParts:
 
 @lru_cache(maxsize=8)
 def _asf_file(path: Path, changed: int) -> AsfFile:
-    """Return a skeleton file, which many motions share; `changed` tells its versions apart."""
+    """Read a skeleton file, once for many motions; `changed` is its modification time."""
     return read_asf_file(path)
 
 
 def read_skeleton(path: Path | str) -> Skeleton:
-    """Return the product's joints with the bone lengths of an ASF or BVH file.
+    """Return the standard skeleton with the bone lengths of an ASF or BVH file.
 
     Raises:
         FormatError, SkeletonError: as `read_motion`.

@@ -1,4 +1,4 @@
-"""VRM animation files (.vrma): glTF 2.0 in one binary file, with the extension VRMC_vrm_animation 1.0.
+"""VRM animation files (.vrma): binary glTF 2.0 with VRMC_vrm_animation 1.0.
 
 Nodes are the humanoid's bones in the VRM T pose, without turns of their own and without scale; their animation turns
 all bones and moves the hips alone. glTF's axes are ours: x to the performer's left, y up, z forward, metres.
@@ -34,10 +34,10 @@ _JSON, _BINARY = b"JSON", b"BIN\0"
 
 
 def write_vrma(motion: Motion, path: Path | str) -> None:
-    """Write a motion of the product's joints as a VRM animation.
+    """Write a motion of the standard skeleton as a VRM animation.
 
     Raises:
-        FormatError: the file cannot be written. SkeletonError: it has not all of the product's joints.
+        FormatError: the file cannot be written. SkeletonError: standard joints are missing.
     """
     poses = bone_poses(motion)
     bones = [name[:1].lower() + name[1:] for name in poses.names]
@@ -93,10 +93,10 @@ class _Buffer:
         self._accessors: list[dict[str, Any]] = []
 
     def add(self, values: Array, kind: str, bounded: bool = False) -> int:
-        """Append an array (F,) or (F, n) of 32-bit numbers; return the index of its accessor.
+        """Append an array (F,) or (F, n) of 32-bit numbers; return its accessor's index.
 
         Args:
-            bounded: whether its least and greatest values are told, as times must be.
+            bounded: whether to store its least and greatest values, as times must.
         """
         stored = np.ascontiguousarray(values, dtype="<f4")
         table: dict[str, Any] = {
@@ -119,7 +119,7 @@ class _Buffer:
 
 
 def _glb(document: dict[str, Any], data: bytes) -> bytes:
-    """Return a binary glTF file: header, then JSON and numbers in chunks of multiples of four bytes."""
+    """Return a binary glTF file: header, JSON chunk, binary chunk."""
     text = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
     text += b" " * (-len(text) % 4)
     chunks = b"".join(

@@ -21,7 +21,7 @@ def is_motion(path: Path | str) -> bool:
 def write_motion(
     motion: Motion, path: Path | str, units: str = "m", naming: str = OWN, rate: float | None = None
 ) -> Motion:
-    """Write a motion of the product's joints; return it as it was written.
+    """Write a motion of the standard skeleton; return it as written.
 
     Args:
         path: ends in one of `MOTION_ENDINGS`.

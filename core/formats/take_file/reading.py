@@ -6,9 +6,6 @@ from functools import cached_property
 from pathlib import Path, PurePath
 from typing import Any, BinaryIO
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ...errors import CaptureError, TakeError
 from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_frame_codec import unpack_stamped
@@ -191,20 +188,6 @@ def unused_path(folder: Path, name: str) -> Path:
     while path.exists():
         path, count = folder / f"{stem} ({count}){ENDING}", count + 1
     return path
-
-
-def rate(times_s: NDArray[np.float64], numbers: NDArray[np.int64]) -> float:
-    """Return the frames per second of numbered frames; a whole number when it is one to 0.02.
-
-    Raises:
-        TakeError: there are not two frames with times that differ.
-    """
-    steps = np.diff(times_s) / np.maximum(np.diff(numbers), 1)
-    step = float(np.median(steps)) if len(steps) else 0.0
-    if not step > 0.0:
-        raise TakeError("has too few frames to have a rate")
-    whole = round(1.0 / step)
-    return float(whole) if whole and abs(1.0 / step - whole) < 0.02 else 1.0 / step
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""Motion to and from other programs, live, by the Virtual Motion Capture protocol (VMC: OSC messages over UDP)."""
+"""Live motion exchange by the Virtual Motion Capture protocol (OSC over UDP)."""

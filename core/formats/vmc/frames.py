@@ -1,10 +1,10 @@
-"""VMC packets gathered into frames, over however many packets a program spreads each."""
+"""Frames assembled from VMC packets, however a program spreads them."""
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from ...errors import FormatError
-from .packets import TRACKERS, Clock, Placed, read_packet
+from .packets import TRACKERS, Clock, Placement, read_packet
 
 MOST_PLACED = 1000  # bones and trackers of a frame; a program that makes up ever new names fills no memory
 
@@ -13,20 +13,20 @@ Key = tuple[str, str]  # address and name
 
 @dataclass(frozen=True)
 class VmcFrame:
-    """What belongs to one moment.
+    """Transforms and clock of one moment.
 
     Args:
         arrival_s: when the first of it came.
-        clock_s: the sender's time, None where it tells none.
+        clock_s: the sender's time, None if it sends none.
         placed: root, bones and trackers.
     """
 
     arrival_s: float
     clock_s: float | None
-    placed: dict[Key, Placed]
+    placed: dict[Key, Placement]
 
 
-class FrameGathering:
+class FrameAssembler:
     """Frames of VMC packets.
 
     A frame ends where something that it has comes again, so it does not matter over how many packets a program spreads
@@ -44,10 +44,10 @@ class FrameGathering:
     def _clear(self) -> None:
         self._arrival_s = 0.0
         self._clock_s: float | None = None
-        self._placed: dict[Key, Placed] = {}
+        self._placed: dict[Key, Placement] = {}
 
     def add(self, packet: bytes, arrival_s: float) -> list[VmcFrame]:
-        """Take a packet in and return the frames that have ended; a malformed one is counted and has no effect.
+        """Add a packet and return the frames that ended; a malformed one only counts.
 
         Args:
             packet: a UDP datagram.
@@ -61,7 +61,7 @@ class FrameGathering:
             return []
         return [frame for message in messages for frame in self._add(message, arrival_s)]
 
-    def _add(self, message: Placed | Clock, arrival_s: float) -> list[VmcFrame]:
+    def _add(self, message: Placement | Clock, arrival_s: float) -> list[VmcFrame]:
         if isinstance(message, Clock):
             again = self._clock_s is not None
         else:
@@ -76,7 +76,7 @@ class FrameGathering:
         return ended
 
     def has_all(self, keys: Collection[Key]) -> bool:
-        """Whether the frame that is still open has all of these."""
+        """Return whether the open frame has all of these."""
         return all(key in self._placed for key in keys)
 
     def end(self) -> list[VmcFrame]:
@@ -87,7 +87,7 @@ class FrameGathering:
 
 
 def tracker_names(keys: Iterable[Key]) -> dict[Key, str]:
-    """Return the names of the head sets, controllers and trackers among `keys`: their serial numbers.
+    """Return the serial numbers of head sets, controllers and trackers among keys.
 
     One without goes by its kind; of two with the same, each has its kind before it.
     """

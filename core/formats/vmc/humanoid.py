@@ -1,4 +1,4 @@
-"""The bones of a VMC humanoid (Unity's HumanBodyBones), and motion of ours told in them.
+"""Bones of a VMC humanoid (Unity's HumanBodyBones), and motion in them.
 
 A humanoid stands in a T pose when all its rotations are zero, legs straight down, and then the axes of all bones are
 the world's. Our rest pose spreads the legs, so orientations are taken to and from it as those of a foreign file are
@@ -70,12 +70,12 @@ class BonePoses:
 
 
 class Humanoid:
-    """A body of the product's joints as a humanoid with the same bone lengths.
+    """Standard skeleton as a humanoid with the same bone lengths.
 
     The hips carry it through the room. Fingers and thumbs, which nothing measures, are left out.
 
     Raises:
-        SkeletonError: it has not all of the product's joints.
+        SkeletonError: standard joints are missing.
     """
 
     def __init__(self, skeleton: Skeleton) -> None:
@@ -102,12 +102,12 @@ class Humanoid:
 
 
 def bone_poses(motion: Motion) -> BonePoses:
-    """Return a motion of the product's joints as poses of a humanoid; SkeletonError as of `Humanoid`."""
+    """Return a motion of the standard skeleton as humanoid poses; see `Humanoid`."""
     return Humanoid(motion.skeleton).poses(motion.rotations, motion.root_positions_m)
 
 
 def motion_of_bones(poses: BonePoses, name: str, fps: float) -> Motion:
-    """Return poses of a humanoid as a motion of the product's joints, with the humanoid's bone lengths.
+    """Return humanoid poses as a motion of the standard skeleton.
 
     Programs that send rotations alone put all bones at zero; then the body is the average one.
 
@@ -126,7 +126,7 @@ def motion_of_bones(poses: BonePoses, name: str, fps: float) -> Motion:
 
 
 def _t_pose_offsets(skeleton: Skeleton, joints: list[int], parents: NDArray[np.int64]) -> Array:
-    """Return (B, 3) where each bone begins relative to the one above it in the T pose, that of the hips zero."""
+    """Return (B, 3) offsets of bones from their parents in the T pose, 0 for the hips."""
     positions, _ = forward_kinematics(skeleton, t_pose(skeleton), np.zeros(3))
     starts = positions[joints]
     offsets = starts - starts[parents]

@@ -1,4 +1,4 @@
-"""VMC over UDP: a motion played live to another program, and what another program sends recorded."""
+"""VMC over UDP: play a motion live, record the packets of another program."""
 
 import ipaddress
 import socket
@@ -30,7 +30,7 @@ def play(motion: Motion, host: str, port: int, progress: Progress) -> int:
 
     Raises:
         CaptureError: the host is not known, or the network takes no packets.
-        SkeletonError: it has not the product's joints.
+        SkeletonError: standard joints are missing.
     """
     sent = 0
     with Sender(motion.skeleton, host, port) as sender:
@@ -49,12 +49,12 @@ class Sender:
     """Sends poses of one body to another program.
 
     Args:
-        skeleton: of the product's joints.
+        skeleton: with the standard joints.
         host, port: of the other program.
 
     Raises:
         CaptureError: the host is not known.
-        SkeletonError: it has not all of the product's joints.
+        SkeletonError: standard joints are missing.
     """
 
     def __init__(self, skeleton: Skeleton, host: str, port: int) -> None:
@@ -133,7 +133,7 @@ class Receiver:
         self._socket.close()
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """Return the next packet, None if none comes in time, or one of another computer than the sender."""
+        """Return the next packet of the sender, None if none comes in time."""
         self._socket.settimeout(timeout_s)
         try:
             packet, (address, _) = self._socket.recvfrom(_LARGEST_PACKET)
@@ -158,7 +158,7 @@ def _is_loopback(address: str) -> bool:
 
 
 def record(receiver: Receiver, seconds: float, progress: Progress) -> Recording:
-    """Return what comes within `seconds`."""
+    """Return the packets that come within `seconds`."""
     recording = Recording()
     progress(0.0, f"listening on port {receiver.port}")
     begun_s = time.perf_counter()

@@ -38,7 +38,7 @@ _MIRROR_ROTATION = np.array([1.0, 1.0, -1.0, -1.0])
 
 
 @dataclass(frozen=True)
-class Placed:
+class Placement:
     """Where a bone, the root or a tracker is, in our axes.
 
     Args:
@@ -79,7 +79,7 @@ def frame_packet(time_s: float, names: Sequence[str], positions_m: Array, rotati
 
 
 class FramePackets:
-    """Makes the bundles of frames that have the same bones, as `frame_packet` does, in a fiftieth of its time.
+    """Fast `frame_packet` for frames with the same bones, in a fiftieth of its time.
 
     Only the numbers differ from frame to frame, and OSC keeps each at a multiple of four bytes.
     """
@@ -121,8 +121,8 @@ def _message(address: str, arguments: Sequence[tuple[str, str | int | float]]) -
     return builder.build()
 
 
-def read_packet(packet: bytes) -> list[Placed | Clock]:
-    """Return what a packet tells of root, bones, trackers and time, in its order; all else in it is passed over.
+def read_packet(packet: bytes) -> list[Placement | Clock]:
+    """Return the transforms and times of a packet, in its order.
 
     Raises:
         FormatError: it is no OSC packet, or one of these messages is not as the protocol has it.
@@ -149,13 +149,13 @@ def _messages(packet: bytes) -> Iterator[bytes]:
             size = int.from_bytes(item[at : at + 4], "big")
             end = at + 4 + size
             if size % 4 or size == 0 or end > len(item):
-                raise FormatError("has an OSC bundle whose sizes do not fit")
+                raise FormatError("has an OSC bundle with wrong sizes")
             inner.append(item[at + 4 : end])
             at = end
         pending += reversed(inner)
 
 
-def _read_message(message: bytes) -> Placed | Clock | None:
+def _read_message(message: bytes) -> Placement | Clock | None:
     address = message.partition(b"\0")[0].decode("ascii", "replace")
     is_time = address == TIME
     if not (is_time or address in (ROOT, BONE) or address in TRACKERS):
@@ -178,4 +178,4 @@ def _read_message(message: bytes) -> Placed | Clock | None:
     rotation = _MIRROR_ROTATION * numbers[[6, 3, 4, 5]]
     if np.linalg.norm(rotation) < 0.5:
         raise FormatError(f"has {address} with a rotation that is none")
-    return Placed(address, name, _MIRROR_POSITION * numbers[:3], rot.normalize(rotation))
+    return Placement(address, name, _MIRROR_POSITION * numbers[:3], rot.normalize(rotation))

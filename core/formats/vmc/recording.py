@@ -1,4 +1,4 @@
-"""What comes in VMC packets, gathered into frames, and these as motion or as marker take."""
+"""Recording of VMC packets as motion or as marker take."""
 
 from collections.abc import Sequence
 
@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from ...body.motion import Motion
 from ...errors import TakeError
 from ...geometry import rotations as rot
+from ...markers.frame_rate import frame_rate
 from ...markers.marker_take import MarkerTake
-from ..take_file.reading import rate
-from .frames import FrameGathering, Key, VmcFrame, tracker_names
+from .frames import FrameAssembler, Key, VmcFrame, tracker_names
 from .humanoid import BONES, BonePoses, motion_of_bones
 from .packets import BONE, ROOT, TRACKERS
 from .tracker_points import AXES, axis_names, axis_points
@@ -30,11 +30,11 @@ class Recording:
     """
 
     def __init__(self) -> None:
-        self.gathering = FrameGathering()
+        self.gathering = FrameAssembler()
         self._frames: list[VmcFrame] = []
 
     def add(self, packet: bytes, arrival_s: float) -> None:
-        """Take a packet in, as `FrameGathering.add` does."""
+        """Take a packet in, as `FrameAssembler.add` does."""
         self._frames += self.gathering.add(packet, arrival_s)
 
     def motion(self, name: str) -> tuple[Motion, int]:
@@ -54,7 +54,7 @@ class Recording:
         return motion_of_bones(_at_rate(poses, times_s, fps), name, fps), len(frames)
 
     def markers(self, name: str) -> MarkerTake:
-        """Return head set, controllers and trackers as markers called by their serial numbers.
+        """Return head set, controllers and trackers as markers with their serial numbers.
 
         Of one that turns there are also the points of `tracker_points`, by which its rotation counts.
 
@@ -87,7 +87,7 @@ class Recording:
         return self._frames
 
     def _with(self, keys: Sequence[Key], name: str, what: str) -> tuple[list[VmcFrame], Array, float]:
-        """Return the frames that have one of the keys, their times (F,) from the first, and their rate."""
+        """Return frames with one of the keys, times (F,) from the first, and the rate."""
         frames = [frame for frame in self._all() if any(key in frame.placed for key in keys)]
         if len(frames) < 2:
             raise TakeError(
@@ -100,7 +100,7 @@ class Recording:
         is_steady = len(clocks_s) == len(frames) and bool(np.all(np.diff(clocks_s) > 0.0))
         for times_s in (clocks_s, arrivals_s) if is_steady else (arrivals_s,):
             from_first_s = times_s - times_s[0]
-            fps = rate(from_first_s, np.arange(len(frames)))
+            fps = frame_rate(from_first_s, np.arange(len(frames)))
             if from_first_s[-1] * fps < _MOST_LOST * len(frames):
                 return frames, from_first_s, fps
         raise TakeError(
@@ -109,7 +109,7 @@ class Recording:
 
 
 def _filled(frames: Sequence[VmcFrame], keys: Sequence[Key]) -> BonePoses:
-    """Return the poses of bones; where a frame lacks one, it is as in the frame before, or as it first came."""
+    """Return the poses of bones; a missing one stays as in the frame before."""
     there = np.array([[key in frame.placed for key in keys] for frame in frames])
     row = np.where(there, np.arange(len(frames))[:, None], -1)
     row = np.maximum.accumulate(row, axis=0)

@@ -1,4 +1,4 @@
-"""A tracker's rotation told in points: what follows markers then needs to know nothing of rotations.
+"""Points around a tracker that stand for its rotation.
 
 A marker takes three numbers from a tracker; its rotation, which a tracker on the waist has instead of three markers,
 would be lost.
@@ -21,7 +21,7 @@ def axis_names(tracker: str) -> tuple[str, ...]:
 
 
 def axis_points(position_m: Array, rotation: Array) -> Array:
-    """Return (..., 3, 3) points 0.1 m from (..., 3) along each of the tracker's own axes.
+    """Return points (..., 3, 3), each 0.1 m along one of the tracker's axes.
 
     Args:
         position_m, rotation: (..., 3) and (..., 4) of the tracker in the world.

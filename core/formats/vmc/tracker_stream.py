@@ -3,28 +3,28 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ...markers.label_matching import match_names
+from ...markers.label_matching import match_labels
 from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_set import MarkerSet
 from ...system.steady_clock import SteadyClock
-from .frames import MOST_PLACED, FrameGathering, Key, VmcFrame, tracker_names
+from .frames import MOST_PLACED, FrameAssembler, Key, VmcFrame, tracker_names
 from .packets import TRACKERS
 from .tracker_points import AXES, axis_names, axis_points
 
 _SIGMA_M = 0.001  # uncertainty given to positions that come without one
 _PAUSE_S = 0.25  # between two frames: the numbers of those that are missing are left out
-_USUAL_PERIOD_S = 1.0 / 60.0  # where a single frame tells no rate
+_USUAL_PERIOD_S = 1.0 / 60.0  # a single frame has no rate
 _LEAST_STEP_S = 0.001  # between two frames that the network has held up and then hands over at once
 _POINTS = 1 + len(AXES)  # of a tracker
 
 
 class TrackerStream:
-    """Marker frames of VMC packets whose trackers are called as markers of a set.
+    """Marker frames of VMC packets with trackers named as markers of a set.
 
     A frame is handed over as soon as all is there that was in the last one, so it need not wait for the next.
 
     Args:
-        marker_set: worn; of what comes, its markers alone count. Names agree as `match_names` says, those of
+        marker_set: worn; of what comes, its markers alone count. Names agree as `match_labels` says, those of
             `axis_points` among them.
 
     Attributes:
@@ -32,7 +32,7 @@ class TrackerStream:
     """
 
     def __init__(self, marker_set: MarkerSet) -> None:
-        self.gathering = FrameGathering()
+        self.gathering = FrameAssembler()
         self._marker_set = marker_set
         self._labels: dict[Key, NDArray[np.int64]] = {}  # (4,) of each tracker and its axes' points, -1: no marker
         self._expected: frozenset[Key] = frozenset()
@@ -47,7 +47,7 @@ class TrackerStream:
         return tuple(tracker_names(self._labels).values())
 
     def add(self, packet: bytes, arrival_s: float) -> list[MarkerFrame]:
-        """Take a packet in and return the marker frames that have ended; a malformed one has no effect.
+        """Add a packet and return the marker frames that ended.
 
         Args:
             packet: a UDP datagram.
@@ -76,11 +76,11 @@ class TrackerStream:
         return MarkerFrame(self._number, self._time_s, points.reshape(-1, 3)[worn], covariances, labels[worn])
 
     def _meet(self, keys: list[Key]) -> None:
-        """Find out which markers trackers are of which some are new."""
+        """Match trackers to markers again because some are new."""
         before = self._labels if len(self._labels) < MOST_PLACED else {}
         known = tracker_names([*before, *keys])
         spelled = {key: (name, *axis_names(name)) for key, name in known.items()}
-        match = match_names([name for names in spelled.values() for name in names], self._marker_set)
+        match = match_labels([name for names in spelled.values() for name in names], self._marker_set)
         index = {label: self._marker_set.names.index(marker) for marker, label in match.label_of.items()}
         self._labels = {key: np.array([index.get(name, -1) for name in names]) for key, names in spelled.items()}
 

@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...body.motion import Motion
-from ...body.standard_skeleton import default_skeleton
+from ...body.standard_skeleton import DEFAULT_HEIGHT_M, default_skeleton
 from ...errors import SettingsError
-from ...geometry import rotations as rot
 from ...geometry.camera import CameraRig
 from ...markers.marker_set import MarkerSet, load_marker_set
 from ...markers.prop import load_prop
 from ...markers.subject import Subject
-from ..performer import BEHAVIOURS, STYLES, demo_performance, performance
+from ..performance import DEMO, performance, with_return
 from .carried_prop import Carried, in_hand
 from .filmed_motion import Performance, make_performance
 from .placement import with_poses
@@ -28,6 +27,7 @@ from .settings import StudioSettings
 
 Image = NDArray[np.uint8]
 
+_AROUND_S = 4.0  # of a performance: T pose, arms down, and a rest at the end
 _SPACING_M = 1.2  # between performers: both stay in the picture, and arms held out do not meet
 _RETURN_S = 1.5  # time in which a performer who starts again goes back to the first pose
 
@@ -127,18 +127,18 @@ class SimulatedSource:
 def open_simulated(spec: Mapping[str, Any]) -> SimulatedSource:
     """Return the simulated performer as described; every key has a default.
 
-    Keys: behaviour ("demo": the demo's performance, or one of the performer's), seconds (60), style ("neutral"),
-    seed (0), height_m (1.75), marker_set ("boxing"), cameras (2), fps (60), live (False), loop (as live), poses
-    (calibration poses held before it, none) and held_s (each of them, 2), prop (name or file of what the right hand
-    holds, nothing), partners (tables of those who perform beside the first, to the right as the cameras see it: keys
-    behaviour, style, seed, height_m and marker_set, else as the first's; without any the first is in the middle), and
-    studio: a table of `StudioSettings`.
+    Keys: behaviour ("demo" or one of `BEHAVIOURS`), seconds of it (as shipped), mirrored (False), height_m (1.75),
+    marker_set ("boxing"), cameras (2), fps (60), live (False), loop (as live), poses (calibration poses held before it,
+    none) and held_s (each of them, 2), prop (name or file of the object in the right hand, none), partners (tables of
+    the performers beside the first, to the right as the cameras see it: keys behaviour, mirrored, height_m and
+    marker_set, by default the first's, mirrored; without any the first is in the middle), and studio: a table of
+    `StudioSettings`.
 
     Raises:
-        SettingsError: an unknown key, behaviour, style or setting.
+        SettingsError: an unknown key, behaviour or setting.
         MarkerSetError: the marker set is unknown or has no offsets. PropError: the prop is unknown or unusable.
     """
-    known = {"kind", "behaviour", "seconds", "style", "seed", "height_m", "marker_set", "cameras", "fps", "live"}
+    known = {"kind", "behaviour", "seconds", "mirrored", "height_m", "marker_set", "cameras", "fps", "live"}
     unknown = sorted(set(spec) - known - {"loop", "studio", "poses", "held_s", "prop", "partners"})
     if unknown:
         raise SettingsError("unknown setting " + ", ".join(unknown), where="simulated performer")
@@ -196,10 +196,10 @@ def _performed(motion: Motion, markers: MarkerSet, loop: bool, carried: Carried 
 
 def _partner(spec: Mapping[str, Any], table: Mapping[str, Any]) -> dict[str, Any]:
     """The spec of one who performs beside the first; SettingsError for an unknown key."""
-    unknown = sorted(set(table) - {"behaviour", "style", "seed", "height_m", "marker_set"})
+    unknown = sorted(set(table) - {"behaviour", "mirrored", "height_m", "marker_set"})
     if unknown:
         raise SettingsError("unknown setting " + ", ".join(unknown), where="partner of the simulated performer")
-    return {**spec, "seed": int(spec.get("seed", 0)) + 1, **table}
+    return {**spec, "mirrored": not spec.get("mirrored", False), **table}
 
 
 def _aside(motion: Motion, place_m: float) -> Motion:
@@ -218,41 +218,10 @@ def studio_settings(table: Mapping[str, Any]) -> StudioSettings:
         raise SettingsError(f"simulated studio: {error}") from error
 
 
-def with_return(motion: Motion) -> Motion:
-    """Return the motion with a smooth way back from its last pose to its first, so that it can start again."""
-    steps = max(round(_RETURN_S * motion.fps), 1)
-    f = np.arange(1, steps) / steps
-    ease = f * f * (3.0 - 2.0 * f)
-    first, last = motion.rotations[0], motion.rotations[-1]
-    shape = (len(ease), *first.shape)
-    back = rot.slerp(
-        np.broadcast_to(last, shape), np.broadcast_to(first, shape), np.broadcast_to(ease[:, None], shape[:2])
-    )
-    start, end = motion.root_positions_m[-1], motion.root_positions_m[0]
-    return replace(
-        motion,
-        rotations=np.concatenate((motion.rotations, back)),
-        root_positions_m=np.concatenate((motion.root_positions_m, start + ease[:, None] * (end - start))),
-    )
-
-
 def _motion(spec: Mapping[str, Any], fps: float) -> Motion:
-    """The performance that a spec asks for: T pose, then the behaviour."""
-    seed, behaviour = int(spec.get("seed", 0)), str(spec.get("behaviour", "demo"))
-    if behaviour == "demo":
-        body = default_skeleton(float(spec["height_m"])) if "height_m" in spec else None
-        return demo_performance(seed, fps=fps, skeleton=body)
-    style = str(spec.get("style", "neutral"))
-    if style not in STYLES:
-        raise SettingsError(f"unknown style {style!r}", advice="styles: " + ", ".join(STYLES))
-    skeleton = default_skeleton(float(spec.get("height_m", 1.75)))
-    script = [(_behaviour(behaviour), float(spec.get("seconds", 60.0)))]
-    return performance(script, fps, skeleton, STYLES[style], seed, behaviour)
-
-
-def _behaviour(name: str) -> str:
-    """The performer's behaviour of that name or beginning ("walk" is "walking")."""
-    fitting = [known for known in BEHAVIOURS if known.startswith(name)]
-    if len(fitting) != 1:
-        raise SettingsError(f"unknown behaviour {name!r}", advice="behaviours: " + ", ".join(BEHAVIOURS))
-    return fitting[0]
+    """Return the performance that a spec asks for: T pose, then the behaviour."""
+    behaviour = str(spec.get("behaviour", DEMO))
+    seconds = float(spec["seconds"]) + _AROUND_S if "seconds" in spec else None
+    height_m = spec.get("height_m", None if behaviour == DEMO else DEFAULT_HEIGHT_M)
+    skeleton = None if height_m is None else default_skeleton(float(height_m))
+    return performance(behaviour, seconds, fps, skeleton, bool(spec.get("mirrored", False)))

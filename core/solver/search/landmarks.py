@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ...database.graph import k_means, weighted
+from ...database.graph import k_means, weigh_poses
 from .exhaustive import FloatArray, IntArray
 
 _SAMPLED = 16  # frames of a cluster, evenly through it, of which the most central stands for it
@@ -28,11 +28,11 @@ class Landmarks:
         starts = np.cumsum(counts) - counts
         shares = (np.arange(_SAMPLED) + 0.5) / _SAMPLED
         sampled = order[starts[:, None] + (counts[:, None] * shares).astype(np.int64)]
-        away = weighted(poses[sampled])
+        away = weigh_poses(poses[sampled])
         away -= away.mean(axis=1, keepdims=True)
         central = np.argmin(np.einsum("csd,csd->cs", away, away), axis=1)
         self.frames: IntArray = sampled[np.arange(len(counts)), central]
-        mine = weighted(poses[self.frames])
+        mine = weigh_poses(poses[self.frames])
         centres, group = k_means(mine, round(np.sqrt(len(mine))))
         self.groups = [self.frames[group == index] for index in range(len(centres))]
         away = mine - centres[group]

@@ -9,9 +9,8 @@ from typing import Any
 
 from ...markers.marker_set import load_marker_set
 from ...markers.subject import save_subject
-from ...simulate.performer.bodies import load_bodies
 from ...subjects.pose_calibration import calibrate_subject, pose_points
-from ...system.assets import SKELETONS
+from ...subjects.prototype_bodies import load_bodies
 from ..channel import Channel
 from .cameras import Stopped
 from .record_pose import record_poses
@@ -30,7 +29,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     channel.send_status("measuring the performer")
     marker_set, poses = load_marker_set(request["marker_set"]), [str(pose) for pose in request["poses"]]
     points = pose_points(take, marker_set, poses)
-    found = calibrate_subject(points, marker_set, load_bodies(SKELETONS), str(request["name"]), *poses)
+    found = calibrate_subject(points, marker_set, load_bodies(), str(request["name"]), *poses)
     save_subject(found.subject, request["subject_out"])
     measured = {"residual_mm": 1e3 * found.subject.residual_m, "verdict": found.verdict, "advice": list(found.advice)}
     channel.send_result({**result, **measured, "subject": str(request["subject_out"])})

@@ -21,7 +21,7 @@ from ...geometry.rig_file import save_rig
 from ...labelling.single_camera_trajectories import single_views
 from ...labelling.trajectory_linking import track_markers
 from ...labelling.trajectory_naming import name_trajectories
-from ...markers.floor_from_feet import floor_points, moved_to_rig
+from ...markers.floor_from_feet import floor_points, to_rig_world
 from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_set import MarkerSet, load_marker_set
 from ...markers.marker_take import MarkerTake
@@ -75,7 +75,7 @@ def record_poses(request: Mapping[str, Any], channel: Channel) -> tuple[MarkerTa
             result["floor_advice"] = str(error)
         else:
             save_rig(level, request["floor_out"])
-            take = moved_to_rig(take, rig, level)
+            take = to_rig_world(take, rig, level)
             result["calibration"] = str(request["floor_out"])
     write_take(take, request["out"])
     return take, result

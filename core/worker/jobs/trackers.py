@@ -11,7 +11,7 @@ from typing import Any
 from ...errors import CaptureError
 from ...formats.vmc.link import Receiver
 from ...formats.vmc.tracker_stream import TrackerStream
-from ...markers.label_matching import listed
+from ...markers.label_matching import join_names
 from ...markers.subject import load_subject
 from ..channel import Channel
 
@@ -92,6 +92,6 @@ class _Silence:
         if not self._stream.trackers:
             return f"no trackers come {where}: have the other program send them, not only bones"
         return (
-            f"the trackers {listed(self._stream.trackers)} are no markers of the set: name them in it, or choose "
+            f"the trackers {join_names(self._stream.trackers)} are no markers of the set: name them in it, or choose "
             "another under Markers"
         )

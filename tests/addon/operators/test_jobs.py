@@ -11,12 +11,12 @@ import cv2
 import numpy as np
 import pytest
 from clicked import run_job
+from motion_synthesis import perform
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.store import open_database
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.markers.subject import load_subject
-from perfanim.core.simulate.performer import perform
 from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, board_on_floor, board_pictures
 from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.rig import default_rig

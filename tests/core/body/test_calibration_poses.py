@@ -2,12 +2,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from motion_synthesis.bodies import prototype_bodies
 from perfanim.core.body.calibration_poses import CALIBRATION, POSES, hanging, motorcycle, standing, t_pose
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.skeleton import Skeleton, forward_kinematics
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.simulate.performer.bodies import prototype_bodies
 from perfanim.core.simulate.studio.placement import lowest_point_m
 from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.rig import default_rig

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from motion_synthesis import perform
 from perfanim.core.body.foot_lock import FootLock, floor_of, with_feet_held
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.motion_metrics import evaluate
@@ -11,7 +12,6 @@ from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.errors import SettingsError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
-from perfanim.core.simulate.performer import perform
 from perfanim.core.simulate.studio.rig import default_rig
 
 SWAY_M = 0.02

@@ -19,7 +19,7 @@ from perfanim.core.database.labels import behaviour_of, subject_of
 from perfanim.core.database.store import open_database
 from perfanim.core.errors import DatabaseError, FormatError
 from perfanim.core.formats.motion.bvh import write_bvh
-from perfanim.core.formats.motion.motion_sources import skeleton_name
+from perfanim.core.formats.motion.motion_sources import find_skeleton
 from perfanim.core.geometry import rotations as rot
 
 
@@ -294,10 +294,10 @@ def test_an_unwritable_target_is_told_before_any_work(folder: Path, tmp_path: Pa
 
 def test_skeleton_of_an_amc_file() -> None:
     skeletons = ["x/14/14.asf", "x/15/15.asf", "x/16/other.asf"]
-    assert skeleton_name("x/14/14_02.amc", skeletons) == "x/14/14.asf"
-    assert skeleton_name("y/15_01.amc", skeletons) == "x/15/15.asf"
-    assert skeleton_name("x/16/16_01.amc", skeletons) == "x/16/other.asf"
-    assert skeleton_name("y/17_01.amc", skeletons) is None
+    assert find_skeleton("x/14/14_02.amc", skeletons) == "x/14/14.asf"
+    assert find_skeleton("y/15_01.amc", skeletons) == "x/15/15.asf"
+    assert find_skeleton("x/16/16_01.amc", skeletons) == "x/16/other.asf"
+    assert find_skeleton("y/17_01.amc", skeletons) is None
 
 
 @pytest.mark.parametrize(

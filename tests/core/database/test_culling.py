@@ -1,6 +1,6 @@
 import numpy as np
 from perfanim.core.body.motion import resampled
-from perfanim.core.database.culling import kept_clips, near_duplicates
+from perfanim.core.database.culling import clips_after_culling, near_duplicates
 from perfanim.core.database.graph import JOINT_ANGLES
 from perfanim.core.database.store import Clip
 from perfanim.core.formats.motion.read_motion import read_motion
@@ -46,7 +46,7 @@ def test_only_the_part_that_is_known_goes() -> None:
     assert not culled[:200].any()
     assert not culled[300:].any()
     assert culled[212:280].all()  # margins and the look ahead stay
-    kept = kept_clips(clips, np.concatenate((np.zeros(len(walk), dtype=bool), culled)), FPS)
+    kept = clips_after_culling(clips, np.concatenate((np.zeros(len(walk), dtype=bool), culled)), FPS)
     assert [clip.name for clip in kept] == ["0", "1", "1"]
     assert [clip.start for clip in kept[1:]] == [clip.stop for clip in kept[:-1]]
     assert kept[2].stop == len(poses) - culled.sum()

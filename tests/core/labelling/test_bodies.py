@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from motion_synthesis.bodies import prototype_bodies
 from perfanim.core.body.calibration_poses import standing, t_pose
 from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.body.standard_skeleton import default_skeleton
@@ -10,7 +11,6 @@ from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, Camera
 from perfanim.core.labelling.labeller import Labeller
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import load_marker_set
-from perfanim.core.simulate.performer.bodies import prototype_bodies
 
 NOISE_M = 0.005
 SET = load_marker_set("boxing")

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from motion_synthesis.performance import performance
 from perfanim.core.body.calibration_poses import standing, t_pose
 from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.geometry import rotations as rot
@@ -15,7 +16,6 @@ from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
 from perfanim.core.markers.take_frames import take_frames
 from perfanim.core.session.session import Session
-from perfanim.core.simulate.performer.performance import performance
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.vision.image_take import image_take
 

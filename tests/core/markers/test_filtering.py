@@ -4,7 +4,7 @@ from perfanim.core.body.motion import Motion
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import SettingsError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.markers.filtering import smoothed, smoothed_motion
+from perfanim.core.markers.filtering import smooth_motion, smooth_take
 from perfanim.core.markers.marker_take import MarkerTake
 
 FPS = 60.0
@@ -24,17 +24,19 @@ def amplitude(take: MarkerTake) -> float:
 
 
 def test_slow_motion_stays_fast_noise_goes_and_nothing_lags():
-    slow = smoothed(MarkerTake("slow", FPS, ("A",), wave(1.0)), 6.0)
+    slow = smooth_take(MarkerTake("slow", FPS, ("A",), wave(1.0)), 6.0)
     np.testing.assert_allclose(slow.positions_m[30:-30], wave(1.0)[30:-30], atol=0.002)
-    assert amplitude(smoothed(MarkerTake("edge", FPS, ("A",), wave(6.0)), 6.0)) == pytest.approx(np.sqrt(0.5), abs=0.02)
-    assert amplitude(smoothed(MarkerTake("fast", FPS, ("A",), wave(20.0)), 6.0)) < 0.01
+    assert amplitude(smooth_take(MarkerTake("edge", FPS, ("A",), wave(6.0)), 6.0)) == pytest.approx(
+        np.sqrt(0.5), abs=0.02
+    )
+    assert amplitude(smooth_take(MarkerTake("fast", FPS, ("A",), wave(20.0)), 6.0)) < 0.01
 
 
 def test_gaps_stay_gaps_and_short_stretches_stay_as_they_are():
     positions = wave(20.0)
     positions[100:110] = np.nan
     positions[115:] = np.nan  # five frames stand alone
-    result = smoothed(MarkerTake("gaps", FPS, ("A",), positions), 6.0).positions_m
+    result = smooth_take(MarkerTake("gaps", FPS, ("A",), positions), 6.0).positions_m
     np.testing.assert_array_equal(np.isnan(result), np.isnan(positions))
     np.testing.assert_array_equal(result[110:115], positions[110:115])
     assert np.ptp(result[30:70, 0, 0]) < 0.1
@@ -44,8 +46,8 @@ def test_frequencies_that_the_rate_cannot_show_are_refused():
     take = MarkerTake("take", FPS, ("A",), wave(1.0))
     for cutoff in (0.0, -1.0, 30.0, float("nan")):
         with pytest.raises(SettingsError, match="out of range"):
-            smoothed(take, cutoff)
-    assert smoothed(take, 29.0) is not None  # above what the filter's single pass can do: left alone
+            smooth_take(take, cutoff)
+    assert smooth_take(take, 29.0) is not None  # above what the filter's single pass can do: left alone
 
 
 def test_motion_is_smoothed_whatever_the_signs_of_its_quaternions():
@@ -57,7 +59,7 @@ def test_motion_is_smoothed_whatever_the_signs_of_its_quaternions():
     noisy = rot.multiply(clean, rot.from_rotation_vector(generator.normal(0.0, 0.05, turn.shape)))
     noisy *= np.where(generator.random(noisy.shape[:2]) < 0.5, -1.0, 1.0)[..., None]
     motion = Motion("noisy", FPS, skeleton, noisy, np.zeros((len(TIMES), 3)))
-    result = smoothed_motion(motion, 5.0)
+    result = smooth_motion(motion, 5.0)
     before = rot.angle_between(noisy, clean)[30:-30].mean()
     after = rot.angle_between(result.rotations, clean)[30:-30].mean()
     assert after < 0.55 * before  # white noise at 30 Hz bandwidth cut to about 6 Hz: sqrt(6 / 30) = 0.45

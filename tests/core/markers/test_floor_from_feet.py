@@ -5,7 +5,7 @@ import pytest
 from perfanim.core.errors import TakeError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.rigid_transform import transform
-from perfanim.core.markers.floor_from_feet import floor_points, moved_to_rig
+from perfanim.core.markers.floor_from_feet import floor_points, to_rig_world
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.simulate.markers import simulate_markers
@@ -39,7 +39,7 @@ def test_floor_is_found_in_a_rolled_and_pitched_world(walking):
 def test_take_and_cameras_come_into_one_world(walking, stage_rig):
     marker_set = load_marker_set(MARKERS)
     level = rig_on_floor(stage_rig, floor_points(walking, marker_set))
-    moved = moved_to_rig(walking, stage_rig, level)
+    moved = to_rig_world(walking, stage_rig, level)
     for before, after in zip(stage_rig.cameras, level.cameras, strict=True):
         np.testing.assert_allclose(
             after.to_camera(moved.positions_m[::20]), before.to_camera(walking.positions_m[::20]), atol=1e-9

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from perfanim.core.cli.main import main
 from perfanim.core.formats.markers.marker_files import read_take, write_take
-from perfanim.core.markers.filtering import smoothed, smoothed_on_body
-from perfanim.core.markers.gap_filling import Gap, gaps_of, with_gaps_filled, without_shoulders
+from perfanim.core.markers.filtering import smooth_on_body, smooth_take
+from perfanim.core.markers.gap_filling import Gap, fill_gaps, find_gaps, widen_gaps
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import Subject, save_subject
@@ -43,8 +43,8 @@ def gappy(whole):
 
 @pytest.fixture(scope="module")
 def filled(gappy, suited, database):
-    motion = solve_take(without_shoulders(gappy), suited, database, SolveSettings(), lambda *_: None).motion
-    return with_gaps_filled(gappy, suited.marker_set, motion)
+    motion = solve_take(widen_gaps(gappy), suited, database, SolveSettings(), lambda *_: None).motion
+    return fill_gaps(gappy, suited.marker_set, motion)
 
 
 def error_m(take: MarkerTake, whole: MarkerTake, gap: Gap) -> float:
@@ -54,7 +54,7 @@ def error_m(take: MarkerTake, whole: MarkerTake, gap: Gap) -> float:
 
 def test_gaps_are_found():
     visible = np.array([[1, 0, 0, 1, 0], [1, 1, 1, 1, 1], [0, 0, 0, 0, 0]], dtype=bool).T
-    assert gaps_of(visible) == [Gap(0, 1, 3), Gap(0, 4, 5)]
+    assert find_gaps(visible) == [Gap(0, 1, 3), Gap(0, 4, 5)]
 
 
 def test_what_was_measured_stays(gappy, filled):
@@ -66,14 +66,14 @@ def test_gaps_are_filled_better_than_by_interpolation(whole, gappy, filled):
     """Against lines and cubic splines through what is measured beside the gap: gaps of 0.4 s and more."""
     lines, splines = gappy.positions_m.copy(), gappy.positions_m.copy()
     rows = np.arange(gappy.frames)
-    for gap in gaps_of(gappy.visible):
+    for gap in find_gaps(gappy.visible):
         path, seen = gappy.positions_m[:, gap.marker], gappy.visible[:, gap.marker]
         inside = slice(gap.start, gap.stop)
         splines[inside, gap.marker] = CubicSpline(rows[seen], path[seen])(rows[inside])
         for axis in range(3):
             lines[inside, gap.marker, axis] = np.interp(rows[inside], rows[seen], path[seen, axis])
     ours, straight, curved = (
-        np.mean([error_m(take, whole, gap) for gap in gaps_of(gappy.visible)])
+        np.mean([error_m(take, whole, gap) for gap in find_gaps(gappy.visible)])
         for take in (filled, replace(gappy, positions_m=lines), replace(gappy, positions_m=splines))
     )
     assert ours < 0.5 * straight
@@ -83,7 +83,7 @@ def test_gaps_are_filled_better_than_by_interpolation(whole, gappy, filled):
 
 def test_there_is_no_jump_at_the_ends(whole, gappy, filled):
     """The steps into a gap and out of it are the marker's own, but for noise and what the body leaves open."""
-    for gap in gaps_of(gappy.visible):
+    for gap in find_gaps(gappy.visible):
         for row in (gap.start, gap.stop):
             steps = [
                 take.positions_m[row, gap.marker] - take.positions_m[row - 1, gap.marker] for take in (filled, whole)
@@ -95,8 +95,8 @@ def test_a_gap_at_the_end_of_a_take_is_filled_by_the_body(whole, suited, databas
     positions = whole.positions_m[:40].copy()
     positions[22:, whole.names.index("LWRA")] = np.nan
     take = replace(whole, positions_m=positions, frame_numbers=np.arange(40), times_s=np.arange(40) / whole.fps)
-    motion = solve_take(without_shoulders(take), suited, database, SolveSettings(), lambda *_: None).motion
-    result = with_gaps_filled(take, suited.marker_set, motion)
+    motion = solve_take(widen_gaps(take), suited, database, SolveSettings(), lambda *_: None).motion
+    result = fill_gaps(take, suited.marker_set, motion)
     assert error_m(result, whole, Gap(whole.names.index("LWRA"), 22, 40)) < 4.0 * OFFSET_M
 
 
@@ -108,8 +108,8 @@ def test_noise_is_taken_out_better_than_by_a_filter_alone(truth, suited, databas
     def rms_m(take):
         return float(np.sqrt(np.mean((take.positions_m - clean.positions_m)[5:-5] ** 2)))
 
-    alone = min(rms_m(smoothed(noisy, hz)) for hz in (4.0, 5.0, 6.0, 8.0, 10.0))
-    assert rms_m(smoothed_on_body(noisy, suited.marker_set, motion, 8.0)) < alone < rms_m(noisy)
+    alone = min(rms_m(smooth_take(noisy, hz)) for hz in (4.0, 5.0, 6.0, 8.0, 10.0))
+    assert rms_m(smooth_on_body(noisy, suited.marker_set, motion, 8.0)) < alone < rms_m(noisy)
 
 
 def test_the_file_has_its_gaps_filled_and_keeps_its_labels(whole, gappy, suited, database_file, tmp_path, capsys):
@@ -128,7 +128,7 @@ def test_the_file_has_its_gaps_filled_and_keeps_its_labels(whole, gappy, suited,
     assert (after.names, after.fps) == (names, before.fps)
     np.testing.assert_array_equal(after.positions_m[before.visible], before.positions_m[before.visible])
     world = after.positions_m[..., [0, 2, 1]] * [1.0, 1.0, -1.0]
-    for gap in gaps_of(gappy.visible):
+    for gap in find_gaps(gappy.visible):
         assert error_m(replace(after, positions_m=world), whole, gap) < 4.0 * OFFSET_M
     assert main([*map(str, [*line, "--subject", tmp_path / "ben.toml"]), "--filter", "10"]) == 0
     changed = ~(read_take(tmp_path / "b.c3d").positions_m == after.positions_m).all(axis=-1)

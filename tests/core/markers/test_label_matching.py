@@ -11,7 +11,7 @@ from perfanim.core.cli.main import main
 from perfanim.core.errors import MarkerSetError, TakeError
 from perfanim.core.formats.markers.marker_files import read_take, write_take
 from perfanim.core.labelling.take_import import import_take
-from perfanim.core.markers.label_matching import best_match, load_names, match_names, named_by_hand
+from perfanim.core.markers.label_matching import load_names, match_best_set, match_labels, rename_labels
 from perfanim.core.markers.marker_set import load_marker_set, marker_set_names
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import Subject, load_subject, save_subject
@@ -29,35 +29,35 @@ EXACT_M = 0.005  # half the residual that a fitted real suit leaves
 def test_each_set_is_known_by_its_names(name, written):
     marker_set = load_marker_set(name)
     labels = [written.format(marker).lower() for marker in marker_set.names]
-    match = best_match([*labels, "*41", "unnamed"], "take")
+    match = match_best_set([*labels, "*41", "unnamed"], "take")
     assert set(match.marker_set.names) == set(marker_set.names)
-    assert match_names(labels, marker_set).label_of == dict(zip(marker_set.names, labels, strict=True))
+    assert match_labels(labels, marker_set).label_of == dict(zip(marker_set.names, labels, strict=True))
 
 
 def test_other_spellings_are_known():
-    match = best_match(["RASI", "LASI", "VSAC", "RSHO", "R Knee", "l_ankle", "L.ASIS"], "take")
+    match = match_best_set(["RASI", "LASI", "VSAC", "RSHO", "R Knee", "l_ankle", "L.ASIS"], "take")
     assert match.marker_set.name == "helen-hayes"
     assert match.label_of["R.Knee"] == "R Knee"
     assert match.label_of["L.Ankle"] == "l_ankle"
     assert match.label_of["L.ASIS"] == "L.ASIS"  # its own name before another
     take = MarkerTake("a", 60.0, ("RASI", "x", "VSAC"), np.zeros((2, 3, 3)))
-    assert match.renamed(take).names == ("R.ASIS", "x", "V.Sacral")
+    assert match.rename(take).names == ("R.ASIS", "x", "V.Sacral")
 
 
 def test_names_of_no_set_are_refused():
     with pytest.raises(TakeError, match=r"P1, P2, P3.* no shipped marker set; give --marker-set, or --names"):
-        best_match(["P1", "P2", "P3"], "take")
+        match_best_set(["P1", "P2", "P3"], "take")
 
 
 def test_names_are_told_by_hand(tmp_path):
     (tmp_path / "names.toml").write_text('[names]\n"Knee 1" = "LKNE"\n"M7" = "LANK"\n')
     take = MarkerTake("a", 60.0, ("Knee 1", "LKNE", "x"), np.zeros((2, 3, 3)))
-    named = named_by_hand(take, load_names(tmp_path / "names.toml"))
+    named = rename_labels(take, load_names(tmp_path / "names.toml"))
     assert named.names == ("LKNE", "other LKNE", "x")
     with pytest.raises(TakeError, match="none of the labels Q is among its Knee 1, LKNE, x"):
-        named_by_hand(take, {"Q": "LKNE"})
+        rename_labels(take, {"Q": "LKNE"})
     with pytest.raises(TakeError, match="LKNE would be several"):
-        named_by_hand(take, {"Knee 1": "LKNE", "x": "LKNE"})
+        rename_labels(take, {"Knee 1": "LKNE", "x": "LKNE"})
     for text in ("", "[names]\na = 1\n"):
         (tmp_path / "names.toml").write_text(text)
         with pytest.raises(MarkerSetError, match="has no table"):
@@ -113,7 +113,7 @@ def test_a_suit_is_found_by_its_labels_and_solved(truth, database_file, tmp_path
 def test_real_suits_are_solved_to_bodies(shared_dir, database, file, name, matched, frames):
     """The limbs of an average body are where the performer's are, and on the same side."""
     take = read_take(shared_dir / file)
-    match = best_match(take.names, file)
+    match = match_best_set(take.names, file)
     assert (match.marker_set.name, len(match.label_of)) == (name, matched)
     subject = Subject("average", default_skeleton(), match.marker_set)
     part = import_take(frames_of(take, frames), match.marker_set, "auto")

@@ -6,7 +6,7 @@ from perfanim.core.errors import PropError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.point_patterns import match_rigid_pattern
 from perfanim.core.geometry.rigid_transform import transform
-from perfanim.core.markers.prop import Prop, check_together, load_prop, prop_from, prop_names, prop_tables, save_prop
+from perfanim.core.markers.prop import Prop, check_distinct, load_prop, prop_from, prop_names, prop_tables, save_prop
 
 TRIANGLE = np.array([[0.0, 0.0, 0.0], [0.30, 0.0, 0.0], [0.05, 0.20, 0.0]])
 
@@ -73,13 +73,13 @@ def test_what_is_not_there_is_told_with_what_is():
 
 def test_props_must_be_told_from_each_other():
     sword = load_prop("sword")
-    check_together([sword, named(TRIANGLE)])
+    check_distinct([sword, named(TRIANGLE)])
     with pytest.raises(PropError, match="same name"):
-        check_together([sword, sword])
+        check_distinct([sword, sword])
     part = Prop("knife", sword.names[:4], sword.positions_m[:4])
     for pair in ((sword, part), (part, sword)):
         with pytest.raises(PropError, match="knife and sword carry the same pattern"):
-            check_together(pair)
+            check_distinct(pair)
     assert prop_tables(part)["name"] == "knife"
 
 

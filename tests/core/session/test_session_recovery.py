@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from motion_synthesis.performance import performance
 from perfanim.core.body.motion import resampled
 from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.formats.motion.read_motion import read_motion
@@ -11,7 +12,6 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.labelling.labeller import Labeller
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.session.session import Session
-from perfanim.core.simulate.performer.performance import performance
 from perfanim.core.simulate.studio.cones import visible
 from perfanim.core.simulate.studio.filmed_motion import make_performance
 from perfanim.core.simulate.studio.rig import default_rig

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from motion_synthesis.bodies import body, load_bodies
 from perfanim.core.body.calibration_poses import CALIBRATION, POSES, motorcycle, standing, t_pose
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.skeleton import marker_positions
@@ -9,7 +10,6 @@ from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import Marker, MarkerSet, load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.simulate.markers import simulate_markers
-from perfanim.core.simulate.performer.bodies import body, load_bodies
 from perfanim.core.simulate.studio.placement import with_poses
 from perfanim.core.subjects.from_frames import subject_from_frames
 from perfanim.core.subjects.from_recording import subject_from_recording

@@ -1,7 +1,7 @@
 """Time offset of a camera, found in rendered images and used."""
 
 import numpy as np
-from perfanim.core.simulate.performer import perform
+from motion_synthesis import perform
 from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.simulate.studio.settings import StudioSettings

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from motion_synthesis import perform
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.errors import CaptureError
@@ -23,7 +24,6 @@ from perfanim.core.formats.vmc.packets import Clock, read_packet
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.prop import load_prop
 from perfanim.core.markers.subject import Subject, save_subject
-from perfanim.core.simulate.performer import perform
 from perfanim.core.simulate.studio.carried_prop import in_hand
 from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.worker.client import WorkerClient
@@ -140,7 +140,7 @@ def test_stop_ends_the_chain_and_loses_nothing(request_files: dict[str, str], tm
 
 def test_two_performers_are_followed_live(request_files: dict[str, str], tmp_path: Path) -> None:
     path = tmp_path / "pair.perftake"
-    asked = request(request_files, loop=True, partners=[{"seed": 5}])
+    asked = request(request_files, loop=True, partners=[{"height_m": 1.7}])
     client = WorkerClient({**asked, "take": str(path), "performers": [request_files["subject"]]})
     try:
         messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= 8)

@@ -4,12 +4,12 @@ import time
 from pathlib import Path
 
 import numpy as np
+from motion_synthesis import performance
 from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.geometry.rig_file import save_rig
 from perfanim.core.markers.subject import save_subject
-from perfanim.core.simulate.performer import performance
 from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import MessageKind

@@ -6,7 +6,7 @@ from perfanim.core.body.scene_pose import PerformerPose
 from perfanim.core.formats.take_file.pose_codec import TimedPose, unpack_solved
 from perfanim.core.formats.vmc.humanoid import bone_poses
 from perfanim.core.formats.vmc.link import Receiver
-from perfanim.core.formats.vmc.packets import BONE, Placed, frame_packet, read_packet
+from perfanim.core.formats.vmc.packets import BONE, Placement, frame_packet, read_packet
 from perfanim.core.session.pose_filters import FilterSettings, PoseFilter
 from perfanim.core.worker.jobs.capture_stages import PoseOutput
 from perfanim.core.worker.vmc_output import VmcSender
@@ -49,7 +49,7 @@ def test_what_is_sent_is_what_is_shown(truth, poses):
             shown = unpack_solved(channel.sent[-1]).pose
             np.testing.assert_array_equal(shown.rotations, alone.step(pose).rotations)
             packet = receiver.receive(10.0)
-            hips = next(m for m in read_packet(packet) if isinstance(m, Placed) and m.address == BONE)
+            hips = next(m for m in read_packet(packet) if isinstance(m, Placement) and m.address == BONE)
             assert hips.position_m == pytest.approx(shown.root_position_m, abs=1e-5)
         assert receiver.receive(0.0) is None
     assert told == []

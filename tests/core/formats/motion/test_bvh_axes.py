@@ -5,7 +5,7 @@ import pytest
 from perfanim.core.body.motion import sliced
 from perfanim.core.body.source_motion import source_kinematics
 from perfanim.core.formats.motion.bvh import read_bvh, write_bvh
-from perfanim.core.formats.motion.bvh_axes import moved_bvh
+from perfanim.core.formats.motion.bvh_axes import transform_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.system.assets import MOTION
@@ -38,7 +38,7 @@ def space(turns, scale, places):
 )
 def test_every_joint_goes_along(text, turns, scale):
     matrices = space(turns, scale, np.linspace(0.0, 1.0, FRAMES)[:, None] * [1.0, 2.0, -3.0])
-    before, after = (read_bvh(data.encode(), "walk", unit="m") for data in (text, moved_bvh(text, matrices)))
+    before, after = (read_bvh(data.encode(), "walk", unit="m") for data in (text, transform_bvh(text, matrices)))
     assert (after.names, after.fps, after.euler_orders) == (before.names, before.fps, before.euler_orders)
     wanted = np.einsum("fij,fnj->fni", matrices[:, :3, :3], source_kinematics(before)[0]) + matrices[:, None, :3, 3]
     np.testing.assert_allclose(source_kinematics(after)[0], wanted, atol=scale * ROUNDED_M)
@@ -46,7 +46,7 @@ def test_every_joint_goes_along(text, turns, scale):
 
 
 def test_nothing_changes_in_its_own_space(text):
-    moved = moved_bvh(text, np.tile(np.eye(4), (FRAMES, 1, 1)))
+    moved = transform_bvh(text, np.tile(np.eye(4), (FRAMES, 1, 1)))
     before, after = (read_bvh(data.encode(), "walk", unit="m") for data in (text, moved))
     np.testing.assert_allclose(after.offsets_m, before.offsets_m, atol=ROUNDED_M)
     np.testing.assert_allclose(source_kinematics(after)[0], source_kinematics(before)[0], atol=ROUNDED_M)

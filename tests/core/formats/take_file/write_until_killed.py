@@ -18,7 +18,7 @@ from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
 from perfanim.core.simulate.studio.rig import default_rig
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "helpers"))
+sys.path.insert(0, str(Path(__file__).parents[3] / "helpers"))
 
 from records import frame_record, pose_record
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from perfanim.core.errors import FormatError
 from perfanim.core.formats.vmc.humanoid import BONES, bone_poses
-from perfanim.core.formats.vmc.packets import BONE, ROOT, Clock, Placed, frame_packet, read_packet
+from perfanim.core.formats.vmc.packets import BONE, ROOT, Clock, Placement, frame_packet, read_packet
 from perfanim.core.geometry import rotations as rot
 from pythonosc.osc_bundle import OscBundle
 from pythonosc.osc_message_builder import OscMessageBuilder
@@ -78,7 +78,7 @@ def test_bundles_in_bundles_trackers_and_later_versions_are_read_and_the_rest_pa
         message(ROOT, "root", *NUMBERS, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0),
     )
     tracker, root = read_packet(packet)
-    assert isinstance(tracker, Placed)
+    assert isinstance(tracker, Placement)
     assert (tracker.address, tracker.name) == ("/VMC/Ext/Tra/Pos", "LHR-1")
     assert tracker.position_m == pytest.approx([-0.5, 1.0, 2.0])
     assert root.name == "root"

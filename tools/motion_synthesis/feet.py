@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from perfanim.core.geometry import rotations as rot
 
-from ...geometry import rotations as rot
 from .curves import Array, ease
 from .proportions import Sole, about
 

@@ -3,8 +3,7 @@
 from dataclasses import dataclass, fields
 
 import numpy as np
-
-from ...errors import SettingsError
+from perfanim.core.errors import SettingsError
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ which the limb's middle joint flexes by positive angles.
 from dataclasses import dataclass
 
 import numpy as np
+from perfanim.core.geometry import rotations as rot
 
-from ...geometry import rotations as rot
 from .curves import Array
 from .proportions import about, outward
 

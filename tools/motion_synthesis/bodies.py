@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from perfanim.core.body.skeleton import Skeleton
+from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton, scaled
+from perfanim.core.errors import SettingsError
+from perfanim.core.system.files import atomic_path
 
-from ...body.skeleton import Skeleton
-from ...body.standard_skeleton import JOINT_NAMES, default_skeleton, scaled
-from ...errors import SettingsError, SkeletonError
-from ...system.files import atomic_path
 from .proportions import Body
 
 Array = NDArray[np.float64]
@@ -114,22 +114,3 @@ def save_bodies(bodies: tuple[Skeleton, ...], path: Path | str) -> None:
     joints = json.dumps(list(JOINT_NAMES))
     with atomic_path(Path(path)) as temporary:
         temporary.write_text(f'{{"version": 1, "joints": {joints}, "skeletons": [\n  {text}\n]}}\n', encoding="utf-8")
-
-
-def load_bodies(path: Path | str) -> tuple[Skeleton, ...]:
-    """Return the skeletons of a file of `save_bodies`.
-
-    Raises:
-        SkeletonError: the file is missing, is no such file, or holds other joints.
-    """
-    plain = default_skeleton()
-    try:
-        facts = json.loads(Path(path).read_text(encoding="utf-8"))
-        if facts["version"] != 1 or tuple(facts["joints"]) != JOINT_NAMES:
-            raise SkeletonError("is of another version or has other joints", where=str(path))
-        return tuple(
-            Skeleton(plain.names, plain.parents, np.array(row["offsets_m"]), np.array(row["tips_m"]))
-            for row in facts["skeletons"]
-        )
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise SkeletonError(f"cannot be read as skeletons: {error}", where=str(path)) from error

@@ -1,11 +1,11 @@
 """From a score to a motion: balance over the feet, legs by inverse kinematics, trunk, arms, head."""
 
 import numpy as np
+from perfanim.core.body.motion import Motion
+from perfanim.core.body.standard_skeleton import SPINE_JOINTS
+from perfanim.core.geometry import rotations as rot
 from scipy.ndimage import maximum_filter1d
 
-from ...body.motion import Motion
-from ...body.standard_skeleton import SPINE_JOINTS
-from ...geometry import rotations as rot
 from .arm_rotations import ARM_REACH, arm_rest, elbow, forearm_and_hand, hanging_arm, leg_rest, limited, two_bones, unit
 from .curves import Array, ease, pendulum_filtered, smoothed, wander
 from .feet import FootSamples, foot_pose, toe_bend

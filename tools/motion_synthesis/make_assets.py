@@ -1,4 +1,4 @@
-"""Make the embedded motion database and body prototypes: python -m perfanim.core.simulate.performer.make_assets OUT.
+"""Make the embedded motion database and body prototypes: python -m motion_synthesis.make_assets OUT.
 
 The same command gives the same files, byte for byte.
 """
@@ -10,17 +10,22 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from perfanim.core.body.motion import Motion, sliced
+from perfanim.core.body.standard_skeleton import default_skeleton
+from perfanim.core.errors import PerfanimError
+from perfanim.core.formats.motion.bvh import write_bvh
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.simulate.performance import BEHAVIOURS, DEMO, METRES_A_STEP, RADIANS_A_STEP, T_POSE_S
 
-from ...body.motion import Motion, sliced
-from ...errors import PerfanimError
-from ...formats.motion.bvh import write_bvh
 from .bodies import body, prototype_bodies, save_bodies
-from .performance import T_POSE_S, perform, performance
+from .performance import ARMS_DOWN_S, DEMO_STREAM, demo_performance, perform, performance
 from .style import STYLES
 
 FPS = 60.0
 _CLIP_S = 5.4
 _DECIMALS = 2  # of degrees and centimetres
+_DEMO_S = 21.0
+_PERFORMANCE_S = 18.0
 _T_POSE_LEFT_S = 0.4  # of the T pose at the start of a clip with transitions
 
 
@@ -87,7 +92,7 @@ def motion_of(clip: Clip) -> Motion:
 
 
 def make_assets(out: Path, progress: Callable[[float, str], None]) -> dict[str, float]:
-    """Write motion/*.bvh and skeletons.json under `out`; return counts.
+    """Write motion/*.bvh, performances/*.npz and skeletons.json under `out`; return counts.
 
     Raises:
         PerfanimError: the folder cannot be written.
@@ -99,6 +104,10 @@ def make_assets(out: Path, progress: Callable[[float, str], None]) -> dict[str, 
         progress(i / len(planned), clip.name)
         frames += write_clip(clip, folder).frames
     save_bodies(prototype_bodies(), out / "skeletons.json")
+    (out / "performances").mkdir(exist_ok=True)
+    for name in (DEMO, *BEHAVIOURS):
+        progress(1.0, f"performance {name}")
+        write_performance(name, out / "performances" / f"{name}.npz")
     size = sum(path.stat().st_size for path in folder.glob("*.bvh"))
     return {"clips": len(planned), "seconds": frames / FPS, "bytes": size}
 
@@ -107,6 +116,27 @@ def write_clip(clip: Clip, folder: Path) -> Motion:
     """Write one clip as BVH in centimetres."""
     motion = motion_of(clip)
     write_bvh(motion, folder / f"{clip.name}.bvh", "cm", decimals=_DECIMALS)
+    return motion
+
+
+def write_performance(name: str, path: Path) -> Motion:
+    """Write what the simulated performer plays; seeds and bodies are none of the embedded motion's."""
+    if name == DEMO:
+        motion = demo_performance(0, _DEMO_S)
+    else:
+        seed = DEMO_STREAM + 1 + BEHAVIOURS.index(name)
+        motion = performance([(name, _PERFORMANCE_S)], FPS, default_skeleton(), STYLES["neutral"], seed, name)
+    steps = np.round(rot.to_rotation_vector(motion.rotations) / RADIANS_A_STEP).astype(np.int16)
+    roots = np.round(motion.root_positions_m / METRES_A_STEP).astype(np.int32)
+    np.savez_compressed(
+        path,
+        fps=motion.fps,
+        behaviour_start=round((T_POSE_S + ARMS_DOWN_S) * motion.fps),
+        rotation_steps=np.diff(steps, axis=0, prepend=np.zeros_like(steps[:1])),
+        root_steps=np.diff(roots, axis=0, prepend=np.zeros_like(roots[:1])),
+        offsets_m=motion.skeleton.offsets_m,
+        tips_m=motion.skeleton.tips_m,
+    )
     return motion
 
 

@@ -4,11 +4,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
+from perfanim.core.body.motion import Motion, sliced
+from perfanim.core.body.skeleton import Skeleton
+from perfanim.core.body.standard_skeleton import default_skeleton
+from perfanim.core.errors import SettingsError
+from perfanim.core.simulate.performance import T_POSE_S
 
-from ...body.motion import Motion, sliced
-from ...body.skeleton import Skeleton
-from ...body.standard_skeleton import default_skeleton
-from ...errors import SettingsError
 from .bodies import body
 from .boxing import box
 from .kendo import fence
@@ -32,10 +33,9 @@ BEHAVIOURS: dict[str, Callable[[Score, float], None]] = {
 _DEMO_SHARES = {"walking": 3.6, "boxing": 5.0, "jumping": 3.2, "kendo": 4.8, "running": 3.2, "hopping": 3.2}
 _SHORTEST_S = 3.2  # of a behaviour in the demo
 _LEAST_S = 2.0  # of a behaviour
-T_POSE_S = 2.0
 _END_S = 1.2
-_ARMS_DOWN_S = 0.9
-_DEMO_STREAM = 1_000_000  # seeds from here on are the demo's, those below the database's
+ARMS_DOWN_S = 0.9
+DEMO_STREAM = 1_000_000  # seeds from here on are the demo's, those below the database's
 
 
 def perform(
@@ -105,16 +105,16 @@ def demo_performance(
     Raises:
         SettingsError: not even one behaviour fits into the time.
     """
-    free_s = seconds - T_POSE_S - _ARMS_DOWN_S - _END_S
+    free_s = seconds - T_POSE_S - ARMS_DOWN_S - _END_S
     if free_s < _SHORTEST_S:
         least = seconds - free_s + _SHORTEST_S
         raise SettingsError(f"a demo of {seconds:.1f} s is too short", advice=f"give it {least:.1f} s or more")
     chosen = list(_DEMO_SHARES)[: max(1, int(free_s / _SHORTEST_S))]
     whole = sum(_DEMO_SHARES[name] for name in chosen)
     script = [(name, free_s * _DEMO_SHARES[name] / whole) for name in BEHAVIOURS if name in chosen]
-    person = skeleton if skeleton is not None else body(1.78, 0.2, _DEMO_STREAM)
+    person = skeleton if skeleton is not None else body(1.78, 0.2, DEMO_STREAM)
     style = Style("demo", tempo=1.03, amplitude=1.04, arm_swing=1.1, asymmetry=0.05)
-    return performance(script, fps, person, style, _DEMO_STREAM + seed, "demo")
+    return performance(script, fps, person, style, DEMO_STREAM + seed, "demo")
 
 
 def _new_score(skeleton: Skeleton | None, style: Style | None, seed: int) -> Score:
@@ -162,6 +162,6 @@ def _t_pose(score: Score) -> None:
     for time_s in (0.0, T_POSE_S):
         score.set(time_s, height=score.body.standing_m, **straight, **upright)
     score.natural_from_s = T_POSE_S
-    score.time_s = T_POSE_S + _ARMS_DOWN_S
+    score.time_s = T_POSE_S + ARMS_DOWN_S
     score.set(score.time_s, height=score.body.standing_m * STANDING_HEIGHT, **score.at_ease())
     score.anchor(score.time_s)

@@ -4,6 +4,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motion_synthesis import (
+    BEHAVIOURS,
+    STYLES,
+    Style,
+    perform,
+    performance,
+    style_named,
+)
+from motion_synthesis.arm_rotations import arm_rest, hanging_arm, leg_rest, two_bones
+from motion_synthesis.bodies import body, prototype_bodies, save_bodies
+from motion_synthesis.curves import Track, ease, pendulum_filtered
+from motion_synthesis.make_assets import clips, motion_of, write_clip, write_performance
+from motion_synthesis.proportions import Body
+from motion_synthesis.sword import gripping, sword_axes
 from perfanim.core.body.calibration_poses import t_pose
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.skeleton import forward_kinematics
@@ -11,22 +25,9 @@ from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton
 from perfanim.core.errors import SettingsError, SkeletonError
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.simulate.performer import (
-    BEHAVIOURS,
-    STYLES,
-    Style,
-    demo_performance,
-    perform,
-    performance,
-    style_named,
-)
-from perfanim.core.simulate.performer.arm_rotations import arm_rest, hanging_arm, leg_rest, two_bones
-from perfanim.core.simulate.performer.bodies import body, load_bodies, prototype_bodies, save_bodies
-from perfanim.core.simulate.performer.curves import Track, ease, pendulum_filtered
-from perfanim.core.simulate.performer.make_assets import clips, motion_of, write_clip
-from perfanim.core.simulate.performer.proportions import Body
-from perfanim.core.simulate.performer.sword import gripping, sword_axes
-from perfanim.core.system.assets import ASSETS, MOTION
+from perfanim.core.simulate.performance import load_performance
+from perfanim.core.subjects.prototype_bodies import load_bodies
+from perfanim.core.system.assets import ASSETS, MOTION, PERFORMANCES
 
 SECONDS = 9.0
 FPS = 60.0
@@ -343,6 +344,18 @@ def test_embedded_database_is_what_the_command_makes(tmp_path: Path) -> None:
     assert (tmp_path / "skeletons.json").read_bytes() == (ASSETS / "skeletons.json").read_bytes()
 
 
+@pytest.mark.parametrize("name", ["demo", "boxing"])
+def test_shipped_performance_is_what_the_command_makes(tmp_path: Path, name: str) -> None:
+    made = write_performance(name, tmp_path / f"{name}.npz")
+    with np.load(tmp_path / f"{name}.npz") as again, np.load(PERFORMANCES / f"{name}.npz") as shipped:
+        assert set(again) == set(shipped)
+        assert all(np.array_equal(again[key], shipped[key]) for key in again)
+    read, start = load_performance(name)
+    assert np.degrees(rot.angle_between(made.rotations, read.rotations)).max() < 0.01
+    assert np.abs(made.root_positions_m - read.root_positions_m).max() <= 0.5e-4 + 1e-12
+    assert start == round(2.9 * FPS)
+
+
 def test_embedded_clip_reads_back_as_it_was_made() -> None:
     clip = clips()[20]
     made, read = motion_of(clip), read_motion(MOTION / f"{clip.name}.bvh")
@@ -368,7 +381,7 @@ def test_embedded_database_is_small_and_holds_every_behaviour_and_transitions() 
 
 
 def test_demo_is_neither_in_the_database_nor_unrelated_to_it() -> None:
-    demo = demo_performance(0, 16.0)
+    demo, _ = load_performance("demo")
     known = np.concatenate([motion_of(clip).rotations[::3, 1:] for clip in clips()[::2]]).astype(np.float32)
     nearest = []
     for pose in demo.rotations[150:-60:12, 1:].astype(np.float32):

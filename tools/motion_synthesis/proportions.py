@@ -5,9 +5,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-
-from ...body.skeleton import Skeleton
-from ...geometry import rotations as rot
+from perfanim.core.body.skeleton import Skeleton
+from perfanim.core.geometry import rotations as rot
 
 Array = NDArray[np.float64]
 

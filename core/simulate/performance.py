@@ -1,0 +1,123 @@
+"""Shipped performances that the simulated performer plays.
+
+Each file in assets/performances holds one behaviour, T pose first, made by tools/motion_synthesis. None of them is in
+the embedded motion database, which only holds motion like theirs.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..body.mirroring import mirrored_points, mirrored_rotations, mirrored_skeleton
+from ..body.motion import Motion, resampled, sliced
+from ..body.skeleton import Skeleton
+from ..body.standard_skeleton import default_skeleton
+from ..errors import SettingsError
+from ..geometry import rotations as rot
+from ..system.assets import PERFORMANCES
+
+DEMO = "demo"
+BEHAVIOURS = ("walking", "running", "hopping", "jumping", "boxing", "kendo")
+T_POSE_S = 2.0  # how long each performance stands in it at its start
+RADIANS_A_STEP = np.pi / 32767  # rotation vectors are stored as 16-bit integers: 0.005 degrees
+METRES_A_STEP = 1e-4
+_LEAST_S = 5.0
+_RETURN_S = 1.5  # time in which a performer who starts again goes back to the first pose
+
+
+def load_performance(behaviour: str) -> tuple[Motion, int]:
+    """Return a shipped performance and its first frame after the T pose.
+
+    Args:
+        behaviour: "demo", or one of `BEHAVIOURS` or its beginning ("walk").
+
+    Raises:
+        SettingsError: no behaviour, or several, begin like this.
+    """
+    fitting = [name for name in (DEMO, *BEHAVIOURS) if name.startswith(behaviour)]
+    if len(fitting) != 1:
+        names = ", ".join((DEMO, *BEHAVIOURS))
+        raise SettingsError(f"unknown behaviour {behaviour!r}", advice=f"behaviours: {names}")
+    with np.load(PERFORMANCES / f"{fitting[0]}.npz", allow_pickle=False) as arrays:
+        vectors = RADIANS_A_STEP * np.cumsum(arrays["rotation_steps"], axis=0, dtype=np.int16).astype(np.float64)
+        roots = METRES_A_STEP * np.cumsum(arrays["root_steps"], axis=0, dtype=np.int32).astype(np.float64)
+        plain = default_skeleton()
+        skeleton = replace(plain, offsets_m=arrays["offsets_m"], tips_m=arrays["tips_m"])
+        motion = Motion(fitting[0], float(arrays["fps"]), skeleton, rot.from_rotation_vector(vectors), roots)
+        return motion, int(arrays["behaviour_start"])
+
+
+def performance(
+    behaviour: str,
+    seconds: float | None = None,
+    fps: float = 60.0,
+    skeleton: Skeleton | None = None,
+    mirrored: bool = False,
+) -> Motion:
+    """Return T pose and behaviour, as long and as large as asked.
+
+    Args:
+        behaviour: as in `load_performance`.
+        seconds: length; the behaviour is cut or repeated. As shipped without.
+        fps: frames per second.
+        skeleton: body with the standard skeleton's joints; the file's own without.
+        mirrored: left and right exchanged.
+
+    Raises:
+        SettingsError: unknown behaviour; less than five seconds.
+    """
+    motion, start = load_performance(behaviour)
+    if mirrored:
+        motion = replace(
+            motion,
+            skeleton=mirrored_skeleton(motion.skeleton),
+            rotations=mirrored_rotations(motion.rotations),
+            root_positions_m=mirrored_points(motion.root_positions_m),
+        )
+    if skeleton is not None:
+        scale = _sole_depth_m(skeleton) / _sole_depth_m(motion.skeleton)
+        motion = replace(motion, skeleton=skeleton, root_positions_m=scale * motion.root_positions_m)
+    if seconds is not None:
+        motion = _lasting(motion, start, seconds)
+    return resampled(motion, fps)
+
+
+def with_return(motion: Motion) -> Motion:
+    """Return the motion with a smooth way back from its last pose to its first, so that it can start again."""
+    steps = max(round(_RETURN_S * motion.fps), 1)
+    f = np.arange(1, steps) / steps
+    ease = f * f * (3.0 - 2.0 * f)
+    first, last = motion.rotations[0], motion.rotations[-1]
+    shape = (len(ease), *first.shape)
+    back = rot.slerp(
+        np.broadcast_to(last, shape), np.broadcast_to(first, shape), np.broadcast_to(ease[:, None], shape[:2])
+    )
+    start, end = motion.root_positions_m[-1], motion.root_positions_m[0]
+    return replace(
+        motion,
+        rotations=np.concatenate((motion.rotations, back)),
+        root_positions_m=np.concatenate((motion.root_positions_m, start + ease[:, None] * (end - start))),
+    )
+
+
+def _lasting(motion: Motion, start: int, seconds: float) -> Motion:
+    """Return the motion cut, or its part from frame `start` on repeated, to last so long."""
+    if seconds < _LEAST_S:
+        raise SettingsError(f"a performance of {seconds:.1f} s is too short", advice=f"give {_LEAST_S:.0f} s or more")
+    frames = round(seconds * motion.fps) + 1
+    if frames > motion.frames:
+        again = with_return(sliced(motion, start, motion.frames))
+        repeats = -(-(frames - start) // again.frames)
+        motion = replace(
+            motion,
+            rotations=np.concatenate((motion.rotations[:start], *(again.rotations,) * repeats)),
+            root_positions_m=np.concatenate((motion.root_positions_m[:start], *(again.root_positions_m,) * repeats)),
+        )
+    return sliced(motion, 0, frames)
+
+
+def _sole_depth_m(skeleton: Skeleton) -> float:
+    """Return how far below the root the lowest joint lies in the rest pose."""
+    depths: NDArray[np.float64] = -skeleton.rest_positions_m[:, 1]
+    return float(depths.max())

@@ -1,0 +1,30 @@
+"""Prototype bodies: skeletons that a subject's measurement interpolates (assets/skeletons.json)."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from ..body.skeleton import Skeleton
+from ..body.standard_skeleton import JOINT_NAMES, default_skeleton
+from ..errors import SkeletonError
+from ..system.assets import SKELETONS
+
+
+def load_bodies(path: Path | str = SKELETONS) -> tuple[Skeleton, ...]:
+    """Return the prototype bodies of a file; the shipped ones by default.
+
+    Raises:
+        SkeletonError: the file is missing, is no such file, or holds other joints.
+    """
+    plain = default_skeleton()
+    try:
+        facts = json.loads(Path(path).read_text(encoding="utf-8"))
+        if facts["version"] != 1 or tuple(facts["joints"]) != JOINT_NAMES:
+            raise SkeletonError("is of another version or has other joints", where=str(path))
+        return tuple(
+            Skeleton(plain.names, plain.parents, np.array(row["offsets_m"]), np.array(row["tips_m"]))
+            for row in facts["skeletons"]
+        )
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise SkeletonError(f"cannot be read as skeletons: {error}", where=str(path)) from error
