@@ -21,7 +21,7 @@ NUMPY_OF_4.5 := 1.26
 NUMPY_OF_5.0 := 1.26
 NUMPY_OF_5.2 := 2.3
 
-.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench take-fuzz batch-bench retarget-bench frame-bench extension clean
+.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench take-fuzz batch-bench retarget-bench frame-bench architecture-picture extension clean
 
 # bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
 # the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
@@ -68,6 +68,7 @@ check: $(STAMP)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python tools/architecture_picture.py --check
 
 # Needs BLENDER: a command that runs its arguments where a Blender with a window can be started.
 window-test: $(STAMP)
@@ -98,6 +99,10 @@ retarget-bench: $(STAMP)
 frame-bench: export OPENBLAS_NUM_THREADS := 1
 frame-bench: $(STAMP)
 	$(BIN)/python tools/frame_bench.py --data $(DATA)
+
+# The packages and their imports as docs/architecture.svg; `make check` fails while it is out of date.
+architecture-picture: $(STAMP)
+	$(BIN)/python tools/architecture_picture.py
 
 extension: $(STAMP)
 	$(BIN)/python tools/build_extension.py --out dist
