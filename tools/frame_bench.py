@@ -86,7 +86,7 @@ def _taken(motion: Motion, database: Database, character: str, path: Path) -> li
     frames = take_frames(simulate_markers(motion, subject)[0], subject.marker_set)
     packets = [pack_stamped(number / FPS, frame) for number, frame in enumerate(frames)]
     session, driver = Session(subject, database), ArmatureDriver(character, motion.skeleton)
-    setup = TakeSetup.of(default_rig(), subject, {}, identity(database), {"source": {"kind": "simulated"}}, [], [])
+    setup = TakeSetup.of(default_rig(), (subject,), {}, identity(database), {"source": {"kind": "simulated"}})
     take, decoder = TakeWriter(path, setup), Decoder()
     handle = _handled(session, driver, take, decoder)
     taken = []

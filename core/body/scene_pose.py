@@ -1,4 +1,4 @@
-"""What the solver says about one moment."""
+"""Solved pose of one moment: performers and props."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PropPose:
-    """Where a prop is.
+    """Pose of one prop at one moment.
 
     Args:
         rotation: (4,) world-from-prop quaternion.
@@ -33,7 +33,7 @@ class PropPose:
 
 @dataclass(frozen=True)
 class PerformerPose:
-    """The solved pose of one marker frame.
+    """Solved pose of one performer at one moment.
 
     Args:
         number, time_s: of the marker frame.
@@ -46,10 +46,7 @@ class PerformerPose:
         marker_rms_m: RMS distance between located and solved markers; NaN when none was located.
         neighbours: K of the local model.
         dimensions: B of the local model.
-        notes: in plain words what is wrong ("left hand hidden", ...).
-        props: where the capture's props are, in their order; empty when it has none.
-        others: poses of the capture's further performers at the same moment, in their order, each of its own subject
-            and without props or others.
+        notes: problems in plain words ("left hand hidden", ...).
     """
 
     number: int
@@ -64,5 +61,28 @@ class PerformerPose:
     neighbours: int = 0
     dimensions: int = 0
     notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ScenePose:
+    """Solved poses of all performers and props of a capture at one moment.
+
+    Args:
+        performers: one pose for each performer of the capture, in their order; at least one.
+        props: one pose for each prop, in their order.
+        notes: problems of all of them in plain words.
+    """
+
+    performers: tuple[PerformerPose, ...]
     props: tuple[PropPose, ...] = ()
-    others: tuple["PerformerPose", ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def number(self) -> int:
+        """Number of the marker frame."""
+        return self.performers[0].number
+
+    @property
+    def time_s(self) -> float:
+        """Time of the marker frame."""
+        return self.performers[0].time_s

@@ -27,9 +27,10 @@ from ..markers.marker_take import MarkerTake
 from ..markers.prop import Prop, load_prop
 from ..markers.subject import Subject, load_subject
 from ..markers.take_frames import is_unnamed
+from ..session.capture_setup import CaptureSetup
 from ..session.save_solved_take import save_resolved_take
 from ..session.session_cache import SessionCache
-from ..session.solve_take import SolvedTake, by_performer, solve_recorded, solve_take
+from ..session.solve_take import SolvedTake, solve_recorded, solve_take
 from ..solver.settings import METHODS, SolveSettings
 from ..subjects.marker_selection import choose_markers, with_markers, worn_in
 from .options import add_motion_options
@@ -166,7 +167,7 @@ def solve(
     """
     solve_kind = _solve_recorded if is_recorded(args.take) else _solve_markers
     solved, facts = solve_kind(args, progress, store)
-    motions = [solved.motion, *solved.others]
+    motions = list(solved.motions)
     if args.smooth is not None:
         motions = [smooth_motion(motion, args.smooth) for motion in motions]
     if args.feet != "off":
@@ -176,7 +177,7 @@ def solve(
         outs = [args.out, *(performer["out"] for performer in facts.get("performers", ()))]
         for motion, out in zip(motions, outs, strict=True):
             facts["fps"] = write_motion(motion, out, args.units, args.naming, args.rate).fps
-    return replace(solved, motion=motions[0], others=tuple(motions[1:])), facts
+    return replace(solved, motions=tuple(motions)), facts
 
 
 def _floor_m(args: argparse.Namespace) -> float | None:
@@ -253,7 +254,8 @@ def _solve_recorded(
         rig = load_rig(args.cameras)
         frames = tuple(retriangulate(rig, frames))
     chosen = load_marker_set(args.marker_set) if args.marker_set is not None else None
-    subject = _subject(args, chosen, setup.worn_subject())
+    first, *further = setup.subjects()
+    subject = _subject(args, chosen, first)
     try:
         settings = SolveSettings(**dict(setup.settings) | ({"method": args.method} if args.method else {}))
     except TypeError as error:
@@ -264,19 +266,21 @@ def _solve_recorded(
     database = store.database(path)
     if is_recorded(args.out) and Path(args.out).exists() and Path(args.out).samefile(args.take):
         raise TakeError("would be overwritten", where=str(args.out), advice="give another name")
-    props = [load_prop(path) for path in args.prop] if args.prop else setup.carried_props()
-    performers = [load_subject(path) for path in args.performer] if args.performer else setup.further_subjects()
-    solved = solve_recorded(take, frames, rig, subject, database, settings, progress, store.session, props, performers)
+    props = tuple(load_prop(path) for path in args.prop) if args.prop else setup.carried_props()
+    if args.performer:
+        further = [load_subject(path) for path in args.performer]
+    capture = CaptureSetup(rig, (subject, *further), props, database, settings)
+    solved = solve_recorded(take, frames, capture, progress, store.session)
     if is_recorded(args.out):
-        save_resolved_take(args.out, take, frames, rig, subject, database, settings, solved, props, performers)
+        save_resolved_take(args.out, take, frames, capture, solved)
     warnings = list(take.problems)
     if args.database is None and identity(database)["sha256"] != setup.database.get("sha256"):
         warnings.append(f"{path} has changed since the take was recorded")
     facts = {"method": settings.method, "warnings": warnings, "complete": take.complete}
     if props:
         facts["props"] = _props_found(args, take, solved, props)
-    if performers:
-        facts["performers"] = _performers_followed(args, take, solved, performers)
+    if further:
+        facts["performers"] = _further_performers(args, take, solved, further)
     return solved, facts
 
 
@@ -291,15 +295,15 @@ def _props_found(
     return {prop.name: sum(pose.props[index].found for pose in poses) / len(poses) for index, prop in enumerate(props)}
 
 
-def _performers_followed(
+def _further_performers(
     args: argparse.Namespace, take: TakeFile, solved: SolvedTake, performers: Sequence[Subject]
 ) -> list[dict[str, Any]]:
     """Return name and mean confidence of each further performer, and the file for a motion beside the first's."""
     facts = []
     names = [subject.name for subject in performers]
-    own = by_performer([pose for pose in solved.poses if take.is_recorded(pose.number)])[1:]
-    for index, (name, poses) in enumerate(zip(names, own, strict=True)):
-        fact: dict[str, Any] = {"name": name, "confidence": float(np.mean([pose.confidence for pose in poses]))}
+    for index, name in enumerate(names):
+        sure = [pose.confidence for pose in solved.poses_of(1 + index) if take.is_recorded(pose.number)]
+        fact: dict[str, Any] = {"name": name, "confidence": float(np.mean(sure))}
         if not is_recorded(args.out):
             unlike = name if names.count(name) == 1 else f"{name}-{index + 2}"
             fact["out"] = str(_beside(args.out, unlike, Path(args.out).suffix))

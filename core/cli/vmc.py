@@ -96,8 +96,7 @@ def _motion(path: str) -> Motion:
     if not is_recorded(path):
         return read_motion(path)
     take = read_take_file(path)
-    poses = [solved.pose for solved in take.recorded_poses]
-    return resample_uniform(poses, take.setup.worn_subject(), take.notes.name, path)
+    return resample_uniform(take.recorded_poses_of(), take.setup.subjects()[0], take.notes.name, path)
 
 
 def run_receive(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:

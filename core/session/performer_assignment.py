@@ -42,7 +42,7 @@ class PerformerAssignment:
         self._waiting_since_s: float | None = None
         self._looked_s = -np.inf
 
-    def shares(self, frame: MarkerFrame) -> list[MarkerFrame]:
+    def split_frame(self, frame: MarkerFrame) -> list[MarkerFrame]:
         """Return what each performer may take of the next frame; labels that a source knows are the first one's."""
         if is_labelled(frame):
             return [frame] + [_nothing(frame)] * (len(self._sessions) - 1)
@@ -53,7 +53,7 @@ class PerformerAssignment:
             self._waiting_since_s = None
             return shares
         left = self._share(frame, owners, _NOBODY)
-        for index, share in zip(waiting, self._bodies(left, waiting), strict=True):
+        for index, share in zip(waiting, self._propose_bodies(left, waiting), strict=True):
             shares[index] = share
         return shares
 
@@ -86,7 +86,7 @@ class PerformerAssignment:
             return without_blobs(frame, [np.flatnonzero(taken) for taken in others])
         return without_points(frame, others[0])
 
-    def _bodies(self, frame: MarkerFrame, waiting: Sequence[int]) -> list[MarkerFrame]:
+    def _propose_bodies(self, frame: MarkerFrame, waiting: Sequence[int]) -> list[MarkerFrame]:
         """Return the share of each performer that is waited for: one body, or nothing as long as there is doubt."""
         if self._waiting_since_s is None:
             self._waiting_since_s = frame.time_s
@@ -94,7 +94,7 @@ class PerformerAssignment:
             return [_nothing(frame)] * len(waiting)
         self._looked_s = frame.time_s
         bodies = self._found(frame, waiting)
-        given = self._given(frame, waiting, bodies)
+        given = self._assign_bodies(frame, waiting, bodies)
         in_order = [(row, row) for row in range(len(waiting))]
         if given != in_order and frame.time_s - self._waiting_since_s < _PATIENCE_S:
             given = []
@@ -125,8 +125,10 @@ class PerformerAssignment:
         bodies = [np.sort(points[whose == index]) for index in range(len(expected_m))]
         return sorted(bodies, key=lambda body: float(np.mean(frame.points_m[body, 0])))
 
-    def _given(self, frame: MarkerFrame, waiting: Sequence[int], bodies: Sequence[IntArray]) -> list[tuple[int, int]]:
-        """Return who is given which body: whose markers fit better, else from left to right."""
+    def _assign_bodies(
+        self, frame: MarkerFrame, waiting: Sequence[int], bodies: Sequence[IntArray]
+    ) -> list[tuple[int, int]]:
+        """Return pairs of performer and body: by the fit of the markers, else from left to right."""
         costs = np.zeros((len(waiting), len(bodies)))
         for row, index in enumerate(waiting):
             for column, body in enumerate(bodies):

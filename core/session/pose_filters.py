@@ -1,18 +1,21 @@
-"""What is done to solved poses before they are shown and baked: smoothing, feet held in place. Takes keep neither."""
+"""Filters of solved poses before they are shown and written as keyframes: smoothing and foot lock.
+
+Takes keep the poses as they were solved.
+"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from ..body.foot_lock import FootLock
 from ..body.one_euro import PoseSmoother
-from ..body.scene_pose import PerformerPose, PropPose
+from ..body.scene_pose import PerformerPose, PropPose, ScenePose
 from ..body.skeleton import Skeleton
 
 
 @dataclass(frozen=True)
 class FilterSettings:
-    """What is asked for.
+    """Settings of `PoseFilter`.
 
     Args:
         smoothing_s: delay of a slow motion (see `PoseSmoother`), 0 for none.
@@ -24,73 +27,82 @@ class FilterSettings:
 
     @staticmethod
     def of_table(table: Mapping[str, Any]) -> "FilterSettings":
-        """Return the shape that a JSON object describes; what it leaves out is off."""
+        """Return the settings of a JSON object; a missing one is off."""
         return FilterSettings(float(table.get("smoothing_s", 0.0)), str(table.get("feet", "off")))
+
+    def table(self) -> dict[str, Any]:
+        """Return the settings as a JSON object."""
+        return asdict(self)
 
 
 class PoseFilter:
-    """Shapes poses one after another.
+    """Filters the poses of a capture one after another.
 
     Args:
-        skeleton: the performer's.
-        floor_m: height of the floor in the world of the poses, None where nobody knows it.
-        shape: what is asked for.
-        others: skeletons of the further performers.
+        skeletons: of the performers, in their order.
+        floor_m: height of the floor in the world of the poses, None where it is unknown.
+        settings: of the filters.
 
     Raises:
         SettingsError: there is no such mode for the feet.
     """
 
-    def __init__(
-        self, skeleton: Skeleton, floor_m: float | None, shape: FilterSettings, others: Sequence[Skeleton] = ()
-    ) -> None:
+    def __init__(self, skeletons: Sequence[Skeleton], floor_m: float | None, settings: FilterSettings) -> None:
+        self._settings = settings
+        self._performers = [_PerformerFilter(skeleton, floor_m, settings) for skeleton in skeletons]
+        self._props: list[PoseSmoother] = []
+
+    def set_settings(self, settings: FilterSettings) -> None:
+        """Go on with other settings; errors as at construction."""
+        for performer in self._performers:
+            performer.set_settings(settings)
+        self._settings = settings
+
+    def step(self, pose: ScenePose) -> ScenePose:
+        """Return the next pose filtered; the same object when all filters are off."""
+        if self._settings == FilterSettings():
+            return pose
+        performers = tuple(
+            performer.step(body) for performer, body in zip(self._performers, pose.performers, strict=True)
+        )
+        return replace(pose, performers=performers, props=self._smooth_props(pose))
+
+    def _smooth_props(self, pose: ScenePose) -> tuple[PropPose, ...]:
+        """Return the props as smooth and as late as the bodies, so that a held prop stays in the hand."""
+        if len(self._props) != len(pose.props):
+            self._props = [PoseSmoother(self._settings.smoothing_s) for _ in pose.props]
+        smoothed = []
+        for smoother, prop in zip(self._props, pose.props, strict=True):
+            smoother.delay_s = self._settings.smoothing_s
+            if prop.found:
+                rotations, position_m = smoother.step(pose.time_s, prop.rotation[None], prop.position_m)
+                prop = replace(prop, rotation=rotations[0], position_m=position_m)
+            smoothed.append(prop)
+        return tuple(smoothed)
+
+
+class _PerformerFilter:
+    def __init__(self, skeleton: Skeleton, floor_m: float | None, settings: FilterSettings) -> None:
         self._skeleton = skeleton
         self._floor_m = floor_m
-        self._shape = shape
-        self._smoother = PoseSmoother(shape.smoothing_s)
-        self._feet = FootLock(skeleton, shape.feet, floor_m)
-        self._props: list[PoseSmoother] = []
-        self._others = [PoseFilter(other, floor_m, shape) for other in others]
+        self._mode = settings.feet
+        self._smoother = PoseSmoother(settings.smoothing_s)
+        self._feet = FootLock(skeleton, settings.feet, floor_m)
 
-    def tune(self, shape: FilterSettings) -> None:
-        """Go on with another shape; errors as at construction."""
-        self._smoother.delay_s = shape.smoothing_s
-        if shape.feet != self._shape.feet:
-            self._feet = FootLock(self._skeleton, shape.feet, self._floor_m)
-        self._shape = shape
-        for other in self._others:
-            other.tune(shape)
+    def set_settings(self, settings: FilterSettings) -> None:
+        self._smoother.delay_s = settings.smoothing_s
+        if settings.feet != self._mode:
+            self._feet = FootLock(self._skeleton, settings.feet, self._floor_m)
+        self._mode = settings.feet
 
     def step(self, pose: PerformerPose) -> PerformerPose:
-        """Return the next pose as it is shown; the very same when nothing is asked for."""
-        if self._shape == FilterSettings():
-            return pose
         rotations, root = self._smoother.step(pose.time_s, pose.rotations, pose.root_position_m)
-        held = self._feet.step(pose.time_s, rotations, root)
-        others = tuple(shaper.step(other) for shaper, other in zip(self._others, pose.others, strict=True))
-        return replace(pose, rotations=held, root_position_m=root, props=self._shaped_props(pose), others=others)
-
-    def _shaped_props(self, pose: PerformerPose) -> tuple[PropPose, ...]:
-        """Return the props as calm as the body, and as late: what is held stays in the hand."""
-        if len(self._props) != len(pose.props):
-            self._props = [PoseSmoother(self._shape.smoothing_s) for _ in pose.props]
-        shaped = []
-        for smoother, prop in zip(self._props, pose.props, strict=True):
-            smoother.delay_s = self._shape.smoothing_s
-            if prop.found:
-                turns, place = smoother.step(pose.time_s, prop.rotation[None], prop.position_m)
-                prop = replace(prop, rotation=turns[0], position_m=place)
-            shaped.append(prop)
-        return tuple(shaped)
+        return replace(pose, rotations=self._feet.step(pose.time_s, rotations, root), root_position_m=root)
 
 
 def filter_poses(
-    poses: Sequence[PerformerPose],
-    skeleton: Skeleton,
-    floor_m: float | None,
-    shape: FilterSettings,
-    others: Sequence[Skeleton] = (),
-) -> list[PerformerPose]:
-    """Return the poses of a take as they are shown; arguments and errors as of `PoseFilter`."""
-    shaper = PoseFilter(skeleton, floor_m, shape, others)
-    return [shaper.step(pose) for pose in poses]
+    poses: Sequence[ScenePose], skeletons: Sequence[Skeleton], floor_m: float | None, settings: FilterSettings
+) -> list[ScenePose]:
+    """Return the poses of a take filtered; arguments and errors as of `PoseFilter`."""
+    pose_filter = PoseFilter(skeletons, floor_m, settings)
+    return [pose_filter.step(pose) for pose in poses]

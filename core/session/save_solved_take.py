@@ -1,24 +1,22 @@
-"""Solved takes kept as recorded ones: markers of other systems brought in, and captures solved anew."""
+"""Solved takes saved as recorded ones: imported markers, and captures solved again."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..database.store import Database, identity
+from ..database.store import Database
 from ..formats.take_file.chunks import ChunkKind
 from ..formats.take_file.pose_codec import TimedPose
 from ..formats.take_file.reading import TakeFile
-from ..formats.take_file.setup import TakeNotes, TakeSetup
+from ..formats.take_file.setup import TakeNotes
 from ..formats.take_file.whole import write_whole_take
-from ..geometry.camera import CameraRig
-from ..geometry.rig_file import rig_tables
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_take import MarkerTake
-from ..markers.prop import Prop, prop_tables
-from ..markers.subject import Subject, subject_tables
+from ..markers.subject import Subject
 from ..markers.take_frames import take_frames
 from ..solver.settings import SolveSettings
+from .capture_setup import CaptureSetup
 from .solve_take import SolvedTake, solve_take
 
 Progress = Callable[[float, str], None]
@@ -36,74 +34,54 @@ def save_imported_take(
     """Solve labelled markers and write them, with the poses, as a recorded take.
 
     Args:
-        path: the recorded take to write; what is there is replaced.
-        take: in the product's world.
-        subject, database, settings: by which it is solved.
-        capture: where the markers came from, for the set-up.
+        path: the recorded take to write; a file that is there is replaced.
+        take: markers in a world with y up.
+        subject, database, settings: as of `solve_take`.
+        capture: origin of the markers, for the set-up.
 
     Raises:
         TakeError: the take lacks torso markers.
         FormatError: `path` cannot be written.
     """
     solved = solve_take(take, subject, database, settings, progress)
-    rig = take.single.rig if take.single is not None else None
-    setup = TakeSetup.of(rig, subject, _differing(settings), identity(database), capture)
+    setup = CaptureSetup(take.single.rig if take.single else None, (subject,), (), database, settings)
     frames = [(0.0, frame) for frame in take_frames(take, subject.marker_set)]
-    write_whole_take(path, setup, TakeNotes(take.name), frames, _poses(solved, [stamp_s for stamp_s, _ in frames]))
+    poses = _timed_poses(solved, [stamp_s for stamp_s, _ in frames])
+    write_whole_take(path, setup.tables(capture), TakeNotes(take.name), frames, poses)
     return solved
 
 
 def save_resolved_take(
-    path: Path | str,
-    take: TakeFile,
-    frames: Sequence[MarkerFrame],
-    rig: CameraRig | None,
-    subject: Subject,
-    database: Database,
-    settings: SolveSettings,
-    solved: SolvedTake,
-    props: Sequence[Prop],
-    performers: Sequence[Subject],
+    path: Path | str, take: TakeFile, frames: Sequence[MarkerFrame], setup: CaptureSetup, solved: SolvedTake
 ) -> None:
-    """Write a recorded take with the poses of another solve; rating and notes go along, the name tells the method.
+    """Write a recorded take with the poses of another solve, named by its method; notes and rating are kept.
 
     Args:
         path: the recorded take to write, another than `take`'s.
-        take: what was recorded.
+        take: as it was recorded.
         frames: its marker frames, as they were solved.
-        rig, subject, database, settings, props, performers: by which they were solved.
+        setup: by which they were solved.
         solved: their poses.
 
     Raises:
         FormatError: `path` cannot be written.
     """
-    setup = replace(
-        take.setup,
-        rig=rig_tables(rig) if rig is not None else {},
-        subject=subject_tables(subject),
-        settings=_differing(settings),
-        database=identity(database),
-        props=tuple(prop_tables(prop) for prop in props),
-        performers=tuple(subject_tables(performer) for performer in performers),
-    )
-    name = take.notes.name.removesuffix(f" ({_method(take.setup.settings)})")
-    rated = TakeNotes(f"{name} ({settings.method})", take.notes.notes, take.notes.rating)
-    notes = replace(rated, recorded=take.notes.recorded)
+    recorded, method = take.setup, setup.settings.method
+    tables = setup.tables(recorded.capture)
+    name = take.notes.name.removesuffix(f" ({recorded.settings.get('method', SolveSettings().method)})")
+    notes = TakeNotes(f"{name} ({method})", take.notes.notes, take.notes.rating, recorded=take.notes.recorded)
     stamps_s = [stamp_s for stamp_s, _ in take.stamped_frames]
     events = [bytes(chunk.payload) for chunk in take.chunks if chunk.kind == ChunkKind.EVENT]
-    write_whole_take(path, setup, notes, list(zip(stamps_s, frames, strict=True)), _poses(solved, stamps_s), events)
+    write_whole_take(
+        path,
+        replace(tables, created=recorded.created, software=recorded.software),
+        notes,
+        list(zip(stamps_s, frames, strict=True)),
+        _timed_poses(solved, stamps_s),
+        events,
+    )
 
 
-def _poses(solved: SolvedTake, stamps_s: Sequence[float]) -> list[TimedPose]:
+def _timed_poses(solved: SolvedTake, stamps_s: Sequence[float]) -> list[TimedPose]:
     rows = zip(solved.poses, stamps_s, solved.seconds, strict=True)
     return [TimedPose(pose, stamp_s, float(seconds)) for pose, stamp_s, seconds in rows]
-
-
-def _differing(settings: SolveSettings) -> dict[str, Any]:
-    """Return the settings that differ from the defaults."""
-    usual = vars(SolveSettings())
-    return {name: value for name, value in vars(settings).items() if value != usual[name]}
-
-
-def _method(settings: Mapping[str, Any]) -> str:
-    return str(settings.get("method", SolveSettings().method))

@@ -1,4 +1,4 @@
-"""Databases opened and sessions prepared once for many takes."""
+"""Databases and sessions shared by many takes."""
 
 from collections import OrderedDict
 from pathlib import Path
@@ -13,23 +13,23 @@ _SESSIONS_KEPT = 2  # each holds the markers of every frame of its database
 
 
 class SessionCache:
-    """Keeps what takes have in common: databases by their file, sessions by performer, database and settings."""
+    """Cache of databases by file, and of sessions by performer, database and settings."""
 
     def __init__(self) -> None:
         self._databases: dict[Path, Database] = {}
         self._sessions: OrderedDict[str, Session] = OrderedDict()
 
     def database(self, path: Path | str) -> Database:
-        """Return a database, opened when it is first asked for; errors as `open_database`."""
+        """Return a database, opened at the first call; errors as of `open_database`."""
         place = Path(path).resolve()
         if place not in self._databases:
             self._databases[place] = open_database(path)
         return self._databases[place]
 
     def session(self, subject: Subject, database: Database, rig: CameraRig | None, settings: SolveSettings) -> Session:
-        """Return a session that has seen nothing yet, as `Session` makes them.
+        """Return a session that has seen nothing yet, valid until the next call.
 
-        It is good until the next is asked for. One with cameras is always new: they differ from take to take.
+        A session with cameras is always new: they differ from take to take.
         """
         if rig is not None:
             return Session(subject, database, rig, settings)

@@ -1,4 +1,4 @@
-"""A whole marker take solved to a motion."""
+"""Whole takes solved to motions."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -8,52 +8,57 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..body.motion import Motion
-from ..body.scene_pose import PerformerPose
+from ..body.scene_pose import PerformerPose, ScenePose
 from ..database.store import Database
 from ..errors import TakeError
 from ..formats.take_file.reading import TakeFile
 from ..geometry import rotations as rot
-from ..geometry.camera import CameraRig
 from ..markers.frame_rate import frame_rate
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_take import MarkerTake
-from ..markers.prop import Prop
 from ..markers.subject import Subject
 from ..markers.take_frames import take_frames
 from ..solver.settings import SolveSettings
-from .multi_target_session import Stepper, followed
+from .capture_setup import CaptureSetup, SessionMaker
+from .multi_target_session import MultiTargetSession
 from .session import Session
-
-SessionMaker = Callable[[Subject, Database, CameraRig | None, SolveSettings], Session]
 
 _REPORT_EVERY = 30  # frames between two signs of progress
 
 
 @dataclass(frozen=True)
 class SolvedTake:
-    """A take's poses.
+    """Poses and motions of a take.
 
     Args:
-        poses: one a frame.
-        motion: the same as a motion.
+        poses: one for each frame.
+        motions: one for each performer.
         seconds: (F,) time that each frame took.
-        others: motions of the further performers, in their order.
     """
 
-    poses: tuple[PerformerPose, ...]
-    motion: Motion
+    poses: tuple[ScenePose, ...]
+    motions: tuple[Motion, ...]
     seconds: NDArray[np.float64]
-    others: tuple[Motion, ...] = ()
+
+    @property
+    def motion(self) -> Motion:
+        """Motion of the only, or the first, performer."""
+        return self.motions[0]
+
+    def poses_of(self, performer: int = 0) -> list[PerformerPose]:
+        """Return the poses of one performer, counted from 0."""
+        return [pose.performers[performer] for pose in self.poses]
 
     def summary(self) -> dict[str, float | int]:
-        """Return the figures of the `solve` command."""
-        rms = np.array([pose.marker_rms_m for pose in self.poses])
+        """Return the figures of the `solve` command; errors and confidence are the first performer's."""
+        first = self.poses_of()
+        rms = np.array([pose.marker_rms_m for pose in first])
         return {
             "frames": len(self.poses),
             "marker_rms_mm": 1e3 * float(np.sqrt(np.nanmean(rms**2))) if np.isfinite(rms).any() else float("nan"),
             "ms_per_frame_median": 1e3 * float(np.median(self.seconds)),
             "ms_per_frame_p99": 1e3 * float(np.percentile(self.seconds, 99)),
-            "confidence": float(np.mean([pose.confidence for pose in self.poses])),
+            "confidence": float(np.mean([pose.confidence for pose in first])),
         }
 
 
@@ -65,61 +70,48 @@ def solve_take(
     progress: Callable[[float, str], None],
     sessions: SessionMaker = Session,
 ) -> SolvedTake:
-    """Solve every frame of a labelled take in order, with what single cameras show where the take has it.
+    """Solve a labelled take, with markers that single cameras saw where the take has them.
 
-    `sessions` gives a session that has seen nothing yet (see `solver_store`).
+    `sessions` makes a session that has seen nothing yet (see `SessionCache`).
     """
-    session = sessions(subject, database, take.single.rig if take.single is not None else None, settings)
+    session = MultiTargetSession([sessions(subject, database, take.single.rig if take.single else None, settings)])
     frames = list(take_frames(take, subject.marker_set))
-    poses, seconds = _solved(frames, session, f"solving {take.name}", progress)
-    return SolvedTake(tuple(poses), motion_of(poses, subject, take.name, take.fps), seconds)
+    poses, seconds = _solve_frames(frames, session, f"solving {take.name}", progress)
+    motion = motion_of([pose.performers[0] for pose in poses], subject, take.name, take.fps)
+    return SolvedTake(tuple(poses), (motion,), seconds)
 
 
 def solve_recorded(
     take: TakeFile,
     frames: Sequence[MarkerFrame],
-    rig: CameraRig | None,
-    subject: Subject,
-    database: Database,
-    settings: SolveSettings,
+    setup: CaptureSetup,
     progress: Callable[[float, str], None],
     sessions: SessionMaker = Session,
-    props: Sequence[Prop] = (),
-    performers: Sequence[Subject] = (),
 ) -> SolvedTake:
-    """Solve a recorded take as it was solved live; the motion is the recorded part, without a countdown.
+    """Solve a recorded take as it was solved live; the motions are the recorded part, without a countdown.
 
     Args:
-        take: what was recorded.
+        take: as it was recorded.
         frames: its marker frames, or others made of its 2D detections.
-        rig: the cameras that see them, None for imported markers without any.
+        setup: cameras that see the frames, performers, props, database, settings.
         sessions: as of `solve_take`.
-        props, performers: that are followed as well.
 
     Raises:
         TakeError: there are not two frames.
     """
-    others = [Session(other, database, rig, settings) for other in performers]
-    session = followed([sessions(subject, database, rig, settings), *others], props)
     name = take.notes.name
-    poses, seconds = _solved(frames, session, f"solving {name}", progress)
+    poses, seconds = _solve_frames(frames, setup.make_session(sessions), f"solving {name}", progress)
     recorded = [pose for pose in poses if take.is_recorded(pose.number)]
-    motions = [
-        resample_uniform(own, worn, name, str(take.path))
-        for own, worn in zip(by_performer(recorded), (subject, *performers), strict=True)
-    ]
-    return SolvedTake(tuple(poses), motions[0], seconds, tuple(motions[1:]))
+    motions = tuple(
+        resample_uniform([pose.performers[index] for pose in recorded], subject, name, str(take.path))
+        for index, subject in enumerate(setup.performers)
+    )
+    return SolvedTake(tuple(poses), motions, seconds)
 
 
-def by_performer(poses: Sequence[PerformerPose]) -> list[list[PerformerPose]]:
-    """Return the poses of the first performer, of the second, and so on."""
-    others = [list(row) for row in zip(*(pose.others for pose in poses), strict=True)]
-    return [list(poses), *others]
-
-
-def _solved(
-    frames: Sequence[MarkerFrame], session: Stepper, activity: str, progress: Callable[[float, str], None]
-) -> tuple[list[PerformerPose], NDArray[np.float64]]:
+def _solve_frames(
+    frames: Sequence[MarkerFrame], session: MultiTargetSession, activity: str, progress: Callable[[float, str], None]
+) -> tuple[list[ScenePose], NDArray[np.float64]]:
     """Return the poses of frames in order, and the time (F,) that each took."""
     poses, seconds = [], []
     for i, frame in enumerate(frames):
@@ -132,7 +124,7 @@ def _solved(
 
 
 def resample_uniform(poses: Sequence[PerformerPose], subject: Subject, name: str, where: str) -> Motion:
-    """Return recorded poses as a motion: one frame a number, those that were lost on the way between their neighbours.
+    """Return recorded poses as a motion of steady rate; frames that were lost lie between their neighbours.
 
     Raises:
         TakeError: there are not two poses, or their numbers do not ascend.

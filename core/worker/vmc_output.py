@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from ..body.scene_pose import PerformerPose
+from ..body.scene_pose import ScenePose
 from ..body.skeleton import Skeleton
 from ..errors import CaptureError
 from ..formats.vmc.link import Sender
@@ -28,12 +28,13 @@ class VmcSender:
         except CaptureError as error:
             self._fail(error)
 
-    def send(self, pose: PerformerPose) -> None:
+    def send(self, pose: ScenePose) -> None:
         """Send a pose; do nothing after a failure."""
         if self._sender is None:
             return
         try:
-            self._sender.send(pose.time_s, pose.rotations, pose.root_position_m)
+            performer = pose.performers[0]
+            self._sender.send(pose.time_s, performer.rotations, performer.root_position_m)
         except CaptureError as error:
             self._sender.close()
             self._sender = None

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.body.scene_pose import PerformerPose
+from ...core.body.scene_pose import ScenePose
 from ...core.errors import CaptureError, PerfanimError
 from ...core.worker.protocol import Message, MessageKind
 from ...core.worker.restart_point import RestartPoint
@@ -95,7 +95,7 @@ class CaptureRun:
         self.phase = Phase.STARTING
         self.activity = "starting the worker"
         self.fraction: float | None = None
-        self.poses: list[PerformerPose] = []
+        self.poses: list[ScenePose] = []
         self.warnings: list[str] = []
         self.standing = ""  # a warning that holds until the worker takes it back
         self.error: PerfanimError | None = None
@@ -124,7 +124,7 @@ class CaptureRun:
             return "; ".join(self.poses[-1].notes)
         return self.warnings[-1] if self.warnings else ""
 
-    def tick(self) -> PerformerPose | None:
+    def tick(self) -> ScenePose | None:
         """Take all poses that have arrived; never waits.
 
         Returns:
@@ -231,7 +231,7 @@ class CaptureRun:
         figures.received += 1
         figures.waiting = solved.waiting
         figures.solve_s = solved.solve_s
-        figures.confidence = solved.pose.confidence
+        figures.confidence = solved.pose.performers[0].confidence
         self._stamp = solved.stamp_s
         self._supervised.note_frame(solved.pose.number, solved.pose.time_s, solved.stamp_s)
         self._mending = ""

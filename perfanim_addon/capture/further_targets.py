@@ -4,7 +4,7 @@ from collections.abc import Collection, Sequence
 
 import bpy
 
-from ...core.body.scene_pose import PerformerPose
+from ...core.body.scene_pose import ScenePose
 from ...core.markers.prop import Prop
 from ...core.markers.subject import Subject
 from ...core.retarget.retargeter import RetargetPlan
@@ -42,7 +42,7 @@ class Others:
         self._room = CaptureSpace(armature_object, plan)
         self._performers.enter(context, self._room)
 
-    def apply(self, context: bpy.types.Context, frames: Sequence[PerformerPose]) -> None:
+    def apply(self, context: bpy.types.Context, frames: Sequence[ScenePose]) -> None:
         """Show the last of all poses of the capture so far."""
         if self._room is not None:
             self._targets.apply(context, frames[-1].props, self._room)

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.body.scene_pose import PerformerPose
+from ...core.body.scene_pose import ScenePose
 from ...core.body.skeleton import Skeleton
 from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import PerfanimError
@@ -77,7 +77,7 @@ class LiveCapture:
     @property
     def further(self) -> list[tuple[str, float]]:
         """The further performers' names, and how sure the newest pose of each is."""
-        newest = self.run.poses[-1].others if self.run is not None and self.run.poses else ()
+        newest = self.run.poses[-1].performers[1:] if self.run is not None and self.run.poses else ()
         roles = self._others.roles if self._others is not None else []
         return [(role.subject.name, pose.confidence) for role, pose in zip(roles, newest, strict=False)]
 
@@ -112,14 +112,15 @@ class LiveCapture:
         self._record(context, self.run)
         if pose is None:
             return False
-        self._bind(context).apply(pose.rotations, pose.root_position_m)
+        first = pose.performers[0]
+        self._bind(context).apply(first.rotations, first.root_position_m)
         if self._others is not None:
             self._others.apply(context, self.run.poses)
         self._draw(context, pose)
         self.run.shown()
         return True
 
-    def _draw(self, context: bpy.types.Context, pose: PerformerPose) -> None:
+    def _draw(self, context: bpy.types.Context, pose: ScenePose) -> None:
         """Draw over the viewports what is chosen."""
         chosen = settings(context)
         parts = frozenset(chosen.overlay)

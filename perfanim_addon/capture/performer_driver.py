@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.body.scene_pose import PerformerPose
+from ...core.body.scene_pose import ScenePose
 from ...core.body.skeleton import forward_kinematics
 from ...core.markers.subject import Subject
 from ..animation.actions import write_with_plan
@@ -28,7 +28,7 @@ class Role:
 
     Args:
         subject: who performs.
-        index: which of the poses' others.
+        index: of the poses' performers.
         target: which of the scene's further targets, None where there is none for them.
         armature: name of the character; "", or of one that was deleted: a new one is added.
         only: bones that are moved, None for all.
@@ -40,9 +40,9 @@ class Role:
     armature: str = ""
     only: frozenset[str] | None = None
 
-    def first_seen(self, frames: Sequence[PerformerPose]) -> int | None:
+    def first_seen(self, frames: Sequence[ScenePose]) -> int | None:
         """Return in which of the frames something is known of where they are for the first time, None if in none."""
-        return next((row for row, frame in enumerate(frames) if frame.others[self.index].confidence > 0.0), None)
+        return next((row for row, frame in enumerate(frames) if frame.performers[self.index].confidence > 0.0), None)
 
     def character(self) -> bpy.types.Object | None:
         """Return the character, None where there is none (any more)."""
@@ -72,7 +72,7 @@ def roles_of(context: bpy.types.Context, subjects: Sequence[Subject]) -> list[Ro
     roles = []
     for index, target in enumerate(target_settings.meant_for(context.scene, [subject.name for subject in subjects])):
         chosen = context.scene.perfanim_targets.entries[target].armature if target is not None else None
-        roles.append(Role(subjects[index], index, target, chosen.name if _is_there(chosen) else ""))
+        roles.append(Role(subjects[index], index + 1, target, chosen.name if _is_there(chosen) else ""))
     return roles
 
 
@@ -85,7 +85,7 @@ class PerformerDriver:
     """Lets characters follow the further performers of a capture. Only names are held, nothing of Blender's data.
 
     Args:
-        subjects: in the order of the poses' others.
+        subjects: in the order of the poses' performers, from the second on.
         parts: of the body that are moved.
 
     Raises:
@@ -106,7 +106,7 @@ class PerformerDriver:
         for follower in self._followers:
             follower.enter(context, room)
 
-    def apply(self, frames: Sequence[PerformerPose]) -> None:
+    def apply(self, frames: Sequence[ScenePose]) -> None:
         """Move the characters of those who have been seen; one that was deleted meanwhile is left out.
 
         Args:
@@ -146,7 +146,7 @@ class _Follower:
         if self._driver is None:
             self._driver = self._bound(self.role.cast(context, room))
 
-    def apply(self, frames: Sequence[PerformerPose]) -> None:
+    def apply(self, frames: Sequence[ScenePose]) -> None:
         character, driver = self.role.character(), self._driver
         if character is None or driver is None or self._room is None:
             return
@@ -156,7 +156,7 @@ class _Follower:
             self._carried = _carried(self.role, frames, CaptureSpace(character, driver.plan), self._room)
             if driver.only is None:
                 self._held.take(character)
-        pose = frames[-1].others[self.role.index]
+        pose = frames[-1].performers[self.role.index]
         driver.apply(*self._carried.moved(pose.rotations, pose.root_position_m))
 
     def apply_again(self) -> None:
@@ -164,12 +164,12 @@ class _Follower:
             self._driver.apply_again()
 
 
-def _carried(role: Role, frames: Sequence[PerformerPose], own: CaptureSpace, room: CaptureSpace) -> RigidOffset:
+def _carried(role: Role, frames: Sequence[ScenePose], own: CaptureSpace, room: CaptureSpace) -> RigidOffset:
     """Return what brings a further performer's poses into the room; the two agree where they were first seen."""
     first = role.first_seen(frames)
     if first is None:
         return own.carried_into(room, np.zeros(3))
-    pose = frames[first].others[role.index]
+    pose = frames[first].performers[role.index]
     joints, _ = forward_kinematics(role.subject.skeleton, pose.rotations, pose.root_position_m)
     return own.carried_into(room, np.array([pose.root_position_m[0], joints[:, 1].min(), pose.root_position_m[2]]))
 
@@ -177,8 +177,8 @@ def _carried(role: Role, frames: Sequence[PerformerPose], own: CaptureSpace, roo
 def write_performer_actions(
     context: bpy.types.Context,
     roles: Sequence[Role],
-    all_frames: Sequence[PerformerPose],
-    recorded: Sequence[PerformerPose],
+    all_frames: Sequence[ScenePose],
+    recorded: Sequence[ScenePose],
     at: Array,
     room: CaptureSpace,
     name: str,
@@ -208,7 +208,7 @@ def write_performer_actions(
         how = placement(context, None if is_new else character, role.only)
         if how.only is not None and not how.only & {*plan.bones, *plan.located}:
             continue
-        poses = [frame.others[role.index] for frame in recorded[first:]]
+        poses = [frame.performers[role.index] for frame in recorded[first:]]
         moved = _carried(role, all_frames, CaptureSpace(character, plan), room).moved(
             np.stack([pose.rotations for pose in poses]), np.stack([pose.root_position_m for pose in poses])
         )

@@ -7,7 +7,7 @@ import numpy as np
 from mathutils import Quaternion, Vector
 from numpy.typing import NDArray
 
-from ...core.body.scene_pose import PerformerPose, PropPose
+from ...core.body.scene_pose import PropPose, ScenePose
 from ...core.markers.prop import Prop
 from ..animation.actions import write_object_action
 from ..animation.placement import Onto, Placement
@@ -65,7 +65,7 @@ class TargetDriver:
 def write_prop_actions(
     context: bpy.types.Context,
     props: Sequence[Prop],
-    poses: Sequence[PerformerPose],
+    poses: Sequence[ScenePose],
     frames: Array,
     room: CaptureSpace,
     name: str,

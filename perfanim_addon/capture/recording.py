@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Sequence
 from enum import Enum
 
-from ...core.body.scene_pose import PerformerPose
+from ...core.body.scene_pose import ScenePose
 
 
 class Cue(Enum):
@@ -44,7 +44,7 @@ class Recording:
         self._first = 0
         self._stop: int | None = None
 
-    def advance(self, poses: Sequence[PerformerPose]) -> Cue | None:
+    def advance(self, poses: Sequence[ScenePose]) -> Cue | None:
         """Go by the clock and by all poses of the capture so far; return what is to be heard."""
         if not poses or self.over:
             return None
@@ -55,7 +55,7 @@ class Recording:
             return Cue.END
         return None
 
-    def _count_down(self, poses: Sequence[PerformerPose]) -> Cue | None:
+    def _count_down(self, poses: Sequence[ScenePose]) -> Cue | None:
         now = self._clock()
         if self._due_s is None:
             self._due_s = now + self._countdown_s
@@ -70,11 +70,11 @@ class Recording:
         self.seconds_left = left
         return Cue.COUNT
 
-    def end(self, poses: Sequence[PerformerPose]) -> None:
+    def end(self, poses: Sequence[ScenePose]) -> None:
         """End it with the last of all poses so far; in the countdown, without any."""
         self.over, self.seconds_left, self._stop = True, 0, len(poses)
 
-    def recorded(self, poses: Sequence[PerformerPose]) -> list[PerformerPose]:
+    def recorded(self, poses: Sequence[ScenePose]) -> list[ScenePose]:
         """Return those of all poses of the capture that are recorded."""
         kept = list(poses[self._first : self._stop]) if self.begun else []
         if kept and self._length_s:

@@ -72,7 +72,7 @@ class SelfTest(Job):
         if run.error is not None:
             raise run.error
         if run.phase is Phase.DONE:
-            good = sum(pose.confidence >= LEAST_CONFIDENCE for pose in run.poses)
+            good = sum(pose.performers[0].confidence >= LEAST_CONFIDENCE for pose in run.poses)
             self.lines.append(f"Capture of the simulated performer: {len(run.poses)} poses, {good} of them sure")
             if 2 * good < len(run.poses):
                 raise CaptureError("the simulated performer is followed badly", advice="report this, with these lines")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.body.foot_lock import floor_of
-from ...core.body.scene_pose import PerformerPose
+from ...core.body.scene_pose import ScenePose
 from ...core.body.skeleton import Skeleton
 from ...core.formats.take_file.reading import TakeFile
 from ...core.markers.prop import Prop
@@ -41,27 +41,25 @@ class TakeMotion:
     skeleton: Skeleton
     props: Sequence[Prop]
     performers: Sequence[Role]
-    poses: Sequence[PerformerPose]
+    poses: Sequence[ScenePose]
 
 
 @dataclass(frozen=True)
 class RecordedPart:
     """Poses that become keyframes, and the scene frame of the first; the others follow at their times."""
 
-    poses: Sequence[PerformerPose]
+    poses: Sequence[ScenePose]
     start_frame: float
 
 
-def filter_take(take: TakeFile, chosen: FilterSettings, use_stored: bool = True) -> list[PerformerPose]:
+def filter_take(take: TakeFile, chosen: FilterSettings, use_stored: bool = True) -> list[ScenePose]:
     """Return all poses of a take, filtered as in its capture; takes without stored settings, by the chosen ones."""
     stored = take.notes.filters if use_stored else None
-    skeletons = [subject.skeleton for subject in take.setup.further_subjects()]
     return filter_poses(
         [solved.pose for solved in take.poses],
-        take.setup.worn_subject().skeleton,
+        [subject.skeleton for subject in take.setup.subjects()],
         floor_of(take.setup.camera_rig()),
         chosen if stored is None else FilterSettings.of_table(stored),
-        skeletons,
     )
 
 
@@ -109,10 +107,11 @@ def _scene_frames(context: bpy.types.Context, part: RecordedPart) -> Array:
     return scene_frames(increasing(times_s), context.scene, part.start_frame)
 
 
-def pose_arrays(poses: Sequence[PerformerPose]) -> tuple[Array, Array, Array]:
-    """Return times (F,) in seconds, rotations (F, J, 4) and root positions (F, 3) in metres of poses."""
-    times_s = np.array([pose.time_s for pose in poses])
-    return times_s, np.stack([p.rotations for p in poses]), np.stack([p.root_position_m for p in poses])
+def pose_arrays(poses: Sequence[ScenePose], performer: int = 0) -> tuple[Array, Array, Array]:
+    """Return times (F,) in seconds, rotations (F, J, 4) and root positions (F, 3) in metres of one performer."""
+    found = [pose.performers[performer] for pose in poses]
+    times_s = np.array([pose.time_s for pose in found])
+    return times_s, np.stack([p.rotations for p in found]), np.stack([p.root_position_m for p in found])
 
 
 def increasing(times_s: Array) -> Array:

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
-from ...core.body.scene_pose import PerformerPose
+from ...core.body.scene_pose import ScenePose
 from ...core.errors import PerfanimError, SettingsError, TakeError
 from ...core.formats.markers.marker_files import READABLE
 from ...core.formats.motion.write_motion import ANGLES, VRMA, write_motion
@@ -82,11 +82,11 @@ def _motion(context: bpy.types.Context, take: TakeFile) -> TakeMotion:
     """Return the filtered motion of a take, and the characters that follow its performers."""
     chosen = FilterSettings.of_table(capture_setup.shape(settings(context)))
     poses = filter_take(take, chosen, use_stored=context.scene.perfanim_result.filters == "RECORDED")
-    performers = roles_of(context, take.setup.further_subjects())
-    return TakeMotion(take.setup.worn_subject().skeleton, take.setup.carried_props(), performers, poses)
+    first, *further = take.setup.subjects()
+    return TakeMotion(first.skeleton, take.setup.carried_props(), roles_of(context, further), poses)
 
 
-def _recorded(take: TakeFile, motion: TakeMotion) -> list[PerformerPose]:
+def _recorded(take: TakeFile, motion: TakeMotion) -> list[ScenePose]:
     """Return the poses of the recorded part of a take; TakeError when there are none."""
     poses = [pose for pose in motion.poses if take.is_recorded(pose.number)]
     if not poses:
@@ -349,7 +349,7 @@ class PERFANIM_OT_export_take(_OfTake, bpy.types.Operator, ExportHelper):
         column.use_property_split = True
         column.use_property_decorate = False
         column.prop(self, "kind")
-        names = next(([t.subject, *t.performers] for t in take_library.listed() if str(t.path) == self.path), [])
+        names = next((t.performers for t in take_library.listed() if str(t.path) == self.path), ())
         if len(names) > 1:
             column.prop(self, "performer")
             column.label(text=names[min(self.performer, len(names)) - 1], icon="USER")
@@ -384,17 +384,17 @@ class PERFANIM_OT_export_take(_OfTake, bpy.types.Operator, ExportHelper):
 
     def _export(self, context: bpy.types.Context, target: Path) -> str:
         take = read_take_file(self.path)
-        motion, subject, name = _motion(context, take), take.setup.worn_subject(), _chosen(context)
-        found, others = _recorded(take, motion), take.setup.further_subjects()
-        if self.performer > 1 + len(others):
-            raise TakeError(f"has {1 + len(others)} performers", where=take.notes.name, advice="choose one of them")
-        if self.performer > 1:
-            role = motion.performers[self.performer - 2]
-            found, subject, name = [pose.others[role.index] for pose in found], role.subject, role.armature
-        times_s, rotations, positions = pose_arrays(found)
+        motion, subjects, name = _motion(context, take), take.setup.subjects(), _chosen(context)
+        poses, index = _recorded(take, motion), self.performer - 1
+        if index >= len(subjects):
+            raise TakeError(f"has {len(subjects)} performers", where=take.notes.name, advice="choose one of them")
+        if index > 0:
+            name = motion.performers[index - 1].armature
+        found, subject = [pose.performers[index] for pose in poses], subjects[index]
+        times_s, rotations, positions = pose_arrays(poses, index)
         numbers = np.array([pose.number for pose in found])
         fps = self.rate or (frame_rate(times_s, numbers) if len(times_s) > 1 else 1.0)
-        what = f"{take.notes.name} ({subject.name})" if others else take.notes.name
+        what = f"{take.notes.name} ({subject.name})" if len(subjects) > 1 else take.notes.name
         naming = "" if self.naming == "OWN" else self.naming
         if self.kind in _MOTIONS:
             from ...core.session.solve_take import resample_uniform

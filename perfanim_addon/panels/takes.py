@@ -206,7 +206,7 @@ def _set(item: PERFANIM_PG_take, take: TakeSummary) -> None:
     item.used = ", ".join(
         text
         for text in (
-            " and ".join((take.subject, *take.performers)),
+            " and ".join(take.performers),
             take.marker_set,
             take.method or SolveSettings().method,
             f"database {take.database}" if take.database else "",

@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.body.scene_pose import PerformerPose
+from ...core.body.scene_pose import PerformerPose, ScenePose
 from ...core.body.skeleton import Skeleton, forward_kinematics
 from ...core.geometry.rig_file import load_rig
 from ...core.markers.subject import load_subject
@@ -41,7 +41,7 @@ class Scene:
     """What stays the same in a capture.
 
     Args:
-        performers: skeleton and names (M) of the markers of each, in the order of a pose and its `others`.
+        performers: skeleton and names (M) of the markers of each, in the order of a pose's performers.
         cameras_m: (C, 3) where the cameras are, in the performers' room.
         placed: turns points (N, 3) of that room into points of the scene.
     """
@@ -68,14 +68,14 @@ class Scene:
 class _State:
     handler: Any = None
     scene: Scene | None = None
-    pose: PerformerPose | None = None
+    pose: ScenePose | None = None
     parts: frozenset[str] = frozenset()
 
 
 _state = _State()
 
 
-def show(scene: Scene | None, pose: PerformerPose, parts: frozenset[str]) -> None:
+def show(scene: Scene | None, pose: ScenePose, parts: frozenset[str]) -> None:
     """Show a pose until `hide`; `parts` are those of the setting "overlay", none of them hides it."""
     if scene is None or not parts:
         hide()
@@ -109,9 +109,9 @@ def _draw() -> None:
     shapes.draw()
     for name, place in names:
         drawing.text(name, place, _NAME * scale, _NAME_COLOUR)
-    told = f"Confidence {pose.confidence:.0%}"
+    told = f"Confidence {pose.performers[0].confidence:.0%}"
     right = drawing.free(area, region)[1] - drawing.text_width(told, _TEXT * scale)
-    drawing.text(told, (right - _MARGIN * scale, _MARGIN * scale), _TEXT * scale, confidence_colour(pose))
+    drawing.text(told, (right - _MARGIN * scale, _MARGIN * scale), _TEXT * scale, confidence_colour(pose.performers[0]))
 
 
 def confidence_colour(pose: PerformerPose) -> Colour:
@@ -120,7 +120,7 @@ def confidence_colour(pose: PerformerPose) -> Colour:
 
 
 def shapes_of(
-    scene: Scene, pose: PerformerPose, parts: frozenset[str], on_screen: Projection, scale: float
+    scene: Scene, pose: ScenePose, parts: frozenset[str], on_screen: Projection, scale: float
 ) -> tuple["Shapes", list[tuple[str, Array]]]:
     """Return what is drawn of a pose, and the names of markers with their places (2,).
 
@@ -130,7 +130,7 @@ def shapes_of(
         scale: pixels to an unscaled one.
     """
     shapes, names = Shapes(), []
-    for (skeleton, labels), body in zip(scene.performers, (pose, *pose.others), strict=False):
+    for (skeleton, labels), body in zip(scene.performers, pose.performers, strict=False):
         if "SKELETON" in parts:
             _add_skeleton(shapes, skeleton, body, on_screen, scale)
         if "MARKERS" in parts:

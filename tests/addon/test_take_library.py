@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 import pytest
 from clicked import run_job
-from perfanim.core.body.scene_pose import PerformerPose
+from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.formats.take_file.chunks import scan
 from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_solved
@@ -46,7 +46,9 @@ def part(part: Any) -> Iterator[Any]:
 def write_take(folder: Path, name: str, frames: int = 30, poses: int = 30, orphaned: bool = False) -> Path:
     """A take of somebody who stands in the rest pose and rises."""
     subject = Subject("Anna", default_skeleton(1.7), load_marker_set("boxing"))
-    writer = TakeWriter(folder / f"{name}.perftake", TakeSetup.of(default_rig(), subject, {}, {}, {}), TakeNotes(name))
+    writer = TakeWriter(
+        folder / f"{name}.perftake", TakeSetup.of(default_rig(), (subject,), {}, {}, {}), TakeNotes(name)
+    )
     none = np.full((9, 3), np.nan)
     for number in range(frames):
         writer.add_frame(pack_stamped(0.0, MarkerFrame(number, number / 60)))
@@ -55,7 +57,7 @@ def write_take(folder: Path, name: str, frames: int = 30, poses: int = 30, orpha
             pose = PerformerPose(
                 number, number / 60, rotations, np.array([0, 1 + number / 60, 0]), 0.5, none, none, np.full(9, -1), 0.0
             )
-            writer.add_pose(pack_solved(TimedPose(pose, 0.0)))
+            writer.add_pose(pack_solved(TimedPose(ScenePose((pose,)), 0.0)))
     writer.close(orphaned)
     return writer.path
 

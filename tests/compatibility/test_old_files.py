@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from perfanim.core.body.scene_pose import PerformerPose
+from perfanim.core.body.scene_pose import PerformerPose, PropPose
 from perfanim.core.body.skeleton import Skeleton, forward_kinematics
 from perfanim.core.cli.batch.plan import read_plan
 from perfanim.core.database.store import identity, open_database
@@ -27,15 +27,6 @@ from perfanim.core.retarget.bone_map_files import read_bone_map
 
 HERE = Path(__file__).parent
 EXPECTED = json.loads((HERE / "expected.json").read_text(encoding="utf-8"))
-
-
-def _poses_by_performer(take: TakeFile) -> list[list[PerformerPose]]:
-    moments = [(solved.pose, *solved.pose.others) for solved in take.poses]
-    return [list(poses) for poses in zip(*moments, strict=True)]
-
-
-def _subjects(take: TakeFile) -> list[Subject]:
-    return [take.setup.worn_subject(), *take.setup.further_subjects()]
 
 
 def _digest(array: Any) -> dict[str, Any]:
@@ -107,15 +98,18 @@ def _prop(prop: Prop) -> dict[str, Any]:
     }
 
 
-def _pose(pose: PerformerPose) -> dict[str, Any]:
+def _pose(pose: PerformerPose, props: tuple[PropPose, ...]) -> dict[str, Any]:
     digests = {key: _digest(getattr(pose, key)) for key in ("rotations", "markers_m", "observed_m")}
     plain = ("number", "time_s", "root_position_m", "confidence", "single_cameras", "marker_rms_m", "neighbours",
              "dimensions", "notes")  # fmt: skip
-    props = [{key: getattr(prop, key) for key in ("rotation", "position_m", "rms_m", "seen")} for prop in pose.props]
-    return digests | {key: getattr(pose, key) for key in plain} | {"props": props}
+    tables = [{key: getattr(prop, key) for key in ("rotation", "position_m", "rms_m", "seen")} for prop in props]
+    return digests | {key: getattr(pose, key) for key in plain} | {"props": tables}
 
 
-def _performer(poses: list[PerformerPose], subject: Subject) -> dict[str, Any]:
+def _performer(take: TakeFile, index: int, subject: Subject) -> dict[str, Any]:
+    """Return facts of one performer; the files have the props with the first."""
+    poses = [solved.pose.performers[index] for solved in take.poses]
+    props = [() if index else solved.pose.props for solved in take.poses]
     rotations = np.array([pose.rotations for pose in poses])
     roots = np.array([pose.root_position_m for pose in poses])
     joints = forward_kinematics(subject.skeleton, rotations, roots)[0]
@@ -124,8 +118,8 @@ def _performer(poses: list[PerformerPose], subject: Subject) -> dict[str, Any]:
         "poses": len(poses),
         "rotations": _digest(rotations),
         "root_positions_m": _digest(roots),
-        "first": _pose(poses[0]),
-        "last": _pose(poses[-1]),
+        "first": _pose(poses[0], props[0]),
+        "last": _pose(poses[-1], props[-1]),
         "mean_confidence": np.mean([pose.confidence for pose in poses]),
         "left_hand_of_last_m": joints[-1, subject.skeleton.index("lhand")],
     }
@@ -145,9 +139,8 @@ def _frame(stamp_s: float, frame: MarkerFrame) -> dict[str, Any]:
 
 def _take(path: Path) -> dict[str, Any]:
     take, summary = read_take_file(path), summarise(path)
-    setup, notes, subjects = take.setup, take.notes, _subjects(take)
-    summary_keys = ("complete", "frames", "duration_s", "created", "orphaned", "subject", "marker_set", "method",
-                    "database", "performers")  # fmt: skip
+    setup, notes, subjects = take.setup, take.notes, take.setup.subjects()
+    summary_keys = ("complete", "frames", "duration_s", "created", "orphaned", "marker_set", "method", "database")
     setup_keys = ("settings", "database", "capture", "created", "software")
     notes_keys = ("name", "notes", "rating", "character", "played", "recorded")
     return {
@@ -173,10 +166,11 @@ def _take(path: Path) -> dict[str, Any]:
         "frame_notes": {str(frame.number): frame.notes for frame in take.frames if frame.notes},
         "all_points_m": _digest(np.concatenate([frame.points_m for frame in take.frames])),
         "performers": [
-            _performer(poses, subject) for poses, subject in zip(_poses_by_performer(take), subjects, strict=False)
+            _performer(take, index, subject) for index, subject in enumerate(subjects if take.poses else ())
         ],
         "solved": [[solved.stamp_s, solved.solve_s, solved.waiting] for solved in take.poses[:1]],
-        "summary": {key: getattr(summary, key) for key in summary_keys},
+        "summary": {key: getattr(summary, key) for key in summary_keys}
+        | {"subject": "".join(summary.performers[:1]), "performers": summary.performers[1:]},
     }
 
 

@@ -1,7 +1,7 @@
 """Marker frames and poses of a take, made up."""
 
 import numpy as np
-from perfanim.core.body.scene_pose import PerformerPose
+from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_solved
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_frame_codec import pack_stamped
@@ -45,4 +45,4 @@ def pose_record(number: int) -> bytes:
         np.arange(MARKERS) % 3 - 1,
         0.004,
     )
-    return pack_solved(TimedPose(pose, 1000.0 + number / 60, 0.002, 0))
+    return pack_solved(TimedPose(ScenePose((pose,)), 1000.0 + number / 60, 0.002, 0))

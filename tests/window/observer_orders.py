@@ -19,7 +19,7 @@ FOLDER = Path(os.environ["OBSERVER_FOLDER"])
 
 def order_last_run(order):
     figures = dict(vars(observer_state.last_run.statistics))
-    poses = observer_state.last_run.poses
+    poses = [pose.performers[0] for pose in observer_state.last_run.poses]
     return {
         "statistics": figures,
         "poses": len(poses),

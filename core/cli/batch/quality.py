@@ -54,7 +54,7 @@ def figures_of(solved: "SolvedTake") -> dict[str, float | int | None]:
         unsolved: share of the frames without a pose of their own.
         foot_skate_cm_s: see `foot_skate_cm_s`.
     """
-    poses, motion = solved.poses, solved.motion
+    poses, motion = solved.poses_of(), solved.motion
     rms = np.array([pose.marker_rms_m for pose in poses])
     rms_mm = 1e3 * rms[np.isfinite(rms)]
     confidence = np.array([pose.confidence for pose in poses])

@@ -57,9 +57,9 @@ def _poses(solved: SolvedTake) -> Image:
 def _bar(solved: SolvedTake) -> Image:
     """Return a line of the time that shows the least confidence of each moment, black where there is no pose."""
     width = _POSES * _CELL[0]
-    frames = len(solved.poses)
-    confidence = np.array([pose.confidence for pose in solved.poses])
-    unsolved = is_unsolved(solved.poses)
+    frames, poses = len(solved.poses), solved.poses_of()
+    confidence = np.array([pose.confidence for pose in poses])
+    unsolved = is_unsolved(poses)
     row = np.empty((width, 3))
     for column in range(width):
         part = slice(column * frames // width, max((column + 1) * frames // width, column * frames // width + 1))

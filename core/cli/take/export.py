@@ -14,7 +14,7 @@ from ...formats.markers.recorded_take import marker_take
 from ...formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_motion
 from ...formats.take_file.reading import ENDING, TakeFile, read_take_file
 from ...markers.frame_rate import frame_rate
-from ...session.solve_take import by_performer, resample_uniform
+from ...session.solve_take import resample_uniform
 from ..options import add_motion_options
 
 Progress = Callable[[float, str], None]
@@ -74,9 +74,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         return _export_prop(take, args.prop, out, warnings)
     if is_motion(out):
         index = _performer_index(take, args.performer)
-        subject = (take.setup.worn_subject(), *take.setup.further_subjects())[index]
-        everybody = by_performer([solved.pose for solved in take.recorded_poses])
-        poses = everybody[index] if index < len(everybody) else []
+        poses, subject = take.recorded_poses_of(index), take.setup.subjects()[index]
         motion = resample_uniform(poses, subject, take.notes.name, str(args.take))
         motion = write_motion(motion, out, args.units, args.naming, args.rate)
         return {"frames": motion.frames, "fps": motion.fps, "warnings": warnings, "out": str(out)}
@@ -91,7 +89,7 @@ def _performer_index(take: TakeFile, name: str | None) -> int:
     """Return which performer is meant, 0 for the first; TakeError when there is no such."""
     if name is None:
         return 0
-    names = [subject.name for subject in take.setup.further_subjects()]
+    names = [subject.name for subject in take.setup.subjects()[1:]]
     if name in names:
         return 1 + names.index(name)
     told = f"they are: {', '.join(names)}" if names else "it was recorded with one; solve it with --performer"
@@ -104,7 +102,7 @@ def _export_prop(take: TakeFile, name: str, out: Path, warnings: list[str]) -> d
     if name not in names:
         told = f"its props: {', '.join(names)}" if names else "it was recorded without any; solve it with --prop"
         raise TakeError(f"has no prop {name!r}", where=str(take.path), advice=told)
-    poses = [solved.pose for solved in take.recorded_poses]
+    poses = take.recorded_poses
     if len(poses) < 2:
         raise TakeError(f"has {len(poses)} solved frames", where=str(take.path), advice="solve it again")
     fps = frame_rate(np.array([pose.time_s for pose in poses]), np.array([pose.number for pose in poses]))

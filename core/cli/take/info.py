@@ -1,7 +1,7 @@
 """`perfanim take info`: facts about a take, and whether all of it is there."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from ...formats.markers.marker_files import declared_frames, is_recorded, read_t
 from ...formats.take_file.lock import is_locked
 from ...formats.take_file.reading import ENDING, TakeFile, read_take_file
 from ...markers.frame_rate import frame_rate
-from ...session.solve_take import by_performer
+from ...markers.subject import Subject
 
 Progress = Callable[[float, str], None]
 
@@ -32,9 +32,9 @@ def _recorded_info(take: TakeFile) -> dict[str, Any]:
     frames, setup = take.frames, take.setup
     numbers = np.array([frame.number for frame in frames], dtype=np.int64)
     times_s = np.array([frame.time_s for frame in frames])
-    subject = setup.worn_subject()
+    subject, *further = setup.subjects()
     rig = setup.camera_rig()
-    poses = [solved.pose for solved in take.poses]
+    poses = [solved.pose.performers[0] for solved in take.poses]
     return {
         "format": "recorded take",
         "name": take.notes.name,
@@ -55,7 +55,7 @@ def _recorded_info(take: TakeFile) -> dict[str, Any]:
         "marker_set": subject.marker_set.name,
         "database": setup.database.get("path", ""),
         "props": _props_found(take),
-        "performers": _performers_followed(take),
+        "performers": _further_performers(take, further),
         "created": setup.created,
         "software": setup.software,
         "notes": take.notes.notes,
@@ -75,13 +75,11 @@ def _props_found(take: TakeFile) -> dict[str, float | None]:
     return {name: float(np.mean([row[i] for row in found])) if found else None for i, name in enumerate(names)}
 
 
-def _performers_followed(take: TakeFile) -> list[dict[str, Any]]:
-    """Return name and mean confidence of each further performer."""
-    others = by_performer([solved.pose for solved in take.poses])[1:]
-    names = [subject.name for subject in take.setup.further_subjects()]
-    confidences = [float(np.mean([pose.confidence for pose in poses])) for poses in others]
-    known = confidences if take.poses else [None] * len(names)
-    return [{"name": name, "confidence": value} for name, value in zip(names, known, strict=True)]
+def _further_performers(take: TakeFile, subjects: Sequence[Subject]) -> list[dict[str, Any]]:
+    """Return name and mean confidence of each performer after the first."""
+    sure = [[performer.confidence for performer in solved.pose.performers[1:]] for solved in take.poses]
+    means = [float(np.mean(column)) for column in zip(*sure, strict=True)] if sure else [None] * len(subjects)
+    return [{"name": subject.name, "confidence": mean} for subject, mean in zip(subjects, means, strict=True)]
 
 
 def _marker_info(path: str) -> dict[str, Any]:

@@ -4,13 +4,13 @@ import csv
 from collections.abc import Sequence
 from pathlib import Path
 
-from ...body.scene_pose import PerformerPose
+from ...body.scene_pose import ScenePose
 from ...system.files import atomic_path
 
 HEADER = ("frame", "time_s", "x", "y", "z", "qw", "qx", "qy", "qz", "rms_mm", "markers")
 
 
-def write_prop_csv(poses: Sequence[PerformerPose], index: int, name: str, fps: float, path: Path | str) -> None:
+def write_prop_csv(poses: Sequence[ScenePose], index: int, name: str, fps: float, path: Path | str) -> None:
     """Write a prop's position and rotation, a row a frame; blank while hidden.
 
     Args:

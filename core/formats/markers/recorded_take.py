@@ -24,7 +24,7 @@ def marker_take(take: TakeFile) -> MarkerTake:
 
     What single cameras showed is left out: a recorded take keeps it by blob, not by marker.
     """
-    poses = [solved.pose for solved in take.recorded_poses]
+    poses = take.recorded_poses_of()
     if len(poses) < 2:
         raise TakeError(
             f"has {len(poses)} solved frames", where=str(take.path), advice="markers are labelled with the poses"
@@ -33,7 +33,7 @@ def marker_take(take: TakeFile) -> MarkerTake:
     return MarkerTake(
         take.notes.name,
         frame_rate(times_s, numbers),
-        take.setup.worn_subject().marker_set.names,
+        take.setup.subjects()[0].marker_set.names,
         np.array([p.observed_m for p in poses]),
         numbers,
         times_s - times_s[0],

@@ -1,60 +1,92 @@
-"""A pose frame as bytes, on its way from the solver to Blender and in takes; versioned and checked, never pickle."""
+"""Solved poses as bytes, between processes and in takes; versioned and checked, never pickle.
+
+The bytes of a scene pose begin with its first performer, with the notes of the whole scene in place of the performer's.
+"""
 
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...body.scene_pose import PerformerPose, PropPose
+from ...body.scene_pose import PerformerPose, PropPose, ScenePose
 from ...errors import CaptureError
 
 _MAGIC = b"PFPF"
-_VERSION, _WITH_PROPS, _WITH_OTHERS = 1, 2, 3  # one without other targets is of version 1, as ever
+_ONE_PERFORMER, _WITH_PROPS, _SEVERAL_PERFORMERS = 1, 2, 3  # the lowest that holds a pose, for older readers
 # magic, version, joints, markers, note bytes, number, time, confidence, RMS, neighbours, dimensions
 _HEADER = struct.Struct("<4sHHHHqdddii")
 _PROPS = struct.Struct("<H")  # how many
 _PROP = struct.Struct("<7ddi")  # rotation, position, RMS, markers seen
 _LENGTH = struct.Struct("<I")  # bytes of the props, or of a further performer's pose
-_SOLVED_HEAD = struct.Struct("<ddI")  # stamp, seconds in the solver, frames waiting
+_TIMED_HEADER = struct.Struct("<ddI")  # stamp, seconds in the solver, frames waiting
 
 
 @dataclass(frozen=True)
 class TimedPose:
-    """A pose as it leaves the solver.
+    """Pose as it leaves the solver.
 
     Args:
         pose: of one marker frame.
         stamp_s: `time.perf_counter()` when the frame's images were in hand.
-        solve_s: time that `Session.step` took.
+        solve_s: time in the solver.
         waiting: marker frames that had arrived by then and were not solved.
     """
 
-    pose: PerformerPose
+    pose: ScenePose
     stamp_s: float
     solve_s: float = 0.0
     waiting: int = 0
 
 
-def pack_solved(solved: TimedPose) -> bytes:
+def pack_solved(timed: TimedPose) -> bytes:
     """Return a solved pose as bytes."""
-    return _SOLVED_HEAD.pack(solved.stamp_s, solved.solve_s, solved.waiting) + pack_pose(solved.pose)
+    return _TIMED_HEADER.pack(timed.stamp_s, timed.solve_s, timed.waiting) + pack_pose(timed.pose)
 
 
 def unpack_solved(data: bytes) -> TimedPose:
-    """Return the solved pose of `pack_solved`; CaptureError when the bytes are not one whole one of this version."""
-    if len(data) < _SOLVED_HEAD.size:
+    """Return the pose of `pack_solved`; CaptureError when the bytes are not one whole pose of this version."""
+    if len(data) < _TIMED_HEADER.size:
         raise CaptureError("a pose was cut off", where="worker")
-    stamp_s, solve_s, waiting = _SOLVED_HEAD.unpack_from(data)
-    return TimedPose(unpack_pose(data[_SOLVED_HEAD.size :]), stamp_s, solve_s, waiting)
+    stamp_s, solve_s, waiting = _TIMED_HEADER.unpack_from(data)
+    return TimedPose(unpack_pose(data[_TIMED_HEADER.size :]), stamp_s, solve_s, waiting)
 
 
-def pack_pose(pose: PerformerPose) -> bytes:
-    """Return the pose as bytes: little-endian header, arrays, notes, and further targets where the capture has any."""
+def pack_pose(pose: ScenePose) -> bytes:
+    """Return a pose as bytes: the first performer, then props and further performers if there are any."""
+    first, further = replace(pose.performers[0], notes=pose.notes), pose.performers[1:]
+    if further:
+        parts = [_pack_props(pose.props), *(_pack_performer(performer, _ONE_PERFORMER) for performer in further)]
+        return _pack_performer(first, _SEVERAL_PERFORMERS) + b"".join(_LENGTH.pack(len(part)) + part for part in parts)
+    if pose.props:
+        return _pack_performer(first, _WITH_PROPS) + _pack_props(pose.props)
+    return _pack_performer(first, _ONE_PERFORMER)
+
+
+def unpack_pose(data: bytes) -> ScenePose:
+    """Return the pose of `pack_pose`; CaptureError when the bytes are not one whole pose of this version."""
+    version, first, rest = _unpack_performer(data)
+    try:
+        if version == _SEVERAL_PERFORMERS:
+            props, *further = _split(rest)
+            if not further:
+                raise struct.error("no further performer")
+            performers = (first, *map(_only_performer, further))
+            return ScenePose(performers, _unpack_props(props), first.notes)
+        if version == _WITH_PROPS:
+            return ScenePose((first,), _unpack_props(rest), first.notes)
+        if rest:
+            raise struct.error("another length")
+        return ScenePose((first,), (), first.notes)
+    except (struct.error, ValueError) as error:
+        raise CaptureError("a pose was cut off", where=f"frame {first.number}") from error
+
+
+def _pack_performer(pose: PerformerPose, version: int) -> bytes:
     notes = "\n".join(pose.notes).encode("utf-8")
     header = _HEADER.pack(
         _MAGIC,
-        _WITH_OTHERS if pose.others else _WITH_PROPS if pose.props else _VERSION,
+        version,
         len(pose.rotations),
         len(pose.markers_m),
         len(notes),
@@ -67,72 +99,28 @@ def pack_pose(pose: PerformerPose) -> bytes:
     )
     arrays = (pose.rotations, pose.root_position_m, pose.markers_m, pose.observed_m)
     floats = np.concatenate([np.ravel(array) for array in arrays])
-    packed = header + floats.astype("<f8").tobytes() + pose.single_cameras.astype("<i8").tobytes() + notes
-    if pose.others:
-        return packed + b"".join(_sized(part) for part in (_pack_props(pose.props), *map(pack_pose, pose.others)))
-    return packed + _pack_props(pose.props) if pose.props else packed
+    return header + floats.astype("<f8").tobytes() + pose.single_cameras.astype("<i8").tobytes() + notes
 
 
-def _pack_props(props: Sequence[PropPose]) -> bytes:
-    rows = [_PROP.pack(*prop.rotation, *prop.position_m, prop.rms_m, prop.seen) for prop in props]
-    return _PROPS.pack(len(props)) + b"".join(rows)
-
-
-def _unpack_props(data: bytes) -> tuple[PropPose, ...]:
-    """Return the props of `_pack_props`; struct.error when the bytes are not they."""
-    (count,) = _PROPS.unpack_from(data)
-    if len(data) != _PROPS.size + count * _PROP.size:
-        raise struct.error("another length")
-    rows = (np.array(row) for row in _PROP.iter_unpack(data[_PROPS.size :]))
-    return tuple(PropPose(row[:4], row[4:7], float(row[7]), int(row[8])) for row in rows)
-
-
-def _sized(part: bytes) -> bytes:
-    return _LENGTH.pack(len(part)) + part
-
-
-def _unpack_targets(version: int, data: bytes) -> tuple[tuple[PropPose, ...], tuple[PerformerPose, ...]]:
-    """Return props and further performers of a pose; struct.error when the bytes are not they."""
-    if version == _VERSION and data:
-        raise struct.error("another length")
-    if version != _WITH_OTHERS:
-        return _unpack_props(data) if version == _WITH_PROPS else (), ()
-    parts, position = [], 0
-    while position < len(data):
-        (length,) = _LENGTH.unpack_from(data, position)
-        position += _LENGTH.size
-        if position + length > len(data):
-            raise struct.error("cut off")
-        parts.append(data[position : position + length])
-        position += length
-    if len(parts) < 2:
-        raise struct.error("no further performer")
-    return _unpack_props(parts[0]), tuple(unpack_pose(part) for part in parts[1:])
-
-
-def unpack_pose(data: bytes) -> PerformerPose:
-    """Return the pose of `pack_pose`; CaptureError when the bytes are not one whole pose of this version."""
+def _unpack_performer(data: bytes) -> tuple[int, PerformerPose, bytes]:
+    """Return version, pose, and the bytes behind it."""
     if len(data) < _HEADER.size:
         raise CaptureError("a pose was cut off", where="worker")
     magic, version, joints, markers, note_bytes, number, time_s, confidence, rms, neighbours, dimensions = (
         _HEADER.unpack_from(data)
     )
-    if magic != _MAGIC or version not in (_VERSION, _WITH_PROPS, _WITH_OTHERS):
+    if magic != _MAGIC or version not in (_ONE_PERFORMER, _WITH_PROPS, _SEVERAL_PERFORMERS):
         raise CaptureError("the solver's process speaks another version", advice="restart Blender")
     floats = 4 * joints + 3 + 6 * markers
     notes_at = _HEADER.size + 8 * (floats + markers)
-    targets_at = notes_at + note_bytes
-    if len(data) < targets_at:
+    end = notes_at + note_bytes
+    if len(data) < end:
         raise CaptureError("a pose was cut off", where=f"frame {number}")
-    try:
-        props, others = _unpack_targets(version, data[targets_at:])
-    except struct.error as error:
-        raise CaptureError("a pose was cut off", where=f"frame {number}") from error
     values = np.frombuffer(data, dtype="<f8", count=floats, offset=_HEADER.size)
     single_cameras = np.frombuffer(data, dtype="<i8", count=markers, offset=_HEADER.size + 8 * floats)
     rotations, root, markers_m, observed_m = np.split(values, np.cumsum((4 * joints, 3, 3 * markers)))
-    notes = data[notes_at:targets_at].decode("utf-8")
-    return PerformerPose(
+    notes = data[notes_at:end].decode("utf-8")
+    pose = PerformerPose(
         number=number,
         time_s=time_s,
         rotations=rotations.reshape(joints, 4),
@@ -145,6 +133,40 @@ def unpack_pose(data: bytes) -> PerformerPose:
         neighbours=neighbours,
         dimensions=dimensions,
         notes=tuple(notes.split("\n")) if notes else (),
-        props=props,
-        others=others,
     )
+    return version, pose, data[end:]
+
+
+def _only_performer(data: bytes) -> PerformerPose:
+    """Return the pose of a performer alone; struct.error when anything follows it."""
+    version, pose, rest = _unpack_performer(data)
+    if version != _ONE_PERFORMER or rest:
+        raise struct.error("another length")
+    return pose
+
+
+def _pack_props(props: Sequence[PropPose]) -> bytes:
+    rows = [_PROP.pack(*prop.rotation, *prop.position_m, prop.rms_m, prop.seen) for prop in props]
+    return _PROPS.pack(len(props)) + b"".join(rows)
+
+
+def _unpack_props(data: bytes) -> tuple[PropPose, ...]:
+    """Return the props of `_pack_props`; struct.error when the bytes do not hold them."""
+    (count,) = _PROPS.unpack_from(data)
+    if len(data) != _PROPS.size + count * _PROP.size:
+        raise struct.error("another length")
+    rows = (np.array(row) for row in _PROP.iter_unpack(data[_PROPS.size :]))
+    return tuple(PropPose(row[:4], row[4:7], float(row[7]), int(row[8])) for row in rows)
+
+
+def _split(data: bytes) -> list[bytes]:
+    """Return parts that have their length before them; struct.error when one is cut off."""
+    parts, position = [], 0
+    while position < len(data):
+        (length,) = _LENGTH.unpack_from(data, position)
+        position += _LENGTH.size
+        if position + length > len(data):
+            raise struct.error("cut off")
+        parts.append(data[position : position + length])
+        position += length
+    return parts

@@ -6,6 +6,7 @@ from functools import cached_property
 from pathlib import Path, PurePath
 from typing import Any, BinaryIO
 
+from ...body.scene_pose import PerformerPose, ScenePose
 from ...errors import CaptureError, TakeError
 from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_frame_codec import unpack_stamped
@@ -114,9 +115,13 @@ class TakeFile:
         return tuple(self._records(ChunkKind.POSES, unpack_solved))
 
     @property
-    def recorded_poses(self) -> tuple[TimedPose, ...]:
-        """Those of the poses that were asked for: without a countdown, or what came after an end by itself."""
-        return tuple(solved for solved in self.poses if self.is_recorded(solved.pose.number))
+    def recorded_poses(self) -> tuple[ScenePose, ...]:
+        """Poses of the recorded part: without a countdown and without frames after an automatic end."""
+        return tuple(solved.pose for solved in self.poses if self.is_recorded(solved.pose.number))
+
+    def recorded_poses_of(self, performer: int = 0) -> list[PerformerPose]:
+        """Return the poses of one performer, counted from 0, in the recorded part."""
+        return [pose.performers[performer] for pose in self.recorded_poses]
 
     def is_recorded(self, number: int) -> bool:
         """Return whether a frame was asked for, or belongs to the countdown or what came after the end."""
@@ -201,8 +206,9 @@ class TakeSummary:
         created: ISO 8601.
         notes: name, notes, rating.
         orphaned: whether the recording outlived Blender.
-        subject, marker_set, method, database: names of what it was solved with, "" for the default, or unknown.
-        performers: names of the further performers.
+        performers: names of the performers.
+        marker_set, method, database: names of what it was solved with, "" for the default, or unknown; the marker set
+            is the first performer's.
     """
 
     path: Path
@@ -212,11 +218,10 @@ class TakeSummary:
     created: str = ""
     notes: TakeNotes = field(default_factory=TakeNotes)
     orphaned: bool = False
-    subject: str = ""
+    performers: tuple[str, ...] = ()
     marker_set: str = ""
     method: str = ""
     database: str = ""
-    performers: tuple[str, ...] = ()
 
 
 def summarise(path: Path | str) -> TakeSummary:
@@ -273,10 +278,9 @@ def _listed(path: Path, file: BinaryIO, footer: Footer) -> TakeSummary:
 
 def _known(setup: TakeSetup) -> dict[str, Any]:
     """Return what a summary tells of a set-up; its tables are not looked into any further."""
-    worn = setup.subject.get("marker_set")
+    worn = setup.performers[0].get("marker_set")
     return {
         "created": setup.created,
-        "subject": str(setup.subject.get("name", "")),
         "marker_set": str(worn.get("name", "")) if isinstance(worn, Mapping) else "",
         "method": str(setup.settings.get("method", "")),
         "database": PurePath(str(setup.database.get("path", ""))).stem,

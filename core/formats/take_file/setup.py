@@ -1,4 +1,4 @@
-"""What is known when a take begins, and what its user says about it later."""
+"""Set-up of a take, known when it begins, and its user's notes, which may change later."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -22,67 +22,65 @@ class TakeSetup:
 
     Args:
         rig: tables of the calibration, as in its file; empty for markers that were imported without cameras.
-        subject: tables of the subject and its marker set, as in its file.
+        performers: tables of each performer's subject and marker set, as in its file; at least one.
         settings: of the solver, those that differ from its defaults.
         database: "path", "frames", "fps" and "sha256" (of its header) of the motion database.
         capture: how the images came and became marker frames, as the capture was asked for.
-        props: tables of the props that are followed as well, as in their files.
-        performers: likewise of the further performers (subject and marker set).
+        props: tables of the props, as in their files.
         created: when the take began, ISO 8601 with the time zone.
         software: program and version that recorded it.
     """
 
     rig: Mapping[str, Any]
-    subject: Mapping[str, Any]
+    performers: tuple[Mapping[str, Any], ...]
     settings: Mapping[str, Any] = field(default_factory=dict)
     database: Mapping[str, Any] = field(default_factory=dict)
     capture: Mapping[str, Any] = field(default_factory=dict)
-    props: Sequence[Mapping[str, Any]] = ()
-    performers: Sequence[Mapping[str, Any]] = ()
+    props: tuple[Mapping[str, Any], ...] = ()
     created: str = ""
     software: str = ""
 
     @staticmethod
     def of(
         rig: CameraRig | None,
-        subject: Subject,
+        performers: Sequence[Subject],
         settings: Mapping[str, Any],
         database: Mapping[str, Any],
         capture: Mapping[str, Any],
         props: Sequence[Prop] = (),
-        performers: Sequence[Subject] = (),
     ) -> "TakeSetup":
         """Return the set-up of a take that begins now."""
-        created = datetime.now(UTC).astimezone().isoformat(timespec="seconds")
-        cameras = rig_tables(rig) if rig is not None else {}
         made = TakeSetup(
-            rig=cameras,
-            subject=subject_tables(subject),
+            rig=rig_tables(rig) if rig is not None else {},
+            performers=tuple(subject_tables(subject) for subject in performers),
             settings=settings,
             database=database,
             capture=capture,
-            props=[prop_tables(prop) for prop in props],
-            performers=[subject_tables(performer) for performer in performers],
-            created=created,
+            props=tuple(prop_tables(prop) for prop in props),
+            created=datetime.now(UTC).astimezone().isoformat(timespec="seconds"),
             software=f"perfanim {__version__}",
         )
-        return TakeSetup.from_json(made.to_json(), "")  # what a reader will see, to the last digit
+        return TakeSetup.from_json(made.to_json(), "")  # as a reader will see it, to the last digit
 
     def to_json(self) -> bytes:
-        """Return the set-up as JSON."""
-        return json.dumps(asdict(self), default=_plain).encode("utf-8")
+        """Return the set-up as JSON; the first performer is its "subject", the further ones its "performers"."""
+        tables = asdict(self)
+        subject, *further = tables.pop("performers")
+        facts = {"rig": tables.pop("rig"), "subject": subject, **tables, "performers": further}
+        return json.dumps(facts, default=_plain).encode("utf-8")
 
     @staticmethod
     def from_json(data: bytes, where: str) -> "TakeSetup":
-        """Return the set-up of `to_json`; TakeError when it lacks a part. Parts of later versions are passed over."""
+        """Return the set-up of `to_json`; TakeError when it lacks a part. Parts of later versions are ignored."""
         facts = json_object(data, where)
         try:
-            parts = {name: dict(facts[name]) for name in ("rig", "subject", "settings", "database", "capture")}
-            props, performers = (tuple(dict(t) for t in facts.get(name, ())) for name in ("props", "performers"))
+            parts = {name: dict(facts[name]) for name in ("rig", "settings", "database", "capture")}
+            performers = tuple(dict(table) for table in (facts["subject"], *facts.get("performers", ())))
+            props = tuple(dict(table) for table in facts.get("props", ()))
         except (KeyError, TypeError, ValueError) as error:
             raise TakeError(f"has an incomplete set-up ({error})", where=where) from error
         created, software = str(facts.get("created", "")), str(facts.get("software", ""))
-        return TakeSetup(**parts, props=props, performers=performers, created=created, software=software)
+        return TakeSetup(**parts, performers=performers, props=props, created=created, software=software)
 
     def camera_rig(self) -> CameraRig | None:
         """Return the cameras, None for imported markers without any; TakeError when the tables are damaged."""
@@ -90,17 +88,12 @@ class TakeSetup:
             return None
         return _made("calibration", lambda: rig_from(self.rig, "calibration of the take"))
 
-    def worn_subject(self) -> Subject:
-        """Return the performer with the markers; TakeError when the tables are damaged."""
-        return _made("subject", lambda: subject_from(self.subject, "subject of the take"))
-
-    def further_subjects(self) -> tuple[Subject, ...]:
-        """Return the further performers with their markers; TakeError when the tables are damaged."""
-        where = "further performer of the take"
-        return _made("further performer", lambda: tuple(subject_from(table, where) for table in self.performers))
+    def subjects(self) -> tuple[Subject, ...]:
+        """Return the performers with their markers; TakeError when the tables are damaged."""
+        return _made("subject", lambda: tuple(subject_from(table, "subject of the take") for table in self.performers))
 
     def carried_props(self) -> tuple[Prop, ...]:
-        """Return the props that are followed as well; TakeError or PropError when the tables are damaged."""
+        """Return the props; TakeError or PropError when the tables are damaged."""
         return _made("prop", lambda: tuple(prop_from(table, "prop of the take") for table in self.props))
 
 

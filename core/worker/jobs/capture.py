@@ -36,7 +36,7 @@ from .capture_loop import CaptureLoop
 from .capture_stages import FrameRecorder, PoseOutput
 
 if TYPE_CHECKING:
-    from ...session.multi_target_session import Stepper
+    from ...session.multi_target_session import MultiTargetSession
 
 _NICENESS = 14
 _FRAMES_AHEAD = 2  # of the solver, for sources that can wait
@@ -98,9 +98,9 @@ def _setup(
         settings = SolveSettings(**given)
     except TypeError as error:
         raise SettingsError(str(error), where="solver") from error
-    subject, props = load_subject(request["subject"]), [load_prop(str(path)) for path in request.get("props", ())]
-    performers = [load_subject(str(path)) for path in request.get("performers", ())]
-    return TakeSetup.of(_rig(cameras), subject, given, identity(database), cameras, props, performers), settings
+    performers = [load_subject(str(path)) for path in (request["subject"], *request.get("performers", ()))]
+    props = [load_prop(str(path)) for path in request.get("props", ())]
+    return TakeSetup.of(_rig(cameras), performers, given, identity(database), cameras, props), settings
 
 
 def _rig(cameras: Mapping[str, Any]) -> CameraRig | None:
@@ -109,26 +109,24 @@ def _rig(cameras: Mapping[str, Any]) -> CameraRig | None:
     return load_rig(str(cameras["rig"])) if cameras.get("rig") else default_rig()
 
 
-def _session(setup: TakeSetup, database: Database, settings: SolveSettings) -> "Stepper":
-    from ...session.multi_target_session import followed
-    from ...session.session import Session
+def _session(setup: TakeSetup, database: Database, settings: SolveSettings) -> "MultiTargetSession":
+    from ...session.capture_setup import CaptureSetup
 
-    subjects, rig = (setup.worn_subject(), *setup.further_subjects()), setup.camera_rig()
-    return followed([Session(subject, database, rig, settings) for subject in subjects], setup.carried_props())
+    return CaptureSetup.from_tables(setup, database, settings).make_session()
 
 
 def _output(request: Mapping[str, Any], setup: TakeSetup, cameras: Mapping[str, Any], channel: Channel) -> PoseOutput:
     """Return the output to Blender, and by VMC if the request names a program."""
     floor_m = floor_of(setup.camera_rig()) if cameras.get("rig") else 0.0  # the simulated performer's is known
-    skeleton, shape = setup.worn_subject().skeleton, FilterSettings.of_table(request.get("shape", {}))
-    shaper = PoseFilter(skeleton, floor_m, shape, [subject.skeleton for subject in setup.further_subjects()])
+    skeletons = [subject.skeleton for subject in setup.subjects()]
+    shaper = PoseFilter(skeletons, floor_m, FilterSettings.of_table(request.get("shape", {})))
     ahead = _POSES_AHEAD if is_simulated(cameras) else None
     if not request.get("vmc"):
         return PoseOutput(shaper, channel, ahead)
     from ..vmc_output import VmcSender  # a capture that sends nothing does not load it
 
     host, port = request["vmc"]
-    return PoseOutput(shaper, channel, ahead, VmcSender(skeleton, str(host), int(port), channel.send_warning))
+    return PoseOutput(shaper, channel, ahead, VmcSender(skeletons[0], str(host), int(port), channel.send_warning))
 
 
 def _open_take(request: Mapping[str, Any], setup: TakeSetup, channel: Channel) -> TakeWriter | None:

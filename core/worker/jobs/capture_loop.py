@@ -20,7 +20,7 @@ from ..supervised_client import SupervisedClient
 from .capture_stages import CameraReport, FrameRecorder, PoseOutput
 
 if TYPE_CHECKING:
-    from ...session.multi_target_session import Stepper
+    from ...session.multi_target_session import MultiTargetSession
 
 STOP_LIMIT_S = 5.0
 DISCONNECTED_LIMIT_S = 1.0  # the same when Blender is gone: the process has three seconds then, see `channel`
@@ -44,7 +44,7 @@ class CaptureLoop:
         self,
         client: WorkerClient,
         recorder: FrameRecorder,
-        session: "Stepper",
+        session: "MultiTargetSession",
         output: PoseOutput,
         channel: Channel,
         take: TakeWriter | None,
@@ -138,12 +138,13 @@ class CaptureLoop:
         if rig is None or pose is None or pose.confidence == 0.0:
             return pictures
         seen = np.isfinite(pose.observed_m[:, 0]) | (pose.single_cameras >= 0)
-        return draw_labels(self._session.subject.marker_set.names, pose.markers_m, seen, rig, pictures)
+        return draw_labels(self._session.subjects[0].marker_set.names, pose.markers_m, seen, rig, pictures)
 
     def _solve(self, stamp_s: float, frame: MarkerFrame) -> None:
         started_s = time.perf_counter()
-        self._pose = self._session.step(frame)
-        solved = TimedPose(self._pose, stamp_s, time.perf_counter() - started_s, len(self._frames))
+        pose = self._session.step(frame)
+        self._pose = pose.performers[0]
+        solved = TimedPose(pose, stamp_s, time.perf_counter() - started_s, len(self._frames))
         record = None
         if self._take is not None:
             record = pack_solved(solved)

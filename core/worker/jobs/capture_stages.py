@@ -112,7 +112,7 @@ class PoseOutput:
         """
         settings = self._channel.take_filter_settings()
         if settings is not None:
-            self._filter.tune(FilterSettings.of_table(settings))
+            self._filter.set_settings(FilterSettings.of_table(settings))
         pose = self._filter.step(solved.pose)
         if self._vmc is not None:
             self._vmc.send(pose)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from perfanim.core.body.scene_pose import PerformerPose
+from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.errors import CaptureError
 from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_solved
 from perfanim.core.worker.protocol import Decoder, Message, MessageKind, encode, encode_json, encode_preview
@@ -67,7 +67,9 @@ class PlayedWorker:
 def poses(numbers: Sequence[int], stamp: float = 100.0, waiting: int = 0) -> list[bytes]:
     none, nowhere = np.empty(0, dtype=np.int64), np.empty((0, 3))
     made = [PerformerPose(n, n / 60, np.zeros((29, 4)), np.zeros(3), 0.5, nowhere, nowhere, none, 0.0) for n in numbers]
-    return [encode(MessageKind.POSE, pack_solved(TimedPose(pose, stamp, 0.004, waiting))) for pose in made]
+    return [
+        encode(MessageKind.POSE, pack_solved(TimedPose(ScenePose((pose,)), stamp, 0.004, waiting))) for pose in made
+    ]
 
 
 def test_a_standing_warning_is_shown_until_it_is_taken_back() -> None:

@@ -53,7 +53,7 @@ def test_the_defaults_capture_a_new_character_into_one_action(part: Any) -> None
     assert take.complete
     assert len(take.frames) == len(take.poses) == len(poses)
     for kept, pose in zip(take.poses, poses, strict=True):
-        np.testing.assert_array_equal(kept.pose.rotations, pose.rotations)
+        np.testing.assert_array_equal(kept.pose.performers[0].rotations, pose.performers[0].rotations)
     assert len(bpy.data.actions) == 1
     times = key_times(curves_of(character))
     seconds = np.array([pose.time_s for pose in poses])
@@ -66,7 +66,7 @@ def test_the_defaults_capture_a_new_character_into_one_action(part: Any) -> None
 
 def check_drawn_over(character: Any, drawn: Any) -> None:
     """The skeleton lies on the bones of a character of the performer's own proportions."""
-    pose, skeleton = drawn.pose, drawn.scene.performers[0][0]
+    (pose,), skeleton = drawn.pose.performers, drawn.scene.performers[0][0]
     places = drawn.scene.placed(forward_kinematics(skeleton, pose.rotations, pose.root_position_m)[0])
     bpy.context.view_layer.update()
     heads = [character.matrix_world @ character.pose.bones[name].head for name in skeleton.names]
@@ -116,7 +116,11 @@ def play_worker(part: Any, monkeypatch: pytest.MonkeyPatch, skeleton: Any, rotat
     """Let a capture get a pose of these (F, J, 4) at each tick, numbered from 5 on, 60 a second; return its run."""
     root = np.array([0.0, 1.0, 0.0])
     solved = [
-        SimpleNamespace(number=n + 5, time_s=n / 60, rotations=turns, root_position_m=root)
+        SimpleNamespace(
+            number=n + 5,
+            time_s=n / 60,
+            performers=(SimpleNamespace(time_s=n / 60, rotations=turns, root_position_m=root),),
+        )
         for n, turns in enumerate(rotations)
     ]
     run = SimpleNamespace(poses=[], standing="", activity="", take_preview=lambda: None)

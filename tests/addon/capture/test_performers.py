@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 import pytest
 from clicked import run_job
-from perfanim.core.body.scene_pose import PerformerPose
+from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.formats.motion.bvh import read_bvh
@@ -55,23 +55,20 @@ def turned(skeleton: Any, number: int, heading_deg: float) -> np.ndarray:
     return result
 
 
-def pose_of(
-    number: int, rotations: np.ndarray, root_m: tuple[float, ...], sure: float, *others: PerformerPose
-) -> PerformerPose:
+def pose_of(number: int, rotations: np.ndarray, root_m: tuple[float, ...], sure: float) -> PerformerPose:
     none = np.full((9, 3), np.nan)
     single = np.full(9, -1)
-    return PerformerPose(
-        number, number / 60, rotations, np.array(root_m), sure, none, none, single, np.nan, others=tuple(others)
-    )
+    return PerformerPose(number, number / 60, rotations, np.array(root_m), sure, none, none, single, np.nan)
 
 
-def moments(count: int) -> list[PerformerPose]:
+def moments(count: int) -> list[ScenePose]:
     """Poses of two who walk about, 60 a second; nothing is known of the second until the fifth."""
     found = []
     for n in range(count):
         place = (1.2 + 0.004 * n, 0.85, 0.1 + 0.01 * n)
         other = pose_of(n, turned(SECOND, n, 30.0 - n), place, 0.9 if n >= SEEN else 0.0)
-        found.append(pose_of(n, turned(FIRST, n, n), (-0.6, 0.93, 0.005 * n), 0.9, other))
+        first = pose_of(n, turned(FIRST, n, n), (-0.6, 0.93, 0.005 * n), 0.9)
+        found.append(ScenePose((first, other)))
     return found
 
 
@@ -157,7 +154,7 @@ def test_a_new_character_stands_beside_the_first_as_the_performers_do(part: Any,
     go_on(capture, 10)
     newest, second = poses[len(capture.run.poses) - 1], ben.armature
     assert second.name == "Ben" and character.name == "Performer"
-    for armature, pose in ((character, newest), (second, newest.others[0])):
+    for armature, pose in zip((character, second), newest.performers, strict=True):
         place, _ = in_scene(armature)
         np.testing.assert_allclose(place - np.array(character.location), to_blender(pose.root_position_m), atol=EXACT_M)
     bpy.context.scene.frame_set(5)  # the timeline is free
@@ -167,7 +164,7 @@ def test_a_new_character_stands_beside_the_first_as_the_performers_do(part: Any,
     times = key_times(curves_of(second))
     np.testing.assert_allclose(times, np.arange(1.0 + SEEN, 14.0), atol=1e-3)
     rotations, roots = played_poses(second.name, times, SECOND)
-    kept = [pose.others[0] for pose in poses[SEEN:13]]
+    kept = [pose.performers[1] for pose in poses[SEEN:13]]
     np.testing.assert_allclose(roots, [pose.root_position_m for pose in kept], atol=EXACT_M)
     apart = np.abs(np.sum(rotations * np.array([pose.rotations for pose in kept]), axis=-1))
     np.testing.assert_allclose(apart, 1.0, atol=1e-6)
@@ -189,12 +186,12 @@ def test_a_character_that_is_chosen_is_carried_into_the_room(part: Any, play: An
     capture = play(poses)
     go_on(capture, 2 + SEEN)
     place, axes = in_scene(ben.armature)
-    first = poses[SEEN].others[0]
+    first = poses[SEEN].performers[1]
     wanted = room[:3, :3] @ to_blender(first.root_position_m) + room[:3, 3]
     # the floor is where the lowest joint is
     np.testing.assert_allclose(place[:2], wanted[:2], atol=EXACT_M)
     go_on(capture, 10)
-    way = to_blender(poses[len(capture.run.poses) - 1].others[0].root_position_m - first.root_position_m)
+    way = to_blender(poses[len(capture.run.poses) - 1].performers[1].root_position_m - first.root_position_m)
     later, _ = in_scene(ben.armature)
     np.testing.assert_allclose(later - place, 2.0 * room[:3, :3] @ way, atol=2 * EXACT_M)
     assert ben.armature.matrix_world == before  # the bones carry it
@@ -299,7 +296,7 @@ def taken(part: Any, name: str) -> Path:
     """A take of the two, 20 frames."""
     anna = Subject("Anna", FIRST, load_marker_set("boxing"))
     database = {"path": "C:/data/walks.perfdb"}
-    setup = TakeSetup.of(default_rig(), anna, {"method": "lwr"}, database, {}, performers=SUBJECTS)
+    setup = TakeSetup.of(default_rig(), (anna, *SUBJECTS), {"method": "lwr"}, database, {})
     poses = moments(20)
     frames = [(0.0, MarkerFrame(pose.number, pose.time_s)) for pose in poses]
     path = part("take_library").folder() / f"{name}.perftake"
@@ -326,8 +323,8 @@ def test_a_take_is_put_on_the_characters_that_are_meant(part: Any, shown: Any, b
     character = bpy.context.scene.perfanim.armature
     bpy.context.scene.frame_set(25)
     apart = in_scene(meant)[0] - in_scene(character)[0]
-    pose = moments(20)[14]
-    np.testing.assert_allclose(apart, to_blender(pose.others[0].root_position_m - pose.root_position_m), atol=EXACT_M)
+    pose, other = moments(20)[14].performers
+    np.testing.assert_allclose(apart, to_blender(other.root_position_m - pose.root_position_m), atol=EXACT_M)
     # where none is of that name, the first in the list; where there is none at all, a new character
     entries["Ben"].subject = "gone.toml"
     bpy.ops.perfanim.play_take(path=str(path))
@@ -396,10 +393,10 @@ def test_two_before_the_cameras_live_and_solved_again(part: Any, shown: Any, tmp
             assert np.linalg.norm(place - to_blender(true)) < PLACE_M
     take = read_take_file(part("take_library").listed()[0].path)
     for solved, pose in zip(take.poses, poses, strict=True):
-        np.testing.assert_array_equal(solved.pose.others[0].rotations, pose.others[0].rotations)
+        np.testing.assert_array_equal(solved.pose.performers[1].rotations, pose.performers[1].rotations)
     chosen = {"database": "CHOSEN", "performer": "RECORDED", "cameras": "RECORDED", "put_on": True}
     operator = part("operators.takes").PERFANIM_OT_solve_take
     text = run_job(part, operator, SimpleNamespace(path=str(take.path), method="nearest", **chosen))
     name = f"{take.notes.name} (nearest)"
     assert text.startswith(f"{len(poses)} frames in {name}, {name} Performer 2 on ")
-    assert part("take_library").listed()[0].performers == ("Performer 2",)
+    assert part("take_library").listed()[0].performers[1:] == ("Performer 2",)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from perfanim.core.body.scene_pose import PerformerPose
+from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.perfanim_addon.capture.recording import Cue, Recording
 
 
@@ -15,10 +15,11 @@ class Clock:
         return self.now
 
 
-def poses(count: int) -> list[PerformerPose]:
+def poses(count: int) -> list[ScenePose]:
     nowhere, none = np.empty((0, 3)), np.empty(0, dtype=np.int64)
     return [
-        PerformerPose(n, n / 60, np.zeros((29, 4)), np.zeros(3), 0.5, nowhere, nowhere, none, 0.0) for n in range(count)
+        ScenePose((PerformerPose(n, n / 60, np.zeros((29, 4)), np.zeros(3), 0.5, nowhere, nowhere, none, 0.0),))
+        for n in range(count)
     ]
 
 

@@ -1,6 +1,5 @@
 """Further targets: objects that follow props, live and from takes, in the hand of the character."""
 
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -9,6 +8,7 @@ import bpy
 import numpy as np
 from clicked import run_job
 from mathutils import Matrix, Quaternion, Vector
+from perfanim.core.body.scene_pose import PropPose
 from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.markers.marker_take import MarkerTake, save_take
@@ -150,15 +150,14 @@ def test_an_objects_own_action_is_given_back_when_nothing_is_kept(part: Any, sho
     cube.animation_data_create().action = old = bpy.data.actions.new("Old")
     room = part("capture.capture_space").CaptureSpace(armature, part("character.posing").plan_for(armature, skeleton))
     following = driver.TargetDriver(bpy.context, [prop])
-    pose = sys.modules[driver.__name__.replace("perfanim_addon.capture.prop_driver", "core.body.scene_pose")].PropPose
-    following.apply(bpy.context, [pose(np.array([1.0, 0, 0, 0]), np.zeros(3))], room)
+    following.apply(bpy.context, [PropPose(np.array([1.0, 0, 0, 0]), np.zeros(3))], room)
     assert cube.animation_data.action is old  # not seen yet: it is left alone
-    following.apply(bpy.context, [pose(np.array([1.0, 0, 0, 0]), np.array([0.0, 1.0, 0.5]), 0.001, 5)], room)
+    following.apply(bpy.context, [PropPose(np.array([1.0, 0, 0, 0]), np.array([0.0, 1.0, 0.5]), 0.001, 5)], room)
     assert cube.animation_data.action is None
     assert (cube.location - armature.location - Vector((0.0, -0.5, 1.0))).length < 1e-5
     following.restore()
     assert cube.animation_data.action is old
     bpy.data.objects.remove(cube)
     following.apply(
-        bpy.context, [pose(np.array([1.0, 0, 0, 0]), np.zeros(3), 0.001, 5)], room
+        bpy.context, [PropPose(np.array([1.0, 0, 0, 0]), np.zeros(3), 0.001, 5)], room
     )  # deleted meanwhile: no error

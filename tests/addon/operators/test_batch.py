@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 import pytest
 from perfanim.core.body.motion import resampled, sliced
-from perfanim.core.body.scene_pose import PerformerPose
+from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.cli.main import main
 from perfanim.core.formats.markers.marker_files import write_take
 from perfanim.core.formats.motion.bvh import read_bvh, write_bvh
@@ -105,9 +105,9 @@ def test_own_takes_are_solved_for_who_was_recorded(part: Any, folder: Path, tmp_
     pose = PerformerPose(
         0, 0.0, motion.rotations[0], motion.root_positions_m[0], 0.9, nowhere, nowhere, np.full(8, -1), 0.0
     )
-    setup = TakeSetup.of(default_rig(), subject, {}, {"path": "x"}, {})
+    setup = TakeSetup.of(default_rig(), (subject,), {}, {"path": "x"}, {})
     own = part("take_library").folder() / "ben.perftake"
-    write_whole_take(own, setup, TakeNotes("ben"), [], [TimedPose(pose, 0.0)])
+    write_whole_take(own, setup, TakeNotes("ben"), [], [TimedPose(ScenePose((pose,)), 0.0)])
     chosen = bpy.context.scene.perfanim_batch
     chosen.out = str(tmp_path / "out")  # no folder of takes: those of the list
     bpy.context.scene.perfanim.subject = ""

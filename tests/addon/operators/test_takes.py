@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from clicked import run_job
 from perfanim.core.body.motion import resampled, sliced
-from perfanim.core.body.scene_pose import PerformerPose
+from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.cli.main import main
 from perfanim.core.formats.markers.marker_files import write_take
@@ -69,10 +69,12 @@ def recorded(part: Any, walk: SimpleNamespace, name: str, **notes: Any) -> Path:
         PerformerPose(number, number / 30.0, rotations, root, 0.9, none, none, np.full(8, -1), 0.0)
         for number, (rotations, root) in enumerate(zip(*motion, strict=True))
     ]
-    setup = TakeSetup.of(default_rig(), walk.subject, {"method": "lwr"}, {"path": "C:/data/walks.perfdb"}, {})
+    setup = TakeSetup.of(default_rig(), (walk.subject,), {"method": "lwr"}, {"path": "C:/data/walks.perfdb"}, {})
     frames = [(0.0, MarkerFrame(pose.number, pose.time_s)) for pose in poses]
     path = part("take_library").folder() / f"{name}.perftake"
-    write_whole_take(path, setup, TakeNotes(name, **notes), frames, [TimedPose(pose, 0.0) for pose in poses])
+    write_whole_take(
+        path, setup, TakeNotes(name, **notes), frames, [TimedPose(ScenePose((pose,)), 0.0) for pose in poses]
+    )
     part("take_library").forget()
     return path
 

@@ -74,7 +74,7 @@ def test_trackers_move_the_character_and_a_sender_that_pauses_is_told(part: Any,
             paused = len(capture.run.poses)
             go_on(lambda: len(capture.run.poses) >= paused + 20, range(60, 180))
             armature = chosen.armature
-            pose = capture.run.poses[-1]
+            (pose,) = capture.run.poses[-1].performers
             bpy.context.view_layer.update()
             shown = {name: np.array(armature.pose.bones[name].head) for name in ("root", "lfoot", "rhand")}
             capture.stop()
@@ -83,7 +83,7 @@ def test_trackers_move_the_character_and_a_sender_that_pauses_is_told(part: Any,
         finally:
             capture.close()
     assert any("the trackers are back" in warning for warning in capture.run.warnings)
-    poses = capture.run.poses
+    poses = [pose.performers[0] for pose in capture.run.poses]
     assert len(poses) == len(sent)
     assert f"{len(poses)} frames recorded" in text
     joints, _ = forward_kinematics(truth.skeleton, truth.rotations[sent], truth.root_positions_m[sent])

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
-from perfanim.core.body.scene_pose import PerformerPose
+from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry import rotations as rot
@@ -40,7 +40,7 @@ def from_the_front(points_m: np.ndarray) -> np.ndarray:
 
 def drawn(parts: set[str], confidence: float = 1.0) -> Any:
     scene = overlay.Scene(((SKELETON, NAMES),), CAMERAS_M, lambda points_m: points_m)
-    return overlay.shapes_of(scene, pose(confidence), frozenset(parts), from_the_front, 1.0)
+    return overlay.shapes_of(scene, ScenePose((pose(confidence),)), frozenset(parts), from_the_front, 1.0)
 
 
 def reached(shapes: Any, place_m: np.ndarray, within_px: float) -> list[tuple[float, ...]]:
@@ -80,7 +80,7 @@ def test_all_performers_are_drawn() -> None:
         pose(0.0), root_position_m=ROOT_M + aside_m, markers_m=MARKERS_M + aside_m, observed_m=MARKERS_M + aside_m
     )
     scene = overlay.Scene(((SKELETON, NAMES), (SKELETON, ("A", "B", "C"))), CAMERAS_M, lambda points_m: points_m)
-    both = replace(pose(), others=(other,))
+    both = ScenePose((pose(), other))
     shapes, names = overlay.shapes_of(scene, both, frozenset({"MARKERS", "SKELETON"}), from_the_front, 1.0)
     assert [name for name, _ in names] == [*NAMES, "A", "B", "C"]
     assert reached(shapes, ROOT_M, 2.0) and reached(shapes, ROOT_M + aside_m, 2.0)
@@ -101,11 +101,11 @@ def test_what_is_behind_the_viewer_is_not_in_sight() -> None:
 
 def test_it_is_drawn_only_while_something_is_chosen(addon: ModuleType) -> None:
     scene = overlay.Scene(((SKELETON, NAMES),), CAMERAS_M, lambda points_m: points_m)
-    overlay.show(scene, pose(), frozenset())
+    overlay.show(scene, ScenePose((pose(),)), frozenset())
     assert overlay._state.handler is None
-    overlay.show(scene, pose(), frozenset({"MARKERS"}))
+    overlay.show(scene, ScenePose((pose(),)), frozenset({"MARKERS"}))
     assert overlay._state.handler is not None
-    overlay.show(scene, pose(), frozenset())
+    overlay.show(scene, ScenePose((pose(),)), frozenset())
     assert overlay._state == overlay._State(parts=frozenset({"MARKERS"}))
     assert bpy.context.scene.perfanim.overlay == set()
 

@@ -6,7 +6,7 @@ import socket
 import numpy as np
 import pytest
 from perfanim.core.body.motion import sliced
-from perfanim.core.body.scene_pose import PerformerPose
+from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.cli.main import build_parser, main
 from perfanim.core.database.store import identity
 from perfanim.core.formats.motion.bvh import write_bvh
@@ -50,14 +50,14 @@ def test_send_and_receive(tmp_path, truth, capsys):
 
 
 def test_a_recorded_take_is_sent_as_it_was_solved_live(tmp_path, truth, subject, database, stage_rig, capsys):
-    setup = TakeSetup.of(stage_rig, subject, {}, identity(database), {})
+    setup = TakeSetup.of(stage_rig, (subject,), {}, identity(database), {})
     nowhere, alone = np.full((len(subject.marker_set), 3), np.nan), np.full(len(subject.marker_set), -1)
     poses = [
         PerformerPose(n, n / 30, truth.rotations[n], truth.root_positions_m[n], 1.0, nowhere, nowhere, alone, np.nan)
         for n in range(8)
     ]
     path = tmp_path / "walk.perftake"
-    write_whole_take(path, setup, TakeNotes("Walk"), [], [TimedPose(pose, pose.time_s) for pose in poses])
+    write_whole_take(path, setup, TakeNotes("Walk"), [], [TimedPose(ScenePose((pose,)), pose.time_s) for pose in poses])
     with Receiver(0) as receiver:
         assert main(["vmc", "send", str(path), "--to", f"127.0.0.1:{receiver.port}", "--json"]) == 0
         assert json.loads(capsys.readouterr().out)["frames"] == 8

@@ -117,7 +117,7 @@ def test_real_suits_are_solved_to_bodies(shared_dir, database, file, name, match
     assert (match.marker_set.name, len(match.label_of)) == (name, matched)
     subject = Subject("average", default_skeleton(), match.marker_set)
     part = import_take(frames_of(take, frames), match.marker_set, "auto")
-    pose = solve_take(part, subject, database, SolveSettings(), lambda *_: None).poses[-1]
+    pose = solve_take(part, subject, database, SolveSettings(), lambda *_: None).poses_of()[-1]
     solved = dict(zip(match.marker_set.names, pose.markers_m, strict=True))
     seen = {n: p for n, p in zip(solved, pose.observed_m, strict=True) if np.isfinite(p[0])}
     pairs = [(n, "R" + n[1:]) for n in seen if n.startswith("L") and "R" + n[1:] in seen]

@@ -5,7 +5,7 @@ import pytest
 from perfanim.core.errors import PropError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.prop import load_prop
-from perfanim.core.session.multi_target_session import MultiTargetSession, followed
+from perfanim.core.session.multi_target_session import MultiTargetSession
 from perfanim.core.session.session import Session
 from perfanim.core.simulate.studio.carried_prop import in_hand
 from props import Film, markers_of
@@ -28,8 +28,9 @@ def test_neither_takes_what_is_the_others(subject, database, record, truth, true
         assert carried.seen == 5
         assert np.linalg.norm(carried.position_m - places[number]) < MARKER_M
         assert np.degrees(rot.angle_between(carried.rotation, turns[number])) < 5.0
-        seen = np.isfinite(pose.observed_m[:, 0])
-        assert np.linalg.norm(pose.observed_m - true_markers[number], axis=1)[seen].max() < MARKER_M
+        (body,) = pose.performers
+        seen = np.isfinite(body.observed_m[:, 0])
+        assert np.linalg.norm(body.observed_m - true_markers[number], axis=1)[seen].max() < MARKER_M
         assert number < 15 or seen.sum() == 8 - is_hidden
     assert "sword hidden" not in pose.notes
 
@@ -39,11 +40,15 @@ def test_a_prop_that_is_not_seen_is_told(subject, database, record, true_markers
     pose = ensemble.step(record(true_markers[0]))
     assert pose.notes == ("sword hidden",)
     assert not pose.props[0].found
-    assert ensemble.subject is subject
+    assert ensemble.subjects == (subject,)
 
 
-def test_without_props_the_session_is_as_it_was(subject, database):
-    session = Session(subject, database)
-    assert followed([session], ()) is session
+def test_without_props_the_pose_is_as_the_session_has_it(subject, database, record, true_markers):
+    alone, session = Session(subject, database), MultiTargetSession([Session(subject, database)])
+    for number in range(3):
+        pose, frame = session.step(record(true_markers[number], number)), record(true_markers[number], number)
+        expected = alone.step(frame)
+        np.testing.assert_array_equal(pose.performers[0].rotations, expected.rotations)
+        assert (len(pose.performers), pose.props, pose.notes) == (1, (), expected.notes)
     with pytest.raises(PropError, match="same name"):
-        followed([session], [load_prop("sword")] * 2)
+        MultiTargetSession([alone], [load_prop("sword")] * 2)

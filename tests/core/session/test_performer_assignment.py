@@ -30,7 +30,7 @@ def ensemble_of(subjects, database, rig, props=()):
 
 
 def everybody(pose):
-    return (pose, *pose.others)
+    return pose.performers
 
 
 def count_wrong(pose, truth):
@@ -59,15 +59,16 @@ def test_nobody_is_given_what_is_the_others(subject, database, record, pair, ima
         located += sum(seen for seen, _ in counts)
         assert [one.marker_rms_m < LABEL_M for one in everybody(pose)] == [True, True], number
     assert located > 0.9 * (16 - 2) * FRAMES
-    assert pose.others[0].number == pose.number
-    assert pose.others[0].others == pose.others[0].props == ()
+    assert {one.number for one in pose.performers} == {pose.number}
+    assert pose.props == ()
 
 
 def test_the_first_stands_on_the_left(subject, database, record, pair):
     ensemble = ensemble_of([subject, subject], database, None)
     right_first = np.concatenate((pair[1][0], pair[0][0]))
     pose = ensemble.step(record(right_first))
-    assert pose.root_position_m[0] < pose.others[0].root_position_m[0] - 0.5 * APART_M
+    left, right = pose.performers
+    assert left.root_position_m[0] < right.root_position_m[0] - 0.5 * APART_M
 
 
 def test_other_markers_tell_who_is_who(truth, database, record, true_markers, subject):
@@ -87,7 +88,8 @@ def test_other_markers_tell_who_is_who(truth, database, record, true_markers, su
         frame = record(np.concatenate((walker[0], markers[0])), number)
         pose = ensemble.step(replace(frame, time_s=0.25 * number))
     assert [one.confidence > 0.5 for one in everybody(pose)] == [True, True]
-    assert pose.root_position_m[0] > pose.others[0].root_position_m[0] + 0.5 * APART_M
+    right, left = pose.performers
+    assert right.root_position_m[0] > left.root_position_m[0] + 0.5 * APART_M
 
 
 def test_one_who_comes_later_is_found(subject, database, record, pair):
@@ -99,9 +101,9 @@ def test_one_who_comes_later_is_found(subject, database, record, pair):
         late = tuple((row, -1) for row in range(8, 16)) if number < 30 else ()
         pose = ensemble.step(replace(film(points, number, late), time_s=number / 15.0))
         counts = count_wrong(pose, [markers[number] for markers in pair])
-        assert number < 17 or pose.confidence > 0.0, number  # a second and a tenth have passed
-        assert number >= 15 or pose.confidence == 0.0, number
-        assert (pose.others[0].confidence > 0.0) == (number >= 30), number
+        assert number < 17 or pose.performers[0].confidence > 0.0, number  # a second and a tenth have passed
+        assert number >= 15 or pose.performers[0].confidence == 0.0, number
+        assert (pose.performers[1].confidence > 0.0) == (number >= 30), number
         assert number < 19 or counts[0] == (8, 0), number
         assert number < 32 or counts[1] == (8, 0), number
         assert (f"{subject.name}: waiting for the markers of the torso" in pose.notes) == (number < 30)
@@ -120,7 +122,7 @@ def test_a_hidden_marker_is_not_taken_from_the_other(subject, database, record, 
         points = np.concatenate((left[number], right[number]))
         pose = ensemble.step(film(points, number, ((hand[0], -1),) if is_hidden else ()))
         assert [wrong for _, wrong in count_wrong(pose, (left[number], right[number]))] == [0, 0], number
-        assert np.isnan(pose.observed_m[hand[0], 0]) or not is_hidden
+        assert np.isnan(pose.performers[0].observed_m[hand[0], 0]) or not is_hidden
         nearest = min(nearest, float(np.linalg.norm(left[number, hand[0]] - right[number, hand[1]])))
     assert nearest < 0.3  # they do come near
 
@@ -142,8 +144,8 @@ def test_props_and_performers_together(subject, database, record, truth, pair):
 def test_labels_that_a_source_knows_are_the_firsts(subject, database, record, true_markers):
     ensemble = ensemble_of([subject, subject], database, None)
     pose = ensemble.step(record(true_markers[0], labels=np.arange(8)))
-    assert np.isfinite(pose.observed_m).all()
-    assert pose.others[0].confidence == 0.0
+    assert np.isfinite(pose.performers[0].observed_m).all()
+    assert pose.performers[1].confidence == 0.0
 
 
 def test_one_camera_does_not_tell_two_apart(subject, database, stage_rig):

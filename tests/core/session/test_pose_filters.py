@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core.body.one_euro import PoseSmoother
-from perfanim.core.body.scene_pose import PerformerPose, PropPose
+from perfanim.core.body.scene_pose import PerformerPose, PropPose, ScenePose
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import SettingsError
 from perfanim.core.geometry import rotations as rot
@@ -62,44 +62,46 @@ def test_after_a_gap_it_begins_anew() -> None:
     np.testing.assert_array_equal(root, np.ones(3))
 
 
-def a_pose(number: int) -> PerformerPose:
+def a_pose(number: int) -> ScenePose:
     angle = 0.05 * (number % 2)
     nowhere, none = np.empty((0, 3)), np.empty(0, dtype=np.int64)
     turns = rot.from_rotation_vector(np.tile([angle, 0.0, 0.0], (JOINTS, 1)))
-    return PerformerPose(number, number / FPS, turns, np.zeros(3), 0.5, nowhere, nowhere, none, 0.0)
+    return ScenePose((PerformerPose(number, number / FPS, turns, np.zeros(3), 0.5, nowhere, nowhere, none, 0.0),))
 
 
 def test_nothing_is_touched_until_something_is_asked_for() -> None:
-    shaper = PoseFilter(default_skeleton(), 0.0, FilterSettings())
+    shaper = PoseFilter([default_skeleton()], 0.0, FilterSettings())
     assert all(shaper.step(pose) is pose for pose in map(a_pose, range(5)))
-    shaper.tune(FilterSettings.of_table({"smoothing_s": 0.05}))
+    shaper.set_settings(FilterSettings.of_table({"smoothing_s": 0.05}))
     shown = [shaper.step(a_pose(number)) for number in range(5, 30)]
     raw = [a_pose(number) for number in range(5, 30)]
-    swings = [np.ptp([rot.to_rotation_vector(pose.rotations)[-1, 0] for pose in poses[5:]]) for poses in (shown, raw)]
+    swings = [
+        np.ptp([rot.to_rotation_vector(pose.performers[0].rotations)[-1, 0] for pose in poses[5:]])
+        for poses in (shown, raw)
+    ]
     assert swings[0] < 0.7 * swings[1]
     assert [pose.number for pose in shown] == [pose.number for pose in raw]
-    shaper.tune(FilterSettings())
+    shaper.set_settings(FilterSettings())
     pose = a_pose(30)
     assert shaper.step(pose) is pose
     skeleton, smooth = default_skeleton(), FilterSettings(smoothing_s=0.05)
-    again = [shaper.step(a_pose(number)) for shaper in [PoseFilter(skeleton, 0.0, smooth)] for number in range(9)]
-    for mine, other in zip(filter_poses(list(map(a_pose, range(9))), skeleton, 0.0, smooth), again, strict=True):
-        np.testing.assert_array_equal(mine.rotations, other.rotations)
+    again = [shaper.step(a_pose(number)) for shaper in [PoseFilter([skeleton], 0.0, smooth)] for number in range(9)]
+    for mine, other in zip(filter_poses(list(map(a_pose, range(9))), [skeleton], 0.0, smooth), again, strict=True):
+        np.testing.assert_array_equal(mine.performers[0].rotations, other.performers[0].rotations)
     with pytest.raises(SettingsError, match="no mode"):
-        shaper.tune(FilterSettings(feet="sometimes"))
+        shaper.set_settings(FilterSettings(feet="sometimes"))
 
 
 def test_what_is_held_is_as_late_as_the_hand() -> None:
     """A prop that moves as the root does is smoothed as the root is; while it is hidden it stays as it is."""
-    shaper = PoseFilter(default_skeleton(), None, FilterSettings(smoothing_s=0.1))
+    shaper = PoseFilter([default_skeleton()], None, FilterSettings(smoothing_s=0.1))
     for number in range(40):
         way = np.array([0.2 * number / FPS, 0.0, 0.0])
         turn = rot.from_rotation_vector([0.5 * number / FPS, 0.0, 0.0])
         prop = PropPose(turn, way, 0.001, 0 if number in (20, 21) else 4)
-        moved = replace(a_pose(0), number=number, time_s=number / FPS, root_position_m=way, props=(prop,),
-                        rotations=np.tile(turn, (JOINTS, 1)))  # fmt: skip
-        shown = shaper.step(moved)
-        (held,) = shown.props
+        body = replace(a_pose(number).performers[0], root_position_m=way, rotations=np.tile(turn, (JOINTS, 1)))
+        scene = shaper.step(ScenePose((body,), (prop,)))
+        (shown,), (held,) = scene.performers, scene.props
         if number < 20:
             np.testing.assert_allclose(held.position_m, shown.root_position_m, atol=1e-12)
             np.testing.assert_allclose(held.rotation, shown.rotations[0], atol=1e-12)

@@ -20,7 +20,7 @@ def test_takes_that_share_a_session_are_solved_as_alone(truth, subject, database
         alone = solve_take(take, subject, database, settings, _quiet)
         assert np.array_equal(shared.motion.rotations, alone.motion.rotations)
         assert np.array_equal(shared.motion.root_positions_m, alone.motion.root_positions_m)
-        assert [pose.confidence for pose in shared.poses] == [pose.confidence for pose in alone.poses]
+        assert [pose.confidence for pose in shared.poses_of()] == [pose.confidence for pose in alone.poses_of()]
 
 
 def test_what_is_shared(subject, database_file, stage_rig):

@@ -32,7 +32,7 @@ def test_a_take_becomes_motion_of_the_subject(take, subject, database, truth):
 def test_summary(take, subject, database):
     solved = solve_take(take, subject, database, SolveSettings(method="lwr"), lambda fraction, text: None)
     summary = solved.summary()
-    squares = [pose.marker_rms_m**2 for pose in solved.poses if np.isfinite(pose.marker_rms_m)]
+    squares = [pose.marker_rms_m**2 for pose in solved.poses_of() if np.isfinite(pose.marker_rms_m)]
     assert summary["frames"] == take.frames
     assert summary["marker_rms_mm"] == pytest.approx(1e3 * np.sqrt(np.mean(squares)))
     assert 0.0 < summary["confidence"] < 1.0
@@ -46,7 +46,7 @@ def test_a_take_that_shows_nothing_for_a_while(take, subject, database):
     positions[10:13] = np.nan
     gaps = MarkerTake("gaps", take.fps, take.names, positions)
     solved = solve_take(gaps, subject, database, SolveSettings(), lambda fraction, text: None)
-    confidence = np.array([pose.confidence for pose in solved.poses])
+    confidence = np.array([pose.confidence for pose in solved.poses_of()])
     np.testing.assert_array_equal(confidence[[0, 1, 2, 3, 10, 11, 12]], 0.0)
     assert np.all(confidence[4:10] > 0.3)
     assert np.isfinite(solved.motion.rotations).all()
@@ -70,7 +70,7 @@ def test_what_one_camera_shows_counts(truth, subject, database, stage_rig):
     errors = []
     for take in (hidden, replace(hidden, single=SingleViews(stage_rig, cameras, points))):
         solved = solve_take(take, subject, database, SolveSettings(), lambda fraction, text: None)
-        markers = np.array([camera.to_camera(pose.markers_m[hand]) for pose in solved.poses])[10:]
+        markers = np.array([camera.to_camera(pose.markers_m[hand]) for pose in solved.poses_of()])[10:]
         wanted = local[10:, hand, :2] / local[10:, hand, 2:]
         errors.append(np.median(np.linalg.norm(markers[:, :2] - wanted * markers[:, 2:], axis=1)))
     assert errors[1] < 0.5 * errors[0]

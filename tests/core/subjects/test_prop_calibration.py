@@ -96,7 +96,7 @@ def test_the_command_measures_marker_takes_and_recorded_ones(sword, tmp_path, ca
     film = Film(record)
     rows = markers_of(sword, *swung(FRAMES))
     frames = [(n / FPS, film(row, n)) for n, row in enumerate(rows)]
-    setup = TakeSetup.of(film.rig, subject, {}, identity(database), {})
+    setup = TakeSetup.of(film.rig, (subject,), {}, identity(database), {})
     write_whole_take(tmp_path / "waved.perftake", setup, TakeNotes("Waved"), frames, [])
     for take in ("waved.take.npz", "waved.perftake"):
         out = tmp_path / "my-sword.toml"

@@ -88,7 +88,7 @@ def test_every_frame_of_a_source_that_ends_is_solved_and_kept(request_files: dic
     numbers = [each.pose.number for each in solved]
     assert numbers == list(range(len(numbers)))
     assert messages[-1].json()["handed_over"] == len(numbers) > 300  # T pose, arms down, 4 s of walking, standing
-    assert np.mean([each.pose.confidence for each in solved]) > 0.5
+    assert np.mean([each.pose.performers[0].confidence for each in solved]) > 0.5
     assert not of(MessageKind.PREVIEW, messages)  # nobody asked for it
     # another program has got each pose, at its time
     clocks = [message.time_s for packet in packets for message in read_packet(packet) if isinstance(message, Clock)]
@@ -149,11 +149,11 @@ def test_two_performers_are_followed_live(request_files: dict[str, str], tmp_pat
     finally:
         client.close()
     take = read_take_file(path)
-    assert [worn.name for worn in take.setup.further_subjects()] == ["Sim"]
+    assert [worn.name for worn in take.setup.subjects()[1:]] == ["Sim"]
     everybody = open_simulated(asked["cameras"]["source"]).performance.everybody
     for message in of(MessageKind.POSE, messages):
         pose = message.pose().pose
-        for one, true in zip((pose, *pose.others), everybody, strict=True):
+        for one, true in zip(pose.performers, everybody, strict=True):
             root_m = true.motion.root_positions_m[pose.number]
             assert np.linalg.norm(one.root_position_m - root_m) < ROOT_M
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from perfanim.core.body.scene_pose import PerformerPose
+from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.formats.take_file.pose_codec import TimedPose, unpack_solved
 from perfanim.core.formats.vmc.humanoid import bone_poses
 from perfanim.core.formats.vmc.link import Receiver
@@ -31,8 +31,8 @@ class PlayedChannel:
 def poses(truth):
     nowhere, alone = np.full((8, 3), np.nan), np.full(8, -1)
     return [
-        PerformerPose(n, n / 30, truth.rotations[n], truth.root_positions_m[n], 1.0, nowhere, nowhere, alone, 0.0)
-        for n in range(12)
+        ScenePose((PerformerPose(n, n / 30, turns, root_m, 1.0, nowhere, nowhere, alone, 0.0),))
+        for n, (turns, root_m) in enumerate(zip(truth.rotations[:12], truth.root_positions_m[:12], strict=True))
     ]
 
 
@@ -41,13 +41,13 @@ def test_what_is_sent_is_what_is_shown(truth, poses):
     with Receiver(0) as receiver:
         sender = VmcSender(truth.skeleton, "127.0.0.1", receiver.port, told.append)
         channel = PlayedChannel()
-        output = PoseOutput(PoseFilter(truth.skeleton, None, SMOOTH), channel, None, sender)
-        alone = PoseFilter(truth.skeleton, None, SMOOTH)
+        output = PoseOutput(PoseFilter([truth.skeleton], None, SMOOTH), channel, None, sender)
+        alone = PoseFilter([truth.skeleton], None, SMOOTH)
         for pose in poses:
             output.put(TimedPose(pose, 0.0), None)
             assert output.send()
-            shown = unpack_solved(channel.sent[-1]).pose
-            np.testing.assert_array_equal(shown.rotations, alone.step(pose).rotations)
+            (shown,), (own,) = unpack_solved(channel.sent[-1]).pose.performers, alone.step(pose).performers
+            np.testing.assert_array_equal(shown.rotations, own.rotations)
             packet = receiver.receive(10.0)
             hips = next(m for m in read_packet(packet) if isinstance(m, Placement) and m.address == BONE)
             assert hips.position_m == pytest.approx(shown.root_position_m, abs=1e-5)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core.body.motion import Motion
-from perfanim.core.body.scene_pose import PerformerPose
+from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.cli.batch.quality import figures_of, foot_skate_cm_s, why_bad, why_doubtful
 from perfanim.core.session.solve_take import SolvedTake
 
@@ -40,9 +40,10 @@ def solved(truth, confidence, rms_m, hidden=()):
         seen[[marker for f, marker in hidden if f == frame]] = np.nan
         alone = np.full(4, -1)
         root = np.array([0.0, 1.0, 0.0])
-        poses.append(PerformerPose(frame, frame / FPS, truth.rotations[0], root, sure, seen, seen, alone, off))
+        pose = PerformerPose(frame, frame / FPS, truth.rotations[0], root, sure, seen, seen, alone, off)
+        poses.append(ScenePose((pose,)))
     motion = standing(truth.skeleton, np.tile([0.0, 1.0, 0.0], (len(poses), 1)))
-    return SolvedTake(tuple(poses), motion, np.zeros(len(poses)))
+    return SolvedTake(tuple(poses), (motion,), np.zeros(len(poses)))
 
 
 def test_figures_of_known_poses(truth):
@@ -57,8 +58,8 @@ def test_figures_of_known_poses(truth):
     assert figures["longest_gap_s"] == pytest.approx(3 / FPS)
     assert figures["unsolved"] == 0.25
     assert figures["foot_skate_cm_s"] == 0.0
-    one = take.poses[3]
-    by_one_camera = replace(one, single_cameras=np.array([0, -1, -1, -1]))
+    (one,) = take.poses[3].performers
+    by_one_camera = ScenePose((replace(one, single_cameras=np.array([0, -1, -1, -1])),))
     assert figures_of(replace(take, poses=(*take.poses[:3], by_one_camera)))["hidden"] == 3 / 16
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from perfanim.core.body.scene_pose import ScenePose
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.cli.main import main
 from perfanim.core.database.store import identity
@@ -33,7 +34,7 @@ FPS = 30.0
 def recorded(tmp_path_factory, true_markers, subject, database, stage_rig, record):
     """A take of two seconds without three frames, a little of it in every chunk, and its live poses."""
     folder = tmp_path_factory.mktemp("recorded")
-    setup = TakeSetup.of(stage_rig, subject, {"best_neighbours": 200}, identity(database), {})
+    setup = TakeSetup.of(stage_rig, (subject,), {"best_neighbours": 200}, identity(database), {})
     session = Session(subject, database, stage_rig, SolveSettings(**setup.settings))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(writer_module, "WRITE_EVERY_S", 3600.0)  # this plays the thread
@@ -41,7 +42,7 @@ def recorded(tmp_path_factory, true_markers, subject, database, stage_rig, recor
         for number in (n for n in range(len(true_markers)) if n not in LOST):
             frame = record(true_markers[number], number, cameras=True, fps=FPS, hidden=((5, 0),) if number > 40 else ())
             writer.add_frame(pack_stamped(float(number), frame))
-            writer.add_pose(pack_solved(TimedPose(session.step(frame), float(number))))
+            writer.add_pose(pack_solved(TimedPose(ScenePose((session.step(frame),)), float(number))))
             if number % 3 == 0:
                 writer._collect()
         writer.close()
@@ -94,7 +95,7 @@ def test_exported_motion_keeps_its_time_where_frames_were_lost(tmp_path, recorde
     facts = run(capsys, "take", "export", recorded, "--out", tmp_path / "a.bvh")
     motion = read_motion(tmp_path / "a.bvh")
     assert (facts["frames"], motion.frames, motion.fps) == (60, 60, pytest.approx(30.0, abs=1e-3))
-    poses = {solved.pose.number: solved.pose for solved in read_take_file(recorded).poses}
+    poses = {solved.pose.number: solved.pose.performers[0] for solved in read_take_file(recorded).poses}
     for number, pose in poses.items():
         assert np.degrees(rot.angle_between(motion.rotations[number], pose.rotations)).max() < 0.01
         np.testing.assert_allclose(motion.root_positions_m[number], pose.root_position_m, atol=1e-5)
@@ -266,7 +267,7 @@ def test_a_take_solved_anew_is_a_take(recorded, tmp_path, capsys, database_file)
     run(capsys, "take", "export", out, "--out", tmp_path / "kept.bvh")
     np.testing.assert_array_equal(read_motion(tmp_path / "kept.bvh").rotations, read_motion(motion).rotations)
     listed = summarise(out)
-    assert (listed.method, listed.subject, listed.marker_set) == ("lwr", "walker", "locomotion")
+    assert (listed.method, listed.performers, listed.marker_set) == ("lwr", ("walker",), "locomotion")
     assert (listed.database, summarise(recorded).method) == (database_file.stem, "")
     run(capsys, "solve", out, "--method", "nearest", "--database", database_file, "--out", tmp_path / "third.perftake")
     assert summarise(tmp_path / "third.perftake").notes.name == "Walk 1 (nearest)"

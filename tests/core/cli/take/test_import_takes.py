@@ -60,13 +60,13 @@ def test_takes_of_all_formats_are_solved_and_kept(bring, tmp_path, walk, subject
         take = read_take_file(tmp_path / "takes" / f"Walk {number}.perftake")
         assert str(take.path) == row["out"]
         assert (take.complete, take.problems, take.notes.name) == (True, [], f"Walk {number}")
-        assert (take.setup.camera_rig(), take.setup.worn_subject().name) == (None, subject.name)
+        assert (take.setup.camera_rig(), take.setup.subjects()[0].name) == (None, subject.name)
         read = import_take(read_take(file), subject.marker_set, "auto")
         np.testing.assert_allclose(read.positions_m, walk.positions_m, atol=ROUNDED_M)
         np.testing.assert_array_equal(read_take(take.path).positions_m, read.positions_m)
     solved = solve_take(read, subject, database, SolveSettings(), lambda *_: None)
     for kept, pose in zip(take.poses, solved.poses, strict=True):
-        np.testing.assert_array_equal(kept.pose.rotations, pose.rotations)
+        np.testing.assert_array_equal(kept.pose.performers[0].rotations, pose.performers[0].rotations)
     (again,) = bring(files[-1])["takes"]
     assert read_take_file(again["out"]).notes.name == "Walk 3 (2)"
 
@@ -95,7 +95,7 @@ def test_markers_that_were_not_worn_are_not_hidden_ones(bring, tmp_path, walk, s
     (row,) = bring(tmp_path / "part.csv")["takes"]
     assert row["warnings"] == ["not in part.csv: LFOO"]
     take = read_take_file(row["out"])
-    assert take.setup.worn_subject().marker_set.names == part.names
+    assert take.setup.subjects()[0].marker_set.names == part.names
     assert not any("hidden" in note for kept in take.poses for note in kept.pose.notes)
     line = ["batch", tmp_path / "part.csv", "--out", tmp_path / "solved", "--subject", subject_file]
     assert main([*map(str, [*line, "--database", database_file]), "--jobs", "1", "--json"]) == 0
@@ -203,7 +203,7 @@ def test_a_full_suit_of_another_system_is_solved_to_a_body(shared_dir, tmp_path,
     (row,) = json.loads(capsys.readouterr().out)["takes"]
     assert row["warnings"] == [f"not in {source.name}: LUPA, RUPA, LFRM, RFRM, SACR"]
     kept = read_take_file(row["out"])
-    pose, names = kept.poses[-1].pose, kept.setup.worn_subject().marker_set.names
+    pose, names = kept.poses[-1].pose.performers[0], kept.setup.subjects()[0].marker_set.names
     assert len(names) == len(load_marker_set("plug-in-gait")) - 5
     solved = dict(zip(names, pose.markers_m, strict=True))
     seen = {n: p for n, p in zip(names, pose.observed_m, strict=True) if np.isfinite(p[0])}

@@ -27,7 +27,9 @@ def recorded(tmp_path_factory, record, true_markers, subject, database):
     rows = np.concatenate(side_by_side(true_markers), axis=1)[:FRAMES]
     frames = [(n / FPS, film(row, n)) for n, row in enumerate(rows)]
     path = tmp_path_factory.mktemp("pair") / "walk.perftake"
-    write_whole_take(path, TakeSetup.of(film.rig, subject, {}, identity(database), {}), TakeNotes("Walk"), frames, [])
+    write_whole_take(
+        path, TakeSetup.of(film.rig, (subject,), {}, identity(database), {}), TakeNotes("Walk"), frames, []
+    )
     return path
 
 
@@ -59,7 +61,7 @@ def test_a_performer_named_later_is_found_in_what_was_recorded(recorded, partner
 def test_takes_keep_performers_and_export_them(recorded, partner, subject, tmp_path, capsys):
     again = tmp_path / "again.perftake"
     run(capsys, "solve", recorded, "--performer", partner, "--out", again)
-    assert [worn.name for worn in read_take_file(again).setup.further_subjects()] == [subject.name]
+    assert [worn.name for worn in read_take_file(again).setup.subjects()[1:]] == [subject.name]
     (listed,) = run(capsys, "take", "info", again)["performers"]
     assert listed == {"name": subject.name, "confidence": pytest.approx(0.9, abs=0.1)}
     told = run(capsys, "take", "export", again, "--performer", subject.name, "--out", tmp_path / "partner.bvh")

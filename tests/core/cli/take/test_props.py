@@ -33,7 +33,9 @@ def recorded(tmp_path_factory, record, true_markers, subject, database, sword_po
     hidden = tuple((marker, -1) for marker in range(8, 13))
     frames = [(n / FPS, film(row, n, hidden if n in HIDDEN else ())) for n, row in enumerate(points)]
     path = tmp_path_factory.mktemp("sword") / "walk.perftake"
-    write_whole_take(path, TakeSetup.of(film.rig, subject, {}, identity(database), {}), TakeNotes("Walk"), frames, [])
+    write_whole_take(
+        path, TakeSetup.of(film.rig, (subject,), {}, identity(database), {}), TakeNotes("Walk"), frames, []
+    )
     return path
 
 

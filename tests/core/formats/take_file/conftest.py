@@ -18,7 +18,7 @@ from records import frame_record, pose_record
 def setup() -> TakeSetup:
     subject = Subject("Anna", default_skeleton(1.7), load_marker_set("boxing"))
     database = {"path": "motion.perfdb", "frames": 1234, "fps": 60.0, "sha256": "00ff"}
-    return TakeSetup.of(default_rig(), subject, {"method": "lwr"}, database, {"source": {"kind": "cameras"}})
+    return TakeSetup.of(default_rig(), (subject,), {"method": "lwr"}, database, {"source": {"kind": "cameras"}})
 
 
 @pytest.fixture(scope="session")

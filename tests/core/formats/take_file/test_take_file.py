@@ -41,11 +41,11 @@ def test_what_is_written_is_read_to_the_last_bit(tmp_path: Path, write: Write, s
     assert poses_of(take) == [pose_record(number) for number in range(12)]
     assert take.setup == setup
     assert take.notes == TakeNotes("Walk 1")
-    rig, subject = take.setup.camera_rig(), take.setup.worn_subject()
+    rig, subject = take.setup.camera_rig(), take.setup.subjects()[0]
     for camera, wanted in zip(rig.cameras, setup.camera_rig().cameras, strict=True):
         np.testing.assert_array_equal(camera.rotation, wanted.rotation)
         np.testing.assert_array_equal(camera.translation_m, wanted.translation_m)
-    np.testing.assert_array_equal(subject.marker_set.offsets_m, setup.worn_subject().marker_set.offsets_m)
+    np.testing.assert_array_equal(subject.marker_set.offsets_m, setup.subjects()[0].marker_set.offsets_m)
     listed = summarise(tmp_path / "a.perftake")
     assert (listed.complete, listed.frames, listed.created, listed.notes) == (True, 12, setup.created, take.notes)
     assert listed.duration_s == pytest.approx(11 / 60)
@@ -57,7 +57,7 @@ def test_takes_of_the_first_version_stay_readable() -> None:
     assert take.complete
     assert (take.notes.name, take.notes.rating, take.events) == ("Walk 1", 3, ("left camera frozen",))
     assert take.setup.settings == {"method": "lwr"}
-    assert take.setup.worn_subject().marker_set.names[0] == "HEAD"
+    assert take.setup.subjects()[0].marker_set.names[0] == "HEAD"
     assert take.setup.carried_props() == ()
     assert len(take.setup.camera_rig()) == 2
     assert [frame.number for frame in take.frames] == [solved.pose.number for solved in take.poses] == [0, 1]
@@ -65,7 +65,7 @@ def test_takes_of_the_first_version_stay_readable() -> None:
     assert first.notes == ("left camera frozen",)
     np.testing.assert_allclose(first.detected[1], first.blobs[1] + 0.5, atol=1e-6)
     assert first.points_m.shape == (3, 3)
-    np.testing.assert_allclose(np.linalg.norm(take.poses[1].pose.rotations, axis=1), 1.0)
+    np.testing.assert_allclose(np.linalg.norm(take.poses[1].pose.performers[0].rotations, axis=1), 1.0)
 
 
 def test_a_take_whose_writer_was_killed_is_gone_on_with(
@@ -169,7 +169,7 @@ def test_damage_is_told_with_what_is_lost(tmp_path: Path, write: Write) -> None:
     first = scan(path.read_bytes(), "")[0][0]
     data[first.offset + HEADER_BYTES + 5] ^= 1
     path.write_bytes(data)
-    assert read_take_file(path).setup.worn_subject().name == "Anna"
+    assert read_take_file(path).setup.subjects()[0].name == "Anna"
 
 
 def test_bytes_that_are_missing_or_zero_in_the_middle_are_told(tmp_path: Path, write: Write) -> None:
@@ -368,7 +368,7 @@ def test_a_setup_without_a_part_is_refused(setup: TakeSetup) -> None:
     with pytest.raises(PerfanimError):
         replace(setup, rig={"cam_0": {"size": 3}}).camera_rig()
     with pytest.raises(PerfanimError):
-        replace(setup, subject=facts["subject"] | {"joint": [1]}).worn_subject()
+        replace(setup, performers=(facts["subject"] | {"joint": [1]},)).subjects()
 
 
 def test_props_are_part_of_the_setup(setup: TakeSetup) -> None:
@@ -384,11 +384,11 @@ def test_props_are_part_of_the_setup(setup: TakeSetup) -> None:
 
 
 def test_further_performers_are_part_of_the_setup(setup: TakeSetup) -> None:
-    assert setup.further_subjects() == ()
-    facts = json.loads(replace(setup, performers=(setup.subject,)).to_json())
-    (known,) = TakeSetup.from_json(json.dumps(facts).encode(), "").further_subjects()
-    worn = setup.worn_subject()
+    (worn,) = setup.subjects()
+    facts = json.loads(replace(setup, performers=2 * setup.performers).to_json())
+    assert facts["performers"] == [facts["subject"]]
+    _, known = TakeSetup.from_json(json.dumps(facts).encode(), "").subjects()
     assert (known.name, known.marker_set.names) == (worn.name, worn.marker_set.names)
     np.testing.assert_array_equal(known.skeleton.offsets_m, worn.skeleton.offsets_m)
     with pytest.raises(SubjectError, match="damaged"):
-        replace(setup, performers=(setup.subject | {"joint": [1]},)).further_subjects()
+        replace(setup, performers=(*setup.performers, setup.performers[0] | {"joint": [1]})).subjects()

@@ -28,7 +28,7 @@ RECORDS = 300
 
 def main(folder: Path, times_s: list[float]) -> None:
     subject = Subject("Anna", default_skeleton(1.7), load_marker_set("boxing"))
-    setup = TakeSetup.of(default_rig(), subject, {}, {}, {})
+    setup = TakeSetup.of(default_rig(), (subject,), {}, {}, {})
     records = [(frame_record(number), pose_record(number)) for number in range(RECORDS)]
     handed_over = mmap.mmap(-1, 8 * len(times_s))
     begun_s = time.perf_counter()
