@@ -1,4 +1,4 @@
-"""Which point is which marker when nothing is known of the moment before: at the start, and after the body was lost.
+"""Labels of points without a past: at the start, and after the body was lost.
 
 Torso markers keep their distances from each other in every pose, so the few ways in which points can be the torso are
 enumerated. Each places the root, and the other points are then compared, in its frame, with poses of the database.
@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
+
+from ..geometry.gated_assignment import assign
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -49,7 +50,7 @@ class InitialLabels:
 
 
 class InitialLabeller:
-    """Labels the points of a body in any pose like the examples, wherever it stands and however it is turned.
+    """Labeller of a body in any pose like the examples, at any place and heading.
 
     Args:
         examples_m: (S, M, 3) markers of poses in the root's frame.
@@ -73,11 +74,11 @@ class InitialLabeller:
         self._mean_torso = own.mean(axis=0)
 
     def label(self, points_m: Array) -> InitialLabels | None:
-        """Return the labels of points (N, 3), y up; None when they do not look like the body."""
+        """Return the labels of points (N, 3), y up; None if they look like no body."""
         torsos = self._torsos(points_m)
         if len(torsos) == 0:
             return None
-        turns, shifts, errors = _placed(self._mean_torso, points_m, torsos)
+        turns, shifts, errors = _fit_torsos(self._mean_torso, points_m, torsos)
         likely = np.argsort(errors + _MISSED_TORSO_M**2 * np.sum(torsos < 0, axis=1))[:_TORSOS]
         rough = [
             (cost, example, row)
@@ -97,24 +98,24 @@ class InitialLabeller:
         return best if enough else None
 
     def complete(self, points_m: Array, labels: IntArray) -> InitialLabels | None:
-        """Return the labels of points (N, 3) of which the torso's (N,) are known; None when too few of these are."""
+        """Complete known torso labels (N,) of points (N, 3); None with too few."""
         torso = np.full(len(self._torso), -1)
         for index, marker in enumerate(self._torso):
             torso[index] = np.flatnonzero(labels == marker)[0] if np.any(labels == marker) else -1
         if np.sum(torso >= 0) < _FEWEST_TORSO:
             return None
-        turns, shifts, _ = _placed(self._mean_torso, points_m, torso[None])
+        turns, shifts, _ = _fit_torsos(self._mean_torso, points_m, torso[None])
         closest = self._closest_examples(points_m, turns[0], shifts[0], torso)
         found = [self._labelled(points_m, torso, example) for _, example in closest]
         return min(found, key=lambda start: start.distance_m)
 
     def distance_m(self, markers_m: Array, followed_m: Array | None = None) -> float:
-        """Return the RMS distance of markers to the closest example, as `InitialLabels` has it.
+        """Return the RMS distance of markers to the closest example.
 
         Args:
             markers_m: (M, 3), NaN where unseen.
             followed_m: (M, 3) where a body that is followed has them, which places it when too few of the torso are
-                seen; None for no such body: then nothing tells where it is, and all count as missed.
+                seen; None for no such body: then all markers count as missed.
         """
         seen = np.all(np.isfinite(markers_m), axis=1)
         torso, placing = np.where(seen[self._torso], self._torso, -1), markers_m
@@ -122,7 +123,7 @@ class InitialLabeller:
             if followed_m is None:
                 return MISSED_M
             torso, placing = self._torso, np.where(seen[:, None], markers_m, followed_m)
-        turns, shifts, _ = _placed(self._mean_torso, placing, torso[None])
+        turns, shifts, _ = _fit_torsos(self._mean_torso, placing, torso[None])
         local = ((markers_m[seen] - shifts[0]) @ turns[0]).astype(np.float32)
         squares = np.sum((self._examples[:, seen] - local) ** 2, axis=2)
         cost = squares.sum(axis=1) + _UP_M**2 * np.sum((self._ups - turns[0][1].astype(np.float32)) ** 2, axis=1)
@@ -130,12 +131,12 @@ class InitialLabeller:
         return self._distance_m(placing, np.where(seen, np.arange(len(seen)), -1), torso, example)
 
     def _torsos(self, points_m: Array) -> IntArray:
-        """Return (H, T) which point may be which torso marker, -1 for none, by their distances from each other."""
+        """Return candidate points (H, T) of the torso markers by distances; -1: none."""
         spans = np.linalg.norm(points_m[:, None] - points_m[None], axis=-1)
         count, points = len(self._torso), np.arange(len(points_m))
         chosen = np.empty((1, 0), dtype=np.int64)
         for marker in range(count):
-            # every way so far goes on with each point that is left and fits, and with none
+            # every partial choice continues with each point that is left and fits, and with none
             parent, point = np.indices((len(chosen), len(points_m))).reshape(2, -1)
             fits = np.all(chosen[parent] != point[:, None], axis=1)
             for before in range(marker):
@@ -152,7 +153,7 @@ class InitialLabeller:
         return chosen
 
     def _closest_examples(self, points_m: Array, turn: Array, shift: Array, torso: IntArray) -> list[tuple[float, int]]:
-        """Return squared distance and index of the closest examples under a root, whichever points the limbs are."""
+        """Return cost and index of the closest examples, limbs taken in any order."""
         local = ((points_m - shift) @ turn).astype(np.float32)
         up = turn[1].astype(np.float32)
         cost = _UP_M**2 * np.sum((self._ups - up) ** 2, axis=1)
@@ -171,25 +172,24 @@ class InitialLabeller:
         return [(float(cost[example]), int(example)) for example in best]
 
     def _limb_distances(self, points_m: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the squared distances (S, L, N) of the examples' limb markers to points in the root's frame."""
+        """Return the squared distances (S, L, N) from limb markers to local points."""
         products = (self._limb_places @ points_m.T).reshape(*self._limb_norms.shape, -1)
         return self._limb_norms[..., None] - 2.0 * products + np.einsum("nc,nc->n", points_m, points_m)
 
     def _labelled(self, points_m: Array, torso: IntArray, example: int) -> InitialLabels:
-        """Return the labels that an example laid on the torso, as it has been chosen, gives the other points."""
-        placed, _ = self._laid(points_m, torso, example)
+        """Label the other points by an example fitted to the chosen torso."""
+        placed, _ = self._fit_example(points_m, torso, example)
         labels = np.full(len(points_m), -1, dtype=np.int64)
         labels[torso[torso >= 0]] = self._torso[torso >= 0]
         free = np.flatnonzero(labels < 0)
         distances = np.linalg.norm(points_m[free][:, None] - placed[self._limbs][None], axis=-1)
-        rows, columns = linear_sum_assignment(np.minimum(distances, MISSED_M) ** 2)
-        near = distances[rows, columns] < MISSED_M
-        labels[free[rows[near]]] = self._limbs[columns[near]]
+        rows, columns = assign(distances**2, MISSED_M**2)
+        labels[free[rows]] = self._limbs[columns]
         return InitialLabels(labels, self._distance_m(points_m, labels, torso, example), placed)
 
     def _distance_m(self, points_m: Array, labels: IntArray, torso: IntArray, example: int) -> float:
-        """Return `InitialLabels.distance_m` of labels against one example laid on the chosen torso."""
-        placed, turn = self._laid(points_m, torso, example)
+        """Return `InitialLabels.distance_m` of labels against one fitted example."""
+        placed, turn = self._fit_example(points_m, torso, example)
         squares = np.full(len(placed), MISSED_M**2)
         found = np.flatnonzero(labels >= 0)
         off = np.sum((points_m[found] - placed[labels[found]]) ** 2, axis=1)
@@ -198,24 +198,24 @@ class InitialLabeller:
         return float(np.sqrt((squares.sum() + tilt + _turned_away(turn)) / len(placed)))
 
     def _torso_error_m2(self, points_m: Array, torso: IntArray, example: int) -> float:
-        """Return the mean squared distance of an example's torso to the points it is laid on."""
-        _, _, errors = _placed(self._examples[example, self._torso].astype(np.float64), points_m, torso[None])
+        """Return the mean squared distance of an example's torso to its points."""
+        _, _, errors = _fit_torsos(self._examples[example, self._torso].astype(np.float64), points_m, torso[None])
         return float(errors[0]) / int(np.sum(torso >= 0))
 
-    def _laid(self, points_m: Array, torso: IntArray, example: int) -> tuple[Array, Array]:
-        """Return the markers (M, 3) of an example laid with its torso on the chosen points, and its turn."""
+    def _fit_example(self, points_m: Array, torso: IntArray, example: int) -> tuple[Array, Array]:
+        """Return markers (M, 3) and turn of an example fitted to the chosen torso."""
         markers = self._examples[example].astype(np.float64)
-        turns, shifts, _ = _placed(markers[self._torso], points_m, torso[None])
+        turns, shifts, _ = _fit_torsos(markers[self._torso], points_m, torso[None])
         return markers @ turns[0].T + shifts[0], turns[0]
 
 
 def _turned_away(turn: Array) -> float:
-    """Return the squared distance that it counts to look, with the root's z axis, away from the world's."""
+    """Return the squared-distance cost of facing away from the cameras."""
     return float(_BACK_M**2 * 0.5 * (1.0 - turn[2, 2]))
 
 
-def _placed(torso_m: Array, points_m: Array, chosen: IntArray) -> tuple[Array, Array, Array]:
-    """Return turns (H, 3, 3), shifts (H, 3) and squared errors (H,) that lay a torso (T, 3) on chosen (H, T) points."""
+def _fit_torsos(torso_m: Array, points_m: Array, chosen: IntArray) -> tuple[Array, Array, Array]:
+    """Fit a torso (T, 3) to chosen points (H, T): turns, shifts, squared errors."""
     weights = (chosen >= 0).astype(np.float64)[..., None]
     weights /= weights.sum(axis=1, keepdims=True)
     targets = np.where(weights > 0.0, points_m[chosen], 0.0)

@@ -1,4 +1,4 @@
-"""Which point is which marker: first by a calibration pose, then by the markers of the last synthesized pose.
+"""Labels of points by the markers of the last synthesized pose.
 
 Chai and Hodgins 2005, section 4.1: markers are labelled in the first frame, later frames are matched to the marker set
 of the most recent synthesized motion. That set includes hidden markers, so a marker that returns is labelled again.
@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
-from ..geometry.camera import Camera, undistort_all
+from ..geometry.camera import Camera
+from ..geometry.gated_assignment import assign
 from ..geometry.triangulation import triangulate
-from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_frame import MarkerFrame, undistort_blobs
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -47,11 +47,11 @@ class _Seen:
 
 @dataclass(frozen=True)
 class LabelledBlobs:
-    """Which blob of each camera each marker is, and what follows.
+    """Blobs of each marker, and the points that they give.
 
     Args:
         blobs: (M, C) blob index, -1 where the camera does not show the marker.
-        normalised: (M, C, 2) undistorted normalised coordinates, NaN likewise.
+        normalised: (M, C, 2) undistorted normalised coordinates, NaN where not.
         points_m: (M, 3) position of markers that two or more cameras show, else NaN.
         covariances_m2: (M, 3, 3) its uncertainty.
     """
@@ -69,7 +69,7 @@ class LabelledBlobs:
         return np.where(alone, np.argmax(shown, axis=1), -1)
 
     def unlabelled_points(self, frame: MarkerFrame) -> Array:
-        """Return the points (N, 3) of the frame that no blob of a located marker belongs to."""
+        """Return the frame's points (N, 3) without a blob of a located marker."""
         located = np.isfinite(self.points_m[:, 0])
         taken = self.blobs[located]
         shares = (frame.point_blobs[:, None] == taken[None]) & (taken[None] >= 0)
@@ -91,10 +91,10 @@ class Labeller:
         self._seen = _Seen(np.full((count, 3), np.nan), np.zeros((count, 3)), np.full(count, np.inf))
 
     def label_first(self, points_m: Array, template_m: Array) -> IntArray:
-        """Return labels (N,) of points in a pose like the template's, wherever and however it is turned and sized.
+        """Return labels (N,) of points in a pose like the template's, at any place.
 
         Args:
-            points_m: (N, 3) points in a world with y roughly up; ghosts and missing markers are borne.
+            points_m: (N, 3) points in a world with y roughly up; with ghosts, and some markers missing.
             template_m: (M, 3) markers in a calibration pose, facing +z.
 
         Returns:
@@ -115,15 +115,15 @@ class Labeller:
         return labels
 
     def begin(self, points_m: Array, labels: IntArray) -> None:
-        """Take over labels (N,) of points (N, 3), -1 for none, that were found without a past."""
+        """Start from labels (N,) of points (N, 3), -1 for none."""
         self._remember(points_m, labels, 0.0)
 
     def correct(self, markers_m: Array) -> None:
-        """Take over where the markers (M, 3) of the last frame really are, NaN for those that nothing shows."""
+        """Correct the markers (M, 3) of the last frame, NaN for those without any data."""
         seen = self._seen
         located = np.isfinite(markers_m[:, 0])
         moved = located & np.any(seen.positions_m != markers_m, axis=1)
-        seen.velocities_m_s[moved] = 0.0  # not the marker's, but those of what was taken for it
+        seen.velocities_m_s[moved] = 0.0  # they are another marker's
         seen.positions_m[located] = markers_m[located]
         seen.lost_s[located] = 0.0
         seen.lost_s[~located & (seen.lost_s == 0.0)] = _MEMORY_S
@@ -145,7 +145,7 @@ class Labeller:
     def label_blobs(
         self, frame: MarkerFrame, cameras: Sequence[Camera], predicted_m: Array, elapsed_s: float
     ) -> "LabelledBlobs":
-        """Label what each camera sees by where the predicted markers fall in its image, then join the cameras.
+        """Label the blobs in each image by the predicted markers, then join the cameras.
 
         Two markers on one epipolar line can be matched crosswise between the cameras without contradiction; with the
         body known where they are in each image leaves no doubt.
@@ -155,28 +155,24 @@ class Labeller:
             cameras: that it refers to.
             predicted_m, elapsed_s: as in `label`.
         """
+        frame = undistort_blobs(frame, cameras)
         expected, gates = self.expected(predicted_m, elapsed_s)
         count = len(expected)
         blobs = np.full((count, len(cameras)), -1, dtype=np.int64)
         normalised = np.full((count, len(cameras), 2), np.nan)
         strangeness = np.full((count, len(cameras)), np.inf)
-        shown: list[IntArray] = []
-        pixels_shown: list[Array] = []
         for index, camera in enumerate(cameras):
             rows, columns, shares = assign_blobs(frame.blobs[index], camera, expected, gates)
             blobs[columns, index] = rows
             strangeness[columns, index] = shares
-            shown.append(columns)
-            pixels_shown.append(frame.blobs[index][rows, :2].astype(np.float64))
-        for index, coordinates in enumerate(undistort_all(cameras, pixels_shown)):
-            normalised[shown[index], index] = coordinates
+            normalised[columns, index] = frame.normalised[index][rows]
         known = _known_points(frame, blobs)
         points, covariances = _join_cameras(cameras, blobs, normalised, strangeness, expected, gates, known)
         self._remember(points, np.where(np.isfinite(points[:, 0]), np.arange(count), -1), elapsed_s)
         return LabelledBlobs(blobs, normalised, points, covariances)
 
     def expected(self, predicted_m: Array, elapsed_s: float) -> tuple[Array, Array]:
-        """Return where each marker should be now (M, 3) and how far off it may be (M,), metres; see `label`."""
+        """Return expected markers (M, 3) and their gates (M,), metres; see `label`."""
         fresh = self._seen.lost_s < _MEMORY_S
         movement = np.where(fresh[:, None], self._seen.velocities_m_s * elapsed_s, 0.0)
         lost = np.where(np.isfinite(self._seen.lost_s), self._seen.lost_s, 1.0)
@@ -208,13 +204,13 @@ def assign_points(
     """
     deviation = np.sqrt(np.trace(covariances_m2, axis1=1, axis2=2) / 3.0)
     distances = np.linalg.norm(points_m[:, None] - expected_m[None], axis=-1)
-    return _assign(distances, gates_m[None] + 2.0 * deviation[:, None])
+    return assign((distances / (gates_m[None] + 2.0 * deviation[:, None])) ** 2)
 
 
 def assign_blobs(
     blobs: NDArray[np.float32], camera: Camera, expected_m: Array, gates_m: Array
 ) -> tuple[IntArray, IntArray, Array]:
-    """Return (blobs, markers) of one image that belong together, and how far off each is as a share of its gate.
+    """Return matching (blobs, markers) of one image, and distances as shares of gates.
 
     Args:
         blobs: (n, 5) as a `MarkerFrame` has them.
@@ -226,12 +222,12 @@ def assign_blobs(
     with np.errstate(invalid="ignore"):
         distances = np.linalg.norm(pixels[:, None] - camera.project(expected_m)[None], axis=-1)
     limits = gates_m * camera.focal_px / depth
-    rows, columns = _assign(np.where(np.isnan(distances), np.inf, distances), limits[None])
+    rows, columns = assign((np.where(np.isnan(distances), np.inf, distances) / limits[None]) ** 2)
     return rows, columns, distances[rows, columns] / limits[columns]
 
 
 def _known_points(frame: MarkerFrame, blobs: IntArray) -> Array:
-    """Return the points (M, 3) that the cameras' side found for the same blobs (M, C), NaN where it joined others."""
+    """Return the frame's points (M, 3) of the same blobs (M, C), else NaN."""
     result = np.full((len(blobs), 3), np.nan)
     if len(frame.points_m) and frame.point_blobs.shape[1] == blobs.shape[1]:
         markers, points = np.nonzero(np.all(blobs[:, None] == frame.point_blobs[None], axis=2))
@@ -248,7 +244,7 @@ def _join_cameras(
     gates: Array,
     known: Array,
 ) -> tuple[Array, Array]:
-    """Locate markers that two or more cameras see; where their rays do not meet, drop the stranger blob, in place."""
+    """Triangulate; if the rays disagree, remove the less likely blob, in place."""
     points, covariances = np.full((len(blobs), 3), np.nan), np.full((len(blobs), 3, 3), np.nan)
     while True:
         seen = blobs >= 0
@@ -267,14 +263,6 @@ def _join_cameras(
             known[marker] = np.nan
 
 
-def _assign(distances: Array, gates: Array) -> tuple[IntArray, IntArray]:
-    """Return (rows, columns) of the assignment of least squared distance in which no pair exceeds its gate."""
-    relative = np.minimum((distances / gates) ** 2, 1.0)
-    rows, columns = linear_sum_assignment(relative)
-    inside = relative[rows, columns] < 1.0
-    return rows[inside], columns[inside]
-
-
 @dataclass(frozen=True)
 class _Placement:
     """p_world = scale * turn @ p_template + shift."""
@@ -288,7 +276,7 @@ class _Placement:
 
 
 def _rough_placements(points: Array, template: Array) -> list[_Placement]:
-    """Return the most promising placements, each from two points taken for the two template markers furthest apart."""
+    """Return the best placements from pairs of points for distant template markers."""
     spans = np.linalg.norm(template[:, None] - template[None], axis=-1)
     order = np.argsort(spans, axis=None)[::-1]
     placements, costs = [], []
@@ -306,7 +294,7 @@ def _rough_placements(points: Array, template: Array) -> list[_Placement]:
 
 
 def _from_pair(template_pair: Array, point_pair: Array, scale: float) -> _Placement:
-    """Return the upright placement that lays one pair's direction, seen from above, and middle on the other's."""
+    """Return the upright placement of a pair: heading and middle agree."""
     source, target = template_pair[1] - template_pair[0], point_pair[1] - point_pair[0]
     yaw = np.arctan2(target[0], target[2]) - np.arctan2(source[0], source[2])
     cosine, sine = np.cos(yaw), np.sin(yaw)
@@ -315,13 +303,12 @@ def _from_pair(template_pair: Array, point_pair: Array, scale: float) -> _Placem
 
 
 def _refine(points: Array, template: Array, placed: _Placement) -> tuple[float, tuple[IntArray, IntArray]]:
-    """Return cost and (points, markers) after assigning and placing in turn until nothing changes."""
-    gates = np.full((len(points), len(template)), _FIRST_GATE_M)
+    """Return cost and (points, markers) after alternating assignment and placement."""
     rows = columns = np.empty(0, dtype=np.int64)
     distances = np.empty((len(points), len(template)))
     for _ in range(_FIRST_ROUNDS):
         distances = np.linalg.norm(points[:, None] - placed.apply(template)[None], axis=-1)
-        new_rows, new_columns = _assign(distances, gates)
+        new_rows, new_columns = assign((distances / _FIRST_GATE_M) ** 2)
         if len(new_rows) < 3 or (np.array_equal(new_rows, rows) and np.array_equal(new_columns, columns)):
             rows, columns = new_rows, new_columns
             break
@@ -334,7 +321,7 @@ def _refine(points: Array, template: Array, placed: _Placement) -> tuple[float, 
 
 
 def _similarity(source: Array, target: Array) -> _Placement:
-    """Return the least-squares placement with a scale (Umeyama 1991), the scale within bounds."""
+    """Return the least-squares similarity (Umeyama 1991), the scale within bounds."""
     source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)
     p, q = source - source_mean, target - target_mean
     u, sizes, vt = np.linalg.svd(q.T @ p)

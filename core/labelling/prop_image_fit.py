@@ -1,4 +1,4 @@
-"""A prop against what the cameras show of it: which blobs its markers are, and where it is by all of them.
+"""Fit of a prop to the images: its blobs and its pose by all of them.
 
 The place is that of the least distances in the images, of markers that one camera sees alone as well as of the others.
 """
@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import rotations as rot
-from ..geometry.camera import Camera, undistort_all
+from ..geometry.camera import Camera
 from ..geometry.rigid_transform import transform
-from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_frame import MarkerFrame, undistort_blobs
 from ..markers.prop import Prop
 
 Array = NDArray[np.float64]
@@ -22,7 +22,7 @@ _STEPS = 6
 _SMALL_STEP = 1e-5
 _LEAST_DEPTH_M = 0.1
 _CENTRE_PX = 0.3  # errors up to this are those of centres and calibration
-_DAMPING = 1e-6  # far below what one marker in one image tells; keeps what nothing shows where it is
+_DAMPING = 1e-6  # far below the information of one blob; holds directions without data
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Placed:
 
 
 class PropImages:
-    """What the cameras show, against where a prop puts its markers in their images.
+    """Images of a frame, compared with a prop's projected markers.
 
     Args:
         cameras: C of them.
@@ -51,13 +51,13 @@ class PropImages:
         self._cameras = cameras
         self._markers = prop.positions_m
         self._pixels = [blobs[:, :2].astype(np.float64) for blobs in frame.blobs]
-        self._normalised = undistort_all(cameras, self._pixels)
+        self._normalised = undistort_blobs(frame, cameras).normalised
         self._rotations = np.stack([camera.rotation for camera in cameras])
         self._shifts = np.stack([camera.translation_m for camera in cameras])
         self._focal_px = np.array([camera.focal_px for camera in cameras])
 
     def nearest(self, placed: Placed, limits_px: float | Array) -> IntArray:
-        """Return the blob (M, C) nearest to each marker, if no other marker is nearer to it; -1 for none.
+        """Return the mutually nearest blob (M, C) of each marker; -1 for none.
 
         Args:
             placed: where the prop is.
@@ -83,7 +83,7 @@ class PropImages:
         return np.asarray(metres * self._focal_px / depth)[:, None]
 
     def fit(self, placed: Placed, blobs: IntArray) -> tuple[Placed, Array]:
-        """Return the place that explains the blobs (M, C) best in the images, and how far each is off (M, C), pixels.
+        """Return the pose that explains the blobs (M, C) best, and errors (M, C), pixels.
 
         Blobs that are far off count little (Cauchy's weights), so that a few wrong ones do not move the prop.
         """
@@ -115,7 +115,7 @@ class PropImages:
         return Placed(turn, shift, placed.time_s), errors
 
     def off_m(self, placed: Placed, blobs: IntArray) -> float:
-        """Return the RMS distance of the markers from the rays of the blobs (M, C) that show them, metres."""
+        """Return the RMS distance of the markers from their blobs' rays, metres."""
         world = transform(placed.turn, placed.shift, self._markers)
         squares = []
         for index, camera in enumerate(self._cameras):

@@ -1,7 +1,7 @@
-"""A prop followed from marker frame to marker frame, found when nothing is known of it, lost and found again.
+"""Tracking of one prop from frame to frame, with search when it is lost.
 
-Its distances are exact to millimetres, so points that may be its markers are few; laid on them, it must explain what
-each camera shows, markers that one camera sees alone too. A prop that is followed begins where it is expected instead.
+Its distances are exact to millimetres, so points that may be its markers are few; placed on them, it must explain
+the blobs of each camera, single ones too. A tracked prop starts at its expected pose instead.
 """
 
 from collections.abc import Sequence
@@ -26,9 +26,9 @@ IntArray = NDArray[np.int64]
 _FEWEST = 3  # markers that place a prop
 _SPAN_M = 0.006  # distances between located markers may be off by this,
 _SPAN_SIGMAS = 0.5  # and by this share of what the cameras' geometry says (it is said for poor centres)
-_LAID_M = 0.010  # RMS distance beyond which points are not the prop
+_FIT_M = 0.010  # RMS distance beyond which points are not the prop
 _MISSED_M = 0.03  # what it counts that a marker has no point
-_TRIED = 6  # ways to lay it on points that are looked at
+_TRIED = 6  # matches to lay it on points that are looked at
 _ELSEWHERE_M = 0.03  # two places that put a marker further apart than this are different
 _CLEARLY_M2 = 0.005**2  # of mean square: where no images tell, the best place must be better by this than another
 _GATE_M = 0.10  # where a followed prop's markers are looked for: so far from the prediction,
@@ -40,7 +40,7 @@ _CLAIM_M = 0.03
 _CONFIRMED_S = 0.10  # in which a find must last that chance may have made: by three markers, or
 _SURE_SIGHTS = 7  # by fewer blobs than this
 _NEAR_PX = 4.0  # a blob this near to where a prop puts a marker may be the marker
-_SIGHTS_PX = 20.0  # likewise where the prop is expected
+_SIGHTS_PX = 20.0  # the same where the prop is expected
 _FIT_PX = 1.5  # a blob further off than this from the prop in its best place is another's
 _FEWEST_SIGHTS = 5  # blobs that place it: a pose has six numbers, so these have four to spare
 _LEAST_SCORE = 4.75  # so few must be within a third of a pixel
@@ -50,7 +50,7 @@ _CLEARLY = 0.7  # of a blob: by this much a place must explain more than any oth
 
 @dataclass(frozen=True)
 class PropDetection:
-    """What a frame tells of a prop.
+    """Detection of a prop in one frame.
 
     Args:
         pose: where it is.
@@ -63,17 +63,17 @@ class PropDetection:
 
 @dataclass(frozen=True)
 class _PoseCandidate:
-    """A prop laid on points: which point (M,) each marker is, -1 for none, and how well that fits."""
+    """Pose of a prop on points: point (M,) of each marker, -1 for none, and its error."""
 
     placed: Placed
-    way: IntArray
+    points: IntArray
     rms_m: float
     cost_m2: float
 
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """A prop as the images show it: which blobs (M, C) its markers are, and how many these are less their errors."""
+    """Pose of a prop in the images: blobs (M, C), and their number less their errors."""
 
     placed: Placed
     blobs: IntArray
@@ -94,7 +94,7 @@ class PropTracker:
     """Follows one prop through the frames of one capture.
 
     Args:
-        prop: what is looked for.
+        prop: the prop.
         cameras: that the frames' blobs refer to, if they have any.
     """
 
@@ -107,7 +107,7 @@ class PropTracker:
         self._doubted_since_s: float | None = None  # since when it has been where it may be by chance
 
     def step(self, frame: MarkerFrame) -> PropDetection:
-        """Return where the prop is at the time of the next frame, and what of the frame is not the prop's."""
+        """Return the prop's pose in the next frame, and the frame without its markers."""
         if self._last is not None and frame.time_s - self._last.time_s > _HELD_S:
             self._forget()
         expected = self._predicted(frame.time_s)
@@ -116,20 +116,23 @@ class PropTracker:
         return self._by_points(frame, expected)
 
     def _by_points(self, frame: MarkerFrame, expected: Placed | None) -> PropDetection:
-        """Return what a frame without images tells."""
-        laid = self._laid(frame, expected)
-        if not laid or any(
-            other.cost_m2 - laid[0].cost_m2 < _CLEARLY_M2 and self._is_elsewhere(other.placed, laid[0].placed)
-            for other in laid[1:]
+        """Detect the prop in a frame without images."""
+        candidates = self._candidates(frame, expected)
+        if not candidates or any(
+            other.cost_m2 - candidates[0].cost_m2 < _CLEARLY_M2
+            and self._is_elsewhere(other.placed, candidates[0].placed)
+            for other in candidates[1:]
         ):
             return self._unseen(frame)
         taken = np.zeros(len(frame.points_m), dtype=bool)
-        own = laid[0].way[laid[0].way >= 0]
+        own = candidates[0].points[candidates[0].points >= 0]
         taken[own] = True
-        return self._seen(laid[0].placed, laid[0].rms_m, len(own), len(own) > _FEWEST, without_points(frame, taken))
+        return self._seen(
+            candidates[0].placed, candidates[0].rms_m, len(own), len(own) > _FEWEST, without_points(frame, taken)
+        )
 
     def _by_images(self, frame: MarkerFrame, expected: Placed | None) -> PropDetection:
-        """Return what the blobs of a frame tell."""
+        """Detect the prop in a frame's blobs."""
         images = PropImages(self._cameras, frame, self.prop)
         found = self._places(frame, images, expected)
         if not found or any(found[0].score - other.score < _CLEARLY for other in found[1:]):
@@ -146,10 +149,10 @@ class PropTracker:
             if fit is not None and fit.sights >= _SURE_SIGHTS and fit.score > _WELL * fit.sights:
                 return [fit]
             found = [fit] if fit is not None else []
-        for laid in self._laid(frame, expected):
-            if any(not self._is_elsewhere(laid.placed, known.placed) for known in found):
+        for candidate in self._candidates(frame, expected):
+            if any(not self._is_elsewhere(candidate.placed, known.placed) for known in found):
                 continue
-            fit = self._fitted(images, laid.placed, _NEAR_PX)
+            fit = self._fitted(images, candidate.placed, _NEAR_PX)
             if fit is not None:
                 same = [known for known in found if not self._is_elsewhere(fit.placed, known.placed)]
                 if all(known.score < fit.score for known in same):
@@ -157,7 +160,7 @@ class PropTracker:
         return sorted(found, key=lambda fit: -fit.score)
 
     def _fitted(self, images: PropImages, start: Placed, limit_px: float) -> _Fit | None:
-        """Return the prop as the images show it near to where it may be; None when they do not."""
+        """Fit the prop to the images near a start; None when they do not show it."""
         placed, errors_px = start, np.empty(0)
         for limit in (limit_px, _NEAR_PX):
             blobs = images.nearest(placed, limit)
@@ -169,18 +172,18 @@ class PropTracker:
         return _Fit(placed, blobs, score) if score >= _LEAST_SCORE and self._is_placed_by(blobs) else None
 
     def _is_placed_by(self, blobs: IntArray) -> bool:
-        """Whether blobs (M, C) are enough of the prop to place it."""
+        """Return whether blobs (M, C) suffice to place the prop."""
         return bool(np.sum(blobs >= 0) >= _FEWEST_SIGHTS) and self._is_spread(np.any(blobs >= 0, axis=1))
 
     def _is_spread(self, seen: NDArray[np.bool_]) -> bool:
-        """Whether these markers (M,) place the prop: three at least, and not on a line."""
+        """Return whether markers (M,) place the prop: three at least, not on a line."""
         return int(seen.sum()) >= _FEWEST and planarity_m(self.prop.positions_m[seen]) >= LEAST_PLANARITY_M
 
     def _is_elsewhere(self, one: Placed, other: Placed) -> bool:
         return bool(np.max(np.linalg.norm(one.markers(self.prop) - other.markers(self.prop), axis=1)) > _ELSEWHERE_M)
 
-    def _laid(self, frame: MarkerFrame, expected: Placed | None) -> list[_PoseCandidate]:
-        """Return the best few ways to lay the prop on points, the best first; those near to where it is expected."""
+    def _candidates(self, frame: MarkerFrame, expected: Placed | None) -> list[_PoseCandidate]:
+        """Return the best poses of the prop on points, near the expected one first."""
         points = frame.points_m
         if len(points) < _FEWEST:
             return []
@@ -198,27 +201,27 @@ class PropTracker:
                 return near
         found = self._fitting(points, match_rigid_pattern(points, self.prop.spans_m, tolerances, _FEWEST), frame)
         # three points elsewhere may be so by chance, while the prop is only hidden
-        return [laid for laid in found if expected is None or np.sum(laid.way >= 0) > _FEWEST]
+        return [candidate for candidate in found if expected is None or np.sum(candidate.points >= 0) > _FEWEST]
 
-    def _fitting(self, points_m: Array, ways: IntArray, frame: MarkerFrame) -> list[_PoseCandidate]:
-        """Return the best few of the ways (H, M), the best first."""
+    def _fitting(self, points_m: Array, matches: IntArray, frame: MarkerFrame) -> list[_PoseCandidate]:
+        """Return the best few of the matches (H, M), the best first."""
         found: list[_PoseCandidate] = []
-        for way in ways:
-            known = way >= 0
-            missed = float((~known).sum()) * _MISSED_M**2 / len(way)
+        for points in matches:
+            known = points >= 0
+            missed = float((~known).sum()) * _MISSED_M**2 / len(points)
             if len(found) >= _TRIED and missed > found[_TRIED - 1].cost_m2:
-                break  # ways with fewer points follow
+                break  # matches with fewer points follow
             if not self._is_spread(known):
                 continue
-            turn, shift, rms_m = fit_rigid(self.prop.positions_m[known], points_m[way[known]])
-            if rms_m < _LAID_M:
+            turn, shift, rms_m = fit_rigid(self.prop.positions_m[known], points_m[points[known]])
+            if rms_m < _FIT_M:
                 cost_m2 = float(known.mean()) * rms_m**2 + missed
-                found.append(_PoseCandidate(Placed(turn, shift, frame.time_s), way, rms_m, cost_m2))
-                found.sort(key=lambda laid: laid.cost_m2)
+                found.append(_PoseCandidate(Placed(turn, shift, frame.time_s), points, rms_m, cost_m2))
+                found.sort(key=lambda candidate: candidate.cost_m2)
         return found[:_TRIED]
 
     def _predicted(self, time_s: float) -> Placed | None:
-        """Return where the prop is expected: it goes on as it went between the last two frames."""
+        """Return the expected pose, at constant velocity from the last two frames."""
         if self._last is None:
             return None
         last, before = self._last, self._before
@@ -247,9 +250,9 @@ class PropTracker:
         return PropDetection(self._pose, rest)
 
     def _claimed(self, frame: MarkerFrame, images: PropImages, expected: Placed | None) -> PropDetection:
-        """Return that too little shows the prop; for a moment, what lies where its markers should be is still its own.
+        """Return an unseen prop that for a moment keeps the blobs near its markers.
 
-        Else a performer whose hand is hidden would be given the sword's hilt.
+        Otherwise a performer with a hidden hand would get the sword's hilt.
         """
         rest = frame
         if expected is not None and self._last is not None and frame.time_s - self._last.time_s <= _CLAIM_S:

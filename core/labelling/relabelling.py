@@ -1,4 +1,4 @@
-"""Labels reconsidered while a body is followed: a limb that was lost and never found again, or two that were exchanged.
+"""Corrections of labels while a body is tracked: limbs lost or exchanged.
 
 Labelling by the last synthesized pose keeps to what it believes: where a limb was lost for long, its pose is the
 database's guess, and the marker that returns is far from it. Then a point stays without a name beside a marker without
@@ -40,7 +40,7 @@ class Relabeller:
         self._time_s = -np.inf
 
     def relabel(self, time_s: float, markers_m: Array, unnamed_m: Array) -> Array | None:
-        """Return the markers (M, 3) under better labels, once a few looks agree on them; else None.
+        """Return the markers (M, 3) under better labels, once confirmed; else None.
 
         Args:
             time_s: of the frame.
@@ -72,7 +72,7 @@ class Relabeller:
         return result if self.changed else None
 
     def _is_confirmed(self, time_s: float, changed: Mapping[int, Array]) -> bool:
-        """Count looks in a row that find the same markers changed, each near where the last look had it."""
+        """Count consecutive checks that change the same markers near the same places."""
         elapsed = time_s - self._time_s
         reach = _REACH_M + _REACH_M_S * elapsed
         common = changed.keys() & self._suspected.keys()

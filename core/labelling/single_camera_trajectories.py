@@ -1,4 +1,4 @@
-"""Markers of a tracked take that one camera alone shows: which of its blobs they are.
+"""Image trajectories of markers that only one camera sees in a tracked take.
 
 A marker that the other camera loses keeps moving in the first one's image, so it is followed there, and where that is
 not possible looked for where its trajectory before and after the gap has it. That is done forwards and backwards in
@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from ..geometry.camera import CameraRig
-from ..markers.marker_frame import MarkerFrame
+from ..geometry.gated_assignment import assign
+from ..markers.marker_frame import MarkerFrame, undistort_blobs
 from ..markers.marker_take import SingleViews
 from .trajectory_linking import Tracking
 
@@ -24,12 +24,12 @@ _GATE_M = 0.03  # at the marker's depth, from where it is expected
 _GATE_M_S = 0.5  # growth with the time since it was last seen in this image
 _GATE_MOST_M = 0.08
 _OPEN_S = 0.25  # a marker is looked for so long before it is first and after it is last located
-_FRESH_S = 0.1  # a movement in the image older than this tells nothing
+_FRESH_S = 0.1  # a movement in the image older than this is of no use
 
 
 @dataclass
 class _Image:
-    """Where each marker was last seen in one camera's image: (M, 2) place and movement per second, (M,) when."""
+    """Last image positions (M, 2), velocities per second and times (M,) of markers."""
 
     points: Array
     velocities: Array
@@ -40,7 +40,7 @@ class _Image:
         return cls(np.full((markers, 2), np.nan), np.zeros((markers, 2)), np.full(markers, -np.inf))
 
     def expected(self, time_s: float, projected: Array) -> Array:
-        """Return where the markers should be (M, 2): further along their movement, or where they are projected."""
+        """Return expected image positions (M, 2): by velocity, or as projected."""
         passed = time_s - self.times_s
         moved = self.points + self.velocities * np.where(np.isfinite(passed), passed, 0.0)[:, None]
         return np.where((np.abs(passed) < _FRESH_S)[:, None], moved, projected)
@@ -54,7 +54,7 @@ class _Image:
 
 
 def single_views(tracking: Tracking, frames: Sequence[MarkerFrame], rig: CameraRig) -> SingleViews:
-    """Return what single cameras show of the markers that the tracked take does not locate.
+    """Return single cameras' views of markers that the tracked take does not locate.
 
     Args:
         tracking: of the frames, in which each point that belongs to a marker is labelled.
@@ -62,6 +62,7 @@ def single_views(tracking: Tracking, frames: Sequence[MarkerFrame], rig: CameraR
         rig: the cameras.
     """
     take = tracking.take
+    frames = [undistort_blobs(frame, rig.cameras) for frame in frames]
     expected_m = _bridged(take.positions_m, take.times_s)
     cameras = np.full(take.visible.shape, -1, dtype=np.int64)
     points = np.full((*take.visible.shape, 2), np.nan)
@@ -70,7 +71,7 @@ def single_views(tracking: Tracking, frames: Sequence[MarkerFrame], rig: CameraR
         views = [
             _View(
                 take.times_s[f],
-                camera.undistort(frame.blobs[index][:, :2].astype(np.float64)),
+                frame.normalised[index],
                 _blobs_of(frame, tracking.labels[f], len(take.names), index),
                 np.flatnonzero(~take.visible[f] & np.isfinite(expected_m[f, :, 0])),
                 camera.to_camera(expected_m[f]),
@@ -89,8 +90,14 @@ def single_views(tracking: Tracking, frames: Sequence[MarkerFrame], rig: CameraR
 
 @dataclass(frozen=True)
 class _View:
-    """One camera's image: time, (N, 2) what it shows, (M,) blob of each located marker or -1, the markers looked for,
-    and (M, 3) where all should be in the camera's frame."""
+    """One camera's image and the markers expected in it.
+
+    Args:
+        points: (N, 2) normalised coordinates of its blobs.
+        located: (M,) blob of each located marker, -1 for none.
+        hidden: markers to find.
+        expected_m: (M, 3) expected markers in the camera's frame.
+    """
 
     time_s: float
     points: Array
@@ -106,7 +113,7 @@ def _blobs_of(frame: MarkerFrame, labels: IntArray, count: int, camera: int) -> 
 
 
 def _followed(views: Sequence[_View]) -> tuple[IntArray, Array]:
-    """Return for each hidden marker its blob (F, M), -1 where none, and how far that is from where it should be."""
+    """Return blobs (F, M) of hidden markers, -1 for none, and their distances."""
     count = len(views[0].located)
     blobs = np.full((len(views), count), -1, dtype=np.int64)
     far = np.full((len(views), count), np.inf)
@@ -122,7 +129,7 @@ def _followed(views: Sequence[_View]) -> tuple[IntArray, Array]:
 
 
 def _found(image: _Image, view: _View, free: IntArray) -> tuple[IntArray, IntArray, Array]:
-    """Return markers (N,) among the hidden, their blobs (N,) and how far these are from where they should be."""
+    """Return hidden markers (N,), their blobs (N,) and distances from expectation."""
     nothing = np.empty(0, dtype=np.int64)
     if len(view.hidden) == 0 or len(free) == 0:
         return nothing, nothing, np.empty(0)
@@ -130,15 +137,13 @@ def _found(image: _Image, view: _View, free: IntArray) -> tuple[IntArray, IntArr
     expected = image.expected(view.time_s, view.expected_m[:, :2] / depth)
     gates = np.minimum(_GATE_M + _GATE_M_S * np.abs(view.time_s - image.times_s), _GATE_MOST_M)
     distances = np.linalg.norm(expected[view.hidden, None] - view.points[free][None], axis=-1) * depth[view.hidden]
-    relative = np.minimum(distances / gates[view.hidden, None], 1.0)
-    rows, columns = linear_sum_assignment(relative**2)
-    inside = relative[rows, columns] < 1.0
-    rows, columns = rows[inside], columns[inside]
+    relative = distances / gates[view.hidden, None]
+    rows, columns = assign(relative**2)
     return view.hidden[rows], free[columns], relative[rows, columns]
 
 
 def _bridged(positions_m: Array, times_s: Array) -> Array:
-    """Return trajectories (F, M, 3) with straight lines over the gaps, held for a moment at both ends."""
+    """Interpolate trajectories (F, M, 3) over gaps; extend them a little at the ends."""
     result = positions_m.copy()
     for marker in range(positions_m.shape[1]):
         known = np.flatnonzero(np.isfinite(positions_m[:, marker, 0]))

@@ -1,4 +1,4 @@
-"""Which blob of the only camera is which marker, frame after frame.
+"""Labels of blobs of a single camera, frame after frame.
 
 A marker that was just seen is where its movement in the image takes it; one that was hidden for a while is somewhere
 about where the last synthesized pose has it, the less surely the longer. One assignment of all blobs to all markers
@@ -10,14 +10,14 @@ from copy import copy
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from ..geometry.camera import Camera
+from ..geometry.gated_assignment import assign
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_MEMORY_S = 0.1  # a movement in the image older than this tells nothing
+_MEMORY_S = 0.1  # a movement in the image older than this is of no use
 # standard deviations across the ray at the marker's distance
 _IMAGE_M = 0.006  # of a marker that moves on as it did
 _IMAGE_M_S2 = 30.0  # and what it may accelerate
@@ -47,7 +47,7 @@ class SingleViewLabeller:
         self._lost_s = np.full(len(torso), np.inf)
 
     def proposals(self, points: Array, predicted_m: Array, elapsed_s: float) -> list[tuple[float, IntArray]]:
-        """Return cost and labels (N,), -1 for none, of the likeliest assignment and of its rivals, in this order.
+        """Return cost and labels (N,), -1 for none, of the best assignment and its rivals.
 
         Args:
             points: (N, 2) undistorted normalised coordinates of the blobs.
@@ -55,7 +55,7 @@ class SingleViewLabeller:
             elapsed_s: time since that pose.
         """
         costs = self._costs(points, predicted_m, elapsed_s)
-        best = _assign(costs)
+        best = _name_blobs(costs)
         found = [best]
         for blob in np.flatnonzero(best[1] >= 0):
             marker = best[1][blob]
@@ -63,13 +63,13 @@ class SingleViewLabeller:
                 continue
             others = costs.copy()
             others[blob, marker] = _UNLIKELY
-            rival = _assign(others)
+            rival = _name_blobs(others)
             if rival[0] < best[0] + _RIVAL and not any(np.array_equal(rival[1], labels) for _, labels in found):
                 found.append(rival)
         return sorted(found, key=lambda pair: pair[0])
 
     def after(self, points: Array, labels: IntArray, elapsed_s: float) -> "SingleViewLabeller":
-        """Return the labeller that knows which markers (N,) the points (N, 2) of the next frame are."""
+        """Return the labeller after a frame of points (N, 2) with labels (N,)."""
         named = labels >= 0
         markers, seen = labels[named], points[named]
         since_s = self._lost_s[markers] + elapsed_s
@@ -101,10 +101,9 @@ class SingleViewLabeller:
         return np.asarray(np.minimum(costs, _UNLIKELY))
 
 
-def _assign(costs: Array) -> tuple[float, IntArray]:
+def _name_blobs(costs: Array) -> tuple[float, IntArray]:
     """Return the least cost of naming blobs, and the labels (N,)."""
-    rows, columns = linear_sum_assignment(costs)
-    good = costs[rows, columns] < _UNLIKELY
+    rows, columns = assign(costs, _UNLIKELY)
     labels = np.full(len(costs), -1, dtype=np.int64)
-    labels[rows[good]] = columns[good]
-    return float(costs[rows[good], columns[good]].sum() + _UNLIKELY * np.sum(labels < 0)), labels
+    labels[rows] = columns
+    return float(costs[rows, columns].sum() + _UNLIKELY * np.sum(labels < 0)), labels

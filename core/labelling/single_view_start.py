@@ -1,4 +1,4 @@
-"""Which blob of one camera is which marker at the start, when no second camera tells where anything is in space.
+"""Labels of the blobs of a single camera at the start, from a known pose.
 
 The performer stands in a calibration pose before the camera and the body is known, so that two blobs taken for two
 markers give its distance. The best of all such placements is refined: blobs are assigned, the body is moved to meet
@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from ..geometry import rotations as rot
 from ..geometry.camera import Camera
+from ..geometry.gated_assignment import assign
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -26,7 +26,7 @@ _GATE_M = 0.25  # across the ray, at the marker's distance
 _MISSED_M = 0.10  # what a marker costs that is not found, and at most one that is
 _NARROWING = 0.8  # of the gate, down to that, from one round to the next: a hidden marker must not keep another's blob
 _REFINED = 2  # placements of each pose and turn
-_CLOSEST = 12  # of many poses laid where the body is, that are refined
+_CLOSEST = 12  # of many poses at the body's place, that are refined
 _ROUNDS = 10  # of assigning and moving
 _TILT_SIGMA_RAD = 0.1  # of a person who stands upright
 _SIGMA_M = 0.03  # of a marker in a pose that is never held exactly
@@ -48,10 +48,10 @@ class SingleViewStart:
 
 
 def label_single_view(points: Array, camera: Camera, poses_m: Sequence[Array]) -> SingleViewStart | None:
-    """Return the labels of blobs of a performer who stands in one of a few poses; None when it looks like none.
+    """Return labels of blobs of a performer in one of a few poses; None without a fit.
 
     Args:
-        points: (N, 2) undistorted normalised coordinates of the blobs; false ones and missing ones are borne.
+        points: (N, 2) undistorted normalised coordinates of the blobs; some may be false, some missing.
         camera: that sees them.
         poses_m: markers (M, 3) of each pose, y up, facing +z.
     """
@@ -81,7 +81,7 @@ def label_single_view(points: Array, camera: Camera, poses_m: Sequence[Array]) -
 
 
 def label_near(points: Array, camera: Camera, expected_m: Array, count: int) -> list[SingleViewStart]:
-    """Return different labels of the blobs of a performer who is about where bodies are laid, likeliest first.
+    """Return labellings of a performer near example bodies, likeliest first.
 
     Args:
         points: (N, 2) undistorted normalised coordinates of the blobs.
@@ -103,14 +103,14 @@ def label_near(points: Array, camera: Camera, expected_m: Array, count: int) -> 
 
 
 def _placed(points: Array, body: Array) -> list[Array]:
-    """Return the likeliest places, in the camera's frame, of a body (M, 3), two of whose markers are two blobs."""
+    """Return likely bodies (M, 3) in the camera's frame from pairs of blobs."""
     spans = np.linalg.norm(body[:, None, :2] - body[None, :, :2], axis=-1)
     order = np.argsort(spans, axis=None)[::-1][: 2 * _PAIRS : 2]  # every pair stands there twice
     first, second = np.nonzero(~np.eye(len(points), dtype=bool))
     apart = points[first] - points[second]
     placements = []
     for a, b in zip(*np.unravel_index(order, spans.shape), strict=True):
-        # x_a + t = u (z_a + s) for both; their difference tells s, the shift in depth
+        # x_a + t = u (z_a + s) for both; their difference gives s, the shift in depth
         wanted = body[a, :2] - body[b, :2] - points[first] * body[a, 2] + points[second] * body[b, 2]
         depth = np.einsum("pc,pc->p", apart, wanted) / np.einsum("pc,pc->p", apart, apart)
         bent = np.linalg.norm(wanted - depth[:, None] * apart, axis=1) > _BENT * spans[a, b]
@@ -130,29 +130,28 @@ def _placed(points: Array, body: Array) -> list[Array]:
 
 
 def _refine(points: Array, local: Array, up: Array) -> tuple[float, IntArray, Array]:
-    """Return cost, labels (N,) and the body (M, 3) after assigning blobs and moving the body in turn."""
+    """Return cost, labels (N,) and body (M, 3) after alternating labels and moves."""
     labels = np.full(len(points), -1, dtype=np.int64)
     start, pose = local, np.zeros(6)
     cost = np.inf
     for turn in range(_ROUNDS):
         gate_m = max(_GATE_M * _NARROWING**turn, _MISSED_M)
         distances = np.linalg.norm(_across(local[None], points[:, None]), axis=-1)
-        rows, columns = linear_sum_assignment(np.minimum(distances, gate_m) ** 2)
-        near = distances[rows, columns] < gate_m
+        rows, columns = assign(distances**2, gate_m**2)
         new = np.full(len(points), -1, dtype=np.int64)
-        new[rows[near]] = columns[near]
-        missed = len(local) - int(np.sum(near))
-        off = np.minimum(distances[rows[near], columns[near]], _MISSED_M)
+        new[rows] = columns
+        missed = len(local) - len(rows)
+        off = np.minimum(distances[rows, columns], _MISSED_M)
         cost = float(np.sum(off**2)) + missed * _MISSED_M**2
-        if (np.array_equal(new, labels) and gate_m == _MISSED_M) or np.sum(near) < 4:
+        if (np.array_equal(new, labels) and gate_m == _MISSED_M) or len(rows) < 4:
             return cost, new, local
         labels = new
-        local, pose = _moved(points[rows[near]], columns[near], start, pose, up)
+        local, pose = _moved(points[rows], columns, start, pose, up)
     return cost, labels, local
 
 
 def _moved(points: Array, markers: IntArray, start: Array, pose: Array, up: Array) -> tuple[Array, Array]:
-    """Return the body moved to meet the rays of its markers by Gauss-Newton steps, and its turn and shift (6,).
+    """Fit the body to its markers' rays by Gauss-Newton; also return the step (6,).
 
     It turns about its middle; out of the upright (`up` in the camera's frame) only as far as a standing person does.
     """
@@ -180,5 +179,5 @@ def _moved(points: Array, markers: IntArray, start: Array, pose: Array, up: Arra
 
 
 def _across(local: Array, points: Array) -> Array:
-    """Return how far (..., 2) points of the camera's frame lie from rays, metres across the ray at their depth."""
+    """Return distances (..., 2) of local points across rays, metres at their depth."""
     return np.asarray(local[..., :2] - points * local[..., 2:])

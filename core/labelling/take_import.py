@@ -1,4 +1,4 @@
-"""Marker takes of other systems brought to the product's world and to the names of a marker set."""
+"""Import of marker takes: y up, and names of the marker set."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -37,9 +37,9 @@ _TURNS = {  # from a world with this axis up to one with y up
 def import_take(take: MarkerTake, marker_set: MarkerSet, up: str) -> MarkerTake:
     """Return a take with y up and its markers under the names of the marker set.
 
-    Names agree as `match_labels` says; where they do not agree at all, a take with as many markers as the set is told
-    apart by where they are on a standing body. A take of one camera is
-    returned as it is: its markers are told apart when it is solved, and its calibration has the world.
+    Names agree as `match_labels` says. Where none agrees, the markers of a take with as many markers as the set are
+    named by their places on a standing body. A take of one camera is returned unchanged: it is labelled when it is
+    solved, and its calibration has the world.
 
     Args:
         take: as it was read.
@@ -48,8 +48,8 @@ def import_take(take: MarkerTake, marker_set: MarkerSet, up: str) -> MarkerTake:
             the floor on which the feet stand, which becomes y = 0.
 
     Raises:
-        TakeError: the markers are not the set's, or too few are seen at once to tell what is up.
-        MarkerSetError: the set has no usual offsets, without which neither can be told.
+        TakeError: the markers are not the set's, or too few are seen at once to find the vertical.
+        MarkerSetError: the set has no usual offsets, which both need.
     """
     if is_unnamed(take):
         return take
@@ -64,13 +64,13 @@ def import_take(take: MarkerTake, marker_set: MarkerSet, up: str) -> MarkerTake:
 
 
 def _by_name(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake | None:
-    """Return the take under the set's names as far as they agree, None when those of the torso do not."""
+    """Return the take under the set's names; None when the torso's are missing."""
     match = match_labels(take.names, marker_set)
     return match.rename(take) if match.has_torso else None
 
 
 def _by_place(take: MarkerTake, marker_set: MarkerSet, axes: Sequence[str]) -> MarkerTake:
-    """Return the take turned so that it stands, under the set's names as the markers' places tell them."""
+    """Return the upright take, named by the markers' places."""
     if len(take.names) != len(marker_set):
         raise TakeError(
             f"its markers are called {join_names(take.names)}, those of the set {marker_set.name} "
@@ -99,13 +99,13 @@ def _axis_up(take: MarkerTake, marker_set: MarkerSet) -> str:
     except TakeError as error:
         advice = "say which axis points up"
         raise TakeError(
-            "too few markers are seen at once to tell what is up", where=take.name, advice=advice
+            "too few markers are seen at once to find the vertical", where=take.name, advice=advice
         ) from error
     return max(_TURNS, key=lambda axis: float(_UP @ _TURNS[axis] @ up))
 
 
 def _on_floor(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
-    """Return the take with the floor on which the feet stand at y = 0; the way it faces stays."""
+    """Return the take with the floor under the feet at y = 0, its heading kept."""
     points = floor_points(take, marker_set)
     middle = points.mean(axis=0)
     normal = np.linalg.svd(points - middle)[2][2]
@@ -115,7 +115,7 @@ def _on_floor(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
 
 
 def _turned(take: MarkerTake, turn: Array, shift_m: Array | None = None) -> MarkerTake:
-    """Return a take in the world into which p goes as turn p + shift, and its cameras with it."""
+    """Return a take in a moved world (p to turn p + shift), its cameras too."""
     moved = np.zeros(3) if shift_m is None else shift_m
     single = take.single
     if single is not None:

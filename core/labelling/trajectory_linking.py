@@ -1,4 +1,4 @@
-"""Marker trajectories without a body model: from unlabelled points of successive frames to labelled markers.
+"""Labelled trajectories without a body model, from unlabelled points.
 
 First points are joined to tracklets of trajectory by temporal coherence; then tracklets are joined to markers by the
 distances between markers, which a body keeps (those on one limb exactly, others roughly), so that a marker that was
@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
 from ..errors import TakeError
+from ..geometry.gated_assignment import assign
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_take import MarkerTake
 
@@ -44,7 +44,7 @@ _OVERLAP_FRAMES = 2
 
 @dataclass
 class Tracklet:
-    """Points of successive frames that belong together: frame indices and the point's index in each."""
+    """Points of one marker in successive frames: frame and point indices."""
 
     frames: list[int] = field(default_factory=list)
     points: list[int] = field(default_factory=list)
@@ -54,7 +54,7 @@ class Tracklet:
 
 @dataclass(frozen=True)
 class Tracking:
-    """A tracked take, and per frame the marker (or -1) of every point of the marker frame."""
+    """Tracked take, and per frame the marker (or -1) of each point."""
 
     take: MarkerTake
     labels: tuple[IntArray, ...]
@@ -82,7 +82,7 @@ def track_markers(
     identities = [[tracklet] for tracklet in sorted(table[seed], key=lambda p: -len(tracklets[p].frames))[:worn]]
     used = {tracklet for row in identities for tracklet in row}
     rest = [p for p in range(len(tracklets)) if p not in used]
-    # long tracklets first: what is seen for a moment only must not take their place
+    # long tracklets first: short ones must not take their place
     rest.sort(key=lambda p: (-min(len(tracklets[p].frames), _LONG_FRAMES), _distance_in_time(tracklets[p], seed)))
     positions = np.full((len(frames), worn, 3), np.nan)
     for marker, row in enumerate(identities):
@@ -131,7 +131,7 @@ def _join_points(frames: Sequence[MarkerFrame]) -> list[Tracklet]:
 def _follow(
     active: Sequence[Tracklet], frames: Sequence[MarkerFrame], f: int, depth_axis: Array
 ) -> tuple[IntArray, IntArray]:
-    """Return which active tracklet goes on in which point of frame f."""
+    """Return pairs of active tracklets and points of frame f."""
     points = frames[f].points_m
     if not active or len(points) == 0:
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
@@ -141,22 +141,19 @@ def _follow(
     slow = bool(np.median(passed) >= _SLOW_RATE_S)
     expected = last if slow else last + velocity * passed[:, None]
     gates = np.minimum(_GATE_M + _GATE_SPEED_M_S * passed, _GATE_MOST_M)
-    if not slow:  # what was seen for a moment only may be false and must not take a marker's place
+    if not slow:  # a short one may be false and must not take a marker's place
         gates *= np.where([len(tracklet.frames) <= _GHOST_FRAMES for tracklet in active], _YOUNG_GATE, 1.0)
     else:
         expected = expected + _common_shift(expected, points, float(np.median(passed)))
     for _ in range(_SLOW_ROUNDS if slow else 1):
-        cost = np.minimum(_squared_gates(points[None] - expected[:, None], gates[:, None], depth_axis), 1.0)
-        rows, columns = linear_sum_assignment(cost)
-        good = cost[rows, columns] < 1.0
-        rows, columns = rows[good], columns[good]
+        rows, columns = assign(_squared_gates(points[None] - expected[:, None], gates[:, None], depth_axis))
         if len(rows) >= 3:
             expected = expected + np.median(points[columns] - expected[rows], axis=0)
     return rows, columns
 
 
 def _squared_gates(difference: Array, across: Array | float, depth_axis: Array) -> Array:
-    """Return squared distances in units of a gate that is wider along the cameras' line of sight.
+    """Return squared distances in gates that are wider along the line of sight.
 
     Unsynchronised cameras see a marker that moves sideways at different places: its depth jumps from frame to frame
     by far more than it moves.
@@ -167,7 +164,7 @@ def _squared_gates(difference: Array, across: Array | float, depth_axis: Array) 
 
 
 def _depth_axes(frames: Sequence[MarkerFrame]) -> list[Array]:
-    """Return per frame the unit vector along which its points are known worst."""
+    """Return per frame the unit vector of its points' largest uncertainty."""
     axes = []
     for frame in frames:
         if len(frame.points_m) == 0:
@@ -179,7 +176,7 @@ def _depth_axes(frames: Sequence[MarkerFrame]) -> list[Array]:
 
 
 def _common_shift(expected: Array, points: Array, passed_s: float) -> Array:
-    """Return the shift of the whole body that brings most expected positions near a point."""
+    """Return the body's shift that brings most expected positions near a point."""
     shifts = (points[None] - expected[:, None]).reshape(-1, 3)
     shifts = np.concatenate((np.zeros((1, 3)), shifts))
     lengths = np.linalg.norm(shifts, axis=1)
@@ -213,7 +210,7 @@ def _alive(tracklets: Sequence[Tracklet], count: int) -> list[list[int]]:
 
 
 def _usual_count(tracklets: Sequence[Tracklet], count: int) -> int:
-    """Markers worn: as many as a fair share of the frames show at once, false markers of a few frames left out."""
+    """Return how many markers a fair share of the frames shows, short tracklets aside."""
     longest = [tracklet for tracklet in tracklets if len(tracklet.frames) > _GHOST_FRAMES] or list(tracklets)
     shown = np.zeros(count, dtype=np.int64)
     for tracklet in longest:
@@ -245,7 +242,7 @@ def _distance_in_time(tracklet: Tracklet, f: int) -> int:
 
 
 def _fill(positions: Array, marker: int, tracklet: Tracklet, frames: Sequence[MarkerFrame]) -> None:
-    """Enter a tracklet where the marker has no position yet; what is taken is cut off the tracklet."""
+    """Fill a marker's gaps from a tracklet; cut the rest off the tracklet."""
     kept = [i for i, f in enumerate(tracklet.frames) if np.isnan(positions[f, marker, 0])]
     tracklet.frames, tracklet.points = [tracklet.frames[i] for i in kept], [tracklet.points[i] for i in kept]
     for f, point in zip(tracklet.frames, tracklet.points, strict=True):
@@ -253,7 +250,7 @@ def _fill(positions: Array, marker: int, tracklet: Tracklet, frames: Sequence[Ma
 
 
 def _best_identity(tracklet: Tracklet, positions: Array, frames: Sequence[MarkerFrame]) -> int | None:
-    """Return the marker that a tracklet belongs to, None when it fits none that is free while it lasts."""
+    """Return a tracklet's marker, None when no free one fits."""
     where = np.array(tracklet.frames)
     own = np.array([frames[f].points_m[point] for f, point in zip(tracklet.frames, tracklet.points, strict=True)])
     taken = np.isfinite(positions[where, :, 0]).sum(axis=0)
@@ -271,7 +268,7 @@ def _best_identity(tracklet: Tracklet, positions: Array, frames: Sequence[Marker
 
 
 def _structure_cost(where: IntArray, own: Array, marker: int, positions: Array) -> float:
-    """Return the squared deviation, in sigmas, from the marker's usual distances to the others."""
+    """Return the squared deviation, in sigmas, from usual distances to other markers."""
     usual = np.linalg.norm(positions - positions[:, marker : marker + 1], axis=2)
     usual[:, marker] = np.nan
     seen = np.isfinite(usual).sum(axis=0)
@@ -287,7 +284,7 @@ def _structure_cost(where: IntArray, own: Array, marker: int, positions: Array) 
 
 
 def _gap_cost(where: IntArray, own: Array, marker: int, positions: Array, frames: Sequence[MarkerFrame]) -> float:
-    """Squared distance, in sigmas that grow with the gap, to where the marker was last and will be next."""
+    """Return the squared distance, in sigmas, to the marker before and after."""
     known = np.flatnonzero(np.isfinite(positions[:, marker, 0]))
     axis = _depth_axes([frames[int(where[0])]])[0]
     costs = []

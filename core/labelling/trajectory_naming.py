@@ -1,4 +1,4 @@
-"""Which tracked trajectory is which marker of a set: decided by standing bodies, voted on over the take."""
+"""Names of tracked trajectories, voted on by standing bodies over the take."""
 
 from dataclasses import replace
 
@@ -22,9 +22,9 @@ _FEWEST_VOTES = 0.3  # share of the sampled frames in which most markers must ha
 
 
 def name_trajectories(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
-    """Return the take with its trajectories in the order and under the names of the marker set.
+    """Return the take in the order and under the names of the marker set.
 
-    In frames spread over the take the points are laid over the markers of a standing body and of one in the T pose
+    In frames spread over the take the points are placed over the markers of a standing body and of one in the T pose
     (with the set's usual offsets); every frame that fits votes.
 
     Raises:
@@ -67,7 +67,7 @@ def _vote(votes: Array, row: Array, templates: list[Array], names: tuple[str, ..
 
 
 def match_trajectories(own: Array, other: Array) -> tuple[IntArray, IntArray]:
-    """Return which trajectories (F, M, 3) and (F, N, 3) belong together: least median distance in all."""
+    """Match trajectories (F, M, 3) to (F, N, 3): least sum of median distances."""
     cost = np.array(
         [[_median_distance(own[:, i], other[:, j]) for j in range(other.shape[1])] for i in range(own.shape[1])]
     )

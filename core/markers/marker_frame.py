@@ -1,11 +1,13 @@
 """Marker frame: blobs, points and rays of one moment."""
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import CaptureError
+from ..geometry.camera import Camera, undistort_all
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -17,7 +19,7 @@ def _no_points() -> Array:
 
 @dataclass(frozen=True)
 class MarkerFrame:
-    """Markers seen at one moment by C cameras.
+    """Blobs, points and rays that C cameras show at one moment.
 
     Args:
         number: frame number of the source.
@@ -27,6 +29,8 @@ class MarkerFrame:
         labels: (N,) index in the marker set where the source knows it, else -1.
         blobs: per camera (n, 5): x, y (pixels, distorted), radius_px, brightness 0-255, hue 0-180.
         detected: the blobs as the images show them, where `blobs` were moved to another time; default `blobs`.
+        normalised: per camera (n, 2) undistorted normalised coordinates of `blobs`; empty where nobody computed them
+            (see `undistort_blobs`).
         point_blobs: (N, C) blob of each point in each camera, -1 where none.
         single_cameras, single_blobs: (R,) camera and blob of markers seen by one camera only.
         single_points: (R, 2) their undistorted normalised coordinates.
@@ -42,6 +46,7 @@ class MarkerFrame:
     labels: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     blobs: tuple[NDArray[np.float32], ...] = ()
     detected: tuple[NDArray[np.float32], ...] = ()
+    normalised: tuple[Array, ...] = ()
     point_blobs: IntArray = field(default_factory=lambda: np.empty((0, 0), dtype=np.int64))
     single_cameras: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     single_blobs: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
@@ -56,6 +61,8 @@ class MarkerFrame:
             object.__setattr__(self, "detected", self.blobs)
         if len(self.detected) != cameras:
             raise CaptureError(f"{len(self.detected)} images of {cameras} cameras", where=f"frame {self.number}")
+        if self.normalised and [len(rows) for rows in self.normalised] != [len(rows) for rows in self.blobs]:
+            raise CaptureError("normalised coordinates of other blobs", where=f"frame {self.number}")
         if len(self.labels) == 0 and points:
             object.__setattr__(self, "labels", np.full(points, -1, dtype=np.int64))
         if len(self.single_labels) == 0 and rays:
@@ -79,3 +86,11 @@ class MarkerFrame:
                 raise CaptureError(
                     f"{name} has shape {getattr(self, name).shape}, not {shape}", where=f"frame {self.number}"
                 )
+
+
+def undistort_blobs(frame: MarkerFrame, cameras: Sequence[Camera]) -> MarkerFrame:
+    """Return the frame with normalised coordinates, computed where it lacks them."""
+    if frame.normalised or len(frame.blobs) != len(cameras):
+        return frame
+    pixels = [blobs[:, :2].astype(np.float64) for blobs in frame.blobs]
+    return replace(frame, normalised=tuple(undistort_all(cameras, pixels)))

@@ -11,20 +11,24 @@ from ..errors import CaptureError
 from .marker_frame import MarkerFrame
 
 _MAGIC = b"PFMF"
-_VERSION = 3  # takes hold these bytes: a newer version must read this one too
+# Takes hold these bytes: a newer version must read the older ones too. Version 3 has no normalised coordinates.
+_VERSION, _OLDEST = 4, 3
 _HEADER = struct.Struct("<4sHHqdIIII")  # magic, version, cameras, number, time, points, rays, note bytes, body bytes
 _STAMP = struct.Struct("<d")
 _NOT_MOVED = 0xFFFFFFFF  # in place of the count of a camera's detected blobs: they are its blobs
+_NOT_COMPUTED = 0xFFFFFFFF  # in place of the count of its normalised coordinates
 
 
 def pack(frame: MarkerFrame) -> bytes:
-    """Return the frame as bytes: little-endian header, then arrays in the order of `_layout`."""
+    """Return the frame as little-endian bytes: header, then arrays as in `_layout`."""
     notes = "\n".join(frame.notes).encode("utf-8")
     moved = [d for d, blobs in zip(frame.detected, frame.blobs, strict=True) if d is not blobs]
     counts = [len(blobs) for blobs in frame.blobs]
     counts += [_NOT_MOVED if d is b else len(d) for d, b in zip(frame.detected, frame.blobs, strict=True)]
+    counts += [len(rows) for rows in frame.normalised] or [_NOT_COMPUTED] * len(frame.blobs)
     parts = [np.array(counts, dtype="<u4").tobytes()]
     parts += [np.ascontiguousarray(blobs, dtype="<f4").tobytes() for blobs in (*frame.blobs, *moved)]
+    parts += [np.ascontiguousarray(rows, dtype="<f8").tobytes() for rows in frame.normalised]
     layout = _layout(len(frame.points_m), len(frame.single_cameras), len(frame.blobs))
     parts += [np.ascontiguousarray(getattr(frame, name), dtype=kind).tobytes() for name, _, kind in layout]
     body = b"".join(parts) + notes
@@ -43,31 +47,33 @@ def pack(frame: MarkerFrame) -> bytes:
 
 
 def unpack(data: bytes) -> MarkerFrame:
-    """Return the frame of `pack`; CaptureError when the bytes are not one whole frame of this version."""
+    """Return the frame of `pack`; raise CaptureError when the bytes are not a frame."""
     if len(data) < _HEADER.size:
         raise CaptureError("a marker frame was cut off")
     magic, version, cameras, number, time_s, points, rays, note_bytes, body_bytes = _HEADER.unpack_from(data)
-    if magic != _MAGIC or version != _VERSION:
+    if magic != _MAGIC or not _OLDEST <= version <= _VERSION:
         raise CaptureError(
             "the capture process speaks another version", advice="restart Blender after updating the extension"
         )
     reader = _Reader(data, _HEADER.size)
-    counts = reader.array((2, cameras), "<u4")
+    counts = reader.array((2 if version == _OLDEST else 3, cameras), "<u4")
     blobs = tuple(reader.array((int(count), 5), "<f4") for count in counts[0])
     detected = tuple(
         b if count == _NOT_MOVED else reader.array((int(count), 5), "<f4")
         for b, count in zip(blobs, counts[1], strict=True)
     )
+    computed = version > _OLDEST and _NOT_COMPUTED not in counts[2]
+    normalised = tuple(reader.array((int(count), 2), "<f8") for count in counts[2]) if computed else ()
     arrays = {name: reader.array(shape, kind) for name, shape, kind in _layout(points, rays, cameras)}
     notes = reader.bytes(note_bytes).decode("utf-8", errors="replace")
     if len(data) != _HEADER.size + body_bytes or reader.position != len(data):
         raise CaptureError("a marker frame was cut off", where=f"frame {number}")
-    told = tuple(notes.split("\n")) if notes else ()
-    return MarkerFrame(number, time_s, blobs=blobs, detected=detected, notes=told, **arrays)
+    lines = tuple(notes.split("\n")) if notes else ()
+    return MarkerFrame(number, time_s, blobs=blobs, detected=detected, normalised=normalised, notes=lines, **arrays)
 
 
 def pack_stamped(stamp_s: float, frame: MarkerFrame) -> bytes:
-    """Return `pack` with the moment before it at which the images were in hand (`time.perf_counter()`, seconds)."""
+    """Return the time of the images (`time.perf_counter()`) and `pack`."""
     return _STAMP.pack(stamp_s) + pack(frame)
 
 

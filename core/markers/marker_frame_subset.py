@@ -1,4 +1,4 @@
-"""Parts of a marker frame: what is left of it when some of what the cameras saw is known to be something else."""
+"""Marker frames without some of their points or blobs."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -24,7 +24,7 @@ def without_points(frame: MarkerFrame, taken: NDArray[np.bool_]) -> MarkerFrame:
 
 
 def without_blobs(frame: MarkerFrame, taken: Sequence[IntArray]) -> MarkerFrame:
-    """Return the frame without some blobs, and without the points and rays that were made with them.
+    """Return the frame without some blobs, and without the points and rays of these.
 
     Args:
         frame: with blobs of C cameras.
@@ -53,6 +53,7 @@ def without_blobs(frame: MarkerFrame, taken: Sequence[IntArray]) -> MarkerFrame:
         labels=frame.labels[~lost],
         blobs=blobs,
         detected=blobs,
+        normalised=tuple(rows[left] for rows, left in zip(frame.normalised, kept, strict=bool(frame.normalised))),
         point_blobs=point_blobs[~lost],
         single_cameras=frame.single_cameras[alone],
         single_blobs=single_blobs[alone],

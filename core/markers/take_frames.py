@@ -1,4 +1,4 @@
-"""A marker take as a source of marker frames whose labels are known."""
+"""Labelled marker frames from a marker take."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -15,7 +15,7 @@ _SIGMA_M = 0.001  # uncertainty given to positions that come without one
 
 
 def take_frames(take: MarkerTake, marker_set: MarkerSet) -> Iterator[MarkerFrame]:
-    """Yield the frames of a take, labelled by marker name; markers that the set lacks are left out.
+    """Yield the frames of a take, labelled by marker name; other markers are left out.
 
     Markers that one camera alone showed come as rays, where the take has them. A take of one camera has nothing else,
     and its trajectories are not named: all come without a label.
@@ -46,7 +46,7 @@ def take_frames(take: MarkerTake, marker_set: MarkerSet) -> Iterator[MarkerFrame
 
 
 def is_unnamed(take: MarkerTake) -> bool:
-    """Whether a take is of one camera, so that only the body tells which marker is which."""
+    """Return whether a take is of one camera, so that its trajectories have no names."""
     return take.single is not None and len(take.single.rig) == 1
 
 

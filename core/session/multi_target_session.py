@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from ..body.scene_pose import ScenePose
 from ..errors import SettingsError
 from ..labelling.prop_tracking import PropTracker
-from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_frame import MarkerFrame, undistort_blobs
 from ..markers.prop import Prop, check_distinct
 from .performer_assignment import PerformerAssignment
 from .session import Session
@@ -41,6 +41,7 @@ class MultiTargetSession:
 
     def step(self, frame: MarkerFrame) -> ScenePose:
         """Return the poses of all performers and props in the next marker frame."""
+        frame = undistort_blobs(frame, self.rig.cameras if self.rig else ())
         props, hidden = [], []
         for tracker in self._trackers:
             detection = tracker.step(frame)

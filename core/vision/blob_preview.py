@@ -1,4 +1,4 @@
-"""What the cameras see of the markers, and what these are taken for, to be shown during a capture."""
+"""Preview of detected blobs and marker labels during a capture."""
 
 from collections.abc import Sequence
 
@@ -26,7 +26,7 @@ _LINE_M = np.geomspace(0.5, 12.0, 24)  # distances from the other camera that a 
 def draw_blobs(
     frame: MarkerFrame, thresholds: Sequence[float], rig: CameraRig, camera: int, picture: Image, image_width: int
 ) -> None:
-    """Ring what was detected in a camera's image in the reduced picture of it (BGR), in place; tell its threshold.
+    """Ring detected blobs in a camera's reduced picture (BGR), in place.
 
     Green: seen by another camera as well; orange: by this one alone; red: taken for no marker. Where a marker must be
     that another camera sees alone, a line is drawn (its epipolar line).
@@ -53,7 +53,7 @@ def draw_blobs(
 def draw_labels(
     names: Sequence[str], markers_m: Array, seen: NDArray[np.bool_], rig: CameraRig, pictures: Image
 ) -> Image:
-    """Return the cameras' reduced pictures, side by side and equally wide, with the markers' names where they are.
+    """Return the cameras' reduced pictures with the markers' names.
 
     Args:
         names: (M) of the markers.
@@ -78,7 +78,7 @@ def draw_labels(
 
 
 def _in_picture(pixels: Array, scale: float, picture: Image) -> NDArray[np.int32]:
-    """Return points of a line (N, 2) for drawing, without those behind the camera or far off."""
+    """Return visible points (N, 2) of a line for drawing."""
     reach = 4.0 * max(picture.shape)
     points = (pixels + 0.5) * scale - 0.5
     near = np.all(np.isfinite(points), axis=1) & np.all(np.abs(points) < reach, axis=1)

@@ -1,4 +1,4 @@
-"""A camera that was bumped, noticed while it is watched."""
+"""Detection of a bumped camera during a capture."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -18,7 +18,7 @@ Float32 = NDArray[np.float32]
 Start = Callable[..., "Future[Refinement | None]"]
 
 _FEWEST_BLOBS = 4
-_JUDGED = 30  # moments whose median counts: half a second at 60 Hz
+_JUDGED = 30  # moments; their median counts: half a second at 60 Hz
 _DOUBTFUL_PX = 0.9  # unsynchronised cameras with rolling shutters are at a third to a half of it
 _DOUBTFUL_S = 3.0  # so long without a break, then it is worth a look
 _LOOKED_AT = 60  # moments from which the cameras' places are found, spread over the doubtful time
@@ -27,7 +27,7 @@ _AGAIN_S = 4.0  # to the next look, if there was nothing; twice as long each tim
 
 
 class BumpDetector:
-    """Looks, where the cameras' rays have met badly for a while, whether they meet with the cameras placed otherwise.
+    """Search for moved cameras, when rays meet badly for a while.
 
     Clutter, a lamp or a wrong time make rays meet badly too, but no places of the cameras mend that.
 
@@ -47,7 +47,7 @@ class BumpDetector:
         self._patience_s = _AGAIN_S
 
     def update(self, frame: MarkerFrame, errors_px: Array) -> str:
-        """Take a moment; return what to tell when a bump has just been found, else ""; never waits.
+        """Take a moment; return a warning when a bump has just been found, else "".
 
         Args:
             frame: its blobs brought to one time.
@@ -68,7 +68,7 @@ class BumpDetector:
         return ""
 
     def _remember(self, frame: MarkerFrame) -> None:
-        """Keep what is seen while rays meet badly."""
+        """Keep frames while rays meet badly."""
         if len(self._misses_px) < _JUDGED or float(np.median(self._misses_px)) < _DOUBTFUL_PX:
             self._doubtful_since_s = None
             self._frames.clear()
@@ -99,7 +99,7 @@ class BumpDetector:
 
 
 def meeting_error_px(blobs: Sequence[Float32], errors_px: Array, worst_px: float) -> float | None:
-    """Return how badly blobs meet on average, pixels; None where too few are seen by two cameras to tell.
+    """Return the mean meeting error of blobs, pixels; None with too few blobs.
 
     One that meets none counts as the worst. As many should meet as the camera sees that sees the second most.
     """

@@ -1,4 +1,4 @@
-"""What one camera shows, as a take: trajectories in its image, which no body has named yet."""
+"""Marker take of one camera: unnamed trajectories in its image."""
 
 from collections.abc import Sequence
 
@@ -6,13 +6,13 @@ import numpy as np
 
 from ..errors import TakeError
 from ..geometry.camera import CameraRig
-from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_frame import MarkerFrame, undistort_blobs
 from ..markers.marker_take import MarkerTake, SingleViews
 from .matching.image_tracks import BlobLinker, image_tracks
 
 
 def image_take(frames: Sequence[MarkerFrame], rig: CameraRig, name: str, fps: float) -> MarkerTake:
-    """Return trajectories without any position in space, one column after another of those that do not overlap.
+    """Return image trajectories, those that do not overlap in one column.
 
     Which marker each is, is decided when the take is solved, by the body (see `sources.take.take_frames`).
 
@@ -28,7 +28,9 @@ def image_take(frames: Sequence[MarkerFrame], rig: CameraRig, name: str, fps: fl
     times_s = np.array([frame.time_s for frame in frames])
     pixels = [frame.blobs[0][:, :2].astype(np.float64) for frame in frames]
     ids = [linker.link(time_s, blobs) for time_s, blobs in zip(times_s.tolist(), pixels, strict=True)]
-    points = image_tracks(times_s.tolist(), [rig.cameras[0].undistort(blobs) for blobs in pixels], ids).points
+    points = image_tracks(
+        times_s.tolist(), [undistort_blobs(frame, rig.cameras).normalised[0] for frame in frames], ids
+    ).points
     if len(points) == 0:
         raise TakeError("shows no markers", where=name, advice="check the threshold and the light")
     points = np.swapaxes(points, 0, 1)

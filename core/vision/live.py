@@ -1,4 +1,4 @@
-"""Images of a live capture to marker frames, with what is learned about the cameras on the way."""
+"""Marker frames of a live capture, with watches of the cameras."""
 
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -17,7 +17,7 @@ _WHOLE_EVERY = 4  # images: 50 ms at 60 Hz until a marker from elsewhere is foun
 
 
 def live_settings(threshold: float | None = None) -> PipelineSettings:
-    """Return how images become marker frames in a live capture; `threshold` in grey levels, None: automatic."""
+    """Return pipeline settings of a live capture; `threshold` None: automatic."""
     detection = DetectionSettings(None if threshold is None else float(threshold), whole_every=_WHOLE_EVERY)
     return PipelineSettings(detection=(detection,))
 
@@ -25,12 +25,12 @@ def live_settings(threshold: float | None = None) -> PipelineSettings:
 def live_frames(
     images: Iterable[ImageSetLike], pipeline: MarkerPipeline, warn: Callable[[str], None], *, exact: bool
 ) -> Iterator[tuple[float, MarkerFrame]]:
-    """Yield, for each image set, `time.perf_counter()` when it was in hand, and its markers.
+    """Yield per image set its `time.perf_counter()` and its markers.
 
     Args:
         images: one image per camera each.
         pipeline: makes marker frames of them.
-        warn: told what the user should know.
+        warn: receives warnings for the user.
         exact: the time stamps are those of the moments shown, and the cameras stand still: nothing is to be learned.
     """
     with ThreadPoolExecutor(1) as later:

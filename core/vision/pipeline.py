@@ -1,4 +1,4 @@
-"""Images to marker frames: everything on the cameras' side of the process boundary."""
+"""Pipeline from images to marker frames, on the cameras' side."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -26,7 +26,7 @@ _NO_BLOBS = np.empty((0, 5), dtype=np.float32)
 
 @dataclass(frozen=True)
 class PipelineSettings:
-    """How images become marker frames; `detection` may hold one entry for all cameras or one for each."""
+    """Settings of the pipeline; `detection` has one entry, or one for each camera."""
 
     detection: tuple[DetectionSettings, ...] = (DetectionSettings(),)
     stereo: StereoSettings = field(default_factory=StereoSettings)
@@ -61,7 +61,7 @@ class MarkerPipeline:
         self.detectors = tuple(Detector(background, settings) for background, settings in pairs)
 
     def learn_empty(self, images: Iterable[tuple[Image, ...]]) -> None:
-        """Learn the backgrounds from frames without the performer: per moment one image per camera; none is kept."""
+        """Learn backgrounds from moments without the performer, one image per camera."""
         self.set_backgrounds(learn_backgrounds(images))
 
     def learn_from_take(self, images: Iterable[tuple[Image, ...]]) -> None:
@@ -77,7 +77,7 @@ class MarkerPipeline:
         return self.locate(self.detect(images))
 
     def detect(self, images: ImageSetLike) -> MarkerFrame:
-        """Return the blobs of one image set; a camera whose image is not usable sees none.
+        """Return the blobs of one image set; none where an image is unusable.
 
         Raises:
             CaptureError: another number of images than cameras, or images of another size than the calibration's.
@@ -126,6 +126,7 @@ class MarkerPipeline:
             covariances_m2=matches.covariances_m2,
             blobs=blobs,
             detected=seen.blobs,
+            normalised=tuple(normalised),
             point_blobs=matches.blobs,
             single_cameras=np.concatenate(single_cameras),
             single_blobs=np.concatenate(single_blobs),

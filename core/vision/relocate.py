@@ -11,9 +11,9 @@ from .synchronise import synchronise_frames
 
 
 def retriangulate(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[MarkerFrame]:
-    """Return the frames with their markers located from nothing but the blobs that the images showed.
+    """Return the frames with markers located from the detected blobs only.
 
-    How late each camera is is found from the whole take, where it tells, and made good for.
+    Time offsets of the cameras are found from the whole take, where possible, and corrected.
 
     Raises:
         TakeError: the frames come from another number of cameras.
@@ -26,5 +26,5 @@ def retriangulate(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[MarkerF
                 advice="give a calibration of the same cameras",
             )
     pipeline = MarkerPipeline(rig)
-    located = [pipeline.locate(replace(frame, blobs=frame.detected)) for frame in frames]
+    located = [pipeline.locate(replace(frame, blobs=frame.detected, normalised=())) for frame in frames]
     return synchronise_frames(rig, located)[0]

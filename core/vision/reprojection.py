@@ -10,7 +10,7 @@ from ..markers.marker_frame import MarkerFrame
 
 
 def labelled_rms_px(rig: CameraRig, frames: Sequence[MarkerFrame], labels: Sequence[NDArray[np.int64]]) -> float:
-    """Return the RMS distance in pixels between blobs and the projections of their points, labelled points only.
+    """Return the RMS distance in pixels of blobs to projections of labelled points.
 
     Both directions of a pixel count as one distance; NaN when there is no labelled point.
     """

@@ -1,4 +1,4 @@
-"""Frames of a whole take as if its cameras had been synchronised."""
+"""Synchronised frames of a whole take."""
 
 from collections.abc import Sequence
 
@@ -14,7 +14,7 @@ _LARGEST_S = 0.25
 def synchronise_frames(
     rig: CameraRig, frames: Sequence[MarkerFrame], settings: PipelineSettings | None = None
 ) -> tuple[list[MarkerFrame], tuple[TimeOffset, ...]]:
-    """Return the frames with all blobs at one time and located anew, and the cameras' time offsets.
+    """Return frames with blobs at one time, triangulated again, and time offsets.
 
     Where no offset is known to a millisecond and larger than three times its uncertainty, the frames are as they were.
 

@@ -1,4 +1,4 @@
-"""The cameras' time offsets found while they are watched."""
+"""Live estimation of the cameras' time offsets."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -16,15 +16,15 @@ _FIRST_S = 4.0
 _EVERY_S = 5.0
 _LEAST_APART_S = 0.012  # images of fast cameras that tell no more about the motion than some of them
 _LARGEST_S = 0.1  # stamps are from one clock: what differs is how long images are on their way
-_AGAIN_S = 0.012  # from what was found last
+_AGAIN_S = 0.012  # from the last result
 
 
 class TimeOffsetWatch:
-    """Estimates the offsets from the last ten seconds, every five, and hands what is certain to the aligner.
+    """Estimate of the offsets from the last ten seconds, for the aligner.
 
     Args:
         rig: the cameras.
-        aligner: told the offsets.
+        aligner: receives offsets once they are certain.
         start: begins a computation that must not hold up the cameras, as `Executor.submit` does.
     """
 

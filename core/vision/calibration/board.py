@@ -1,4 +1,4 @@
-"""Calibration boards: the SPEC that names one, its points, and finding it in a picture."""
+"""Calibration boards: their SPEC, their points, detection in a picture."""
 
 import re
 from dataclasses import dataclass
@@ -83,7 +83,7 @@ class Board:
 
 @dataclass(frozen=True)
 class BoardView:
-    """Board points seen in one picture: `ids` (n,) into `Board.points_m`, `pixels` (n, 2).
+    """Board points in one picture: `ids` (n,) into `Board.points_m`, `pixels` (n, 2).
 
     `motion_px_s` (n, 2) is how they move in a video; None in a picture by itself.
     """
@@ -103,7 +103,7 @@ class BoardView:
 
 
 def parse_board(spec: str) -> Board:
-    """Return the board that SPEC names. Lengths take mm, cm, m or in; a bare number is in millimetres.
+    """Return the board of a SPEC; a length without mm, cm, m or in is in millimetres.
 
     Raises:
         SettingsError: the text is not a SPEC.
@@ -159,7 +159,7 @@ def charuco_board(board: Board) -> Any:
 
 
 def find_board(image: Image, board: Board) -> BoardView | None:
-    """Return the board's corners in one picture (grey or BGR), or None when it is not seen.
+    """Return the board's corners in one picture (grey or BGR), None without a board.
 
     Corners of a chessboard are found whole or not at all, and may be numbered from either end (half-turn
     ambiguity: the calibration resolves it between the cameras).
@@ -174,7 +174,7 @@ def find_board(image: Image, board: Board) -> BoardView | None:
 
 
 def glimpse_board(image: Image, board: Board) -> BoardView | None:
-    """Return the board's corners as `find_board` does, quickly and to about a pixel: found in a reduced image."""
+    """Return the board's corners in a reduced image: faster, exact to about a pixel."""
     grey = grey_of(image)
     width = _GLIMPSE_CODES_WIDTH if board.kind == "charuco" else _GLIMPSE_WIDTH
     scale = min(1.0, max(_GLIMPSE_SCALE, width / grey.shape[1]))
@@ -209,7 +209,7 @@ def _find_charuco(grey: Image, board: Board) -> BoardView | None:
 
 
 def edge_reach(board: Board) -> float:
-    """Return how far from a corner, in squares, nothing but the edges that meet in it is to be seen: no marker."""
+    """Return the distance from a corner, in squares, that is free of markers."""
     return _REACH if board.kind == "chessboard" else min(_REACH, 0.5 * (1.0 - board.marker_m / board.square_m))
 
 
@@ -245,7 +245,7 @@ def _rough_corners(grey: Image, grid: tuple[int, int]) -> Array | None:
 
 
 def _fine_corners(grey: Image, grid: tuple[int, int], rough: Array, spacing: float) -> Array | None:
-    """Find the corners again in an enlarged cut-out; returned in the numbering of `rough`."""
+    """Refine corners in an enlarged cut-out; keep the numbering of `rough`."""
     margin = _CUT_MARGIN * spacing
     height, width = grey.shape
     left, top = np.maximum(np.floor(rough.min(axis=0) - margin), 0).astype(int)
@@ -267,7 +267,7 @@ def _fine_corners(grey: Image, grid: tuple[int, int], rough: Array, spacing: flo
 
 
 def corner_spacing(corners: Array, grid: tuple[int, int]) -> float:
-    """Return the smallest distance in pixels between neighbouring corners (rows*columns, 2)."""
+    """Return the smallest distance of neighbouring corners (rows*columns, 2), pixels."""
     table = corners.reshape(grid[1], grid[0], 2)
     along = np.linalg.norm(np.diff(table, axis=1), axis=-1)
     down = np.linalg.norm(np.diff(table, axis=0), axis=-1)
@@ -275,7 +275,7 @@ def corner_spacing(corners: Array, grid: tuple[int, int]) -> float:
 
 
 def seen_grid(image: Image, smallest: tuple[int, int]) -> tuple[int, int] | None:
-    """Return the size in inner corners (larger first) of whatever chessboard is in the picture, or None.
+    """Return the inner corners (larger first) of any chessboard in view, or None.
 
     It is looked for from `smallest` upwards first, then from a small one, which finds any board but often a part.
     """

@@ -26,7 +26,7 @@ Rectangle = tuple[float, float, float, float]
 
 
 def write_board_pdf(board: Board, spec: str, path: str | Path) -> str:
-    """Write the board on the smallest paper (A4 to A0) that holds it and return the paper's name.
+    """Write the board on the smallest paper that holds it; return the paper's name.
 
     Raises:
         CalibrationError: it is larger than A0.

@@ -20,7 +20,7 @@ _LAYOUT = (
 
 
 def load_board_points(path: str | Path) -> tuple[Array, tuple[CameraViews, CameraViews]]:
-    """Return board points (N, 3) in metres and the views of the left and the right camera.
+    """Return board points (N, 3) in metres and views of the left and right camera.
 
     The file holds `image_size`, `board_points_mm` (N, 2) and for both cameras, `image_points_cam1` and
     `image_points_cam2`, one list of N pixels (0-based; null where not seen) per moment.

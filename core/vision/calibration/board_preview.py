@@ -1,4 +1,4 @@
-"""What the cameras see of the board, to be shown to who holds it: corners found, parts covered, where it is wanted."""
+"""Preview for calibration: corners, covered cells and the wanted region."""
 
 from collections.abc import Sequence
 
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .board import BoardView
-from .board_session import REGIONS
+from .board_coverage import REGIONS
 
 Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
@@ -21,7 +21,7 @@ _TAKEN: Colour = (80, 255, 80)
 
 
 def draw_coverage(picture: Image, covered: Mask) -> None:
-    """Tint the cells (rows, columns) of a picture (BGR), in place, in which the board has been."""
+    """Tint the covered cells (rows, columns) of a picture (BGR), in place."""
     height, width = picture.shape[:2]
     mask = cv2.resize(covered.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST).astype(bool)
     tinted = (1.0 - _COVERED_SHARE) * picture[mask] + _COVERED_SHARE * np.array(_COVERED)
@@ -29,14 +29,14 @@ def draw_coverage(picture: Image, covered: Mask) -> None:
 
 
 def draw_corners(picture: Image, view: BoardView, image_width: int) -> None:
-    """Mark the board's corners, seen in an image so wide, in a picture of it (BGR), in place."""
+    """Mark the board's corners of a wide image in a picture of it (BGR), in place."""
     scale = picture.shape[1] / image_width
     for x, y in np.rint((view.pixels + 0.5) * scale - 0.5).astype(int).tolist():
         cv2.circle(picture, (x, y), 2, _CORNER, -1, cv2.LINE_AA)
 
 
 def draw_wanted(picture: Image, region: Sequence[int]) -> None:
-    """Frame the region (row, column) of a picture (BGR), in place, into which the board is to be brought."""
+    """Frame the wanted region (row, column) of a picture (BGR), in place."""
     height, width = picture.shape[:2]
     (top, left), (bottom, right) = (
         ((region[0] + i) * height // REGIONS, (region[1] + i) * width // REGIONS) for i in (0, 1)

@@ -1,4 +1,4 @@
-"""How good pictures of a board are: how sharp its edges, how much of the image it has been in."""
+"""Quality of board pictures: sharpness of edges, coverage of the image."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ _MIDDLE_MARGIN = 0.12  # of the image: what reaches no nearer to any of its side
 
 
 def edge_widths(image: Image, board: Board, view: BoardView) -> tuple[float, float]:
-    """Return over how many pixels black turns to white, across edges along the board's rows and along its columns.
+    """Return edge widths in pixels, along the board's rows and along its columns.
 
     A sharp picture has about 2. Out of focus both grow, motion while the shutter is open smears one more than the
     other. Measured as contrast over steepest slope, halfway between neighbouring corners; NaN where none can be.
@@ -53,14 +53,14 @@ def _width(grey: Image, edges: list[tuple[Array, Array]], reach: float) -> float
 
 @dataclass(frozen=True)
 class Coverage:
-    """Where in its image a camera saw the board: fraction covered, and whether it never came near any side."""
+    """Covered fraction of the image, and whether the board stayed off all sides."""
 
     fraction: float
     in_the_middle: bool
 
 
 def coverage(views: Iterable[BoardView], image_size: tuple[int, int]) -> Coverage:
-    """Return how much of an image (w, h) the hulls of the board's corners cover together."""
+    """Return the fraction of an image (w, h) that hulls of the corners cover."""
     cells = np.zeros(_CELLS[::-1], dtype=np.uint8)
     scale = np.array(_CELLS) / np.array(image_size)
     for view in views:

@@ -1,4 +1,4 @@
-"""A board watched live: where each camera sees it, and whether it is held still."""
+"""Observation of a board in live images: its placement, and whether it is still."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -20,9 +20,13 @@ _FOCAL = 0.9  # of the image width: an ordinary lens, near enough to tell how a 
 
 
 @dataclass(frozen=True)
-class Place:
-    """Where an image shows the board: `centre` (2,) from the image's middle and `size` (root of its area), in image
-    widths; `normal` (3,), the board's unit normal in the camera's frame, away from the camera, for a usual lens.
+class BoardPlacement:
+    """Placement of the board in an image.
+
+    Args:
+        centre: (2,) from the image's middle, image widths.
+        size: root of the board's area, image widths.
+        normal: (3,) unit normal in the camera's frame, away from the camera, for a usual lens.
     """
 
     centre: Array
@@ -37,8 +41,8 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Look:
-    """What one set of images shows: a view per camera, None where the board is not seen, and whether it is still."""
+class BoardObservation:
+    """Views of the board in one set of images, None where unseen, and its stillness."""
 
     views: tuple[BoardView | None, ...]
     still: bool
@@ -50,7 +54,7 @@ class Look:
 
 
 class BoardWatch:
-    """Finds the board in images as they come, and tells when it has been held still for half a second.
+    """Finder of the board in live images, and of half a second without motion.
 
     Args:
         board: the board.
@@ -62,14 +66,14 @@ class BoardWatch:
         self._find = find
         self._past: deque[tuple[float, tuple[BoardView | None, ...]]] = deque()
 
-    def see(self, time_s: float, images: Sequence[Image], usable: Sequence[bool]) -> Look:
-        """Take the images of the next moment, one per camera; those that are not usable show nothing."""
+    def see(self, time_s: float, images: Sequence[Image], usable: Sequence[bool]) -> BoardObservation:
+        """Take the images of the next moment, one per camera; unusable ones are skipped."""
         views = tuple(
             self._find(image, self._board) if use else None for image, use in zip(images, usable, strict=True)
         )
         if None in views:
             self._past.clear()
-            return Look(views, False)
+            return BoardObservation(views, False)
         while len(self._past) > 1 and time_s - self._past[1][0] >= STILL_S:  # the oldest is at least so old
             self._past.popleft()
         limits = [_STILL * image.shape[1] for image in images]
@@ -81,11 +85,11 @@ class BoardWatch:
                     for then, now, limit in zip(past, views, limits, strict=True))
         )  # fmt: skip
         self._past.append((time_s, views))
-        return Look(views, still)
+        return BoardObservation(views, still)
 
 
 def _moved(then: BoardView | None, now: BoardView | None) -> float:
-    """Return the median distance in pixels that the corners of two views are apart; a board may be numbered anew."""
+    """Return the median motion in pixels between two views, in either numbering."""
     if then is None or now is None:
         return float("inf")
     _, first, second = np.intersect1d(then.ids, now.ids, return_indices=True)
@@ -97,7 +101,7 @@ def _moved(then: BoardView | None, now: BoardView | None) -> float:
     return min(float(np.median(np.linalg.norm(a - b, axis=1))) for a, b in pairs)
 
 
-def place_of(view: BoardView, board: Board, image_size: tuple[int, int]) -> Place:
+def placement_of(view: BoardView, board: Board, image_size: tuple[int, int]) -> BoardPlacement:
     """Return where a view has the board, in an image of this size (w, h)."""
     width = float(image_size[0])
     hull = cv2.convexHull(view.pixels.astype(np.float32))
@@ -109,4 +113,4 @@ def place_of(view: BoardView, board: Board, image_size: tuple[int, int]) -> Plac
     if homography is not None:
         normal = np.cross(homography[:, 0], homography[:, 1])
         normal /= max(float(np.linalg.norm(normal)), 1e-12)
-    return Place((view.pixels.mean(axis=0) - middle) / width, size, -normal if normal[2] < 0.0 else normal)
+    return BoardPlacement((view.pixels.mean(axis=0) - middle) / width, size, -normal if normal[2] < 0.0 else normal)

@@ -1,7 +1,7 @@
-"""Bundle adjustment of cameras and board poses together (Triggs et al., "Bundle adjustment: a modern synthesis", 2000).
+"""Bundle adjustment of cameras and board poses (Triggs et al., 2000).
 
-Against OpenCV's stereo calibration it adds the skew of the pixel grid, any number of cameras, what is known of lenses
-beforehand, and cameras that did not take a moment's pictures at quite the same time.
+Against OpenCV's stereo calibration it adds the skew of the pixel grid, any number of cameras, a prior of the
+lenses, and cameras that did not take a moment's pictures at quite the same time.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ _TIME_SIGMA_S = 0.05  # of a picture's time: cameras that are not synchronised a
 
 
 @dataclass(frozen=True)
-class BoardObservation:
+class CornerObservation:
     """Board points (n, 3) seen as pixels (n, 2) by one camera at one moment.
 
     `motion_px_s` (n, 2) is how the pixels move, where pictures of a moment may have been taken at different times;
@@ -43,8 +43,12 @@ class BoardObservation:
 
 @dataclass(frozen=True)
 class Bundle:
-    """Unknowns: `intrinsics` (C, 10); `cameras` (C, 6) camera-from-first and `boards` (M, 6) first-camera-from-board,
-    each a rotation vector and a translation; the first camera's is zero.
+    """Unknowns of the adjustment; poses are a rotation vector and a translation.
+
+    Args:
+        intrinsics: (C, 10).
+        cameras: (C, 6) camera-from-first; the first is zero.
+        boards: (M, 6) first-camera-from-board.
     """
 
     intrinsics: Array
@@ -54,7 +58,7 @@ class Bundle:
 
 @dataclass(frozen=True)
 class LensPrior:
-    """What is known of the lenses beforehand: (C, 10) `mean` and (C, 10, 10) `information` (inverse covariance)."""
+    """Prior of the lenses: (C, 10) `mean` and (C, 10, 10) `information`."""
 
     mean: Array
     information: Array
@@ -73,13 +77,13 @@ def intrinsics_of(matrix: Array, distortion: Array) -> Array:
 
 
 def adjust(
-    start: Bundle, observations: Sequence[BoardObservation], free: NDArray[np.bool_], prior: LensPrior | None = None
+    start: Bundle, observations: Sequence[CornerObservation], free: NDArray[np.bool_], prior: LensPrior | None = None
 ) -> Bundle:
-    """Return the bundle that minimises the squared reprojection error (Levenberg-Marquardt).
+    """Minimise the squared reprojection error by Levenberg-Marquardt.
 
     Args:
         start: where to begin; intrinsics that are not free stay at their values.
-        observations: what was seen.
+        observations: of board corners.
         free: (10,) which intrinsics of every camera are adjusted.
         prior: of the lenses, weighed against corners with `CORNER_SIGMA_PX`.
     """
@@ -88,15 +92,15 @@ def adjust(
     return _minimised(start, observations, active, prior)
 
 
-def adjust_boards(bundle: Bundle, observations: Sequence[BoardObservation]) -> Bundle:
-    """Return the bundle with only the boards' poses adjusted: how well a calibration explains pictures."""
+def adjust_boards(bundle: Bundle, observations: Sequence[CornerObservation]) -> Bundle:
+    """Adjust the boards' poses only, to see how well a calibration explains pictures."""
     return _minimised(bundle, observations, np.empty(0, dtype=np.int64), None)
 
 
 def camera_covariance(
-    bundle: Bundle, observations: Sequence[BoardObservation], free: NDArray[np.bool_], prior: LensPrior
+    bundle: Bundle, observations: Sequence[CornerObservation], free: NDArray[np.bool_], prior: LensPrior
 ) -> Array:
-    """Return the covariance (6 C, 6 C) of `bundle.cameras` in an adjusted bundle; the first camera's is zero.
+    """Return the covariance (6 C, 6 C) of an adjusted bundle's `cameras`.
 
     Inverse of the normal equations without the boards, times the residuals' own variance.
     """
@@ -112,7 +116,7 @@ def camera_covariance(
 
 
 def _minimised(
-    current: Bundle, observations: Sequence[BoardObservation], active: NDArray[np.int64], prior: LensPrior | None
+    current: Bundle, observations: Sequence[CornerObservation], active: NDArray[np.int64], prior: LensPrior | None
 ) -> Bundle:
     damping = 1e-4
     system = _normal_equations(current, observations, prior)
@@ -132,24 +136,22 @@ def _minimised(
     return current
 
 
-def residuals(bundle: Bundle, observation: BoardObservation) -> Array:
-    """Return predicted minus seen pixels (n, 2);
-    of a moving board, what is left when some of it is put down to the picture's time.
-    """
+def residuals(bundle: Bundle, observation: CornerObservation) -> Array:
+    """Return predicted minus seen pixels (n, 2), less the part of the picture's delay."""
     errors, _ = _residuals_and_jacobian(bundle, observation)
     return _timeless(observation, errors.reshape(-1, 1)).reshape(-1, 2)
 
 
-def delay_s(bundle: Bundle, observation: BoardObservation) -> float:
-    """Return how late a picture was taken against the moment's others; NaN where the board did not move."""
+def delay_s(bundle: Bundle, observation: CornerObservation) -> float:
+    """Return the delay of a picture in its moment; NaN where the board did not move."""
     if observation.motion_px_s is None or np.abs(observation.motion_px_s).max() * _TIME_SIGMA_S < CORNER_SIGMA_PX:
         return float("nan")
     errors, _ = _residuals_and_jacobian(bundle, observation)
     return float(-np.sum(errors * observation.motion_px_s) / np.sum(observation.motion_px_s**2))
 
 
-def rms_by_moment(bundle: Bundle, observations: Sequence[BoardObservation]) -> Array:
-    """Return the RMS reprojection error (M, C) in pixels, NaN where a camera did not see the board."""
+def rms_by_moment(bundle: Bundle, observations: Sequence[CornerObservation]) -> Array:
+    """Return the RMS reprojection error (M, C) in pixels, NaN for unseen boards."""
     table = np.full((len(bundle.boards), len(bundle.intrinsics)), np.nan)
     for observation in observations:
         errors = residuals(bundle, observation)
@@ -157,7 +159,7 @@ def rms_by_moment(bundle: Bundle, observations: Sequence[BoardObservation]) -> A
     return table
 
 
-def rms(bundle: Bundle, observations: Sequence[BoardObservation]) -> float:
+def rms(bundle: Bundle, observations: Sequence[CornerObservation]) -> float:
     """Return the RMS distance in pixels over all points."""
     squares = [np.sum(residuals(bundle, observation) ** 2, axis=1) for observation in observations]
     return float(np.sqrt(np.mean(np.concatenate(squares))))
@@ -165,7 +167,7 @@ def rms(bundle: Bundle, observations: Sequence[BoardObservation]) -> float:
 
 @dataclass(frozen=True)
 class _System:
-    """Normal equations in blocks: cameras (N, N), boards (M, 6, 6), what couples them (M, N, 6), gradients, cost."""
+    """Normal equations in blocks: cameras, boards, coupling, gradients and cost."""
 
     cameras: Array
     boards: Array
@@ -175,7 +177,7 @@ class _System:
     cost: float
 
 
-def _normal_equations(bundle: Bundle, observations: Sequence[BoardObservation], prior: LensPrior | None) -> _System:
+def _normal_equations(bundle: Bundle, observations: Sequence[CornerObservation], prior: LensPrior | None) -> _System:
     count, moments = len(bundle.intrinsics), len(bundle.boards)
     size = count * (INTRINSICS + _POSE)
     cameras, gradient = np.zeros((size, size)), np.zeros(size)
@@ -250,11 +252,11 @@ def _moved(bundle: Bundle, step: Array, boards: Array) -> Bundle:
     )
 
 
-def _timeless(observation: BoardObservation, columns: Array) -> Array:
-    """Return columns (2n, k) of errors or derivatives, weighed down along the pixels' motion.
+def _timeless(observation: CornerObservation, columns: Array) -> Array:
+    """Whiten columns (2n, k) of errors or derivatives along the pixels' motion.
 
     With corners of covariance s^2 I and a picture taken at a time unknown by t, errors have the covariance
-    s^2 I + t^2 v v^T, v (2n) the pixels' motion; what is returned is whitened with it, in units of s.
+    s^2 I + t^2 v v^T, v (2n) the pixels' motion; the result is whitened with it, in units of s.
     """
     if observation.motion_px_s is None:
         return columns
@@ -267,8 +269,8 @@ def _timeless(observation: BoardObservation, columns: Array) -> Array:
     return np.asarray(columns - less * np.outer(along, along @ columns))
 
 
-def _residuals_and_jacobian(bundle: Bundle, observation: BoardObservation) -> tuple[Array, Array]:
-    """Return errors (n, 2) and their derivatives (2n, 10 + 6 + 6) by intrinsics, camera pose and board pose."""
+def _residuals_and_jacobian(bundle: Bundle, observation: CornerObservation) -> tuple[Array, Array]:
+    """Return errors (n, 2) and derivatives (2n, 22) by lens, camera and board."""
     intrinsics = bundle.intrinsics[observation.camera]
     board, camera = bundle.boards[observation.moment], bundle.cameras[observation.camera]
     composed = cv2.composeRT(board[:3], board[3:], camera[:3], camera[3:])

@@ -1,4 +1,4 @@
-"""Calibrating cameras from pictures of a planar board: intrinsics, relative pose, what was wrong with which picture.
+"""Camera calibration from board pictures: lenses, relative poses, advice.
 
 Zhang, "A flexible new technique for camera calibration" (2000), through OpenCV; then all cameras and the
 board's poses are refined together (`bundle`).
@@ -15,7 +15,7 @@ from ...errors import CalibrationError
 from ...geometry.camera import WORLD_FROM_CAMERA, Camera, CameraRig
 from .board import Board, BoardView
 from .board_quality import Coverage, coverage
-from .bundle import BoardObservation, Bundle, adjust, intrinsics_of, matrix_of, rms, rms_by_moment
+from .bundle import Bundle, CornerObservation, adjust, intrinsics_of, matrix_of, rms, rms_by_moment
 from .relative_pose import Transform, inverse
 from .rig_fit import (
     MINIMUM_VIEWS,
@@ -95,7 +95,7 @@ def calibrate_from_points(
         cameras: what each saw; of one alone, the lens is found, and it stays where the world is.
         rejected: pictures already refused, passed on to the result.
         left_right: the first two cameras are the left and the right one, as the cameras see it; checked.
-        grid: inner corners (columns, rows) of a chessboard whose half-turn ambiguity is to be resolved; None
+        grid: inner corners (columns, rows) of a chessboard with a half-turn ambiguity to resolve; None
             when every point is identified.
         edge_widths_px: how sharp each camera's pictures are (`board_quality.edge_widths`), where that is known.
 
@@ -129,7 +129,7 @@ def _calibrate_camera(points_m: Array, camera: CameraViews, refused: list[Reject
             )
         views = [camera.views[key] for key in keys]
         start = bundle or _first_guess(points_m, camera, views)
-        observations = [BoardObservation(0, m, points_m[view.ids], view.pixels) for m, view in enumerate(views)]
+        observations = [CornerObservation(0, m, points_m[view.ids], view.pixels) for m, view in enumerate(views)]
         bundle = adjust(start, observations, NO_SKEW, lens_prior([camera.image_size]))
         errors = rms_by_moment(bundle, observations)[:, 0]
         if not is_outlier(errors).any():
@@ -173,7 +173,7 @@ def _opencv_points(points_m: Array, views: Sequence[BoardView]) -> tuple[list[Ar
 
 
 def are_sides_exchanged(centre: Array) -> bool:
-    """Return whether the right camera, at a place (3,) in the left one's frame, stands on the left of it."""
+    """Return whether the right camera, at (3,) in the left one's frame, is left of it."""
     return bool(centre[0] < -0.5 * np.linalg.norm(centre))
 
 
@@ -327,10 +327,10 @@ def _picture_advice(
 def _time_advice(late_s: Mapping[str, float]) -> list[str]:
     if not late_s or np.ptp(list(late_s.values())) < _SYNCHRONISED_S:
         return []
-    told = ", ".join(f"{name} {1000.0 * late:+.0f} ms" for name, late in late_s.items())
-    return [f"the cameras do not take their pictures at one time ({told}): hold the board still in each place"]
+    delays = ", ".join(f"{name} {1000.0 * late:+.0f} ms" for name, late in late_s.items())
+    return [f"the cameras do not take their pictures at one time ({delays}): hold the board still in each place"]
 
 
 def grid_of(board: Board) -> tuple[int, int] | None:
-    """Return the grid whose half turns are ambiguous: a chessboard's, None for a board with markers."""
+    """Return a chessboard's grid, None for a board with markers (no half turns)."""
     return board.corner_grid if board.kind == "chessboard" else None

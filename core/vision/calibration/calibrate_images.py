@@ -1,4 +1,4 @@
-"""Calibrating cameras from image files: reading, finding the board, and saying what is wrong with it."""
+"""Camera calibration from image files, with checks of the pictures."""
 
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
@@ -27,7 +27,7 @@ def calibrate_images(
     Args:
         patterns: camera name -> folder or glob of its pictures; pictures of one moment share a number.
         board: the board they show.
-        progress: told how far it is.
+        progress: receives the fraction done and a text.
         left_right: the first two are the left and the right camera; checked.
 
     Raises:
@@ -54,7 +54,7 @@ def calibrate_images(
 
 
 def _paired_files(patterns: Mapping[str, str]) -> tuple[dict[str, dict[str, Path]], list[Rejected]]:
-    """Return the files of each camera by moment: those that share a number with a file of another camera."""
+    """Return the files of each camera by moment, those with a shared number."""
     try:
         lists = {name: list_images(pattern) for name, pattern in patterns.items()}
         tables = dict(zip(lists, by_number(list(lists.values())), strict=True))
@@ -109,7 +109,7 @@ def _camera_views(
 
 
 def _check_board(board: Board, files: Mapping[str, Mapping[str, Path]], cameras: Sequence[CameraViews]) -> None:
-    """Refuse a board of another size: a part of a larger board would be found here and there, and calibrate badly."""
+    """Refuse a board of another size: a part of it would calibrate badly."""
     missing = [camera for camera in cameras if len(camera.views) < MINIMUM_VIEWS]
     if board.kind == "chessboard":
         seen = _most_seen_grid(files, board)

@@ -1,7 +1,7 @@
-"""Calibrating cameras from videos of a moving board, one for each camera, that need not be synchronise_frames.
+"""Camera calibration from videos of a moving board, synchronised or not.
 
 The frames of one number belong together. How the corners move in each is passed on, so that a camera that took its
-picture a little later than the others does not spoil the calibration, but is told.
+picture a little later than the others does not spoil the calibration, but is reported.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -36,7 +36,7 @@ def calibrate_videos(
     Args:
         videos: camera name -> video file, all of one length and rate.
         board: the board they show.
-        progress: told how far it is.
+        progress: receives the fraction done and a text.
         left_right: the first two are the left and the right camera; checked.
 
     Raises:
@@ -83,7 +83,7 @@ def _watched(
 def _moments(
     source: VideoSource,
 ) -> Iterator[tuple[int, tuple[Image, ...] | None, tuple[Image, ...], tuple[Image, ...] | None]]:
-    """Yield number and images of the moments looked at, with those of the frames before and after."""
+    """Yield number and images of moments, with the frames before and after."""
     step = max(1, source.frames // _LOOKED_AT)
     before: tuple[Image, ...] | None = None
     now: tuple[Image, ...] | None = None
@@ -99,7 +99,7 @@ def _moments(
 
 
 def _motion(now: Image, view: BoardView, around: Sequence[Image | None], fps: float) -> Array | None:
-    """Return how fast the corners move (n, 2), pixels per second, by optical flow to the frames around."""
+    """Return velocities of corners (n, 2), pixels per second, by optical flow."""
     moved: list[Array] = []
     for image, sign in zip(around, (-1.0, 1.0), strict=True):
         if image is not None:
@@ -124,7 +124,7 @@ def _flow(now: Image, other: Image, pixels: Array) -> Array | None:
 
 
 def _stillest(cameras: Sequence[CameraViews]) -> tuple[list[CameraViews], list[Rejected]]:
-    """Choose moments spread over the recording, where the board moves least; all of a short recording."""
+    """Choose moments of least motion, spread over the recording."""
     least = min(2, len(cameras))
     shared = sorted(
         key for key in {k for c in cameras for k in c.views} if sum(key in c.views for c in cameras) >= least

@@ -1,4 +1,4 @@
-"""The world's floor, origin and axes from what lies on the floor, and the board that lies there."""
+"""Floor, origin and axes of the world, from points or a board on the floor."""
 
 from collections.abc import Sequence
 from itertools import product
@@ -20,7 +20,7 @@ _FLATNESS_M = 0.01  # corners further off their plane than this are no corners o
 
 
 def rig_on_floor(rig: CameraRig, floor_points_m: ArrayLike, behind_m: float = 0.0, above_m: float = 0.0) -> CameraRig:
-    """Return the rig in a world whose floor is y = 0.
+    """Return the rig in a world with the floor at y = 0.
 
     z points from the middle of the floor points to between the cameras, x to the performer's left as they face the
     cameras, y up. The origin lies `behind_m` behind that middle as the cameras see it, where the performer stands.
@@ -56,7 +56,7 @@ def rig_on_floor(rig: CameraRig, floor_points_m: ArrayLike, behind_m: float = 0.
 
 
 def board_in_space(rig: CameraRig, views: Sequence[BoardView], board: Board) -> Array:
-    """Return the corners (N, 3) of a board, in metres, that every camera of a rig sees whole at one moment.
+    """Return a board's corners (N, 3), metres, from one moment of all cameras.
 
     A chessboard may be numbered from either end in each view; the views are taken as they agree best.
 
@@ -92,7 +92,7 @@ def _seen_by_one(camera: Camera, view: BoardView, board: Board) -> Array:
     normalised = camera.undistort(view.pixels)
     found, turn, shift = cv2.solvePnP(board.points_m, normalised, np.eye(3), np.zeros(5), flags=cv2.SOLVEPNP_IPPE)
     if not found:
-        raise CalibrationError("the board's place cannot be told from this picture", advice="lay it nearer")
+        raise CalibrationError("the board's place cannot be found in this picture", advice="lay it nearer")
     local = board.points_m @ cv2.Rodrigues(turn)[0].T + np.ravel(shift)
     return np.asarray((local - camera.translation_m) @ camera.rotation)
 

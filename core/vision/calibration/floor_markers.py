@@ -20,10 +20,10 @@ _LEAST_SPREAD_M = 0.2  # of the markers across their longest line: closer ones t
 
 
 class FloorWatch:
-    """Takes located points as they come, and tells when they are markers that lie still on the floor.
+    """Watch of located points until they are still markers on the floor.
 
     Attributes:
-        advice: what is still to be done, in plain words; "" once `points_m` is known.
+        advice: next step in plain words; "" once `points_m` is known.
         points_m: (N, 3) mean positions of the markers over a second in which they lay still; None until then.
     """
 
@@ -60,7 +60,7 @@ class FloorWatch:
 
 
 def _as_before(before_m: Array, points_m: Array) -> NDArray[np.int64] | None:
-    """Return the order (N,) in which points are those of before; None when they are others or have moved."""
+    """Return the order (N,) of points as before; None when they changed or moved."""
     if len(points_m) != len(before_m):
         return None
     apart = np.linalg.norm(before_m[:, None] - points_m[None], axis=2)
@@ -78,7 +78,7 @@ def _thinnest_m(points_m: Array) -> float:
 
 
 def scaled_to(rig: CameraRig, points_m: ArrayLike, longest_m: float) -> tuple[CameraRig, Array, float]:
-    """Return rig and points (N, 3) scaled so that the two points farthest from each other are `longest_m` apart.
+    """Return rig and points (N, 3), scaled to a longest distance of `longest_m`.
 
     The third value is the factor.
 

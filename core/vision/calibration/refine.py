@@ -1,4 +1,4 @@
-"""Where calibrated cameras stand now, from the markers that they see: after a camera was bumped, or to calibrate finer.
+"""Refinement of calibrated cameras from markers, after a bump or for precision.
 
 Any moving markers do, a performer's or a single one on a wand: with lenses known, points that several cameras see
 determine the cameras' places up to scale (Hartley and Zisserman, Multiple View Geometry, 9 and 18.1), and the scale is
@@ -105,7 +105,7 @@ def refine_rig(rig: CameraRig, frames: Sequence[Sequence[Float32]]) -> Refinemen
 
 
 def _matched(rig: CameraRig, frames: Sequence[Sequence[Float32]], gate_px: float) -> tuple[Array, Array, Array]:
-    """Return undistorted normalised points (N, C, 2) of matched markers, weights (N, C) and the moment (N,) of each."""
+    """Return matched points (N, C, 2), their weights (N, C) and moments (N,)."""
     matcher = StereoMatcher(rig, StereoSettings(epipolar_px=gate_px))
     observed, weights, moments = [], [], []
     for moment, blobs in enumerate(frames):
@@ -124,9 +124,7 @@ def _matched(rig: CameraRig, frames: Sequence[Sequence[Float32]], gate_px: float
 
 
 def _placed(rig: CameraRig, observed: Array, weights: Array) -> tuple[CameraRig, float]:
-    """Return the rig whose cameras, all but the first, are moved so that the markers' rays meet best, and
-    `Refinement.depth_sigma`.
-    """
+    """Move all cameras but the first so that rays meet; return rig and depth sigma."""
     seen = weights > 0.0
     usual = np.tile(_USUAL_BUMP, len(rig) - 1)
 
@@ -137,8 +135,8 @@ def _placed(rig: CameraRig, observed: Array, weights: Array) -> tuple[CameraRig,
         for index, camera in enumerate(moved.cameras):
             local = camera.to_camera(points[seen[:, index]])
             rows.append((local[:, :2] / local[:, 2:] - observed[seen[:, index], index]) * camera.focal_px)
-        told = _tamed(np.concatenate(rows).ravel() / _ROBUST_PX) * _ROBUST_PX / _SYSTEMATIC_PX
-        return np.concatenate((told * np.sqrt(_INDEPENDENT / len(observed)), unknown / usual))
+        errors = _tamed(np.concatenate(rows).ravel() / _ROBUST_PX) * _ROBUST_PX / _SYSTEMATIC_PX
+        return np.concatenate((errors * np.sqrt(_INDEPENDENT / len(observed)), unknown / usual))
 
     result = least_squares(residuals, np.zeros(len(usual)), bounds=(-10.0 * usual, 10.0 * usual), x_scale=usual)
     covariance = np.linalg.inv(result.jac.T @ result.jac)
@@ -158,12 +156,12 @@ def _depth_sigma(rig: CameraRig, found: Array, covariance: Array, observed: Arra
 
 
 def _tamed(errors: Array) -> Array:
-    """Return errors whose squares are soft L1 of the errors: like them when small, their root when large."""
+    """Return errors with soft L1 squares: unchanged when small, roots when large."""
     return np.asarray(np.sign(errors) * np.sqrt(2.0 * (np.sqrt(1.0 + errors**2) - 1.0)))
 
 
 def _moved(rig: CameraRig, unknown: Array) -> CameraRig:
-    """Turn each camera but the first about its centre, and move the centres; the first two keep their distance."""
+    """Turn cameras but the first about their centres and move these."""
     first = rig.cameras[0]
     cameras: list[Camera] = [first]
     for index, (camera, step) in enumerate(zip(rig.cameras[1:], unknown.reshape(-1, 6), strict=True), start=1):

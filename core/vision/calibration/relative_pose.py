@@ -1,4 +1,4 @@
-"""Agreeing on the pose of one camera relative to another from board poses, half turns of the board included."""
+"""Relative pose of two cameras from board poses, with half turns of the board."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,16 +10,20 @@ Array = NDArray[np.float64]
 Transform = tuple[Array, Array]
 """(rotation (3, 3), translation (3,)): x_a = rotation @ x_b + translation."""
 
-# loose: one camera's own board poses are rough, and a half turn or a wrong pair is far outside; what is left is
-# found by its reprojection error
+# loose: one camera's own board poses are rough, and a half turn or a wrong pair is far outside; other errors
+# show in the reprojection
 _SAME_ANGLE = np.radians(8.0)
 _SAME_DISTANCE = 0.3  # of the typical distance to the board
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """`transform` second-from-first, and per moment: whether the second view is numbered from the other end, and
-    whether the moment fits the rest.
+    """Relative pose of two cameras.
+
+    Args:
+        transform: second-from-first.
+        turned: per moment, whether the second view is numbered from the other end.
+        agrees: per moment, whether it fits the rest.
     """
 
     transform: Transform
@@ -49,7 +53,7 @@ def relative_poses(first: Sequence[Transform], second: Sequence[Transform], cent
 
     Args:
         first, second: camera-from-board of the same moments.
-        centre: (3,) centre of a board whose half turn about its normal looks the same; None when it does not.
+        centre: (3,) centre of a board that looks the same after a half turn about its normal, else None.
 
     Ties (a board always held the same way up fits both) go to the pose that turns the cameras least.
     """
@@ -70,8 +74,7 @@ def relative_poses(first: Sequence[Transform], second: Sequence[Transform], cent
 def seen_alike(
     first: Transform, second: Transform, second_from_first: Transform, centre: Array | None, scale: float
 ) -> tuple[bool, bool]:
-    """Return whether two cameras, one placed so to the other, see a board in the same place, and whether the second
-    numbers it from the other end.
+    """Return whether two cameras see a board in one place, and whether half-turned.
 
     Args:
         first, second: camera-from-board; second_from_first: the cameras.

@@ -1,4 +1,4 @@
-"""Several cameras into one world: which moments agree, the start for the bundle adjustment, and its honest error."""
+"""Fit of several cameras: moments that agree, start, bundle adjustment, errors."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,8 +11,8 @@ from ...errors import CalibrationError
 from .board import BoardView
 from .bundle import (
     INTRINSICS,
-    BoardObservation,
     Bundle,
+    CornerObservation,
     LensPrior,
     adjust,
     adjust_boards,
@@ -44,7 +44,7 @@ _MODELS = {"skew": _ALL, "no skew": NO_SKEW, "no skew, no k3": _NO_SKEW_NO_K3}
 
 @dataclass(frozen=True)
 class CameraViews:
-    """What one camera saw: image size (w, h) and the board views by moment (same key = same moment)."""
+    """Views of one camera: image size (w, h), board views by moment."""
 
     name: str
     image_size: tuple[int, int]
@@ -99,7 +99,7 @@ class RigFit:
 
 
 def is_outlier(errors: Array) -> NDArray[np.bool_]:
-    """Return which RMS errors in pixels stand out of the others."""
+    """Return a mask of RMS errors (pixels) that are outliers."""
     typical = float(np.median(errors))
     return np.asarray(errors > max(_OUTLIER_FACTOR * typical, typical + _OUTLIER_FLOOR_PX))
 
@@ -120,7 +120,7 @@ def fit_rig(
         centre: (3,) centre of a board that looks the same after half a turn, else None.
 
     Raises:
-        CalibrationError: cameras that did not see the board together, or whose pictures do not belong together.
+        CalibrationError: cameras that did not see the board together, or pictures that do not belong together.
     """
     starts = _chained(singles, centre)
     members = _members(singles, starts, refused, centre)
@@ -154,7 +154,7 @@ def _refuse_outliers(
     members: Mapping[str, dict[int, bool]],
     refused: list[Rejected],
 ) -> bool:
-    """Take away the worst views, (M, C) errors within a factor of two of the worst; return whether there were any."""
+    """Remove the worst views by errors (M, C); return whether there were any."""
     seen = np.isfinite(errors)
     outlying = np.zeros(errors.shape, dtype=bool)
     outlying[seen] = is_outlier(errors[seen]) & (errors[seen] > 0.5 * errors[seen].max())
@@ -168,7 +168,7 @@ def _refuse_outliers(
 
 
 def lens_prior(sizes: Sequence[tuple[int, int]]) -> LensPrior:
-    """Return what holds of ordinary lenses with images of these sizes (w, h).
+    """Return the prior of ordinary lenses with images of these sizes (w, h).
 
     Pixels are nearly square, the axis meets the image near its middle, distortion is moderate. Views of a board that
     fill the images tell all of it far better; with few views, or a small board, it keeps the lens from taking up what
@@ -184,9 +184,9 @@ def lens_prior(sizes: Sequence[tuple[int, int]]) -> LensPrior:
 
 
 def _choose_model(
-    bundle: Bundle, observations: Sequence[BoardObservation], keys: Sequence[str], prior: LensPrior
+    bundle: Bundle, observations: Sequence[CornerObservation], keys: Sequence[str], prior: LensPrior
 ) -> RigFit:
-    """Take the richest camera model that predicts moments left out of the fit as well as the best does."""
+    """Choose the richest camera model that predicts held-out moments well."""
     held_out = {name: _held_out(bundle, observations, free, prior) for name, free in _MODELS.items()}
     if np.isnan(next(iter(held_out.values()))):
         chosen = "no skew, no k3"  # too few moments to tell: the fewest unknowns
@@ -223,8 +223,8 @@ def _distances(cameras: Array) -> Array:
     return np.asarray(np.linalg.norm(centres[first] - centres[second], axis=1))
 
 
-def _late_s(bundle: Bundle, observations: Sequence[BoardObservation]) -> Array:
-    """Return how late (C,) each camera's pictures are against the first camera's, NaN where that is not known."""
+def _late_s(bundle: Bundle, observations: Sequence[CornerObservation]) -> Array:
+    """Return the median delay (C,) of each camera against the first, NaN if unknown."""
     delays = np.full((len(bundle.boards), len(bundle.intrinsics)), np.nan)
     for observation in observations:
         delays[observation.moment, observation.camera] = delay_s(bundle, observation)
@@ -239,7 +239,7 @@ def _cleared(bundle: Bundle, free: NDArray[np.bool_]) -> Bundle:
 
 
 def _held_out(
-    bundle: Bundle, observations: Sequence[BoardObservation], free: NDArray[np.bool_], prior: LensPrior
+    bundle: Bundle, observations: Sequence[CornerObservation], free: NDArray[np.bool_], prior: LensPrior
 ) -> float:
     if len(bundle.boards) < _SMALLEST_FOR_FOLDS:
         return float("nan")
@@ -253,7 +253,7 @@ def _held_out(
 
 
 def _chained(singles: Sequence[SingleCamera], centre: Array | None) -> list[Transform]:
-    """Return camera-from-first of all cameras, each joined by the one that saw the board most often with it."""
+    """Return camera-from-first of all cameras, chained by most shared views."""
     starts: dict[int, Transform] = {0: (np.eye(3), np.zeros(3))}
     while len(starts) < len(singles):
         shared, i, j = _nearest_pair(singles, starts)
@@ -277,7 +277,7 @@ def _refuse_pair(singles: Sequence[SingleCamera], joined: Sequence[int], shared:
 def _members(
     singles: Sequence[SingleCamera], starts: Sequence[Transform], refused: list[Rejected], centre: Array | None
 ) -> dict[str, dict[int, bool]]:
-    """Return the cameras that take part in each moment, and whether its board is numbered from the other end there.
+    """Return each moment's cameras, and whether its board is numbered from the end.
 
     A moment's cameras are those that most of them agree with on where the board is.
     """
@@ -335,13 +335,13 @@ def _start(
     starts: Sequence[Transform],
     members: Mapping[str, Mapping[int, bool]],
     keys: Sequence[str],
-) -> tuple[Bundle, list[BoardObservation]]:
+) -> tuple[Bundle, list[CornerObservation]]:
     observations = []
     boards = np.zeros((len(keys), 6))
     for moment, key in enumerate(keys):
         for c, turned in sorted(members[key].items(), reverse=True):
             view = cameras[c].views[key].reverse() if turned else cameras[c].views[key]
-            observations.append(BoardObservation(c, moment, points_m[view.ids], view.pixels, view.motion_px_s))
+            observations.append(CornerObservation(c, moment, points_m[view.ids], view.pixels, view.motion_px_s))
             boards[moment] = _vector(compose(inverse(starts[c]), _pose(singles[c].poses[key], turned, points_m)))
     intrinsics = np.array([intrinsics_of(single.matrix, single.distortion) for single in singles])
     return Bundle(intrinsics, np.array([_vector(start) for start in starts]), boards), observations

@@ -1,4 +1,4 @@
-"""The background: mean and standard deviation of every pixel and channel, and what differs from it.
+"""Background of a camera: mean and deviation of every pixel, and the foreground.
 
 Chai and Hodgins 2005, section on the cameras: foreground is where any colour channel differs from its mean by more
 than a threshold.
@@ -42,7 +42,7 @@ class Background:
         return float(np.median(self.deviation[::4, ::4]))
 
     def band(self, sigmas: float, threshold: float) -> tuple[Image, Image]:
-        """Return the lowest and highest 8-bit value of each pixel and channel that still is background.
+        """Return the lowest and highest background value of each pixel and channel.
 
         A pixel may differ by `threshold` grey levels or by `sigmas` of its own deviation, whichever is more.
         """
@@ -53,7 +53,7 @@ class Background:
 
 
 class BackgroundLearner:
-    """Running mean and standard deviation over frames without the performer, in constant memory."""
+    """Running mean and deviation over frames without the performer."""
 
     def __init__(self) -> None:
         self._count = 0
@@ -61,7 +61,7 @@ class BackgroundLearner:
         self._squares: NDArray[np.float64] | None = None
 
     def add(self, image: Image) -> None:
-        """Add one frame (height, width, 3) uint8; CaptureError when its size differs from the first."""
+        """Add one frame (height, width, 3) uint8; raise CaptureError for another size."""
         if self._sum is None or self._squares is None:
             self._sum, self._squares = np.zeros(image.shape), np.zeros(image.shape)
         if image.shape != self._sum.shape:
@@ -71,7 +71,7 @@ class BackgroundLearner:
         self._count += 1
 
     def result(self) -> Background:
-        """Return what was learned; CaptureError with fewer than two frames."""
+        """Return the background; raise CaptureError with fewer than two frames."""
         if self._count < _MINIMUM_FRAMES or self._sum is None or self._squares is None:
             raise CaptureError(
                 f"the background cannot be learned from {self._count} frame(s)",
@@ -83,7 +83,7 @@ class BackgroundLearner:
 
 
 def learn_backgrounds(moments: Iterable[Sequence[Image]]) -> list[Background]:
-    """Return the background of each camera from frames without the performer: one image per camera each moment.
+    """Return each camera's background from moments without the performer.
 
     The images are taken one by one and not kept, so there may be any number of them.
     """
@@ -98,9 +98,9 @@ def learn_backgrounds(moments: Iterable[Sequence[Image]]) -> list[Background]:
 def background_from_take(samples: Sequence[Image]) -> Background:
     """Return the background of frames spread over a take with the performer in it.
 
-    Markers are brighter than what is behind them and move: of each pixel's values over time the darkest 60 % are
+    Markers are brighter than the background and move: of each pixel's values over time the darkest 60 % are
     taken as background, so that a marker may rest on a pixel for 40 % of the take. Deviations are those of the kept
-    values, made good for the cut by comparing their range with a normal distribution's.
+    values, corrected for the cut as for a normal distribution.
     """
     if len(samples) < _MINIMUM_FRAMES:
         raise CaptureError(f"the background cannot be learned from {len(samples)} frame(s)")

@@ -1,4 +1,4 @@
-"""Blobs of one image measured, all at once: where their light is centred, how large, bright and round they are."""
+"""Measurement of blobs: centre, radius, brightness, hue, contrast, roundness."""
 
 import math
 from bisect import bisect_left
@@ -28,12 +28,12 @@ _GROUP = 1 << 20  # more than an image has blobs
 
 @dataclass(frozen=True)
 class BlobPixels:
-    """Pixels of some blobs, one blob after another, each from its dimmest to its brightest (see `blob_pixels`).
+    """Pixels of some blobs, blob after blob, each from its dimmest to its brightest.
 
     Args:
         owner: (P,) number of the blob that each belongs to, ascending.
         x, y: (P,) where they are in the image.
-        contrast: (P,) grey levels above what is around, positive.
+        contrast: (P,) grey levels above the surroundings, positive.
         colours: (P, 3) BGR.
     """
 
@@ -54,7 +54,7 @@ class BlobPixels:
 
 
 def blob_pixels(owner: IntArray, x: IntArray, y: IntArray, contrast: Float32, colours: Image) -> BlobPixels:
-    """Return those of the given pixels that have any contrast, in order; the owners are ascending."""
+    """Return the pixels with any contrast, in order; the owners are ascending."""
     order = np.argsort(owner * _ABOVE_ALL + contrast)
     order = order[contrast[order] > 0.0]
     return BlobPixels(owner[order], x[order], y[order], contrast[order], colours[order])
@@ -77,12 +77,12 @@ def join_groups(groups: Sequence[BlobPixels]) -> BlobPixels:
 
 
 def group_of(owners: IntArray) -> IntArray:
-    """Return which of the groups that were joined some blobs are of."""
+    """Return the joined group of each blob."""
     return owners // _GROUP
 
 
 def measure(pixels: BlobPixels) -> tuple[IntArray, Array]:
-    """Return the blobs (N,) that have pixels, and what they are like, (N, 7).
+    """Return the blobs (N,) with pixels, and their measures (N, 7).
 
     Columns: x, y, radius (pixels), brightness 0-255, hue 0-180, contrast (grey levels), roundness (ratio of axes).
     """
@@ -124,7 +124,7 @@ def _sums_before(values: Float32) -> Array:
 
 
 def measure_apart(pixels: BlobPixels) -> tuple[IntArray, Array]:
-    """Return the same as `measure`, but with markers that touch taken apart: several rows may be of one blob."""
+    """Return `measure` with touching markers split: a blob may have several rows."""
     owners, table = measure(pixels)
     found = [(owners, table)]
     whole = table[:, ROUNDNESS] >= _ROUND_ENOUGH
@@ -153,9 +153,9 @@ def _hue(blue: float, green: float, red: float) -> float:
 
 
 def subtract_skin(pixels: BlobPixels) -> BlobPixels:
-    """Return what rises above the body in spots on it.
+    """Return the spots that rise above the body.
 
-    Where a thin part of the body (a hand) stands out from what is behind it as well, two levels are found, skin and
+    Where a thin part of the body (a hand) stands out from the background as well, two levels are found, skin and
     marker; what lies below the middle of the two is skin. Else only the lowest part, the rim, is taken off.
     """
     if len(pixels.owner) == 0:
@@ -169,7 +169,7 @@ def subtract_skin(pixels: BlobPixels) -> BlobPixels:
 
 
 def _skin_level(values: list[float], sums: list[float], start: int, stop: int) -> float:
-    """Return the level for the ascending values from `start` to `stop`; `sums` are of all values before."""
+    """Return the skin level of the ascending values from `start` to `stop`."""
     level = _RIM_SHARE * values[stop - 1]
     middle = 0.5 * (values[stop - 1] + values[start])
     below = start
@@ -191,7 +191,7 @@ def _split(pixels: BlobPixels) -> list[BlobPixels]:
     At some higher level of brightness they are separate; flat discs, which overlap without a valley, are where
     the blob is narrower between them than across each.
     """
-    x, y = pixels.x - pixels.x.min() + 1, pixels.y - pixels.y.min() + 1  # a margin: distances are to what is outside
+    x, y = pixels.x - pixels.x.min() + 1, pixels.y - pixels.y.min() + 1  # a margin: distances are to the outside
     contrast = np.zeros((y.max() + 2, x.max() + 2), dtype=np.float32)
     contrast[y, x] = pixels.contrast
     peak = float(contrast.max())

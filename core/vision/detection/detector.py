@@ -83,7 +83,7 @@ class DetectionSettings:
 _LOWEST_AUTOMATIC_THRESHOLD = 12.0
 _SMALL_IMAGE = 640 * 480  # pixels, up to which the whole image is looked at every time
 _REACH = 0.08  # of the longer side: a marker 2 m away goes so far in a sixtieth of a second at 10 m/s
-_DIMMEST = 0.5  # of the limit that the last image set: what is below it is not even measured
+_DIMMEST = 0.5  # of the limit that the last image set: blobs below it are not even measured
 
 
 class Detector:
@@ -113,18 +113,18 @@ class Detector:
 
     @property
     def threshold(self) -> float:
-        """Grey levels above the background from which a pixel may belong to a marker."""
+        """Grey levels above the background of a marker's pixels."""
         return self._threshold
 
     def foreground(self, image: Image) -> Image:
-        """Return the mask (0 or 255) of pixels where any channel differs from the background, dilated."""
+        """Return the dilated mask (0 or 255) of pixels that differ from the background."""
         return self._foreground(image, self._room)
 
     def _foreground(self, image: Image, room: "_EmptyRoom | None") -> Image:
         if room is None:
             outside = cv2.threshold(image, self._threshold, 255, cv2.THRESH_BINARY)[1]
         else:
-            # what is below the band wraps around to above it; much faster than cv2.inRange with bounds of each pixel
+            # values below the band wrap around to above it; much faster than cv2.inRange with bounds of each pixel
             above_low = np.subtract(image, room.low)
             outside = cv2.compare(above_low, room.width, cv2.CMP_GT, dst=above_low)
         blue, green, red = cv2.split(outside)
@@ -135,7 +135,7 @@ class Detector:
         return np.asarray(mask, dtype=np.uint8)
 
     def detect(self, image: Image) -> Float32:
-        """Return blobs (n, 5): x, y (pixels), radius_px, brightness 0-255, hue 0-180; brightest first.
+        """Return blobs (n, 5): x, y, radius_px, brightness, hue; brightest first.
 
         Raises:
             CaptureError: the image's size is not the background's.
@@ -156,7 +156,7 @@ class Detector:
         return found
 
     def _window(self, image: Image) -> "_Window | None":
-        """Return the part of a large image in which the markers of the last must be; None: look everywhere."""
+        """Return the part of a large image around the last markers; None: all of it."""
         height, width = image.shape[:2]
         if height * width <= _SMALL_IMAGE or self._partly + 1 >= self.settings.whole_every or len(self._last) == 0:
             return None
@@ -171,7 +171,7 @@ class Detector:
         return int(2.0 * self.settings.maximum_radius_px) + len(_SPOT_KERNEL)
 
     def _found_within(self, image: Image, window: "_Window") -> Array:
-        """Return what is found in a part of an image, but not at edges where the image goes on."""
+        """Return the blobs in a part of an image, without those at its inner edges."""
         rows, columns = window
         table = self._found(image[window], None if self._room is None else self._room.within(window))
         table[:, X] += columns.start
@@ -184,18 +184,18 @@ class Detector:
         return table[inside]
 
     def _found(self, image: Image, room: "_EmptyRoom | None") -> Array:
-        """Return all that may be markers in an image, or in a part with the same of the room."""
+        """Return marker candidates in an image, or in a part of image and room."""
         dimmest = max(self._threshold, _DIMMEST * self.settings.relative_brightness * self._usual_contrast)
         parts = _parts(self._foreground(image, room), self.settings)
         alone, bodies = self._measure_alone(image, room, [part for part in parts if part.may_be_marker], dimmest)
-        # what is no marker as a whole is the performer, or a part, who wears some
+        # the other parts are of the performer, with markers on them
         bodies += [part for part in parts if not part.may_be_marker]
         return np.concatenate((alone, self._measure_on_bodies(image, room, bodies, dimmest)))
 
     def _measure_alone(
         self, image: Image, room: "_EmptyRoom | None", parts: "list[_Component]", dimmest: float
     ) -> "tuple[Array, list[_Component]]":
-        """Return the markers among parts of the foreground, and the parts that are bright but none."""
+        """Return markers among foreground parts, and bright parts that are none."""
         if not parts:
             return np.empty((0, COLUMNS)), []
         owner, x, y = _pixels(parts)
@@ -239,7 +239,7 @@ class Detector:
         if cv2.minMaxLoc(above_background, inside)[1] < 3.0 * dimmest:
             return NO_PIXELS
         contrast = cv2.morphologyEx(light, cv2.MORPH_TOPHAT, _SPOT_KERNEL)
-        # what is no brighter than the empty room is the room beside a limb
+        # pixels no brighter than the empty room are the room beside a limb
         lit = body.inside & (light >= (3.0 * self._threshold if room is None else room.lit[window]))
         bright = (lit & (contrast >= 3.0 * max(self._threshold, _LOWEST_SPOT_CONTRAST))).view(np.uint8)
         spots = _parts(np.asarray(cv2.dilate(bright, np.ones((3, 3), np.uint8)), dtype=np.uint8), self.settings)
@@ -322,7 +322,7 @@ class _Component:
 
 
 def _parts(mask: Image, settings: DetectionSettings) -> list[_Component]:
-    """Return the connected parts of a dilated mask that are not too small for a marker."""
+    """Return connected parts of a dilated mask, large enough for a marker."""
     # contours and labels within their boxes take half the time of labels with statistics of the whole image
     contours, hierarchy = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
     parts = []
@@ -343,7 +343,7 @@ def _parts(mask: Image, settings: DetectionSettings) -> list[_Component]:
 
 
 def _pixels(parts: Sequence[_Component]) -> tuple[IntArray, IntArray, IntArray]:
-    """Return which part each pixel (P,) of some parts is of, and its x and y in their image."""
+    """Return part, x and y of each pixel (P,) of some parts."""
     places = [part.inside.nonzero() for part in parts]
     owner = np.repeat(np.arange(len(parts)), [len(rows) for rows, _ in places])
     x = np.concatenate([columns + part.left for part, (_, columns) in zip(parts, places, strict=True)])
@@ -352,7 +352,7 @@ def _pixels(parts: Sequence[_Component]) -> tuple[IntArray, IntArray, IntArray]:
 
 
 def _contrast(rise: Float32, owner: IntArray, parts: int) -> Float32:
-    """Return how much light each pixel (P,) has more than the empty room, in grey levels.
+    """Return the light (P,) of pixels above the empty room, grey levels.
 
     Channels count as much as they are brighter in the whole part: a white marker's alike, of a red one the red channel
     alone, or the others, darker than a lit wall's, would outweigh it.

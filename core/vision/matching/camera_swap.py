@@ -1,4 +1,4 @@
-"""Noticing that two cameras were exchanged: the left one's images come as the right one's."""
+"""Detection of exchanged cameras: the left one's images come as the right one's."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ _BETTER = 0.35  # ... whether it falls to such a share with the cameras exchange
 
 
 class CameraSwapDetector:
-    """Looks, where blobs of the two cameras meet badly, whether they meet better with the cameras exchanged.
+    """Test of exchanged cameras, where the blobs of two cameras meet badly.
 
     With more or fewer than two cameras nothing is looked for.
     """
@@ -30,11 +30,11 @@ class CameraSwapDetector:
         self._errors_px: deque[tuple[float, float]] = deque(maxlen=_FRAMES)
 
     def update(self, blobs: Sequence[Float32], matches: Matches) -> str:
-        """Return what to tell; "" when nothing points to it.
+        """Return a warning, "" where nothing points to an exchange.
 
         Args:
             blobs: per camera (n, 5), of one moment.
-            matches: what was made of them.
+            matches: of these blobs.
         """
         if self._matcher is None:
             return ""
@@ -51,5 +51,5 @@ class CameraSwapDetector:
         return "left and right camera seem to be exchanged" if worse else ""
 
     def _error_px(self, matches: Matches, seen: int) -> float:
-        """Return how badly blobs meet on average, pixels; one that meets none counts as the worst."""
+        """Return the mean meeting error of blobs, pixels; an unmatched one counts most."""
         return float(matches.errors_px.mean(axis=1).sum() + self._worst_px * (seen - len(matches.points_m))) / seen

@@ -5,21 +5,22 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
+
+from ...geometry.gated_assignment import assign
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 # Gates at 640 pixels of width; a marker at 5 m/s crosses such an image in less than a second.
 _GATE_PX, _GATE_PX_S = 6.0, 400.0
-_NEW_PX_S = 900.0  # more for a blob whose velocity is not known yet
+_NEW_PX_S = 900.0  # more for a blob of unknown velocity
 _WIDTH_PX = 640.0
 _LONGEST_GAP_S = 0.1
 
 
 class BlobLinker:
-    """Gives every blob the number of its track; a track ends when its blob has been missing for a while.
+    """Linker of blobs to tracks; a track ends after a gap.
 
     Args:
         width_px: of the images.
@@ -43,10 +44,7 @@ class BlobLinker:
             known = np.isfinite(self._velocities)
             gates = self._scale * (_GATE_PX + np.where(known[:, :1], _GATE_PX_S, _NEW_PX_S) * passed_s)
             expected = self._pixels + np.where(known, self._velocities, 0.0) * passed_s
-            distances = cdist(expected, pixels) / gates
-            rows, columns = linear_sum_assignment(np.minimum(distances, 1.0))
-            near = distances[rows, columns] < 1.0
-            rows, columns = rows[near], columns[near]
+            rows, columns = assign(cdist(expected, pixels) / gates)
             ids[columns] = self._ids[rows]
             velocities[columns] = (pixels[columns] - self._pixels[rows]) / passed_s[rows]
             unseen = np.ones(len(self._ids), dtype=bool)
@@ -86,7 +84,7 @@ class ImageTracks:
         return ImageTracks(self.times_s[::step], self.points[:, ::step], self.ids[:, ::step])
 
     def at(self, times_s: Array) -> tuple[Array, IntArray]:
-        """Return the points (S, N, 2) and tracks (S, N) at other times; NaN and -1 where a track does not reach.
+        """Return points (S, N, 2) and tracks (S, N) at other times, NaN and -1 outside.
 
         On the cubic through the two images before and the two after, which all must show the track.
         """
@@ -112,7 +110,7 @@ class ImageTracks:
 
 
 def image_tracks(times_s: Sequence[float], points: Sequence[Array], ids: Sequence[IntArray]) -> ImageTracks:
-    """Return tracks side by side from each image's points (n, 2) and their tracks (n,)."""
+    """Return tracks side by side from points (n, 2) and tracks (n,) of each image."""
     rows: list[int] = []  # per row the frame after its last track
     row_of: dict[int, int] = {}
     last = {int(track): f for f, tracks in enumerate(ids) for track in tracks}

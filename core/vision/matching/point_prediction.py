@@ -1,9 +1,10 @@
-"""Where the points of the last frames should be now, without knowing what they are."""
+"""Prediction of unlabelled points from the last frames."""
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
+
+from ...geometry.gated_assignment import assign
 
 Array = NDArray[np.float64]
 
@@ -14,7 +15,7 @@ _DAMPING = 0.8
 
 
 class PointPredictor:
-    """Constant-velocity prediction of unlabelled points; forgets points not seen for half a second."""
+    """Constant-velocity prediction of points; forgets them after half a second."""
 
     def __init__(self) -> None:
         self._points = np.empty((0, 3))
@@ -36,7 +37,7 @@ class PointPredictor:
         expected = self.predict(time_s)
         if expected is not None and len(points):
             distance = cdist(points, expected)
-            rows, columns = linear_sum_assignment(distance)
+            rows, columns = assign(distance, np.inf)
             passed = np.maximum(time_s - self._seen_s, 1e-4)
             near = distance[rows, columns] <= _JITTER_M + _FASTEST_M_S * passed[columns]
             rows, columns = rows[near], columns[near]

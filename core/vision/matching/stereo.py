@@ -1,4 +1,4 @@
-"""Which blob of one camera is which of the other: epipolar line, colour, size, and where markers were before.
+"""Stereo matching by epipolar line, colour, size and predicted markers.
 
 Chai and Hodgins 2005 take the epipolar line and colour similarity, and temporal coherence where several candidates
 remain; here all of it is the cost of one assignment problem.
@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
 from ...errors import SettingsError
 from ...geometry.camera import Camera, CameraRig, undistort_all
+from ...geometry.gated_assignment import assign
 from ...geometry.triangulation import depths, inverse_3x3, triangulate
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ class StereoSettings:
 
 @dataclass(frozen=True)
 class Matches:
-    """Points seen by at least two cameras: (N, 3), (N, 3, 3), blob index (N, C) or -1, error in pixels (N, C)."""
+    """Points (N, 3), covariances, blob indices (N, C) or -1, errors in pixels (N, C)."""
 
     points_m: Array
     covariances_m2: Array
@@ -119,10 +119,9 @@ class StereoMatcher:
         local = view.to_camera(points)
         distance = cdist(local[:, :2] / local[:, 2:], normalised[camera]) * view.focal_px
         cost = np.where(local[:, 2:] > 0.0, distance, _FORBIDDEN)
-        rows, columns = linear_sum_assignment(np.minimum(cost, self.settings.epipolar_px))
-        good = cost[rows, columns] < self.settings.epipolar_px
+        rows, columns = assign(cost, self.settings.epipolar_px)
         table = table.copy()
-        table[rows[good], camera] = columns[good]
+        table[rows, camera] = columns
         return table
 
     def _pairs(
@@ -135,7 +134,7 @@ class StereoMatcher:
         normalised: Sequence[Array],
         predicted_m: Array | None,
     ) -> tuple[IntArray, Located]:
-        """Return matched blob indices (n, 2) of two cameras, and what `triangulate` makes of them."""
+        """Return matched blobs (n, 2) of two cameras, and their triangulation."""
         none = np.empty((0, 2), dtype=np.int64), (np.empty((0, 3)), np.empty((0, 3, 3)), np.empty((0, 2)))
         if len(free_a) == 0 or len(free_b) == 0:
             return none
@@ -158,41 +157,40 @@ class StereoMatcher:
         if predicted_m is not None and len(predicted_m):
             nearest = self._coherence(points, covariances, predicted_m)
             base = base + np.minimum(nearest, _COHERENCE_CAP)
-        chosen = _assign(base, rows, columns, (len(free_a), len(free_b)))
-        # once more with what the first answer tells about how far away the performer is
+        chosen = _choose(base, rows, columns, (len(free_a), len(free_b)))
+        # once more with the performer's distance by the first answer
         if len(chosen) >= 3:
             middle = float(np.median(depth[chosen]))
             cost = base + np.minimum(((depth - middle) / self.settings.spread_m) ** 2, _COHERENCE_CAP)
-            chosen = _assign(cost, rows, columns, (len(free_a), len(free_b)))
+            chosen = _choose(cost, rows, columns, (len(free_a), len(free_b)))
         pairs = np.stack((free_a[rows[chosen]], free_b[columns[chosen]]), axis=1)
         return pairs, (points[chosen], covariances[chosen], errors[chosen])
 
     def _coherence(self, points: Array, covariances: Array, predicted_m: Array) -> Array:
-        """Return the squared distance (n,), in sigmas, of points to the nearest predicted one; loose along the rays."""
+        """Return squared distances (n,), in sigmas, to the nearest predicted point."""
         information = inverse_3x3(covariances + self.settings.coherence_m**2 * np.eye(3))
         apart = points[:, None] - predicted_m[None]
         return np.asarray(np.sum(apart @ information * apart, axis=2).min(axis=1))
 
 
-def _assign(cost: Array, rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> IntArray:
-    """Return which candidate pairs make the cheapest assignment; a pair dearer than no match is left out."""
+def _choose(cost: Array, rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> IntArray:
+    """Return candidate pairs of the cheapest assignment, dear ones left out."""
     table = np.full(shape, _FORBIDDEN)
     table[rows, columns] = cost
     index = np.full(shape, -1, dtype=np.int64)
     index[rows, columns] = np.arange(len(rows))
-    r, c = linear_sum_assignment(np.minimum(table, _NO_MATCH))
-    return np.sort(index[r, c][table[r, c] < _NO_MATCH])
+    return np.sort(index[assign(table, _NO_MATCH)])
 
 
 def unused(table: IntArray, camera: int, count: int) -> IntArray:
-    """Return which of a camera's `count` blobs no row of the table (N, C) holds."""
+    """Return the blobs of a camera that no row of the table (N, C) holds."""
     free = np.ones(count, dtype=bool)
     free[table[table[:, camera] >= 0, camera]] = False
     return np.flatnonzero(free)
 
 
 def epipolar_distances(a: Camera, b: Camera, x: Array, y: Array) -> Array:
-    """Return the Sampson distance (n, m) in pixels of undistorted normalised points x (n, 2) in a and y (m, 2) in b.
+    """Return Sampson distances (n, m) in pixels of normalised points (n, 2), (m, 2).
 
     Hartley and Zisserman, Multiple View Geometry, 11.4.3: first-order distance to the nearest pair that meets in 3D.
     """
@@ -205,7 +203,7 @@ def epipolar_distances(a: Camera, b: Camera, x: Array, y: Array) -> Array:
 
 
 def essential_matrix(a: Camera, b: Camera) -> Array:
-    """Return E (3, 3) with y' E x = 0 for normalised points x in camera a and y in camera b of one point in space."""
+    """Return E (3, 3) with y' E x = 0 for normalised x in camera a, y in camera b."""
     rotation = b.rotation @ a.rotation.T
     t = b.translation_m - rotation @ a.translation_m
     cross = np.array([[0.0, -t[2], t[1]], [t[2], 0.0, -t[0]], [-t[1], t[0], 0.0]])
@@ -217,7 +215,7 @@ def _homogeneous(points: Array) -> Array:
 
 
 def _dissimilarity(a: Float32, b: Float32) -> Array:
-    """Return how different blobs look (n, m), in squared sigmas; cameras may differ in gain and white balance."""
+    """Return squared dissimilarities (n, m) of blobs, in sigmas."""
     size = _log_ratio(a[:, 2], b[:, 2]) / _SIZE_SIGMA
     brightness = _log_ratio(a[:, 3] + 5.0, b[:, 3] + 5.0) / _BRIGHTNESS_SIGMA
     turn = a[:, None, 4] - _median(a[:, 4]) - b[None, :, 4] + _median(b[:, 4])

@@ -1,4 +1,4 @@
-"""Blobs of cameras that are not synchronised brought to one time, along their tracks in the images."""
+"""Alignment in time of blobs of unsynchronised cameras, along their tracks."""
 
 import math
 from collections import deque
@@ -33,9 +33,9 @@ class _Seen:
 
 
 class TimeAligner:
-    """Moves the blobs of each camera to where they were at the earliest of the moments that the images show.
+    """Alignment of each camera's blobs to the earliest moment of an image set.
 
-    No image is waited for: what is newer than that moment lies between two images that are in hand already.
+    No image is waited for: newer positions lie between two images that are in hand already.
 
     Args:
         rig: the cameras.
@@ -63,7 +63,7 @@ class TimeAligner:
             if new and (not seen or moment_s > seen[-1].moment_s):
                 seen.append(_Seen(moment_s, rows, linker.link(moment_s, rows[:, :2].astype(np.float64))))
         common_s = min(moments)
-        if 0.0 <= self._last_s - common_s < _LARGEST_STEP_S:  # another offset has been told: time does not go back
+        if 0.0 <= self._last_s - common_s < _LARGEST_STEP_S:  # the offset changed: time does not go back
             common_s = self._last_s + _LEAST_STEP_S
         self._last_s = common_s
         at = [
@@ -74,7 +74,7 @@ class TimeAligner:
 
 
 def _blobs_at(seen: Sequence[_Seen], moment_s: float) -> Float32:
-    """Return the blobs of the image nearest to a moment, moved to where their tracks have them at it."""
+    """Return the blobs of the image nearest to a moment, moved along their tracks."""
     order = _nearest(seen, moment_s)
     if order and order[0].moment_s == moment_s:
         return order[0].blobs
@@ -116,7 +116,7 @@ def _of_tracks(image: _Seen, ids: IntArray) -> Array:
 
 
 def _lagrange(moments_s: Sequence[float], moment_s: float) -> Array:
-    """Return the weights (k,) of values at some moments in the polynomial through them, at another moment."""
+    """Return Lagrange weights (k,) of values at some moments for another moment."""
     return np.array(
         [math.prod((moment_s - other) / (own - other) for other in moments_s if other != own) for own in moments_s]
     )

@@ -1,8 +1,8 @@
-"""How much later than its time stamps say one camera takes its images than another: found from what moves.
+"""Time offsets between cameras, from moving markers.
 
 A marker that moves across the epipolar lines is off them when the two images are of different moments. So the distance
 of blobs of one camera from the epipolar lines of the other's, taken at a shifted time from their tracks in the image,
-is least where the shift is the offset. First a grid of offsets tells roughly where that is and which tracks belong
+is least where the shift is the offset. First a grid of offsets finds roughly where that is and the tracks that belong
 together; then offset and drift are refined by Gauss-Newton with Cauchy's weights, all tracks at once.
 """
 
@@ -55,12 +55,12 @@ class TimeOffset:
 
     @property
     def is_found(self) -> bool:
-        """Whether the motion told anything."""
+        """Whether the motion determines an offset."""
         return bool(np.isfinite(self.sigma_s))
 
     @property
     def is_certain(self) -> bool:
-        """Whether an offset was found that is worth to be made good for."""
+        """Whether an offset is known well enough to be corrected."""
         return self.sigma_s < _CERTAIN_S and abs(self.offset_s) > _SIGNIFICANT * self.sigma_s
 
     def moment_s(self, stamp_s: float) -> float:
@@ -112,7 +112,7 @@ class _Pair:
         self._lines = _homogeneous(tracks_a.points) @ self._essential.T
 
     def _distances(self, offset_s: float, drift: float) -> tuple[Array, IntArray]:
-        """Return signed Sampson distances (A, B, F) in pixels and the tracks (B, F) of the other camera."""
+        """Return signed Sampson distances (A, B, F), pixels, and the other's tracks."""
         shift = offset_s + drift * (self.times_s - self._middle_s)
         points, ids = self._b.at(self.times_s - shift)
         y = _homogeneous(points)
@@ -122,7 +122,7 @@ class _Pair:
         return value / np.sqrt(np.maximum(slope, 1e-30)) * self._focal_px, ids
 
     def _costs(self, distances: Array, ids: IntArray) -> Array:
-        """Return for every two blobs (A, B, F) the mean squared distance of their tracks, capped; inf where none."""
+        """Return capped mean squared distances of tracks (A, B, F); inf where none."""
         squares = np.minimum(distances**2, _CAP_PX**2)
         known = np.isfinite(squares)
         width = int(ids.max()) + 1
@@ -143,7 +143,7 @@ class _Pair:
         return float(np.minimum(best[there], _CAP_PX**2).sum())
 
     def refine(self, offset_s: float, drift: float) -> TimeOffset:
-        """Return offset and drift after some steps from those given, with the tracks that fit together there."""
+        """Refine offset and drift by Gauss-Newton, with the tracks that fit there."""
         distances, ids = self._distances(offset_s, drift)
         costs = self._costs(distances, ids)
         # each other's best
@@ -193,7 +193,7 @@ def _homogeneous(points: Array) -> Array:
 def estimate_time_offsets(
     rig: CameraRig, frames: Sequence[MarkerFrame], largest_s: float, about: Sequence[TimeOffset] = ()
 ) -> tuple[TimeOffset, ...]:
-    """Return the time offset of every camera against the first, from the blobs of successive frames.
+    """Return each camera's time offset against the first, from blobs of frames.
 
     Args:
         rig: the cameras.

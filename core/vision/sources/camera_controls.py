@@ -25,7 +25,7 @@ _NEAR = 1.0  # the same for gain and focus, in their own numbers
 
 @dataclass(frozen=True)
 class CameraControls:
-    """What a camera is told; None leaves it to the camera.
+    """Settings of a camera; None leaves one to the camera.
 
     Args:
         exposure_s: seconds that the shutter is open.
@@ -45,7 +45,7 @@ class CameraControls:
 
     @classmethod
     def of_spec(cls, spec: Mapping[str, Any]) -> "CameraControls":
-        """Return what a description (JSON) says; raises SettingsError."""
+        """Return the controls of a description (JSON); raise SettingsError."""
         try:
             return cls(**{name: None if value is None else float(value) for name, value in spec.items()})
         except (TypeError, ValueError) as error:
@@ -53,9 +53,9 @@ class CameraControls:
 
 
 def apply_controls(capture: Any, controls: CameraControls) -> Sequence[str]:
-    """Tell an open `cv2.VideoCapture`; return the names of what it did not take.
+    """Set controls of an open `cv2.VideoCapture`; return the names of those refused.
 
-    What is left to the camera is switched back to automatic: cameras remember what the last program told them.
+    Controls left to the camera are switched back to automatic: cameras remember the last program's settings.
     """
     backend = str(capture.getBackendName())
     refused = []

@@ -1,10 +1,10 @@
-"""What is wrong with one camera, from when its images come and what is in them."""
+"""Health of one camera, by the times and content of its images."""
 
 import numpy as np
 
 from .image_set import Image
 
-# Told within a quarter of a second; the rest of it is for the way to the panel.
+# Reported within a quarter of a second; the rest of it is for the way to the panel.
 _SILENT_S = 0.12
 _SILENT_PERIODS = 2.5  # slow cameras are silent between two images
 _STALE_S = 0.1
@@ -14,7 +14,7 @@ _COMPARED_ROWS = 16
 
 
 class CameraHealth:
-    """Notices that a camera froze, is gone, became black, or repeats an image.
+    """Health of a camera: frozen, unplugged, black, or repeating an image.
 
     Args:
         title: what the camera is called.
@@ -49,7 +49,7 @@ class CameraHealth:
         return now_s - self._last_s > self._patience_s
 
     def note(self, now_s: float, gone: bool = False) -> str:
-        """Return what is wrong, "" when nothing is; `gone`: the device answers that it cannot give images."""
+        """Return a description of the fault, "" without one."""
         if self.is_silent(now_s):
             return f"{self._title} is gone, check its cable" if gone else f"{self._title} froze"
         if self._black_since_s is not None and now_s - self._black_since_s > _STALE_S:

@@ -23,7 +23,7 @@ _WARM_UP_READS = 5
 _HELD = 12  # images that wait for who takes them; then the oldest are lost
 _LOOK_S = 0.02  # a camera that gives nothing wakes nobody
 _RETRY_S = 0.01
-_GONE_S = 0.1  # of failed reads, and the device is opened anew
+_GONE_S = 0.1  # of failed reads, then the device is opened again
 _REOPEN_S = 0.5
 _ALL_LOST_S = 10.0
 _NEVER_USABLE_S = 5.0
@@ -37,8 +37,8 @@ class CameraSource:
 
     Each camera is read by a thread of its own, so that one that freezes holds up no other. Images are stamped by the
     driver where its clock is ours, else when they come. Frames are numbered by these times, so that a number left out
-    is a frame that was lost. A camera that freezes, is gone, black or repeats its image is told in the sets' notes and
-    done without until it is back; one that is gone is opened anew twice a second.
+    is a frame that was lost. A camera that freezes, is gone, black or repeats its image is named in the sets' notes and
+    skipped until it is back; a lost one is opened again twice a second.
 
     Args:
         devices: device numbers (or stream addresses), one per camera.
@@ -71,8 +71,8 @@ class CameraSource:
         self._news = threading.Event()
         self._readers: list[_Reader] = []
         try:
-            for device, told in zip_longest(devices, controls[: len(devices)]):
-                self._readers.append(_Reader(partial(_open, device, size, fps), self._news, told))
+            for device, wanted in zip_longest(devices, controls[: len(devices)]):
+                self._readers.append(_Reader(partial(_open, device, size, fps), self._news, wanted))
         except CaptureError:
             self.close()
             raise
@@ -135,7 +135,7 @@ class CameraSource:
 
 
 class _Reader:
-    """Reads one camera in a thread, from `begin` to `stop`, and opens it again when it is gone."""
+    """Reader of one camera in a thread, from `begin` to `stop`; reopens a lost one."""
 
     def __init__(self, opened: Callable[[], Any], news: threading.Event, controls: CameraControls | None) -> None:
         self.gone = False
@@ -157,14 +157,14 @@ class _Reader:
         return np.asarray(image)
 
     def begin(self) -> None:
-        """Start reading; what has been read already is forgotten."""
+        """Start reading; earlier images are forgotten."""
         self._images.clear()
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name="camera", daemon=True)
             self._thread.start()
 
     def drain(self) -> Iterator[tuple[float, Image]]:
-        """Yield what has come, oldest first: time on the clock and image."""
+        """Yield the images so far, oldest first, with their times."""
         while self._images:
             yield self._images.popleft()
 
@@ -254,7 +254,7 @@ class FoundCamera:
 
 
 def find_cameras() -> list[FoundCamera]:
-    """Return the cameras that are plugged in, those that give no image as well; each is opened for a moment."""
+    """Return the plugged-in cameras, also silent ones; each is opened for a moment."""
     found = []
     for device in _devices():
         capture = cv2.VideoCapture(device)

@@ -1,4 +1,4 @@
-"""Image files: finding them, ordering them by number, pairing those of several cameras, reading them."""
+"""Image files: search, order by number, pairing between cameras, reading."""
 
 import glob
 import os
@@ -21,7 +21,7 @@ _DIGITS = re.compile(r"\d+")
 
 
 def list_images(pattern: str | Path) -> list[Path]:
-    """Return the image files of a folder, a glob or one file, in the order of their numbers.
+    """Return image files of a folder, a glob or one file, ordered by number.
 
     Raises:
         CaptureError: there is none.
@@ -47,9 +47,9 @@ def natural_key(path: Path) -> tuple[tuple[int, int, str], ...]:
 
 
 def pair_by_number(lists: Sequence[Sequence[Path]]) -> tuple[list[tuple[int, tuple[Path, ...]]], list[Path]]:
-    """Pair files of several cameras by the number in their names that they have in common.
+    """Pair files of several cameras by a number in their names.
 
-    Which number that is (the first, the last, ...) is found out: the position whose values are shared by most files.
+    Which number that is (the first, the last, ...) is found out: the position with values shared by most files.
     Lists without a common number are paired in order when they are equally long.
 
     Returns:
@@ -66,9 +66,9 @@ def pair_by_number(lists: Sequence[Sequence[Path]]) -> tuple[list[tuple[int, tup
 
 
 def by_number(lists: Sequence[Sequence[Path]]) -> list[dict[int, Path]]:
-    """Return the files of each camera by the number in their names that files of several cameras have in common.
+    """Return the files of each camera by the number shared between cameras.
 
-    Which number that is (the first, the last, ...) is found out: the position whose values most files share with
+    Which number that is (the first, the last, ...) is found out: the position with values that most files share with
     those of another camera. Without common numbers lists of one length are numbered in order.
 
     Raises:

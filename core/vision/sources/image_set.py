@@ -49,18 +49,18 @@ def usable_images(images: Any) -> tuple[bool, ...]:
 
 
 def moment_of(images: Any) -> float | None:
-    """Return the mean time of an image set, in seconds; None when no camera has an image of it."""
+    """Return the mean time of an image set, seconds; None without any image."""
     times_s = [time_s for time_s in images.times_s if np.isfinite(time_s)]
     return float(np.mean(times_s)) if times_s else None
 
 
 def camera_title(index: int, names: Sequence[str]) -> str:
-    """Return what a camera is called in messages: left and right where there are two."""
+    """Return a camera's name in messages: left and right where there are two."""
     return f"the {('left', 'right')[index]} camera" if len(names) == 2 else f"camera {names[index]}"
 
 
 def next_number(number: int, passed_s: float, period_s: float) -> int:
-    """Return the frame number that follows `number` after `passed_s`: further on where frames were left out.
+    """Return the frame number `passed_s` after `number`, lost frames counted.
 
     Only a gap of more than one and a half periods counts: cameras are late by less now and then.
     """

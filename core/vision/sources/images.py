@@ -86,7 +86,7 @@ def _alone(paths: Sequence[Path]) -> list[tuple[int, tuple[Path, ...]]]:
 
 
 def _times_from_names(paths: Sequence[Path]) -> list[float] | None:
-    """Return seconds since the first file, or None when the names do not tell increasing times."""
+    """Return seconds since the first file, None when the names lack increasing times."""
     times = []
     for path in paths:
         match = _TIME_OF_DAY.search(path.stem)
@@ -100,7 +100,7 @@ def _times_from_names(paths: Sequence[Path]) -> list[float] | None:
 
 
 def _usual_rate(times_s: Sequence[float]) -> float:
-    """Return frames per second from first to last, pauses left out: programs note a frame's time late by chance."""
+    """Return frames per second without pauses: programs note a frame late by chance."""
     steps = np.diff(times_s)
     return float(1.0 / np.mean(steps[steps <= _PAUSE * np.median(steps)]))
 

@@ -16,9 +16,9 @@ _HELD = 12  # images of a camera; who takes them too slowly loses the oldest
 
 
 class ImagePairing:
-    """Puts images together by their times; a camera that gives none is done without.
+    """Grouping of images by their times; a silent camera is skipped.
 
-    A camera whose image is missing, repeated or black has a black image in the set and is marked as not usable.
+    A camera with a missing, repeated or black image has a black image in the set and is marked as not usable.
 
     Args:
         shapes: per camera the shape of its images.
@@ -45,7 +45,7 @@ class ImagePairing:
         self._held[camera].append((time_s, image, fresh and image.shape == self._black[camera].shape))
 
     def take(self, now_s: float, gone: Sequence[bool] = ()) -> ImageSet | None:
-        """Return the next image set, None when there is nothing new or an image is still waited for.
+        """Return the next image set, None while there is nothing new.
 
         Args:
             now_s: time.
@@ -76,7 +76,7 @@ class ImagePairing:
         )
 
     def notes(self, now_s: float, gone: Sequence[bool] = ()) -> tuple[str, ...]:
-        """Return what is wrong with the cameras."""
+        """Return descriptions of the cameras' faults."""
         lost = tuple(gone) or (False,) * len(self._watches)
         found = [watch.note(now_s, away) for watch, away in zip(self._watches, lost, strict=True)]
         return tuple(note for note in found if note)

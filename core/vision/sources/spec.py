@@ -1,4 +1,4 @@
-"""Opening an image source from its description, which can travel as JSON to the capture process.
+"""Image sources and their descriptions, JSON for the capture process.
 
 Kinds: {"kind": "simulated", ...} (see `simulate.studio.open_simulated`), {"kind": "videos", "paths": [...]},
 {"kind": "images", "paths": [...]}, {"kind": "cameras", "devices": [0, 1], "size": [640, 480], "controls": [{...}, ...]}
@@ -21,7 +21,7 @@ Image = NDArray[np.uint8]
 
 
 class ImageSetLike(Protocol):
-    """What a source yields: number, one time and one image per camera."""
+    """Image set of a source: number, one time and one image per camera."""
 
     @property
     def number(self) -> int:
@@ -49,7 +49,7 @@ class ImageSource(Protocol):
 
 
 class SampledSource(ImageSource, Protocol):
-    """A source that can also be looked through beforehand: files, and cameras (which take new images for it)."""
+    """A source with samples in advance: files, and cameras (new images)."""
 
     def samples(self, count: int) -> Iterator[tuple[Image, ...]]:
         """Yield the images of up to `count` moments."""
@@ -58,9 +58,9 @@ class SampledSource(ImageSource, Protocol):
 def open_image_source(
     *sources: str | Path, fps: float | None = None, size: tuple[int, int] | None = None
 ) -> SampledSource:
-    """Return a source from one text per camera: a video, a folder or pattern of images, a device number, an address.
+    """Return a source from one text per camera: file, folder, pattern, device, stream.
 
-    Cameras by device number are asked for images of `size` (width, height), that of their calibration.
+    Cameras by device number deliver images of `size` (width, height), that of their calibration.
 
     Raises:
         CaptureError: a text is none of these, or they are not all of one kind.
@@ -108,7 +108,7 @@ def frame_rate(spec: Mapping[str, Any]) -> float | None:
 
 
 def listed_values(spec: Mapping[str, Any], key: str) -> Sequence[Any]:
-    """Return the list under `key`, which must not be empty."""
+    """Return the list under `key`; raise SettingsError when it is empty."""
     value = spec.get(key)
     if not isinstance(value, list | tuple) or not value:
         raise SettingsError(f"the image source lacks {key!r}")

@@ -22,7 +22,7 @@ def is_stream(address: str) -> bool:
 
 
 class VideoSource:
-    """Image sets from one video per camera, frame by frame; files can be iterated any number of times.
+    """Image sets from one video per camera; files can be iterated any number of times.
 
     Frames are numbered by each video's time stamps, so that a number left out is a frame that was lost. A frame that
     one video lacks, or shows twice while another goes on, is not usable there; `warnings` counts them afterwards.
@@ -90,7 +90,7 @@ class VideoSource:
                 self._advance(readers, current)
 
     def _advance(self, readers: Sequence["_Reader"], current: Sequence["_Reader"]) -> None:
-        """Read on in the videos whose frame has been used; at the end no reader has an image."""
+        """Read the next frame of the current videos; at the end no reader has an image."""
         before = max(reader.number for reader in readers)
         for reader in current:
             reader.read()
@@ -109,7 +109,7 @@ class VideoSource:
             )
 
     def _warnings(self, readers: Sequence["_Reader"]) -> tuple[str, ...]:
-        """Return what is wrong with the frames that have been read."""
+        """Return descriptions of faults in the frames so far."""
         found = []
         for path, reader in zip(self._paths, readers, strict=True):
             if reader.doubled:
@@ -119,7 +119,7 @@ class VideoSource:
         return tuple(found)
 
     def samples(self, count: int) -> Iterator[tuple[Image, ...]]:
-        """Yield the images of up to `count` moments spread over the files (nothing for streams)."""
+        """Yield images of up to `count` moments spread over files (none for streams)."""
         if self.frames <= 0:
             return
         wanted = {int(i) for i in np.linspace(0, self.frames - 1, count)}
@@ -166,7 +166,7 @@ class _Reader:
         self.image, self._stamp_s = image, stamp_s
 
     def ends_within(self, frames: int) -> bool:
-        """Read on to the end; return whether no more than so many frames are left, this one counted."""
+        """Read to the end; return whether at most so many frames were left."""
         for _ in range(frames):
             if self.image is not None:
                 self.read()

@@ -27,7 +27,7 @@ from ...simulate.studio.rig import default_rig
 from ...system.files import atomic_path
 from ...vision.calibration.board import Board, parse_board
 from ...vision.calibration.board_preview import draw_corners, draw_coverage, draw_taken, draw_wanted
-from ...vision.calibration.board_session import BoardSession, Sight
+from ...vision.calibration.board_session import BoardSession, Guidance
 from ...vision.calibration.calibration_summary import calibration_summary
 from ...vision.sources.image_set import camera_title, moment_of, usable_images
 from ...vision.sources.spec import ImageSetLike, ImageSource
@@ -105,14 +105,14 @@ def _watch(
             return
         advice, time_s = "; ".join(getattr(image_set, "notes", ())), moment_of(image_set)
         if time_s is not None:  # some camera gives images
-            sight = session.see(time_s, image_set.images, usable_images(image_set))
-            if sight.taken:
+            guidance = session.see(time_s, image_set.images, usable_images(image_set))
+            if guidance.taken:
                 taken_s = time.monotonic()
                 for folder, image in zip(folders, image_set.images, strict=True):
                     _write_image(folder / f"{session.views - 1:03d}.png", image)
-            if sight.look is not None:
-                preview.send(image_set.images, _Drawing(session, sight, time.monotonic() - taken_s < _SHOWN_S).draw)
-            advice = advice or sight.advice
+            if guidance.seen is not None:
+                preview.send(image_set.images, _Drawing(session, guidance, time.monotonic() - taken_s < _SHOWN_S).draw)
+            advice = advice or guidance.advice
         if (advice, session.views) != sent:
             sent = (advice, session.views)
             channel.send_status(advice, session.fraction, heading=_heading(session))
@@ -128,19 +128,19 @@ def _heading(session: BoardSession) -> str:
 class _Drawing:
     """Draws the board and the coverage into each camera's reduced picture."""
 
-    def __init__(self, session: BoardSession, sight: Sight, taken: bool) -> None:
+    def __init__(self, session: BoardSession, guidance: Guidance, taken: bool) -> None:
         self._session = session
-        self._sight = sight
+        self._guidance = guidance
         self._taken = taken
 
     def draw(self, camera: int, picture: Image, image_width: int) -> None:
         """Draw into the picture (BGR) of a camera with images `image_width` wide."""
         draw_coverage(picture, self._session.coverage[camera])
-        view = self._sight.look.views[camera] if self._sight.look is not None else None
+        view = self._guidance.seen.views[camera] if self._guidance.seen is not None else None
         if view is not None:
             draw_corners(picture, view, image_width)
-        if self._sight.target is not None and self._sight.target[0] == camera:
-            draw_wanted(picture, self._sight.target[1])
+        if self._guidance.target is not None and self._guidance.target[0] == camera:
+            draw_wanted(picture, self._guidance.target[1])
         if self._taken:
             draw_taken(picture)
 

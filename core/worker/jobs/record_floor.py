@@ -19,7 +19,7 @@ from ...simulate.studio.render import Renderer
 from ...simulate.studio.rig import default_rig
 from ...vision.calibration.board import Board, find_board, parse_board
 from ...vision.calibration.board_preview import draw_corners
-from ...vision.calibration.board_watch import BoardWatch, Look
+from ...vision.calibration.board_watch import BoardObservation, BoardWatch
 from ...vision.calibration.floor import board_in_space, rig_on_floor
 from ...vision.sources.image_set import moment_of, usable_images
 from ...vision.sources.spec import ImageSource
@@ -59,7 +59,9 @@ def _open(spec: Mapping[str, Any], board: Board) -> ImageSource:
     return CarriedBoard(Renderer(default_rig(int(spec.get("cameras", 2)))), board, [board_on_floor(board)[0]])
 
 
-def _still_board(source: ImageSource, board: Board, preview: PreviewSender, channel: Channel) -> Look | None:
+def _still_board(
+    source: ImageSource, board: Board, preview: PreviewSender, channel: Channel
+) -> BoardObservation | None:
     """Return the views of the board once it lies still; None after a STOP."""
     watch, sent = BoardWatch(board, find_board), ""
     for image_set in source:
@@ -80,13 +82,13 @@ def _still_board(source: ImageSource, board: Board, preview: PreviewSender, chan
     )
 
 
-def _draw(look: Look, camera: int, picture: Image, image_width: int) -> None:
+def _draw(look: BoardObservation, camera: int, picture: Image, image_width: int) -> None:
     view = look.views[camera]
     if view is not None:
         draw_corners(picture, view, image_width)
 
 
-def _show_it(look: Look) -> str:
+def _show_it(look: BoardObservation) -> str:
     titles = camera_names(len(look.views))[1]
     blind = [title for title, view in zip(titles, look.views, strict=True) if view is None]
     return f"lay the board on the floor where {' and '.join(blind)} {'sees' if len(blind) == 1 else 'see'} all of it"

@@ -1,10 +1,13 @@
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
-from perfanim.core.markers.marker_frame import MarkerFrame
+from perfanim.core.markers.marker_frame import MarkerFrame, undistort_blobs
 from perfanim.core.markers.marker_frame_codec import pack, unpack
+from perfanim.core.markers.marker_frame_subset import without_blobs
+from perfanim.core.simulate.studio.rig import default_rig
 
 ARRAYS = ("points_m", "covariances_m2", "labels", "point_blobs", "single_cameras", "single_blobs", "single_points",
           "single_labels")  # fmt: skip
@@ -34,15 +37,43 @@ def assert_same(a: MarkerFrame, b: MarkerFrame) -> None:
     assert (a.number, a.time_s, a.notes) == (b.number, b.time_s, b.notes)
     for name in ARRAYS:
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+    assert len(a.normalised) == len(b.normalised)
+    for mine, theirs in zip(a.normalised, b.normalised, strict=True):
+        np.testing.assert_array_equal(mine, theirs)
     assert len(a.blobs) == len(b.blobs)
     for mine, theirs in zip(a.blobs + a.detected, b.blobs + b.detected, strict=True):
         np.testing.assert_array_equal(mine, theirs)
         assert mine.dtype == theirs.dtype
 
 
-@pytest.mark.parametrize("frame", [full(), MarkerFrame(0, 0.0), MarkerFrame(3, 0.1, notes=("only a note",))])
+def undistorted() -> MarkerFrame:
+    return replace(full(), normalised=(np.random.default_rng(1).normal(size=(5, 2)), np.empty((0, 2))))
+
+
+@pytest.mark.parametrize(
+    "frame", [full(), undistorted(), MarkerFrame(0, 0.0), MarkerFrame(3, 0.1, notes=("only a note",))]
+)
 def test_round_trip(frame: MarkerFrame) -> None:
     assert_same(unpack(pack(frame)), frame)
+
+
+def test_frames_of_version_3_are_read() -> None:
+    """They had no counts of normalised coordinates, nor these."""
+    data, header = pack(full()), struct.Struct("<4sHHqdIIII")
+    fields = list(header.unpack_from(data))
+    fields[1], fields[-1] = 3, fields[-1] - 8
+    assert_same(unpack(header.pack(*fields) + data[header.size : header.size + 16] + data[header.size + 24 :]), full())
+
+
+def test_blobs_are_undistorted_once() -> None:
+    cameras = default_rig().cameras
+    frame = MarkerFrame(0, 0.0, blobs=tuple(np.full((2, 5), 100.0, dtype=np.float32) for _ in cameras))
+    known = undistort_blobs(frame, cameras)
+    for camera, rows in zip(cameras, known.normalised, strict=True):
+        np.testing.assert_allclose(camera.to_pixels(rows), 100.0, atol=1e-9)
+    assert undistort_blobs(known, cameras) is known
+    kept = without_blobs(known, [np.array([0]), np.array([], dtype=np.int64)])
+    np.testing.assert_array_equal(kept.normalised[0], known.normalised[0][1:])
 
 
 def test_a_frame_cut_off_at_any_byte_is_refused() -> None:

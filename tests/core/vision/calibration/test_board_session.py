@@ -16,7 +16,7 @@ from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, BoardPose, board
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.vision.calibration import board_session
 from perfanim.core.vision.calibration.board import BoardView
-from perfanim.core.vision.calibration.board_session import ENOUGH_VIEWS, BoardSession, Sight
+from perfanim.core.vision.calibration.board_session import ENOUGH_VIEWS, BoardSession, Guidance
 
 PLACES = 30
 PERIOD_S = 0.125
@@ -90,7 +90,9 @@ def new_session(limit: int = 40, every_s: float | None = None) -> BoardSession:
     return BoardSession(DEFAULT_BOARD, ("left", "right"), titles, at_once, limit, every_s)
 
 
-def play(session: BoardSession, scene: Scene, poses: Sequence[BoardPose], order: Sequence[int] = (0, 1)) -> list[Sight]:
+def play(
+    session: BoardSession, scene: Scene, poses: Sequence[BoardPose], order: Sequence[int] = (0, 1)
+) -> list[Guidance]:
     """Carry the board through places until the session is done; return what it made of it."""
     sights = []
     for number, images in enumerate(scene.carried(poses)):
@@ -109,11 +111,11 @@ def test_it_ends_by_itself_with_a_good_calibration(scene: Scene, poses: tuple[Bo
     assert result.verdict == "good"
     assert result.baseline_m == pytest.approx(rig.baseline_m(), rel=4 * result.distance_sigma)
     assert result.rms_px["left"] == pytest.approx(np.sqrt(2.0) * CORNER_SIGMA_PX, rel=0.1)  # less what fits the noise
-    taken = [sight for sight in sights if sight.taken]
+    taken = [guidance for guidance in sights if guidance.taken]
     assert len(taken) == session.views
-    assert all(sight.look is not None and sight.look.still for sight in taken)
+    assert all(guidance.seen is not None and guidance.seen.still for guidance in taken)
     # a part of an image is asked for as long as too little is covered, and none that is covered already
-    assert all(sight.target is not None for sight in taken[:4])
+    assert all(guidance.target is not None for guidance in taken[:4])
     assert taken[-1].target is None
     assert session.fraction == 1.0
 
@@ -161,9 +163,9 @@ def test_too_few_views_are_no_calibration(scene: Scene, poses: tuple[BoardPose, 
 def test_timed_views_are_taken_while_the_board_moves(scene: Scene, poses: tuple[BoardPose, ...]) -> None:
     session = new_session(every_s=0.4)
     sights = play(session, scene, poses[:2])
-    taken = [sight for sight in sights if sight.taken]
-    assert any(sight.look is not None and not sight.look.still for sight in taken)
-    assert any(sight.advice.startswith("1: ") for sight in sights)
+    taken = [guidance for guidance in sights if guidance.taken]
+    assert any(guidance.seen is not None and not guidance.seen.still for guidance in taken)
+    assert any(guidance.advice.startswith("1: ") for guidance in sights)
     assert len(taken) >= 3  # in 1.9 s
 
 

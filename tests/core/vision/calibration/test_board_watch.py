@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 from perfanim.core.vision.calibration.board import Board, BoardView, parse_board
-from perfanim.core.vision.calibration.board_watch import BoardWatch, place_of
+from perfanim.core.vision.calibration.board_watch import BoardWatch, placement_of
 
 BOARD = parse_board("chessboard:9x6:24mm")
 CORNERS = BOARD.points_m[:, :2] * 5000.0 + 40.0  # pixels
@@ -64,10 +64,10 @@ def test_place_size_and_tilt_of_a_view(tilt_deg: float) -> None:
     middle = np.array([0.1, -0.05, 0.8])
     local = (board.points_m - centre) @ turn.T + middle
     pixels = (local / local[:, 2:]) @ matrix[:2].T
-    place = place_of(BoardView(np.arange(54), pixels), board, size)
+    place = placement_of(BoardView(np.arange(54), pixels), board, size)
     np.testing.assert_allclose(place.centre, pixels.mean(axis=0) / 640 - np.array([319.5, 239.5]) / 640, atol=1e-9)
     np.testing.assert_allclose(place.normal, turn[:, 2], atol=1e-6)
-    sight = middle / np.linalg.norm(middle)  # the corners' mean is not quite the middle's image
-    assert place.tilt_rad == pytest.approx(np.arccos(abs(turn[:, 2] @ sight)), abs=0.02)
+    guidance = middle / np.linalg.norm(middle)  # the corners' mean is not quite the middle's image
+    assert place.tilt_rad == pytest.approx(np.arccos(abs(turn[:, 2] @ guidance)), abs=0.02)
     facing = 0.9 * np.sqrt(0.24 * 0.15) / 0.8
     assert place.size == pytest.approx(facing * np.sqrt(np.cos(np.radians(tilt_deg))), rel=0.15)

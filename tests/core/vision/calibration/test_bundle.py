@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 from perfanim.core.vision.calibration.bundle import (
-    BoardObservation,
     Bundle,
+    CornerObservation,
     _residuals_and_jacobian,
     adjust,
     adjust_boards,
@@ -25,20 +25,20 @@ def truth(moments: int) -> Bundle:
     return Bundle(intrinsics, cameras, np.concatenate((turns, places), axis=1))
 
 
-def observations(bundle: Bundle, noise: float) -> list[BoardObservation]:
+def observations(bundle: Bundle, noise: float) -> list[CornerObservation]:
     rng = np.random.default_rng(3)
     rows = []
     for moment in range(len(bundle.boards)):
         for camera in range(2):
-            exact = residuals(bundle, BoardObservation(camera, moment, GRID, np.zeros((len(GRID), 2))))
-            rows.append(BoardObservation(camera, moment, GRID, exact + rng.normal(0, noise, exact.shape)))
+            exact = residuals(bundle, CornerObservation(camera, moment, GRID, np.zeros((len(GRID), 2))))
+            rows.append(CornerObservation(camera, moment, GRID, exact + rng.normal(0, noise, exact.shape)))
     return rows
 
 
 @pytest.mark.parametrize("camera", [0, 1])
 def test_derivatives_agree_with_differences(camera):
     bundle = truth(1)
-    observation = BoardObservation(camera, 0, GRID, np.zeros((len(GRID), 2)))
+    observation = CornerObservation(camera, 0, GRID, np.zeros((len(GRID), 2)))
     errors, jacobian = _residuals_and_jacobian(bundle, observation)
     step = 1e-6
     for column in range(22):
