@@ -90,7 +90,7 @@ class MarkerFrame:
 
 def undistort_blobs(frame: MarkerFrame, cameras: Sequence[Camera]) -> MarkerFrame:
     """Return the frame with normalised coordinates, computed where it lacks them."""
-    if frame.normalised or len(frame.blobs) != len(cameras):
+    if frame.normalised or not frame.blobs or len(frame.blobs) != len(cameras):
         return frame
     pixels = [blobs[:, :2].astype(np.float64) for blobs in frame.blobs]
     return replace(frame, normalised=tuple(undistort_all(cameras, pixels)))
