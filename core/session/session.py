@@ -21,7 +21,7 @@ from ..solver.pose_solver import PoseSolver
 from ..solver.settings import SolveSettings
 from ..solver.solution import Solution
 from ..solver.subject_model import SubjectModel
-from .hypothesis_tracking import SingleViewFollower
+from .hypothesis_tracking import HypothesisTracker
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -66,7 +66,7 @@ class Session:
         self._start = InitialLabeller(examples, ups, self._model.torso)
         poses = [self._markers_of(pose(self._model.skeleton)) for pose in (t_pose, standing)]
         one = len(self._cameras) == 1
-        self._follower = SingleViewFollower(self._cameras[0], self._model.torso, poses, examples) if one else None
+        self._follower = HypothesisTracker(self._cameras[0], self._model.torso, poses, examples) if one else None
         self.reset()
 
     def reset(self) -> None:
@@ -148,7 +148,7 @@ class Session:
         return found
 
     def _followed_by_one_camera(
-        self, frame: MarkerFrame, follower: SingleViewFollower
+        self, frame: MarkerFrame, follower: HypothesisTracker
     ) -> tuple[Observation, Solution | None]:
         way = follower.step(frame, self._solver, self._last.confidence if self._last else 0.0)
         if way is None:
@@ -226,7 +226,7 @@ class Session:
 
     def _solved(self, frame: MarkerFrame, observation: Observation, solution: Solution) -> PerformerPose:
         # with one camera what counts is how far the markers are from their rays
-        shown = observation.lifted(solution.markers_m) if len(self._cameras) == 1 else observation
+        shown = observation.back_projected(solution.markers_m) if len(self._cameras) == 1 else observation
         located = shown.located
         distances = np.linalg.norm(solution.markers_m[located] - shown.points_m[located], axis=1)
         rms = float(np.sqrt(np.mean(distances**2))) if np.any(located) else float("nan")

@@ -32,7 +32,7 @@ class Observation:
         count = len(points_m)
         return cls(points_m, np.full(count, -1, dtype=np.int64), np.full((count, 2), np.nan))
 
-    def lifted(self, markers_m: Array) -> "Observation":
+    def back_projected(self, markers_m: Array) -> "Observation":
         """Return the same with single-camera markers located: where their rays pass closest to markers (M, 3).
 
         What needs points in space (the root, the search) can so do with one camera; as its error lies along the ray,

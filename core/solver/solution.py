@@ -1,10 +1,12 @@
-"""Results of the solver: closest examples, fitted pose, solution."""
+"""Examples, solutions and the state of the solver between frames."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .gaussian_conditioning import Expectation
+from .lagged_history import LaggedHistory
 from .subject_model import RootPose
 
 Array = NDArray[np.float64]
@@ -14,11 +16,11 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Examples:
-    """The database frames closest to a query, closest first.
+    """Database frames closest to a query, closest first.
 
     Args:
         frames: (K,) frame indices.
-        distances: (K,) Eq. 2 distances, up to what all frames share.
+        distances: (K,) Eq. 2 distances, up to a constant.
         poses: (K, D) float32, their poses.
         markers_m: (K, M, 3) float32, their markers with the root at rest.
     """
@@ -52,11 +54,48 @@ class Solution:
 
 
 @dataclass(frozen=True)
-class Fitted:
-    """What a method returns: pose (D,), the root it was fitted under, and the size of its model."""
+class SolverState:
+    """The motion solved so far; `PoseSolver.initial_state` begins one.
+
+    Keeping a state keeps the way back to it: two states that follow from one do not know of each other.
+
+    Args:
+        time_s: of the last frame.
+        root: of the last frame, None at the start.
+        markers_m: (M, 3) expected in the world, those of the last solution; None at the start.
+        pose, previous_pose: (D,) of the last two frames.
+        found: frames of the last search, from which the next may begin.
+        observed: earlier observed markers.
+        solved: earlier solved poses.
+        expectation: markers expected in the last frame; None at the start, and of other methods than "best".
+    """
+
+    time_s: float = 0.0
+    root: RootPose | None = None
+    markers_m: Array | None = None
+    pose: Array | None = None
+    previous_pose: Array | None = None
+    found: IntArray | None = None
+    observed: LaggedHistory = field(default_factory=lambda: LaggedHistory(()))
+    solved: LaggedHistory = field(default_factory=lambda: LaggedHistory(()))
+    expectation: Expectation | None = None
+
+    @property
+    def continued_pose(self) -> Array | None:
+        """2 q_{t-1} - q_{t-2} of Eq. 2 and 8."""
+        if self.pose is None:
+            return None
+        before = self.pose if self.previous_pose is None else self.previous_pose
+        return 2.0 * self.pose - before
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A method's pose (D,), the root it was fitted under, the size of its model, and what the model expected."""
 
     pose: Array
     root: RootPose
     neighbours: int
     dimensions: int = 0
     iterations: int = 0
+    expectation: Expectation | None = None

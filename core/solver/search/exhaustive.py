@@ -14,7 +14,7 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Query:
-    """What is searched for.
+    """Markers and pose to search for.
 
     Args:
         markers_m: (M, 3) markers in the root's frame, NaN where not located.
@@ -29,19 +29,22 @@ class Query:
 
 
 class Search(Protocol):
-    """What every search offers.
+    """A search of the closest database frames.
 
     Attributes:
-        visited: frames that `nearest` has computed the distance of, all searches taken together.
+        visited: number of distances that `nearest` has computed so far.
     """
 
     visited: int
 
-    def reset(self) -> None:
-        """Forget the last frame."""
+    def nearest(self, query: Query, count: int, start: IntArray | None = None) -> tuple[IntArray, Array]:
+        """Return the `count` closest frames found (ascending) and their Eq. 2 distances.
 
-    def nearest(self, query: Query, count: int) -> tuple[IntArray, Array]:
-        """Return the `count` closest frames found (ascending) and their Eq. 2 distances."""
+        Args:
+            query: markers and pose.
+            count: of frames.
+            start: frames found for the frame before, from which a search may begin.
+        """
 
     def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
         """Return the candidate frames by their Eq. 2 distances, ascending, and these."""
@@ -66,10 +69,7 @@ class ExhaustiveSearch:
     def __len__(self) -> int:
         return len(self._markers)
 
-    def reset(self) -> None:
-        """Forget the last frame: nothing is remembered."""
-
-    def nearest(self, query: Query, count: int) -> tuple[IntArray, Array]:
+    def nearest(self, query: Query, count: int, start: IntArray | None = None) -> tuple[IntArray, Array]:
         """Return the `count` closest frames (ascending) and their Eq. 2 distances."""
         distances = self.distances(query)
         self.visited += len(distances)

@@ -2,28 +2,30 @@
 
 The paper looks at nothing else, so a motion that comes near from elsewhere in the database is never noticed, and what
 was found last cannot be left. Here the graph is followed from the closest frames on for as long as that leads closer,
-in the manner of Malkov and Yashunin 2018, and a few landmarks (one frame of each cluster of poses) are looked at in
+in the manner of Malkov and Yashunin 2018, and a few representatives (one frame of each cluster of poses) are looked at in
 every frame too, more of them where nothing in the database is really close. The first frame is searched from all
-landmarks. What a search may cost is bounded.
+representatives. What a search may cost is bounded.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...database.graph import NeighbourGraph
+from .cluster_representatives import ClusterRepresentatives
 from .exhaustive import Array, ExhaustiveSearch, FloatArray, IntArray, Query, closest
-from .landmarks import Landmarks
 
-_VISITED = 6.0  # frames looked at, for each one wanted, after which a search ends; at the start beside the landmarks
+_VISITED = (
+    6.0  # frames looked at, for each one wanted, after which a search ends; at the start beside the representatives
+)
 _EXPANDED = 0.15  # of the frames wanted: how many of the closest are looked at with their neighbours at once
-_STEPS = 3  # from a landmark to closer and closer frames
+_STEPS = 3  # from a representative to closer and closer frames
 _BEAM, _START_BEAM = 2, 128  # frames that such a step is made from at once
 _IDLE = 3  # looks in a row that bring none into the closer half, after which the graph is followed no further
-_PROMISING = 2.0  # times the distance of the middle one found last, up to which a landmark is followed
+_PROMISING = 2.0  # times the distance of the middle one found last, up to which a representative is followed
 
 
 class GraphSearch:
-    """Looks only at the frames found last, at their neighbours, and at landmarks.
+    """Looks only at the frames found last, at their neighbours, and at representatives.
 
     Args:
         markers_m: (F, M, 3) markers of the database frames with the root at rest.
@@ -34,46 +36,41 @@ class GraphSearch:
     def __init__(self, markers_m: FloatArray, poses: FloatArray, graph: NeighbourGraph) -> None:
         self._frames = ExhaustiveSearch(markers_m, poses)
         self._neighbours = np.asarray(graph.neighbours)
-        self._landmarks = Landmarks(poses, np.asarray(graph.clusters))
+        self._representatives = ClusterRepresentatives(poses, np.asarray(graph.clusters))
         self._seen, self._followed = np.zeros((2, len(self._frames)), dtype=np.bool_)
         self.visited = 0
-        self.reset()
 
-    def reset(self) -> None:
-        """Forget the last frame: the next search starts at the landmarks."""
-        self._last: IntArray | None = None
-
-    def nearest(self, query: Query, count: int) -> tuple[IntArray, Array]:
+    def nearest(self, query: Query, count: int, start: IntArray | None = None) -> tuple[IntArray, Array]:
         """Return the `count` closest frames found (ascending) and their Eq. 2 distances."""
         visit = _Visit(self._frames, query, self._seen)
         groups: list[IntArray] = []
         limit = np.inf
-        if self._last is None:
-            landmarks, distances = visit.look(self._landmarks.frames)
-            self._descend(visit, landmarks, distances, _START_BEAM)
+        if start is None:
+            representatives, distances = visit.look(self._representatives.frames)
+            self._descend(visit, representatives, distances, _START_BEAM)
         else:
-            _, distances = visit.look(self._last)
+            _, distances = visit.look(start)
             limit = _PROMISING * np.partition(distances, len(distances) // 2)[len(distances) // 2]
-            leaders = self._frames.distances(query, self._landmarks.leaders)
+            leaders = self._frames.distances(query, self._representatives.leaders)
             self.visited += len(leaders)
             order = np.argsort(leaders)
-            self._enter(visit, self._landmarks.groups[order[0]], limit)
-            groups = [self._landmarks.groups[group] for group in order[1:] if leaders[group] < limit]
-        found, ascending = self._spread(visit, count, groups, limit)
+            self._enter(visit, self._representatives.groups[order[0]], limit)
+            groups = [self._representatives.groups[group] for group in order[1:] if leaders[group] < limit]
+        most = (visit.count if start is None else 0.0) + _VISITED * count
+        found, ascending = self._spread(visit, count, groups, limit, most)
         self.visited += visit.count
         visit.end()
-        self._last = found
         return found, ascending
 
     def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
         """Return the candidate frames by their Eq. 2 distances, ascending, and these."""
         return self._frames.nearest_among(query, candidates)
 
-    def _enter(self, visit: "_Visit", landmarks: IntArray, limit: float) -> None:
-        """Look at landmarks, and follow those that are near."""
-        landmarks, distances = visit.look(landmarks)
+    def _enter(self, visit: "_Visit", representatives: IntArray, limit: float) -> None:
+        """Look at representatives, and follow those that are near."""
+        representatives, distances = visit.look(representatives)
         near = distances < limit
-        self._descend(visit, landmarks[near], distances[near], _BEAM)
+        self._descend(visit, representatives[near], distances[near], _BEAM)
 
     def _descend(self, visit: "_Visit", frames: IntArray, distances: FloatArray, beam: int) -> None:
         """Look at the neighbours of the closest frames, and at the neighbours of the closest of these, and so on."""
@@ -83,16 +80,18 @@ class GraphSearch:
             chosen, _ = closest(distances, beam)
             frames, distances = visit.look(self._neighbours[frames[chosen]].ravel())
 
-    def _spread(self, visit: "_Visit", count: int, groups: list[IntArray], limit: float) -> tuple[IntArray, Array]:
+    def _spread(
+        self, visit: "_Visit", count: int, groups: list[IntArray], limit: float, most: float
+    ) -> tuple[IntArray, Array]:
         """Return the closest of all that is looked at, after following the graph from the closest on.
 
         Args:
-            groups: landmarks that are looked at when the graph leads no closer.
-            limit: distance of landmarks that are followed.
+            groups: representatives that are looked at when the graph leads no closer.
+            limit: distance of representatives that are followed.
+            most: frames looked at, after which the search ends.
         """
         followed: list[IntArray] = []
         batch = max(1, int(_EXPANDED * count))
-        most = visit.count + _VISITED * count if self._last is None else _VISITED * count
         remaining = iter(groups)
         found, distances = visit.closest(count)
         idle = 0

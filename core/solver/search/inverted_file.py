@@ -1,6 +1,7 @@
-"""Search in an inverted file: the frames lie in cells of similar poses, and only the cells closest to the query count.
+"""Search in an inverted file (IVF, Jegou, Douze and Schmid 2011).
 
-(Jegou, Douze and Schmid 2011 call it IVF.) Nothing is remembered from frame to frame, so there is nothing to lose.
+Cells hold frames of similar poses, and only the cells closest to the query are searched. No frame depends on the one
+before.
 """
 
 import numpy as np
@@ -13,13 +14,13 @@ _PROBED_PER_WANTED = 4.0  # frames looked at, at least, for each one wanted
 
 
 class CellSearch:
-    """Looks into the cells whose mean frame is closest to the query.
+    """Searches the cells with the mean frames closest to the query.
 
     Args:
         markers_m: (F, M, 3) markers of the database frames with the root at rest.
         poses: (F, D) poses of the database frames.
         cells: (F,) cell of each frame, none empty.
-        probed: cells that are looked into; more, if they hold too few frames.
+        probed: cells that are searched; more, if they hold too few frames.
     """
 
     def __init__(
@@ -38,10 +39,7 @@ class CellSearch:
         self._probed = probed
         self.visited = 0
 
-    def reset(self) -> None:
-        """Forget the last frame: nothing is remembered."""
-
-    def nearest(self, query: Query, count: int) -> tuple[IntArray, Array]:
+    def nearest(self, query: Query, count: int, start: IntArray | None = None) -> tuple[IntArray, Array]:
         """Return the `count` closest frames found (ascending) and their Eq. 2 distances."""
         cells, _ = self._cells.nearest(query, len(self._cells))
         sizes = np.cumsum(self._starts[cells + 1] - self._starts[cells])

@@ -1,11 +1,11 @@
-"""The most accurate method: the nearest poses' full covariance conditioned on the markers, then fitted to them exactly.
+"""Gaussian of the neighbours' poses, conditioned on the past and fitted to the markers.
 
 The neighbours' poses, their earlier markers and their earlier poses have a joint Gaussian distribution, widened by a
-share of the whole database's, which allows what bodies can do and nothing else (a knee bends, it does not twist). The
-pose given what was earlier is a linear regression without any choice of dimension (Bishop 2006, Eq. 2.81); that the
-last change of pose goes on is a second observation. Then the pose and the root are fitted together to the present
-markers by Gauss-Newton steps under that prior, in the form that inverts a matrix of the size of the markers, not of
-the pose (iterated Kalman update, Bell and Cathey 1993).
+share of the whole database's, which allows the movements of bodies only (a knee bends, it does not twist). The pose
+given the past is a linear regression without any choice of dimension (Bishop 2006, Eq. 2.81); the continued change of
+pose is a second observation. Then pose and root are fitted together to the present markers by Gauss-Newton steps under
+that prior, in the form that inverts a matrix of the size of the markers, not of the pose (iterated Kalman update, Bell
+and Cathey 1993).
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from .subject_model import RootPose, SubjectModel
 
 Array = NDArray[np.float64]
 
-_EXPECTED_SIGMA_M = 0.01  # of a marker about where the prior has it: skin moves, and no prior is exact
+_EXPECTED_SIGMA_M = 0.01  # of a marker about the prior's: skin moves, and no prior is exact
 _STRAIGHT_RAD = 0.05  # a step in which no joint turns more needs no other: markers move as their derivative says
 
 
@@ -40,7 +40,7 @@ def neighbours_prior(samples: Array, weights: Array, floor: Array) -> Prior:
     Args:
         samples: (K, D) neighbours.
         weights: (K,) positive, sum 1.
-        floor: (D, D) covariance granted beside what the neighbours show, so that what they share can still change.
+        floor: (D, D) covariance granted beside the neighbours' own, so that equal entries can still change.
     """
     mean = weights @ samples
     # in the precision of the samples: half of it is enough for differences
@@ -49,8 +49,8 @@ def neighbours_prior(samples: Array, weights: Array, floor: Array) -> Prior:
     return Prior(mean, _gram(spread) + floor)
 
 
-def conditioned(prior: Prior, observed: Array, variances: Array) -> Prior:
-    """Return the Gaussian of the first entries, given the last ones as observed (Bishop 2006, Eq. 2.81 and 2.82).
+def condition(prior: Prior, observed: Array, variances: Array) -> Prior:
+    """Return the Gaussian of the first entries given the last ones (Bishop 2006, Eq. 2.81).
 
     Args:
         prior: of all entries.
@@ -70,12 +70,17 @@ def conditioned(prior: Prior, observed: Array, variances: Array) -> Prior:
     return Prior(prior.mean[:kept] + innovation @ across, prior.covariance[:kept, :kept] - _gram(across))
 
 
-def continued_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
-    """Return the prior after learning that the motion so far lets `expected` (D,) follow, with `covariance` (D, D).
+def continue_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
+    """Return the product of a prior and the Gaussian of a continued motion.
 
-    The product of two Gaussians in the form of a Kalman update with a direct observation of the pose.
+    The form is a Kalman update with a direct observation of the pose.
+
+    Args:
+        prior: of the pose.
+        expected: (D,) pose by which the motion continues.
+        covariance: (D, D) of the pose about it.
     """
-    gain = _solved(prior.covariance + covariance, prior.covariance).T
+    gain = _solve(prior.covariance + covariance, prior.covariance).T
     return Prior(prior.mean + gain @ (expected - prior.mean), _product(gain, covariance))
 
 
@@ -93,62 +98,58 @@ def _gram(rows: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(get_blas_funcs("gemm", (columns,))(1.0, columns, columns, trans_b=True))
 
 
-def _solved(covariance: Array, right: Array) -> Array:
+def _solve(covariance: Array, right: Array) -> Array:
     """Return the inverse of a positive definite matrix times another; ready to be overwritten."""
     return np.asarray(cho_solve(cho_factor(covariance, check_finite=False), right, check_finite=False))
 
 
-def surprise(
-    prior: Prior,
-    subject: SubjectModel,
-    observation: Observation,
-    pose: Array,
-    root: RootPose,
-    root_sigma: tuple[float, float],
-) -> float:
-    """Return minus the logarithm of the density of the markers, metres, that the prior expects.
+@dataclass(frozen=True)
+class Expectation:
+    """Prior of a frame's pose with the markers then observed, by which the observation is judged.
 
     Args:
-        prior, subject, observation, root_sigma: as in `fit_to_markers`.
-        pose, root: about which the markers are linear.
+        prior: of the pose.
+        observation: markers of the frame.
+        pose, root: about which the markers are linear; the root's prior is centred there.
+        root_sigma: standard deviations (m, rad) of the root.
     """
-    markers, full = subject.markers_and_jacobian(pose.reshape(-1, 3), root)
-    jacobian = control_jacobian(observation, full)
-    by_root, by_pose = jacobian[:, :6], jacobian[:, 6:]
-    innovation = by_pose @ (pose - prior.mean) - control_residual(observation, markers)
-    covariance = by_pose @ _product(prior.covariance, by_pose.T)
-    covariance += (by_root * np.repeat(np.square(root_sigma), 3)) @ by_root.T
-    covariance[np.diag_indices_from(covariance)] += _EXPECTED_SIGMA_M**2
-    factor = np.linalg.cholesky(covariance)
-    unlikely = solve_triangular(factor, innovation, lower=True, check_finite=False)
-    count = len(innovation)
-    return float(0.5 * unlikely @ unlikely + np.log(np.diag(factor)).sum() + 0.5 * count * np.log(2.0 * np.pi))
+
+    prior: Prior
+    observation: Observation
+    pose: Array
+    root: RootPose
+    root_sigma: tuple[float, float]
+
+    def negative_log_likelihood(self, subject: SubjectModel) -> float:
+        """Return minus the logarithm of the density of the observed markers, metres, under the prior."""
+        markers, full = subject.markers_and_jacobian(self.pose.reshape(-1, 3), self.root)
+        jacobian = control_jacobian(self.observation, full)
+        by_root, by_pose = jacobian[:, :6], jacobian[:, 6:]
+        innovation = by_pose @ (self.pose - self.prior.mean) - control_residual(self.observation, markers)
+        covariance = by_pose @ _product(self.prior.covariance, by_pose.T)
+        covariance += (by_root * np.repeat(np.square(self.root_sigma), 3)) @ by_root.T
+        covariance[np.diag_indices_from(covariance)] += _EXPECTED_SIGMA_M**2
+        factor = np.linalg.cholesky(covariance)
+        unlikely = solve_triangular(factor, innovation, lower=True, check_finite=False)
+        count = len(innovation)
+        return float(0.5 * unlikely @ unlikely + np.log(np.diag(factor)).sum() + 0.5 * count * np.log(2.0 * np.pi))
 
 
 def fit_to_markers(
-    prior: Prior,
-    subject: SubjectModel,
-    observation: Observation,
-    pose: Array,
-    root: RootPose,
-    marker_variance_m2: float,
-    root_sigma: tuple[float, float],
-    steps: int,
+    expectation: Expectation, subject: SubjectModel, marker_variance_m2: float, steps: int
 ) -> tuple[Array, RootPose, int]:
     """Return pose (D,) and root that explain the markers under the prior, and the Gauss-Newton steps taken.
 
     Args:
-        prior: of the pose.
+        expectation: prior, observed markers, and the start.
         subject: markers from poses.
-        observation: what was seen.
-        pose, root: where to start; the root's prior is centred there.
         marker_variance_m2: of each marker coordinate.
-        root_sigma: standard deviations (m, rad) of the root against its start.
-        steps: the most that are taken.
+        steps: at most.
     """
-    start_root = root
+    prior, observation = expectation.prior, expectation.observation
+    pose, root, start_root = expectation.pose, expectation.root, expectation.root
     shift, turn = np.zeros(3), np.zeros(3)
-    root_variance = np.repeat(np.square(root_sigma), 3)[:, None]
+    root_variance = np.repeat(np.square(expectation.root_sigma), 3)[:, None]
     for taken in range(1, steps + 1):
         markers, full = subject.markers_and_jacobian(pose.reshape(-1, 3), root)
         jacobian = control_jacobian(observation, full)
@@ -158,7 +159,7 @@ def fit_to_markers(
         innovation -= control_residual(observation, markers)
         covariance = jacobian @ gains
         covariance[np.diag_indices_from(covariance)] += marker_variance_m2
-        change = gains @ _solved(covariance, innovation)
+        change = gains @ _solve(covariance, innovation)
         shift, turn = change[:3], change[3:6]
         moved = prior.mean + change[6:] - pose
         pose = pose + moved

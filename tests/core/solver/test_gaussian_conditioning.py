@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from perfanim.core.database.store import pose_from_rotations
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.solver.conditional import conditioned, continued_prior, fit_to_markers, neighbours_prior
+from perfanim.core.solver.gaussian_conditioning import conditioned, continued_prior, fit_to_markers, neighbours_prior
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.subject_model import RootPose
 

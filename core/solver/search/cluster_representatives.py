@@ -9,7 +9,7 @@ from .exhaustive import FloatArray, IntArray
 _SAMPLED = 16  # frames of a cluster, evenly through it, of which the most central stands for it
 
 
-class Landmarks:
+class ClusterRepresentatives:
     """Frames that stand for the clusters of a database.
 
     Args:

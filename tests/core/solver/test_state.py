@@ -24,7 +24,7 @@ def test_a_branch_goes_its_own_way(model, database, true_markers):
 
 def test_exchanged_markers_are_a_surprise(model, database, true_markers):
     solver = PoseSolver(model, database, SolveSettings())
-    assert solver.surprise() == 0.0
+    assert solver.negative_log_likelihood() == 0.0
     for row in true_markers[20:30]:
         solver.step(Observation.of_points(row))
     branch = solver.branch()
@@ -35,4 +35,4 @@ def test_exchanged_markers_are_a_surprise(model, database, true_markers):
     solver.step(Observation.of_points(true_markers[30]))
     branch.step(Observation.of_points(exchanged))
     # a factor of a thousand is far beyond what noise and the next frames could make good
-    assert branch.surprise() > solver.surprise() + np.log(1000.0)
+    assert branch.negative_log_likelihood() > solver.negative_log_likelihood() + np.log(1000.0)

@@ -1,0 +1,256 @@
+"""Methods that make a pose of the closest examples: best, local-pca, lwr and nearest."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..database.store import Database
+from . import gaussian_conditioning, local_model, synthesis
+from .gaussian_conditioning import Expectation, Prior
+from .lagged_history import LaggedHistory, LaggedMarkers, LaggedPoses
+from .observation import Observation
+from .root import root_from_torso
+from .settings import BestSettings, LocalPcaSettings, LwrSettings, NearestSettings, SolveSettings
+from .solution import Estimate, Examples, SolverState
+from .subject_model import RootPose, SubjectModel
+
+Array = NDArray[np.float64]
+FloatArray = NDArray[np.float32]
+IntArray = NDArray[np.int64]
+
+_KERNEL = 0.2  # of the largest distance: where an example's weight in "best" has fallen to 1/e
+_HISTORY_SHARE = 0.3  # weight of a squared distance of earlier markers against the present ones
+_BROAD_SAMPLES = 4096  # frames that the covariance of the whole database is taken over
+_COMPONENTS = 30  # principal ones of earlier poses that "best" goes by
+_FIT_STEPS = 4  # of Gauss-Newton at most: most starts are so close that one is enough
+_SYNTHESIS_PASSES = 2  # synthesis needs the root and the root needs the synthesized torso
+
+
+@dataclass(frozen=True)
+class FrameProblem:
+    """One frame as a method gets it.
+
+    Args:
+        state: motion up to the last frame, with the time of this one.
+        observation: labelled markers.
+        root: first estimate of the root.
+        examples: closest examples under that root.
+    """
+
+    state: SolverState
+    observation: Observation
+    root: RootPose
+    examples: Examples
+
+
+class Method(Protocol):
+    """A method prepared for one subject and one database.
+
+    Attributes:
+        examples: how many closest examples it wants.
+        query_pose_m_per_rad: metres of marker distance that a radian of pose counts in its search.
+    """
+
+    examples: int
+    query_pose_m_per_rad: float
+
+    def initial_state(self) -> SolverState:
+        """Return the state before the first frame."""
+
+    def estimate(self, problem: FrameProblem) -> Estimate:
+        """Return the pose of a frame."""
+
+
+def prepare_method(settings: SolveSettings, subject: SubjectModel, database: Database, markers_m: FloatArray) -> Method:
+    """Prepare the method of the settings.
+
+    Args:
+        settings: method and its settings.
+        subject: markers from poses.
+        database: motion that the pose is completed from.
+        markers_m: (F, M, 3) the subject's markers of the database frames with the root at rest.
+    """
+    if settings.method == "best":
+        return BestMethod(settings.best, settings.query_alpha, subject, database, markers_m)
+    if settings.method == "local-pca":
+        return LocalPcaMethod(settings.local_pca, subject, database.clip_of_frame.astype(np.int64))
+    if settings.method == "lwr":
+        return LwrMethod(settings.lwr, subject)
+    return NearestMethod(settings.nearest, subject)
+
+
+def fit_root(
+    subject: SubjectModel, observation: Observation, local_m: Array, previous: RootPose | None
+) -> RootPose | None:
+    """Return z_t from the torso markers, given the pose's markers (M, 3) in the root's frame."""
+    return root_from_torso(observation, local_m, subject.torso, subject.joints, previous)
+
+
+def _settle_root(subject: SubjectModel, observation: Observation, pose: Array, root: RootPose) -> RootPose:
+    """Return z_t under a pose (D,)."""
+    return fit_root(subject, observation, subject.markers(pose.reshape(-1, 3)), root) or root
+
+
+class NearestMethod:
+    """The closest example."""
+
+    def __init__(self, settings: NearestSettings, subject: SubjectModel) -> None:
+        self._subject = subject
+        self.examples = settings.examples
+        self.query_pose_m_per_rad = settings.query_pose_m_per_rad
+
+    def initial_state(self) -> SolverState:
+        """Return the state before the first frame."""
+        return SolverState()
+
+    def estimate(self, problem: FrameProblem) -> Estimate:
+        """Return the closest example's pose."""
+        pose = problem.examples.poses[0].astype(np.float64)
+        return Estimate(pose, _settle_root(self._subject, problem.observation, pose, problem.root), 1)
+
+
+class LwrMethod(NearestMethod):
+    """Mean of the nearby examples by their distance (Atkeson et al. 1997, tricube kernel)."""
+
+    def __init__(self, settings: LwrSettings, subject: SubjectModel) -> None:
+        super().__init__(settings, subject)
+        self._neighbours = settings.neighbours
+
+    def estimate(self, problem: FrameProblem) -> Estimate:
+        """Return the weighted mean of the nearby examples."""
+        examples = problem.examples
+        count = min(self._neighbours, len(examples.poses) - 1)
+        distances = np.sqrt(np.maximum(examples.distances[: count + 1], 0.0))
+        weights = (1.0 - (distances[:count] / max(distances[count], 1e-12)) ** 3) ** 3
+        weights += 1e-9  # all equally far: all count
+        pose = weights @ examples.poses[:count] / weights.sum()
+        return Estimate(pose, _settle_root(self._subject, problem.observation, pose, problem.root), count)
+
+
+class LocalPcaMethod:
+    """The paper's: pose of least energy in a local model (Eq. 9)."""
+
+    def __init__(self, settings: LocalPcaSettings, subject: SubjectModel, clips: IntArray) -> None:
+        self._settings, self._subject, self._clips = settings, subject, clips
+        self.examples = settings.neighbours[-1]
+        self.query_pose_m_per_rad = settings.query_pose_m_per_rad
+
+    def initial_state(self) -> SolverState:
+        """Return the state before the first frame."""
+        return SolverState()
+
+    def estimate(self, problem: FrameProblem) -> Estimate:
+        """Return the pose of least energy in the local model, and the root under it, each in turn."""
+        settings, observation, root = self._settings, problem.observation, problem.root
+        model = self._local_model(problem.examples, observation)
+        weights = model.weights(problem.examples.poses[0].astype(np.float64))
+        iterations = 0
+        for fitting_pass in range(_SYNTHESIS_PASSES):
+            if fitting_pass > 0:
+                root = _settle_root(self._subject, observation, model.pose(weights), root)
+            task = synthesis.SynthesisProblem(
+                model,
+                self._subject,
+                root,
+                observation,
+                problem.state.continued_pose,
+                settings.control_alpha / settings.marker_sigma_m**2,
+                settings.smoothness_beta / settings.pose_sigma_rad**2,
+            )
+            weights, taken = synthesis.solve(task, weights)
+            iterations += taken
+        pose = model.pose(weights)
+        root = _settle_root(self._subject, observation, pose, root)
+        return Estimate(pose, root, model.neighbours, model.dimensions, iterations)
+
+    def _local_model(self, examples: Examples, observation: Observation) -> local_model.LocalModel:
+        settings, poses = self._settings, examples.poses.astype(np.float64)
+        return local_model.cross_validate(
+            poses,
+            examples.markers_m[:, observation.located].reshape(len(poses), -1).astype(np.float64),
+            self._clips[examples.frames],
+            settings.neighbours,
+            settings.dimensions,
+            settings.marker_sigma_m**2 / max(settings.control_alpha, 1e-9),
+            settings.validation_examples,
+        ).model
+
+
+class BestMethod:
+    """Gaussian of the neighbours conditioned on the past and fitted to the markers."""
+
+    def __init__(
+        self,
+        settings: BestSettings,
+        query_alpha: float,
+        subject: SubjectModel,
+        database: Database,
+        markers_m: FloatArray,
+    ) -> None:
+        self._settings, self._query_alpha, self._subject = settings, query_alpha, subject
+        self.examples = settings.neighbours
+        self.query_pose_m_per_rad = settings.query_pose_m_per_rad
+        poses = database.poses.reshape(database.frames, -1)
+        broad_frames = np.arange(0, len(poses), max(1, len(poses) // _BROAD_SAMPLES))
+        broad_poses = poses[broad_frames].astype(np.float64)
+        self._markers = LaggedMarkers(database, markers_m, settings.history_s)
+        self._poses = LaggedPoses(database, _principal_components(broad_poses), settings.history_s)
+        broad = np.asarray(np.cov(np.concatenate((broad_poses, *self._history_of(broad_frames)), axis=1).T, ddof=0))
+        # beside the neighbours' covariance, and of the pose about the continued motion
+        self._floor = settings.broad_share * broad
+        self._floor[np.diag_indices_from(broad)] += settings.pose_floor_rad**2
+        size = poses.shape[1]
+        self._change = settings.change_share * broad[:size, :size]
+        self._change[np.diag_indices(size)] += settings.change_rad**2
+
+    def initial_state(self) -> SolverState:
+        """Return the state before the first frame."""
+        history = LaggedHistory(self._settings.history_s)
+        return SolverState(observed=history, solved=history)
+
+    def estimate(self, problem: FrameProblem) -> Estimate:
+        """Return the pose expected for the markers, fitted to them together with the root."""
+        settings, state = self._settings, problem.state
+        prior, neighbours = self._prior(problem)
+        start = prior.mean
+        if state.pose is not None and state.previous_pose is not None:
+            start = expected = state.pose + settings.momentum * (state.pose - state.previous_pose)
+            prior = gaussian_conditioning.continue_prior(prior, expected, self._change)
+        root_sigma = (settings.root_sigma_m, settings.root_sigma_rad)
+        expectation = Expectation(prior, problem.observation, start, problem.root, root_sigma)
+        pose, root, steps = gaussian_conditioning.fit_to_markers(
+            expectation, self._subject, settings.marker_sigma_m**2, _FIT_STEPS
+        )
+        return Estimate(pose, root, neighbours, iterations=steps, expectation=expectation)
+
+    def _prior(self, problem: FrameProblem) -> tuple[Prior, int]:
+        """Return the Gaussian of the pose given the past, and the number of examples behind it."""
+        settings, state, examples = self._settings, problem.state, problem.examples
+        history, pose_history = self._history_of(examples.frames)
+        observed = self._markers.observed(state.observed, state.time_s, problem.root).ravel()
+        solved = self._poses.observed(state.solved, state.time_s).ravel()
+        known = np.isfinite(observed)
+        away = history[:, known] - observed[known]
+        distances = np.maximum(examples.distances, 0.0)
+        distances += self._query_alpha * _HISTORY_SHARE * np.einsum("kh,kh->k", away, away)
+        weights = np.exp(-distances / (_KERNEL * distances.max() + 1e-12))
+        weights /= weights.sum()
+        samples = np.concatenate((examples.poses, history, pose_history), axis=1)
+        prior = gaussian_conditioning.neighbours_prior(samples, weights, self._floor)
+        sigmas = (settings.history_sigma_m, settings.history_sigma_rad)
+        variances = np.repeat(np.square(sigmas), (len(observed), len(solved)))
+        prior = gaussian_conditioning.condition(prior, np.concatenate((observed, solved)), variances)
+        return prior, len(weights)
+
+    def _history_of(self, frames: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return earlier markers and earlier poses of database frames (K,), a row each."""
+        count = len(frames)
+        return self._markers.of_frames(frames).reshape(count, -1), self._poses.of_frames(frames).reshape(count, -1)
+
+
+def _principal_components(poses: Array) -> Array:
+    """Return the directions (D, C) in which poses (N, D) vary most."""
+    _, directions = np.linalg.eigh(np.cov(poses.T, ddof=0))
+    return np.asarray(directions[:, : -_COMPONENTS - 1 : -1])
