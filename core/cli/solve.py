@@ -257,7 +257,7 @@ def _solve_recorded(
     first, *further = setup.subjects()
     subject = _subject(args, chosen, first)
     try:
-        settings = SolveSettings(**dict(setup.settings) | ({"method": args.method} if args.method else {}))
+        settings = SolveSettings.of_table(dict(setup.settings) | ({"method": args.method} if args.method else {}))
     except TypeError as error:
         raise TakeError(f"was solved with settings that are unknown here ({error})", where=str(args.take)) from error
     path = args.database or setup.database.get("path", "")

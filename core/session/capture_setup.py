@@ -46,7 +46,7 @@ class CaptureSetup:
             capture: how the images became marker frames.
             settings: of the solver as they were given, None for those that differ from the defaults.
         """
-        given = _differing(self.settings) if settings is None else settings
+        given = self.settings.table() if settings is None else settings
         return TakeSetup.of(self.rig, self.performers, given, identity(self.database), capture, self.props)
 
     def make_session(self, make: SessionMaker = Session) -> MultiTargetSession:
@@ -62,9 +62,3 @@ class CaptureSetup:
         one = make if len(self.performers) == 1 else Session
         sessions = [one(subject, self.database, self.rig, self.settings) for subject in self.performers]
         return MultiTargetSession(sessions, self.props)
-
-
-def _differing(settings: SolveSettings) -> dict[str, Any]:
-    """Return the settings that differ from the defaults."""
-    defaults = vars(SolveSettings())
-    return {name: value for name, value in vars(settings).items() if value != defaults[name]}

@@ -72,9 +72,7 @@ class HypothesisTracker:
         examples_m: (E, M, 3) markers of poses of the database with the root at rest.
     """
 
-    def __init__(
-        self, camera: Camera, solver: PoseSolver, poses_m: Sequence[Array], examples_m: FloatArray
-    ) -> None:
+    def __init__(self, camera: Camera, solver: PoseSolver, poses_m: Sequence[Array], examples_m: FloatArray) -> None:
         self._camera, self._solver, self._torso = camera, solver, solver.subject.torso
         self._poses_m, self._examples_m = poses_m, examples_m.astype(np.float64)
         self.reset()

@@ -15,7 +15,8 @@ from ..labelling.initial_labelling import MISSED_M
 from ..labelling.labeller import assign_blobs, assign_points
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_frame_subset import without_blobs, without_points
-from .session import Session, is_labelled
+from .frame_labelling import is_labelled
+from .session import Session
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -48,7 +49,7 @@ class PerformerAssignment:
             return [frame] + [_nothing(frame)] * (len(self._sessions) - 1)
         owners = self._owners(frame)
         shares = [self._share(frame, owners, index) for index in range(len(self._sessions))]
-        waiting = [index for index, session in enumerate(self._sessions) if session.is_waiting]
+        waiting = [index for index, session in enumerate(self._sessions) if not session.is_tracking]
         if len(waiting) < 2:
             self._waiting_since_s = None
             return shares
@@ -112,7 +113,7 @@ class PerformerAssignment:
         """Return the points of bodies from left to right, of as many as are waited for at most."""
         left, expected_m = np.arange(len(frame.points_m)), []
         for index in waiting:
-            start = self._sessions[index].start(frame.points_m[left])
+            start = self._sessions[index].label_initially(frame.points_m[left])
             if start is not None:
                 expected_m.append(start.expected_m)
                 left = left[start.labels < 0]
@@ -132,7 +133,7 @@ class PerformerAssignment:
         costs = np.zeros((len(waiting), len(bodies)))
         for row, index in enumerate(waiting):
             for column, body in enumerate(bodies):
-                start = self._sessions[index].start(frame.points_m[body])
+                start = self._sessions[index].label_initially(frame.points_m[body])
                 costs[row, column] = _ORDER_M * abs(row - column) + (start.distance_m if start else _UNLIKE_M)
         rows, columns = linear_sum_assignment(costs)
         return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if costs[r, c] < _UNLIKE_M]

@@ -1,19 +1,15 @@
-"""One capture of one subject: marker frames in, pose frames out. Live capture, takes and demo all use it."""
+"""One capture of one subject: marker frames in, poses out, live and from takes."""
 
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..body.calibration_poses import standing, t_pose
+from ..body.calibration_poses import t_pose
 from ..body.scene_pose import PerformerPose
-from ..body.skeleton import marker_positions
 from ..database.store import Database
-from ..geometry import rotations as rot
 from ..geometry.camera import CameraRig
-from ..labelling.initial_labelling import InitialLabeller, InitialLabels
-from ..labelling.labeller import Labeller
-from ..labelling.relabelling import Relabeller
+from ..labelling.initial_labelling import InitialLabels
 from ..markers.marker_frame import MarkerFrame
 from ..markers.subject import Subject
 from ..solver.observation import Observation
@@ -21,33 +17,18 @@ from ..solver.pose_solver import PoseSolver
 from ..solver.settings import SolveSettings
 from ..solver.solution import Solution
 from ..solver.subject_model import SubjectModel
+from .frame_labelling import BodyExamples, FrameLabeller, is_labelled, rest_markers
 from .hypothesis_tracking import HypothesisTracker
+from .tracking_quality import TrackingNote, TrackingQuality, assess_fit
 
 Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-
-_EXPLAINED_M = 0.03  # marker distance at which confidence has fallen to 1/e
-_FAMILIAR_M = 0.15  # distance to the closest example at which confidence has fallen to 1/e
-_WRONG_M = 0.10  # solved markers further off than this mean that labels or pose are wrong
-_WRONG_FOR_S = 0.5  # for so long, and labelling starts afresh
-_LOST_FOR_S = 1.0  # without the torso for so long, and labelling starts afresh
-_EXAMPLES = 2048  # poses of the database that a body without a past is compared with
-_FIRST_CHECK_S = 0.1  # after a start its labels are compared with a new start's; then after twice the time, and so on
-_RARE_CHECK_S = 1.0  # from here on only while the markers are badly explained
-_DOUBTFUL = 0.5  # confidence
-_BETTER = 0.7  # of the labels' distance to the examples: a new start that is closer shows that they are wrong
-_SURE_M = 0.04  # labels this near to an example are right: two limbs exchanged across a hand's breadth are further off
-_TELLING = 0.75  # share of the markers that must be located: some pose or other is near to fewer
-_ELSEWHERE_M = 0.03  # by this much a marker must be another point under a new start's labels
-_PROMISING = 0.6  # of the same distance: the closest example alone must be so near for a pose to be solved from it
-_NEARER = 0.5  # of the markers' distance to the closest example: a pose without a past that is nearer is the right one
 
 
 class Session:
     """Labels and solves the frames of one capture in order.
 
     Args:
-        subject: who wears which markers.
+        subject: performer with the worn markers.
         database: motion that the pose is completed from.
         rig: the cameras; needed for markers that one camera sees alone.
         settings: of the solver.
@@ -59,275 +40,158 @@ class Session:
         self.subject = subject
         self.settings = settings or SolveSettings()
         self.rig = rig
-        self._cameras = rig.cameras if rig else ()
+        cameras = rig.cameras if rig else ()
+        self._has_one_camera = len(cameras) == 1
         self._model = SubjectModel(subject, database.mean_rotations)
         self._solver = PoseSolver(self._model, database, self.settings)
-        examples, ups = self._examples(database)
-        self._start = InitialLabeller(examples, ups, self._model.torso)
-        poses = [self._markers_of(pose(self._model.skeleton)) for pose in (t_pose, standing)]
-        one = len(self._cameras) == 1
-        self._follower = HypothesisTracker(self._cameras[0], self._model.torso, poses, examples) if one else None
+        examples = BodyExamples(self._model, database)
+        self._labeller = FrameLabeller(subject.marker_set.names, self._model, cameras, examples)
+        self._hypotheses: HypothesisTracker | None = None
+        if self._has_one_camera:
+            self._hypotheses = HypothesisTracker(cameras[0], self._solver, examples.start_poses_m, examples.markers_m)
+        self._quality = TrackingQuality(self._model.torso, self._has_one_camera)
         self.reset()
 
     def reset(self) -> None:
-        """Forget the motion so far; the next frame is labelled afresh."""
+        """Forget the motion so far."""
         self._last: PerformerPose | None = None
         self._restart()
 
-    def _restart(self) -> None:
-        """Let the next frame be labelled and solved as if it were the first."""
-        self._solver.reset()
-        self._labeller = Labeller(self.subject.marker_set.names, self._model.torso)
-        self._second_look = Relabeller(self._start, self._model.torso)
-        if self._follower is not None:
-            self._follower.reset()
-        self._trusted_s: float | None = None
-        self._located_s: float | None = None
-        self._checked_s: float | None = None
-        self._check_after_s = _FIRST_CHECK_S
-        self._familiar_s: float | None = None
-        self._doubt_after_s = _FIRST_CHECK_S
-
     def step(self, frame: MarkerFrame) -> PerformerPose:
         """Return the pose of the next marker frame."""
-        if self._follower is None or is_labelled(frame):
-            observation, solution = self._followed(frame)
+        if self._hypotheses is None or is_labelled(frame):
+            observation, solution = self._track(frame)
         else:
-            observation, solution = self._followed_by_one_camera(frame, self._follower)
-        result = self._solved(frame, observation, solution) if solution else self._unsolved(frame, observation)
-        self._last = result
-        if self._lost(result) or self._mislabelled(frame, result):
+            observation, solution = self._track_hypotheses(frame, self._hypotheses)
+        pose = self._solved_pose(frame, observation, solution) if solution else self._waiting_pose(frame, observation)
+        self._last = pose
+        if self._quality.is_lost(pose) or self._is_mislabelled(frame, pose):
             self._restart()
-        return result
+        return pose
 
     @property
-    def is_waiting(self) -> bool:
-        """Whether nothing is known of where the body is."""
-        return self._solver.predicted_markers_m() is None
+    def is_tracking(self) -> bool:
+        """Whether the place of the body is known."""
+        return self._state.markers_m is not None
 
     def expected_markers(self, time_s: float) -> tuple[Array, Array] | None:
-        """Return where each marker should be (M, 3) and how far off it may be (M,), metres; None while waiting."""
-        predicted = self._solver.predicted_markers_m()
-        if predicted is None:
-            return None
-        return self._labeller.expected(predicted, time_s - self._last.time_s if self._last else 0.0)
+        """Return the expected place of each marker (M, 3) and its uncertainty (M,), metres.
 
-    def start(self, points_m: Array) -> InitialLabels | None:
-        """Return how points (N, 3) are labelled when nothing is known of the body; None when they are not like it."""
-        return self._start.label(points_m)
-
-    def _followed(self, frame: MarkerFrame) -> tuple[Observation, Solution | None]:
-        observation = self._label(frame)
-        if self._second_look.changed:
-            self._solver.reset()
-        return observation, self._undeceived(frame, observation, self._solver.step(observation, frame.time_s))
-
-    def _undeceived(self, frame: MarkerFrame, observation: Observation, solution: Solution | None) -> Solution | None:
-        """Return the pose of a solver without a past in place of one that the database is far from, if it is near.
-
-        A pose that has gone wrong keeps itself: examples are looked for near where the motion seems to go. All
-        markers may then be where they should be, on a body that is wrung. This is looked at when it has lasted for a
-        moment and most markers are located, then ever more rarely.
+        None while no body is tracked.
         """
-        now = frame.time_s
-        if solution is None or not solution.nearest_m > _FAMILIAR_M:
-            self._familiar_s, self._doubt_after_s = now, _FIRST_CHECK_S
+        if self._state.markers_m is None:
+            return None
+        return self._labeller.expected(self._state.markers_m, self._elapsed_s(time_s))
+
+    def label_initially(self, points_m: Array) -> InitialLabels | None:
+        """Return labels of points (N, 3) without a past, None when they are unlike the body."""
+        return self._labeller.label_initially(points_m)
+
+    def label_tracked(self, frame: MarkerFrame, predicted_m: Array, elapsed_s: float) -> Observation:
+        """Return the labelled markers of a frame, see `FrameLabeller.label_tracked`."""
+        return self._labeller.label_tracked(frame, predicted_m, elapsed_s)
+
+    def _restart(self) -> None:
+        """Let the next frame be labelled and solved like the first."""
+        self._state = self._solver.initial_state
+        self._labeller.reset()
+        self._quality.reset()
+        if self._hypotheses is not None:
+            self._hypotheses.reset()
+
+    def _elapsed_s(self, time_s: float) -> float:
+        return time_s - self._last.time_s if self._last else 0.0
+
+    def _track(self, frame: MarkerFrame) -> tuple[Observation, Solution | None]:
+        """Label and solve a frame by the pose before."""
+        observation = self._labeller.label(frame, self._state.markers_m, self._elapsed_s(frame.time_s))
+        if self._labeller.has_relabelled:
+            self._state = self._solver.initial_state
+        solution, self._state = self._solver.step(self._state, observation, frame.time_s)
+        if self._quality.is_pose_check_due(frame.time_s, observation, solution) and solution is not None:
+            solution = self._escape_local_minimum(frame.time_s, observation, solution)
+        return observation, solution
+
+    def _escape_local_minimum(self, time_s: float, observation: Observation, solution: Solution) -> Solution:
+        """Return the pose solved without a past if it is much nearer to the database.
+
+        A wrong pose keeps itself, as examples are searched near the continued motion: all markers may then be in place
+        on a body in knots.
+        """
+        settings = self._quality.settings
+        state = self._solver.forget_poses(self._state)
+        if not self._solver.closest_m(state, observation) < settings.promising * solution.nearest_m:
             return solution
-        if self._familiar_s is None:
-            self._familiar_s = now
-        if now - self._familiar_s < self._doubt_after_s or np.mean(observation.located) < _TELLING:
+        found, state = self._solver.step(state, observation, time_s)
+        if found is None or not found.nearest_m < settings.nearer * solution.nearest_m:
             return solution
-        self._familiar_s, self._doubt_after_s = now, min(2.0 * self._doubt_after_s, _RARE_CHECK_S)
-        anew = self._solver.without_past()
-        if not anew.closest_m(observation) < _PROMISING * solution.nearest_m:
-            return solution
-        found = anew.step(observation, now)
-        if found is None or not found.nearest_m < _NEARER * solution.nearest_m:
-            return solution
-        self._solver = anew
+        self._state = state
         return found
 
-    def _followed_by_one_camera(
-        self, frame: MarkerFrame, follower: HypothesisTracker
-    ) -> tuple[Observation, Solution | None]:
-        way = follower.step(frame, self._solver, self._last.confidence if self._last else 0.0)
-        if way is None:
+    def _track_hypotheses(self, frame: MarkerFrame, tracker: HypothesisTracker) -> tuple[Observation, Solution | None]:
+        """Label and solve a frame of one camera by the best of several hypotheses."""
+        best = tracker.step(frame, self._last.confidence if self._last else 0.0)
+        if best is None:
             return Observation.of_points(np.full((len(self.subject.marker_set), 3), np.nan)), None
-        self._solver = way.solver
-        return way.observation, way.solution
+        self._state = best.state
+        return best.observation, best.solution
 
-    def _examples(self, database: Database) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return markers (E, M, 3) with the root at rest, and the root's way up (E, 3), of poses of all kinds."""
-        model = self._model
-        frames = np.unique(np.linspace(0, database.frames - 1, _EXAMPLES).astype(np.int64))
-        posed = [self._markers_of(pose(model.skeleton)) for pose in (t_pose, standing)]
-        upright = np.array([0.0, 1.0, 0.0])
-        ups = rot.rotate(rot.conjugate(database.root_rotations[frames]), upright)
-        examples = np.concatenate((model.database_markers(database, frames), posed)).astype(np.float32)
-        return examples, np.concatenate((ups, [upright, upright])).astype(np.float32)
+    def _is_mislabelled(self, frame: MarkerFrame, pose: PerformerPose) -> bool:
+        """Whether the points, labelled without a past, are clearly more like a body."""
+        settings = self._quality.settings
+        if is_labelled(frame) or not self.is_tracking or not self._quality.is_label_check_due(pose):
+            return False
+        distance_m = self._labeller.label_distance_m(pose.observed_m, pose.markers_m)
+        if distance_m < settings.sure_m:
+            return False
+        start = self.label_initially(frame.points_m)
+        if start is None or not start.distance_m < settings.better * distance_m:
+            return False
+        moved_m = self._labeller.displacements_m(start, frame.points_m, pose.observed_m)
+        return bool(np.any(moved_m > settings.elsewhere_m))
 
-    def _markers_of(self, rotations: Array) -> Array:
-        model = self._model
-        return marker_positions(model.skeleton, model.joints, model.offsets_m, rotations, np.zeros(3))
-
-    def _label(self, frame: MarkerFrame) -> Observation:
-        """Return what was seen of each marker."""
-        predicted = self._solver.predicted_markers_m()
-        count = len(self.subject.marker_set)
-        if is_labelled(frame):
-            return self._known(frame)
-        if predicted is None:
-            start = self.start(frame.points_m)
-            labels = start.labels if start else np.full(len(frame.points_m), -1)
-            self._labeller.begin(frame.points_m, labels)
-            return Observation.of_points(_by_marker(frame.points_m, labels, count))
-        return self.label_followed(frame, predicted, frame.time_s - self._last.time_s if self._last else 0.0)
-
-    def label_followed(self, frame: MarkerFrame, predicted: Array, elapsed: float) -> Observation:
-        """Return what was seen of each marker of a body that is followed.
-
-        Args:
-            frame: without labels.
-            predicted: (M, 3) markers of the last synthesized pose, metres.
-            elapsed: time since that pose, seconds.
-        """
-        count = len(self.subject.marker_set)
-        if not self._cameras or len(frame.blobs) != len(self._cameras):
-            labels = self._labeller.label(frame.points_m, frame.covariances_m2, predicted, elapsed)
-            return self._reconsidered(
-                frame, Observation.of_points(_by_marker(frame.points_m, labels, count)), frame.points_m[labels < 0]
-            )
-        found = self._labeller.label_blobs(frame, self._cameras, predicted, elapsed)
-        single = found.single_cameras
-        image_points = found.normalised[np.arange(count), single]
-        image_points[single < 0] = np.nan
-        observation = Observation(found.points_m, single, image_points, self._cameras)
-        return self._reconsidered(frame, observation, found.unlabelled_points(frame))
-
-    def _reconsidered(self, frame: MarkerFrame, observation: Observation, unnamed_m: Array) -> Observation:
-        """Return what was seen under better labels, where a second look finds them."""
-        better = self._second_look.relabel(frame.time_s, observation.points_m, unnamed_m)
-        if better is None:
-            return observation
-        self._labeller.correct(better)
-        return Observation.of_points(better)
-
-    def _known(self, frame: MarkerFrame) -> Observation:
-        """Return what was seen where the source knows the labels."""
-        count = len(self.subject.marker_set)
-        points = _by_marker(frame.points_m, frame.labels, count)
-        cameras = np.full(count, -1, dtype=np.int64)
-        image_points = np.full((count, 2), np.nan)
-        usable = (frame.single_labels >= 0) & (len(self._cameras) > 0)
-        cameras[frame.single_labels[usable]] = frame.single_cameras[usable]
-        image_points[frame.single_labels[usable]] = frame.single_points[usable]
-        cameras[np.isfinite(points[:, 0])] = -1
-        return Observation(points, cameras, image_points, self._cameras)
-
-    def _solved(self, frame: MarkerFrame, observation: Observation, solution: Solution) -> PerformerPose:
-        # with one camera what counts is how far the markers are from their rays
-        shown = observation.back_projected(solution.markers_m) if len(self._cameras) == 1 else observation
-        located = shown.located
-        distances = np.linalg.norm(solution.markers_m[located] - shown.points_m[located], axis=1)
-        rms = float(np.sqrt(np.mean(distances**2))) if np.any(located) else float("nan")
-        seen = np.sum(located) + 0.5 * np.sum(shown.single)
-        nearest = solution.nearest_m
-        confidence = seen / len(located)
-        if np.any(located):
-            confidence *= np.exp(-((rms / _EXPLAINED_M) ** 2)) * np.exp(-((nearest / _FAMILIAR_M) ** 2))
-        hidden = [text for text, there in zip(self.subject.marker_set.texts, located, strict=True) if not there]
+    def _solved_pose(self, frame: MarkerFrame, observation: Observation, solution: Solution) -> PerformerPose:
+        # with one camera the distance of the markers from their rays counts
+        shown = observation.back_projected(solution.markers_m) if self._has_one_camera else observation
+        fit = assess_fit(shown, solution, self._quality.settings)
+        texts = self.subject.marker_set.texts
+        hidden = [text for text, located in zip(texts, fit.located, strict=True) if not located]
         notes = list(frame.notes)
         notes += [", ".join(hidden) + " hidden"] if hidden else []
-        notes += ["this motion is unlike the database"] if nearest > _FAMILIAR_M else []
+        notes += [TrackingNote.UNFAMILIAR.value] if solution.nearest_m > self._quality.settings.familiar_m else []
         return PerformerPose(
             number=frame.number,
             time_s=frame.time_s,
             rotations=self._model.rotations(solution.pose, solution.root),
             root_position_m=solution.root.position_m,
-            confidence=float(confidence),
+            confidence=fit.confidence,
             markers_m=solution.markers_m,
             observed_m=observation.points_m,
             single_cameras=observation.cameras,
-            marker_rms_m=rms,
+            marker_rms_m=fit.rms_m,
             neighbours=solution.neighbours,
             dimensions=solution.dimensions,
             notes=tuple(notes),
         )
 
-    def _unsolved(self, frame: MarkerFrame, observation: Observation) -> PerformerPose:
-        """Return the last pose, or the T pose at the origin, for a frame that does not show where the body is."""
-        notes = (*frame.notes, "waiting for the markers of the torso")
-        if self._last is not None:
-            return replace(
-                self._last,
-                number=frame.number,
-                time_s=frame.time_s,
-                confidence=0.0,
-                observed_m=observation.points_m,
-                single_cameras=observation.cameras,
-                marker_rms_m=float("nan"),
-                notes=notes,
-            )
-        rotations = t_pose(self.subject.skeleton)
-        height = -float(self._markers_of(rotations)[:, 1].min())
-        position = np.array([0.0, height, 0.0])
-        markers = self._markers_of(rotations) + position
-        return PerformerPose(
-            frame.number,
-            frame.time_s,
-            rotations,
-            position,
-            0.0,
-            markers,
-            observation.points_m,
-            observation.cameras,
-            float("nan"),
-            notes=notes,
+    def _waiting_pose(self, frame: MarkerFrame, observation: Observation) -> PerformerPose:
+        """Return the last pose, or the T pose at the origin, for a frame without a torso."""
+        return replace(
+            self._last or self._first_pose(),
+            number=frame.number,
+            time_s=frame.time_s,
+            confidence=0.0,
+            observed_m=observation.points_m,
+            single_cameras=observation.cameras,
+            marker_rms_m=float("nan"),
+            notes=(*frame.notes, TrackingNote.WAITING.value),
         )
 
-    def _lost(self, result: PerformerPose) -> bool:
-        """Whether the torso has been lost, or the solved markers have been wrong, for a while."""
-        now = result.time_s
-        shown = np.isfinite(result.observed_m[:, 0]) | ((result.single_cameras >= 0) & (len(self._cameras) == 1))
-        if np.sum(shown & self._model.torso) >= 2 or self._located_s is None:
-            self._located_s = now
-        if not result.marker_rms_m > _WRONG_M or self._trusted_s is None:
-            self._trusted_s = now
-        return now - self._located_s > _LOST_FOR_S or now - self._trusted_s > _WRONG_FOR_S
-
-    def _mislabelled(self, frame: MarkerFrame, result: PerformerPose) -> bool:
-        """Whether the points, labelled as if nothing were known, are clearly more like a body than as they are.
-
-        A wrong start can go on for long: what it makes of the markers is explained, if badly. So it is looked at
-        again soon after, then ever more rarely.
-        """
-        now = result.time_s
-        if is_labelled(frame) or self.is_waiting:
-            return False
-        if self._checked_s is None:
-            self._checked_s = now
-        if now - self._checked_s < self._check_after_s:
-            return False
-        if self._check_after_s >= _RARE_CHECK_S and result.confidence > _DOUBTFUL:
-            return False
-        self._checked_s, self._check_after_s = now, min(2.0 * self._check_after_s, _RARE_CHECK_S)
-        as_they_are_m = self._start.distance_m(result.observed_m, result.markers_m)
-        if as_they_are_m < _SURE_M:
-            return False
-        start = self.start(frame.points_m)
-        if start is None or not start.distance_m < _BETTER * as_they_are_m:
-            return False
-        named_m = _by_marker(frame.points_m, start.labels, len(self.subject.marker_set))
-        return bool(np.any(np.linalg.norm(named_m - result.observed_m, axis=1) > _ELSEWHERE_M))
-
-
-def is_labelled(frame: MarkerFrame) -> bool:
-    """Whether the source knows which marker is which."""
-    return bool(np.any(frame.labels >= 0) or np.any(frame.single_labels >= 0))
-
-
-def _by_marker(points_m: Array, labels: IntArray, count: int) -> Array:
-    """Return the points (M, 3) by marker, NaN where none was labelled as it."""
-    result = np.full((count, 3), np.nan)
-    result[labels[labels >= 0]] = points_m[labels >= 0]
-    return result
+    def _first_pose(self) -> PerformerPose:
+        rotations = t_pose(self.subject.skeleton)
+        markers = rest_markers(self._model, rotations)
+        position = np.array([0.0, -float(markers[:, 1].min()), 0.0])
+        unseen = Observation.of_points(np.full(markers.shape, np.nan))
+        return PerformerPose(
+            0, 0.0, rotations, position, 0.0, markers + position, unseen.points_m, unseen.cameras, float("nan")
+        )

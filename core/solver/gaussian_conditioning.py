@@ -34,7 +34,7 @@ class Prior:
     covariance: Array
 
 
-def neighbours_prior(samples: Array, weights: Array, floor: Array) -> Prior:
+def neighbours_prior(samples: NDArray[Any], weights: Array, floor: Array) -> Prior:
     """Return the Gaussian of the neighbours.
 
     Args:

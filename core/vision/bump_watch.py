@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..errors import CalibrationError
 from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
+from ..system.backoff import Backoff
 from .calibration.refine import Refinement, refine_rig
 from .matching.stereo import StereoSettings
 
@@ -43,8 +44,9 @@ class BumpDetector:
         self._misses_px: deque[float] = deque(maxlen=_JUDGED)
         self._running: Future[Refinement | None] | None = None
         self._doubtful_since_s: float | None = None
-        self._due_s = -np.inf
-        self._patience_s = _AGAIN_S
+        self._retry = Backoff(0.5 * _AGAIN_S)
+        self._retry.reset(-np.inf)  # the first look need not wait
+        self._has_warned = False
 
     def update(self, frame: MarkerFrame, errors_px: Array) -> str:
         """Take a moment; return a warning when a bump has just been found, else "".
@@ -81,14 +83,15 @@ class BumpDetector:
 
     def _is_worth_a_look(self, now_s: float) -> bool:
         since_s = self._doubtful_since_s
-        return since_s is not None and now_s - since_s > _DOUBTFUL_S and now_s >= self._due_s
+        if self._has_warned or not self._retry.is_due(now_s):
+            return False
+        return since_s is not None and now_s - since_s > _DOUBTFUL_S
 
     def _warning(self, refinement: Refinement | None, now_s: float) -> str:
-        self._due_s = now_s + self._patience_s
-        self._patience_s *= 2.0
+        self._retry.attempt(now_s)
         if refinement is None or not (refinement.bumped and refinement.sure):
             return ""
-        self._due_s = np.inf  # once is enough
+        self._has_warned = True  # once is enough
         most = int(np.argmax(refinement.turned_deg))
         # with two cameras nobody can tell which of them it was
         who = "a camera has" if len(self._rig) == 2 else f"camera {self._rig.cameras[most].name} seems to have"

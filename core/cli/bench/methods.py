@@ -4,24 +4,28 @@ The paper names neither the units of its terms nor its grid of K. Both were chos
 `data.DEVELOPMENT`, with their frames out of the database.
 """
 
-from ...solver.settings import SolveSettings
+from ...solver.settings import LocalPcaSettings, SolveSettings
 
 PAPER_RANGE = SolveSettings(
     method="local-pca",
-    neighbours=(30, 60, 120),
-    dimensions=(3, 5, 7),
-    marker_sigma_m=0.03,
-    pose_sigma_rad=1.0,
-    query_pose_m_per_rad=0.3,
+    local_pca=LocalPcaSettings(
+        neighbours=(30, 60, 120),
+        dimensions=(3, 5, 7),
+        marker_sigma_m=0.03,
+        pose_sigma_rad=1.0,
+        query_pose_m_per_rad=0.3,
+    ),
     search="exhaustive",
 )
 TUNED = SolveSettings(
     method="local-pca",
-    neighbours=(400,),
-    dimensions=(50,),
-    marker_sigma_m=0.003,
-    pose_sigma_rad=1.0,
-    query_pose_m_per_rad=1.0,
+    local_pca=LocalPcaSettings(
+        neighbours=(400,),
+        dimensions=(50,),
+        marker_sigma_m=0.003,
+        pose_sigma_rad=1.0,
+        query_pose_m_per_rad=1.0,
+    ),
     search="exhaustive",
 )
 

@@ -229,13 +229,9 @@ class _TimedSearch:
         self.visited = 0
         self.seconds = 0.0
 
-    def reset(self) -> None:
-        """Forget the last frame."""
-        self._search.reset()
-
-    def nearest(self, query: Query, count: int) -> tuple[IntArray, Array]:
+    def nearest(self, query: Query, count: int, start: IntArray | None = None) -> tuple[IntArray, Array]:
         """Return the closest frames."""
-        return self._timed(self._search.nearest, query, count)
+        return self._timed(self._search.nearest, query, count, start)
 
     def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
         """Return candidates by distance."""

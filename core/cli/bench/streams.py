@@ -120,7 +120,7 @@ def stage_times(streams: Streams, database: Database) -> StageTimes:
 
 def _label(session: Session, frame: MarkerFrame, before: PerformerPose) -> int:
     """Label what a frame shows by the pose before; return how many markers are located."""
-    return int(session.label_followed(frame, before.markers_m, 1.0 / _FPS).located.sum())
+    return int(session.label_tracked(frame, before.markers_m, 1.0 / _FPS).located.sum())
 
 
 @dataclass(frozen=True)

@@ -149,17 +149,17 @@ def searched(tested: PoseSolver, exhaustive: PoseSolver, markers_m: Any, every: 
         markers_m: (F, M, 3) in the order of the marker set.
         every: frames from one whose pose is compared to the next.
     """
-    exhaustive.reset()
+    state = tested.initial_state
     visited, apart = [], []
     for number, row in enumerate(markers_m):
         observation = Observation.of_points(row)
         before = tested.visited
-        exhaustive.continue_from(tested)
-        solution = tested.step(observation)
+        before_frame = state
+        solution, state = tested.step(before_frame, observation)
         visited.append(tested.visited - before)
         if solution is None or number % every:
             continue
-        theirs = exhaustive.step(observation)
+        theirs, _ = exhaustive.step(before_frame, observation)
         if theirs is not None:
             local = [tested.subject.rotations(s.pose, s.root)[1:] for s in (solution, theirs)]
             apart.append(float(np.degrees(rot.angle_between(*local)).mean()))
@@ -180,7 +180,7 @@ def search_times(truth: Motion, database: Database) -> list[dict[str, Any]]:
     true_poses = pose_from_rotations(truth.rotations, database.mean_rotations)
     markers = model.markers(true_poses)
     stored, poses = model.database_markers(database), database.poses.reshape(database.frames, -1)
-    pose_weight = (1.0 - PAPER_RANGE.query_alpha) * PAPER_RANGE.query_pose_m_per_rad**2
+    pose_weight = (1.0 - PAPER_RANGE.query_alpha) * PAPER_RANGE.local_pca.query_pose_m_per_rad**2
     queries = [
         Query(seen, pose.ravel() if frame else None, PAPER_RANGE.query_alpha, pose_weight)
         for frame, (seen, pose) in enumerate(zip(markers, true_poses, strict=True))
@@ -191,7 +191,7 @@ def search_times(truth: Motion, database: Database) -> list[dict[str, Any]]:
         taken = []
         for query in queries:
             started = time.perf_counter()
-            search.nearest(query, PAPER_RANGE.neighbours[-1])
+            search.nearest(query, PAPER_RANGE.local_pca.neighbours[-1])
             taken.append(1e3 * (time.perf_counter() - started))
         milliseconds[name] = taken
     exhaustive = float(np.median(milliseconds["exhaustive"]))

@@ -1,10 +1,10 @@
-"""The paper's search (section 5.1): among the last frame's neighbours and their neighbours in the graph of Eq. 4.
+"""The paper's graph search (section 5.1), made able to leave its last frames.
 
-The paper looks at nothing else, so a motion that comes near from elsewhere in the database is never noticed, and what
-was found last cannot be left. Here the graph is followed from the closest frames on for as long as that leads closer,
-in the manner of Malkov and Yashunin 2018, and a few representatives (one frame of each cluster of poses) are looked at in
-every frame too, more of them where nothing in the database is really close. The first frame is searched from all
-representatives. What a search may cost is bounded.
+The paper searches the last frame's neighbours and their neighbours in the graph of Eq. 4 only, so it never notices a
+motion that comes near from elsewhere in the database. Here the graph is followed from the closest frames on for as
+long as that leads closer (in the manner of Malkov and Yashunin 2018), and representatives (one frame of each cluster
+of poses) are visited in every frame too, more of them where nothing in the database is really close. The first frame is
+searched from all representatives. The cost of a search is bounded.
 """
 
 import numpy as np
@@ -14,9 +14,7 @@ from ...database.graph import NeighbourGraph
 from .cluster_representatives import ClusterRepresentatives
 from .exhaustive import Array, ExhaustiveSearch, FloatArray, IntArray, Query, closest
 
-_VISITED = (
-    6.0  # frames looked at, for each one wanted, after which a search ends; at the start beside the representatives
-)
+_VISITED = 6.0  # frames visited for each one wanted, besides the first representatives, after which a search ends
 _EXPANDED = 0.15  # of the frames wanted: how many of the closest are looked at with their neighbours at once
 _STEPS = 3  # from a representative to closer and closer frames
 _BEAM, _START_BEAM = 2, 128  # frames that such a step is made from at once

@@ -95,7 +95,7 @@ def _setup(
     """Return the take's setup and the solver's settings."""
     given = request.get("settings", {})
     try:
-        settings = SolveSettings(**given)
+        settings = SolveSettings.of_table(given)
     except TypeError as error:
         raise SettingsError(str(error), where="solver") from error
     performers = [load_subject(str(path)) for path in (request["subject"], *request.get("performers", ()))]

@@ -187,8 +187,8 @@ def test_a_body_unlike_the_database_is_not_replaced_for_what_few_markers_show(
 ):
     """Some pose or other is near to half of the markers, so that these say nothing."""
     begun = []
-    anew = PoseSolver.without_past
-    monkeypatch.setattr(PoseSolver, "without_past", lambda self: begun.append(self) or anew(self))
+    forget = PoseSolver.forget_poses
+    monkeypatch.setattr(PoseSolver, "forget_poses", lambda self, state: begun.append(self) or forget(self, state))
     motion = resampled(read_motion(MOTION / "kendo-03-energetic.bvh"), FPS)  # of which the database has nothing
     session, generator = Session(replace(subject, skeleton=motion.skeleton), database), np.random.default_rng(6)
     labels = np.arange(len(subject.marker_set))

@@ -2,7 +2,13 @@ import numpy as np
 import pytest
 from perfanim.core.database.store import pose_from_rotations
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.solver.gaussian_conditioning import conditioned, continued_prior, fit_to_markers, neighbours_prior
+from perfanim.core.solver.gaussian_conditioning import (
+    Expectation,
+    condition,
+    continue_prior,
+    fit_to_markers,
+    neighbours_prior,
+)
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.subject_model import RootPose
 
@@ -31,7 +37,7 @@ def test_continued_prior_is_the_product_of_gaussians():
     generator = np.random.default_rng(2)
     expected, factor = generator.normal(size=7), generator.normal(size=(7, 7))
     change = factor @ factor.T + 0.1 * np.eye(7)
-    result = continued_prior(prior, expected, change)
+    result = continue_prior(prior, expected, change)
     covariance = np.linalg.inv(np.linalg.inv(prior.covariance) + np.linalg.inv(change))
     mean = covariance @ (np.linalg.solve(prior.covariance, prior.mean) + np.linalg.solve(change, expected))
     np.testing.assert_allclose(result.covariance, covariance, atol=1e-9)
@@ -43,7 +49,7 @@ def test_what_was_observed_is_regressed_on():
     prior = neighbours_prior(samples, weights, 0.01 * np.eye(7))
     observed = np.array([0.5, np.nan, -0.2])  # the last three entries, one of them unknown
     variances = np.array([0.05, 0.3, 0.01])
-    result = conditioned(prior, observed, variances)
+    result = condition(prior, observed, variances)
     seen, joint = [4, 6], prior.covariance
     gain = joint[:4, seen] @ np.linalg.inv(joint[np.ix_(seen, seen)] + np.diag(variances[[0, 2]]))
     np.testing.assert_allclose(result.mean, prior.mean[:4] + gain @ (observed[[0, 2]] - prior.mean[seen]), atol=1e-10)
@@ -52,7 +58,7 @@ def test_what_was_observed_is_regressed_on():
 
 def test_observing_nothing_changes_nothing():
     prior = neighbours_prior(*gaussian(4), 0.01 * np.eye(7))
-    result = conditioned(prior, np.full(3, np.nan), np.full(3, 0.05))
+    result = condition(prior, np.full(3, np.nan), np.full(3, 0.05))
     np.testing.assert_array_equal(result.mean, prior.mean[:4])
     np.testing.assert_array_equal(result.covariance, prior.covariance[:4, :4])
 
@@ -77,7 +83,8 @@ def rms(a, b):
 
 def fitted(model, frame, observation, steps=3):
     prior, _, root, _ = frame
-    return fit_to_markers(prior, model, observation, prior.mean, root, NOISE_M**2, (0.03, 0.1), steps)[:2]
+    expectation = Expectation(prior, observation, prior.mean, root, (0.03, 0.1))
+    return fit_to_markers(expectation, model, NOISE_M**2, steps)[:2]
 
 
 def test_fit_brings_the_markers_to_within_their_noise(model, frame):
@@ -93,9 +100,8 @@ def test_fit_comes_closer_to_the_true_pose_than_the_prior(model, frame, database
     _, true_pose, root, points = frame
     poses = np.asarray(database.poses[::10], dtype=np.float64).reshape(-1, 84)
     prior = neighbours_prior(poses, np.full(len(poses), 1.0 / len(poses)), FLOOR)  # knows nothing of this moment
-    pose, _, _ = fit_to_markers(
-        prior, model, Observation.of_points(points), prior.mean, root, NOISE_M**2, (0.03, 0.1), 5
-    )
+    expectation = Expectation(prior, Observation.of_points(points), prior.mean, root, (0.03, 0.1))
+    pose, _, _ = fit_to_markers(expectation, model, NOISE_M**2, 5)
     assert np.linalg.norm(pose - true_pose) < 0.7 * np.linalg.norm(prior.mean - true_pose)
 
 

@@ -4,61 +4,61 @@ import numpy as np
 import pytest
 from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.solver.lagged_history import LaggedMarkers, LaggedPoses
+from perfanim.core.solver.lagged_history import LaggedHistory, LaggedMarkers, LaggedPoses
 from perfanim.core.solver.subject_model import RootPose
 
 LAGS_S = (0.1, 0.25)
 
 
 @pytest.fixture
-def history(model, database):
+def markers(model, database):
     return LaggedMarkers(database, model.database_markers(database), LAGS_S)
 
 
-def test_earlier_markers_of_a_frame_are_those_of_its_clip_seen_from_its_root(history, model, database):
+def test_earlier_markers_of_a_frame_are_those_of_its_clip_seen_from_its_root(markers, model, database):
     clip = database.clips[1]
     lags = [round(lag * database.fps) for lag in LAGS_S]
     frames = np.array([clip.start, clip.start + lags[0], clip.start + 40])
-    found = history.of_frames(frames)
+    found = markers.of_frames(frames)
     for row, frame in zip(found, frames, strict=True):
         root = RootPose(database.root_rotations[frame].astype(float), database.root_positions_m[frame].astype(float))
-        for markers, lag in zip(row, lags, strict=True):
+        for found_m, lag in zip(row, lags, strict=True):
             earlier = max(frame - lag, clip.start)
             world = marker_positions(
                 model.skeleton, model.joints, model.offsets_m, database.local_rotations(earlier),
                 database.root_positions_m[earlier],
             )  # fmt: skip
-            np.testing.assert_allclose(markers, root.to_root_frame(world), atol=1e-5)  # stored in float32
+            np.testing.assert_allclose(found_m, root.to_root_frame(world), atol=1e-5)  # stored in float32
 
 
 @pytest.mark.parametrize("fps", [30.0, 60.0, 120.0])
-def test_markers_seen_are_found_again_whatever_the_rate(history, fps):
+def test_markers_seen_are_found_again_whatever_the_rate(markers, fps):
     """A body that moves steadily: where it was is known."""
     start, velocity = np.random.default_rng(0).normal(size=(2, 8, 3))
     times = np.arange(0.0, 1.0, 1.0 / fps)
+    history = LaggedHistory(LAGS_S)
     for time in times[:-1]:
-        history.remember(time, start + velocity * time)
+        history = history.remember(time, start + velocity * time)
     root = RootPose(rot.from_rotation_vector([0.1, 1.0, -0.3]), np.array([0.4, 1.0, -2.0]))
-    found = history.observed(times[-1], root)
+    found = markers.observed(history, times[-1], root)
     half_frame = 0.5 / fps * np.abs(velocity) + 1e-9
-    for markers, lag in zip(found, LAGS_S, strict=True):
-        assert np.all(np.abs(root.to_world(markers) - start - velocity * (times[-1] - lag)) <= half_frame)
+    for found_m, lag in zip(found, LAGS_S, strict=True):
+        assert np.all(np.abs(root.to_world(found_m) - start - velocity * (times[-1] - lag)) <= half_frame)
 
 
-def test_what_was_not_seen_is_unknown(history):
+def test_what_was_not_seen_is_unknown(markers):
+    history = LaggedHistory(LAGS_S)
     root = RootPose(rot.identity(), np.zeros(3))
-    assert np.isnan(history.observed(0.0, root)).all()
+    assert np.isnan(markers.observed(history, 0.0, root)).all()
     points = np.ones((8, 3))
     points[2] = np.nan
-    history.remember(0.0, points)
-    now = history.observed(0.1, root)
+    history = history.remember(0.0, points)
+    now = markers.observed(history, 0.1, root)
     assert np.isnan(now[1]).all()  # nothing goes back a quarter of a second
     np.testing.assert_array_equal(now[0], points)
-    assert np.isnan(history.observed(5.0, root)).all()
-    history.remember(-5.0, points)  # a clock that is set back starts another recording
-    assert np.isnan(history.observed(0.1, root)).all()
-    history.reset()
-    assert np.isnan(history.observed(0.1, root)).all()
+    assert np.isnan(markers.observed(history, 5.0, root)).all()
+    history = history.remember(-5.0, points)  # a clock that is set back starts another recording
+    assert np.isnan(markers.observed(history, 0.1, root)).all()
 
 
 @pytest.fixture
@@ -67,27 +67,30 @@ def components():
 
 
 @pytest.fixture
-def pose_history(database, components):
+def lagged_poses(database, components):
     return LaggedPoses(database, components, LAGS_S)
 
 
-def test_earlier_poses_of_a_frame_are_those_of_its_clip(pose_history, database, components):
+def test_earlier_poses_of_a_frame_are_those_of_its_clip(lagged_poses, database, components):
     clip = database.clips[1]
     lags = [round(lag * database.fps) for lag in LAGS_S]
     frames = np.array([clip.start, clip.start + lags[0], clip.start + 40])
-    for row, frame in zip(pose_history.of_frames(frames), frames, strict=True):
+    for row, frame in zip(lagged_poses.of_frames(frames), frames, strict=True):
         for found, lag in zip(row, lags, strict=True):
             pose = database.poses[max(frame - lag, clip.start)].ravel()
             np.testing.assert_allclose(found, pose @ components, atol=1e-5)  # stored in float32
 
 
-def test_poses_solved_are_found_again_and_nothing_else(pose_history, components):
+def test_poses_solved_are_found_again_and_nothing_else(lagged_poses, components):
+    history = LaggedHistory(LAGS_S)
     poses = np.random.default_rng(2).normal(size=(3, 84))
     for time, pose in zip((0.0, 0.15, 0.25), poses, strict=True):
-        pose_history.remember(time, pose)
-    np.testing.assert_allclose(pose_history.observed(0.25), [poses[1] @ components, poses[0] @ components], atol=1e-5)
-    now = pose_history.observed(0.4)
+        history = history.remember(time, pose)
+    np.testing.assert_allclose(
+        lagged_poses.observed(history, 0.25), [poses[1] @ components, poses[0] @ components], atol=1e-5
+    )
+    now = lagged_poses.observed(history, 0.4)
     assert np.isnan(now[0]).all()  # 0.3 s is missing
     np.testing.assert_allclose(now[1], poses[1] @ components, atol=1e-5)
-    pose_history.reset()
-    assert np.isnan(pose_history.observed(0.25)).all()
+    history = LaggedHistory(LAGS_S)
+    assert np.isnan(lagged_poses.observed(history, 0.25)).all()

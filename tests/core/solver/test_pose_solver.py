@@ -10,7 +10,7 @@ from perfanim.core.markers.subject import Subject
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.pose_solver import PoseSolver
-from perfanim.core.solver.settings import METHODS, SolveSettings
+from perfanim.core.solver.settings import METHODS, LocalPcaSettings, SolveSettings
 from perfanim.core.solver.subject_model import SubjectModel
 
 NOISE_M = 0.002
@@ -23,8 +23,16 @@ def noisy(true_markers):
 
 
 def solve(model, database, observations, method="best"):
-    solver = PoseSolver(model, database, SolveSettings(method=method))
-    return [solver.step(observation) for observation in observations]
+    return follow(PoseSolver(model, database, SolveSettings(method=method)), observations)[0]
+
+
+def follow(solver, observations, state=None):
+    """Solutions of observations in order, and the state after the last."""
+    state, solutions = state or solver.initial_state, []
+    for observation in observations:
+        solution, state = solver.step(state, observation)
+        solutions.append(solution)
+    return solutions, state
 
 
 def degrees_per_joint(model, solutions, truth, joints=slice(1, None), start=0):
@@ -82,7 +90,8 @@ def test_solution_is_consistent(model, solved):
             assert solution.nearest_m > 0.0
     assert {solution.neighbours for solution in solved["nearest"]} == {1}
     sizes = {(solution.neighbours, solution.dimensions) for solution in solved["local-pca"]}
-    assert sizes <= {(k, b) for k in SolveSettings().neighbours for b in SolveSettings().dimensions}
+    settings = LocalPcaSettings()
+    assert sizes <= {(k, b) for k in settings.neighbours for b in settings.dimensions}
     assert len(sizes) > 1  # chosen anew for every frame
 
 
@@ -136,50 +145,47 @@ def test_nothing_is_solved_before_the_torso_is_seen(model, database, noisy):
     solver = PoseSolver(model, database, SolveSettings())
     hands_only = noisy[0].copy()
     hands_only[model.torso] = np.nan
-    assert solver.step(Observation.of_points(hands_only)) is None
-    assert solver.predicted_markers_m() is None
-    first = solver.step(Observation.of_points(noisy[0]))
-    np.testing.assert_allclose(solver.predicted_markers_m(), first.markers_m)
-    assert solver.step(Observation.of_points(hands_only)) is not None
-    solver.reset()
-    assert solver.predicted_markers_m() is None
+    none, state = solver.step(solver.initial_state, Observation.of_points(hands_only))
+    assert none is None
+    assert state.markers_m is None
+    first, state = solver.step(state, Observation.of_points(noisy[0]))
+    np.testing.assert_allclose(state.markers_m, first.markers_m)
+    assert solver.step(state, Observation.of_points(hands_only))[0] is not None
+    assert solver.initial_state.markers_m is None
 
 
 def test_the_closest_example_is_told_without_going_on(model, database, noisy):
     solver = PoseSolver(model, database, SolveSettings(search="exhaustive"))
-    for row in noisy[:5]:
-        solver.step(Observation.of_points(row))
-    before = solver.predicted_markers_m()
+    _, state = follow(solver, [Observation.of_points(row) for row in noisy[:5]])
+    before, rootless = state.markers_m.copy(), solver.forget_poses(state)
     frame = database.frames // 2  # another clip than the walk that is followed
     seen = Observation.of_points(model.database_markers(database, np.array([frame]))[0].astype(np.float64))
-    known_m = solver.without_past().closest_m(seen)
+    known_m = solver.closest_m(rootless, seen)
     assert known_m < 0.01  # the root lies where several examples' torsos have it, which differ by less
-    assert solver.without_past().closest_m(Observation.of_points(noisy[5])) > 2.0 * known_m  # not in the database
-    np.testing.assert_array_equal(solver.predicted_markers_m(), before)
+    assert solver.closest_m(rootless, Observation.of_points(noisy[5])) > 2.0 * known_m  # not in the database
+    np.testing.assert_array_equal(state.markers_m, before)
     hands_only = noisy[0].copy()
     hands_only[model.torso] = np.nan
     fresh = PoseSolver(model, database, SolveSettings())
-    assert np.isnan(fresh.closest_m(Observation.of_points(hands_only)))
+    assert np.isnan(fresh.closest_m(fresh.initial_state, Observation.of_points(hands_only)))
 
 
-def test_reset_forgets_everything(model, database, noisy):
+def test_the_initial_state_forgets_everything(model, database, noisy):
     solver = PoseSolver(model, database, SolveSettings())
-    fresh = [solver.step(Observation.of_points(row)).pose for row in noisy[:4]]
-    solver.step(Observation.of_points(noisy[40]))
-    solver.reset()
-    again = [solver.step(Observation.of_points(row)).pose for row in noisy[:4]]
-    np.testing.assert_array_equal(again, fresh)
+    observations = [Observation.of_points(row) for row in noisy[:4]]
+    fresh, state = follow(solver, observations)
+    solver.step(state, Observation.of_points(noisy[40]))
+    again, _ = follow(solver, observations)
+    np.testing.assert_array_equal([s.pose for s in again], [s.pose for s in fresh])
 
 
 def test_another_solver_goes_on_as_the_first_would(model, database, noisy):
     """Long enough that the past counts."""
     first, second = (PoseSolver(model, database, SolveSettings(search="exhaustive")) for _ in range(2))
-    for row in noisy[:20]:
-        first.step(Observation.of_points(row))
-    second.continue_from(first)
-    for row in noisy[20:22]:
-        observation = Observation.of_points(row)
-        np.testing.assert_array_equal(second.step(observation).pose, first.step(observation).pose)
+    _, state = follow(first, [Observation.of_points(row) for row in noisy[:20]])
+    rest = [Observation.of_points(row) for row in noisy[20:22]]
+    theirs, ours = follow(second, rest, state)[0], follow(first, rest, state)[0]
+    np.testing.assert_array_equal([s.pose for s in theirs], [s.pose for s in ours])
 
 
 def test_a_place_elsewhere_gives_the_same_pose(model, database, noisy, solved):

@@ -35,7 +35,7 @@ def recorded(tmp_path_factory, true_markers, subject, database, stage_rig, recor
     """A take of two seconds without three frames, a little of it in every chunk, and its live poses."""
     folder = tmp_path_factory.mktemp("recorded")
     setup = TakeSetup.of(stage_rig, (subject,), {"best_neighbours": 200}, identity(database), {})
-    session = Session(subject, database, stage_rig, SolveSettings(**setup.settings))
+    session = Session(subject, database, stage_rig, SolveSettings.of_table(setup.settings))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(writer_module, "WRITE_EVERY_S", 3600.0)  # this plays the thread
         writer = TakeWriter(folder / "walk.perftake", setup, TakeNotes("Walk 1", character="Xbot"))

@@ -57,6 +57,21 @@ def graph(motions):
     return build_graph(motions.poses, motions.clips, FPS)
 
 
+class Following:
+    """A search that begins each time from the frames found last."""
+
+    def __init__(self, search):
+        self._search = search
+        self._found = None
+
+    def nearest(self, query, count):
+        self._found, distances = self._search.nearest(query, count, self._found)
+        return self._found, distances
+
+    def __getattr__(self, name):
+        return getattr(self._search, name)
+
+
 def worst_excess(motions, search, hidden=()):
     """Return by how much the found distances exceed the true ones, relative to the spread among the closest."""
     exhaustive = ExhaustiveSearch(motions.markers, motions.poses)
@@ -78,7 +93,7 @@ def test_a_complete_graph_finds_what_looking_at_all_frames_finds(motions):
     few = slice(0, 400)
     settings = GraphSettings(radius_deg=np.inf, most=402)
     complete = build_graph(motions.poses[few], motions.clips[few], FPS, settings)
-    search = GraphSearch(motions.markers[few], motions.poses[few], complete)
+    search = Following(GraphSearch(motions.markers[few], motions.poses[few], complete))
     exhaustive = ExhaustiveSearch(motions.markers[few], motions.poses[few])
     for query in motions.queries(30):
         mine, theirs = search.nearest(query, WANTED), exhaustive.nearest(query, WANTED)
@@ -87,9 +102,9 @@ def test_a_complete_graph_finds_what_looking_at_all_frames_finds(motions):
 
 @pytest.mark.parametrize("hidden", [(), (2,), (0, 5, 7)])
 def test_graph_finds_nearly_the_closest_among_few_frames(motions, graph, hidden):
-    search = GraphSearch(motions.markers, motions.poses, graph)
+    search = Following(GraphSearch(motions.markers, motions.poses, graph))
     assert worst_excess(motions, search, hidden) < 0.1
-    search.reset()
+    search = Following(GraphSearch(motions.markers, motions.poses, graph))
     looked_at = [visits(search, query) for query in motions.queries(hidden=hidden)]
     assert np.mean(looked_at[1:]) < 0.03 * len(motions.poses)
 
@@ -105,7 +120,7 @@ def test_every_frame_whose_distance_is_computed_counts(motions, graph, monkeypat
 
     monkeypatch.setattr(ExhaustiveSearch, "distances", counted)
     for search in (
-        GraphSearch(motions.markers, motions.poses, graph),
+        Following(GraphSearch(motions.markers, motions.poses, graph)),
         CellSearch(motions.markers, motions.poses, graph.clusters),
         ExhaustiveSearch(motions.markers, motions.poses),
     ):
@@ -115,7 +130,7 @@ def test_every_frame_whose_distance_is_computed_counts(motions, graph, monkeypat
 
 
 def test_what_a_graph_search_looks_at_is_bounded(motions, graph):
-    search = GraphSearch(motions.markers, motions.poses, graph)
+    search = Following(GraphSearch(motions.markers, motions.poses, graph))
     nowhere = Query(np.full((MARKERS, 3), 3.0), np.full(ANGLES, 5.0), 0.8, 0.002)  # all frames are about as far
     search.nearest(nowhere, WANTED)
     last_looks = 500  # the bound is asked for between looks at some frames' neighbours
@@ -123,7 +138,7 @@ def test_what_a_graph_search_looks_at_is_bounded(motions, graph):
 
 
 def test_a_motion_that_jumps_elsewhere_is_followed(motions, graph):
-    search = GraphSearch(motions.markers, motions.poses, graph)
+    search = Following(GraphSearch(motions.markers, motions.poses, graph))
     for query in motions.queries(30):
         search.nearest(query, WANTED)
     generator = np.random.default_rng(3)
@@ -161,7 +176,7 @@ def test_distances_belong_to_the_frames(motions, graph, kind):
     search = (
         CellSearch(motions.markers, motions.poses, graph.clusters)
         if kind == "cells"
-        else GraphSearch(motions.markers, motions.poses, graph)
+        else Following(GraphSearch(motions.markers, motions.poses, graph))
     )
     exhaustive = ExhaustiveSearch(motions.markers, motions.poses)
     for query in motions.queries(10):
@@ -187,9 +202,11 @@ def test_solver_chooses_by_size_and_setting(motions, graph, tmp_path):
 @pytest.mark.parametrize("name", ["cells", "graph"])
 def test_poses_are_those_of_the_exhaustive_search(database, model, true_markers, truth, name):
     solvers = [PoseSolver(model, database, SolveSettings(search=search)) for search in ("exhaustive", name)]
+    states = [solver.initial_state for solver in solvers]
     apart = []
     for markers in true_markers:
-        solutions = [solver.step(Observation.of_points(markers)) for solver in solvers]
+        steps = [s.step(state, Observation.of_points(markers)) for s, state in zip(solvers, states, strict=True)]
+        solutions, states = zip(*steps, strict=True)
         local = [model.rotations(solution.pose, solution.root)[1:] for solution in solutions]
         apart.append(np.degrees(rot.angle_between(*local)).mean())
     assert np.mean(apart) < 0.25  # the own error of the method on this clip is ten times that

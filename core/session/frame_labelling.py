@@ -1,0 +1,155 @@
+"""Labels of the marker frames of one capture."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..body.calibration_poses import standing, t_pose
+from ..body.skeleton import marker_positions
+from ..database.store import Database
+from ..geometry import rotations as rot
+from ..geometry.camera import Camera
+from ..labelling.initial_labelling import InitialLabeller, InitialLabels
+from ..labelling.labeller import Labeller
+from ..labelling.relabelling import Relabeller
+from ..markers.marker_frame import MarkerFrame
+from ..solver.observation import Observation
+from ..solver.subject_model import SubjectModel
+
+Array = NDArray[np.float64]
+FloatArray = NDArray[np.float32]
+IntArray = NDArray[np.int64]
+
+_EXAMPLES = 2048  # poses of the database that a body without a past is compared with
+
+
+class BodyExamples:
+    """Markers of many poses, by which a body without a past is labelled.
+
+    Attributes:
+        start_poses_m: markers (M, 3) of the T pose and of standing.
+        markers_m: (E, M, 3) of poses of all kinds with the root at rest.
+        ups: (E, 3) direction of the world's up in the root's frame.
+    """
+
+    def __init__(self, model: SubjectModel, database: Database) -> None:
+        self.start_poses_m = [rest_markers(model, pose(model.skeleton)) for pose in (t_pose, standing)]
+        frames = np.unique(np.linspace(0, database.frames - 1, _EXAMPLES).astype(np.int64))
+        upright = np.array([0.0, 1.0, 0.0])
+        ups = rot.rotate(rot.conjugate(database.root_rotations[frames]), upright)
+        markers = np.concatenate((model.database_markers(database, frames), self.start_poses_m))
+        self.markers_m: FloatArray = markers.astype(np.float32)
+        self.ups: FloatArray = np.concatenate((ups, [upright, upright])).astype(np.float32)
+
+
+def rest_markers(model: SubjectModel, rotations: Array) -> Array:
+    """Return the markers (M, 3) of joint rotations (J, 4) with the root at the origin."""
+    return marker_positions(model.skeleton, model.joints, model.offsets_m, rotations, np.zeros(3))
+
+
+class FrameLabeller:
+    """Labels the marker frames of one body in order.
+
+    Args:
+        names: of the markers.
+        model: of the subject.
+        cameras: that see the body, for markers that only one of them sees.
+        examples: by which a body without a past is labelled.
+    """
+
+    def __init__(
+        self, names: tuple[str, ...], model: SubjectModel, cameras: tuple[Camera, ...], examples: BodyExamples
+    ) -> None:
+        self._names, self._torso, self._cameras = names, model.torso, cameras
+        self._initial = InitialLabeller(examples.markers_m, examples.ups, model.torso)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the motion so far."""
+        self._labeller = Labeller(self._names, self._torso)
+        self._relabeller = Relabeller(self._initial, self._torso)
+
+    @property
+    def has_relabelled(self) -> bool:
+        """Whether the last frame has other labels than the pose before suggests."""
+        return self._relabeller.changed
+
+    def expected(self, predicted_m: Array, elapsed_s: float) -> tuple[Array, Array]:
+        """Return the expected place of each marker (M, 3) and its uncertainty (M,), metres.
+
+        Args:
+            predicted_m: (M, 3) markers of the last synthesized pose.
+            elapsed_s: time since that pose.
+        """
+        return self._labeller.expected(predicted_m, elapsed_s)
+
+    def label_initially(self, points_m: Array) -> InitialLabels | None:
+        """Return labels of points (N, 3) without a past, None when they are unlike a body."""
+        return self._initial.label(points_m)
+
+    def label(self, frame: MarkerFrame, predicted_m: Array | None, elapsed_s: float) -> Observation:
+        """Return the labelled markers of the next frame.
+
+        Args:
+            frame: with the labels of the source, or without any.
+            predicted_m: (M, 3) markers of the last synthesized pose, None without a past.
+            elapsed_s: time since that pose.
+        """
+        if is_labelled(frame):
+            return self._observe_known_labels(frame)
+        if predicted_m is None:
+            start = self.label_initially(frame.points_m)
+            labels = start.labels if start else np.full(len(frame.points_m), -1)
+            self._labeller.begin(frame.points_m, labels)
+            return Observation.of_points(self._by_marker(frame.points_m, labels))
+        return self.label_tracked(frame, predicted_m, elapsed_s)
+
+    def label_tracked(self, frame: MarkerFrame, predicted_m: Array, elapsed_s: float) -> Observation:
+        """Return the labelled markers of a frame of a tracked body; arguments as of `label`."""
+        if not self._cameras or len(frame.blobs) != len(self._cameras):
+            labels = self._labeller.label(frame.points_m, frame.covariances_m2, predicted_m, elapsed_s)
+            observation = Observation.of_points(self._by_marker(frame.points_m, labels))
+            return self._relabel(frame, observation, frame.points_m[labels < 0])
+        found = self._labeller.label_blobs(frame, self._cameras, predicted_m, elapsed_s)
+        single = found.single_cameras
+        image_points = found.normalised[np.arange(len(self._names)), single]
+        image_points[single < 0] = np.nan
+        observation = Observation(found.points_m, single, image_points, self._cameras)
+        return self._relabel(frame, observation, found.unlabelled_points(frame))
+
+    def label_distance_m(self, pose_observed_m: Array, pose_markers_m: Array) -> float:
+        """Return the RMS distance of labelled points (M, 3) to the closest example, see `InitialLabels`."""
+        return self._initial.distance_m(pose_observed_m, pose_markers_m)
+
+    def displacements_m(self, start: InitialLabels, points_m: Array, observed_m: Array) -> Array:
+        """Return the distance (M,) of each marker's point from the observed one, NaN where either lacks."""
+        return np.asarray(np.linalg.norm(self._by_marker(points_m, start.labels) - observed_m, axis=1))
+
+    def _relabel(self, frame: MarkerFrame, observation: Observation, unlabelled_m: Array) -> Observation:
+        """Return the observation under better labels, where there are any."""
+        better = self._relabeller.relabel(frame.time_s, observation.points_m, unlabelled_m)
+        if better is None:
+            return observation
+        self._labeller.correct(better)
+        return Observation.of_points(better)
+
+    def _observe_known_labels(self, frame: MarkerFrame) -> Observation:
+        count = len(self._names)
+        points = self._by_marker(frame.points_m, frame.labels)
+        cameras = np.full(count, -1, dtype=np.int64)
+        image_points = np.full((count, 2), np.nan)
+        usable = (frame.single_labels >= 0) & (len(self._cameras) > 0)
+        cameras[frame.single_labels[usable]] = frame.single_cameras[usable]
+        image_points[frame.single_labels[usable]] = frame.single_points[usable]
+        cameras[np.isfinite(points[:, 0])] = -1
+        return Observation(points, cameras, image_points, self._cameras)
+
+    def _by_marker(self, points_m: Array, labels: IntArray) -> Array:
+        """Return the points (M, 3) by marker, NaN where none is labelled so."""
+        result = np.full((len(self._names), 3), np.nan)
+        result[labels[labels >= 0]] = points_m[labels >= 0]
+        return result
+
+
+def is_labelled(frame: MarkerFrame) -> bool:
+    """Whether the source knows the labels."""
+    return bool(np.any(frame.labels >= 0) or np.any(frame.single_labels >= 0))

@@ -1,0 +1,160 @@
+"""Quality of tracking: confidence in a pose, and signs of lost, wrong or mislabelled bodies."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..body.scene_pose import PerformerPose
+from ..solver.observation import Observation
+from ..solver.solution import Solution
+from ..system.backoff import Backoff
+
+Array = NDArray[np.float64]
+
+
+class TrackingNote(StrEnum):
+    """Notes on a pose for people."""
+
+    UNFAMILIAR = "this motion is unlike the database"
+    WAITING = "waiting for the markers of the torso"
+
+
+@dataclass(frozen=True)
+class TrackingSettings:
+    """Thresholds of tracking.
+
+    Args:
+        explained_m: distance of solved from observed markers at which confidence has fallen to 1/e.
+        familiar_m: distance to the closest example at which confidence has fallen to 1/e.
+        wrong_m: distance of solved from observed markers above which labels or pose are wrong.
+        wrong_for_s: duration of wrong markers, after which labelling starts again.
+        lost_for_s: duration without two torso markers, after which labelling starts again.
+        torso_markers: fewest by which the torso is seen.
+        first_check_s: wait before the first check of labels or of a doubtful pose; each further wait is doubled.
+        rare_check_s: longest wait; from then on labels are checked at low confidence only.
+        doubtful: that confidence.
+        better: share of the labels' distance to the examples; new labels that are closer show that they are wrong.
+        sure_m: labels this near to an example are right: limbs exchanged across a hand's breadth are further off.
+        elsewhere_m: distance by which new labels must move a marker.
+        sufficient: share of located markers needed to doubt a pose: some example or other is near to fewer.
+        promising: share of the distance to the closest example; a pose without a past is solved only if its closest
+            example is nearer.
+        nearer: share of the same distance; a pose without a past that is nearer is the right one.
+    """
+
+    explained_m: float = 0.03
+    familiar_m: float = 0.15
+    wrong_m: float = 0.10
+    wrong_for_s: float = 0.5
+    lost_for_s: float = 1.0
+    torso_markers: int = 2
+    first_check_s: float = 0.1
+    rare_check_s: float = 1.0
+    doubtful: float = 0.5
+    better: float = 0.7
+    sure_m: float = 0.04
+    elsewhere_m: float = 0.03
+    sufficient: float = 0.75
+    promising: float = 0.6
+    nearer: float = 0.5
+
+
+SETTINGS = TrackingSettings()
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Agreement of a solution with its observation.
+
+    Args:
+        located: (M,) which markers were located.
+        rms_m: RMS distance between located and solved markers; NaN when none was located.
+        confidence: 0 (guessed) to 1 (all markers seen and explained, motion like the database).
+    """
+
+    located: NDArray[np.bool_]
+    rms_m: float
+    confidence: float
+
+
+def assess_fit(observation: Observation, solution: Solution, settings: TrackingSettings = SETTINGS) -> Fit:
+    """Return the agreement of a solution with the located markers of an observation."""
+    located = observation.located
+    distances = np.linalg.norm(solution.markers_m[located] - observation.points_m[located], axis=1)
+    rms_m = float(np.sqrt(np.mean(distances**2))) if np.any(located) else float("nan")
+    confidence = (np.sum(located) + 0.5 * np.sum(observation.single)) / len(located)
+    if np.any(located):
+        familiarity = np.exp(-((solution.nearest_m / settings.familiar_m) ** 2))
+        confidence *= np.exp(-((rms_m / settings.explained_m) ** 2)) * familiarity
+    return Fit(located, rms_m, float(confidence))
+
+
+class _Lapse:
+    """Time since a condition last held."""
+
+    def __init__(self) -> None:
+        self._since_s: float | None = None
+
+    def update(self, now_s: float, holds: bool) -> float:
+        """Return for how long the condition has not held; at first it counts as held."""
+        if holds or self._since_s is None:
+            self._since_s = now_s
+        return now_s - self._since_s
+
+
+class TrackingQuality:
+    """Decides when the labels or the pose of a tracked body are worth doubt.
+
+    Args:
+        torso: (M,) which markers lie on the torso.
+        one_camera: whether rays of one camera count as seen.
+        settings: thresholds.
+    """
+
+    def __init__(self, torso: NDArray[np.bool_], one_camera: bool, settings: TrackingSettings = SETTINGS) -> None:
+        self._torso, self._one_camera = torso, one_camera
+        self.settings = settings
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the poses so far."""
+        self._unseen, self._wrong = _Lapse(), _Lapse()
+        self._label_check = Backoff(self.settings.first_check_s, self.settings.rare_check_s)
+        self._pose_check = Backoff(self.settings.first_check_s, self.settings.rare_check_s)
+
+    def is_lost(self, pose: PerformerPose) -> bool:
+        """Whether the torso has been unseen, or the solved markers have been wrong, for too long."""
+        settings, now_s = self.settings, pose.time_s
+        seen = np.isfinite(pose.observed_m[:, 0]) | ((pose.single_cameras >= 0) & self._one_camera)
+        unseen_s = self._unseen.update(now_s, bool(np.sum(seen & self._torso) >= settings.torso_markers))
+        wrong_s = self._wrong.update(now_s, not pose.marker_rms_m > settings.wrong_m)
+        return unseen_s > settings.lost_for_s or wrong_s > settings.wrong_for_s
+
+    def is_label_check_due(self, pose: PerformerPose) -> bool:
+        """Whether to compare the labels with new ones now.
+
+        A wrong start can last: its pose explains the markers, if badly. So labels are checked soon after a start, then
+        ever more rarely, and in the end at low confidence only.
+        """
+        check = self._label_check
+        if not check.is_due(pose.time_s) or (check.is_longest and pose.confidence > self.settings.doubtful):
+            return False
+        check.attempt(pose.time_s)
+        return True
+
+    def is_pose_check_due(self, time_s: float, observation: Observation, solution: Solution | None) -> bool:
+        """Whether to compare the pose with one without a past now.
+
+        Due when the pose has been far from the database for a moment and most markers are located, then ever more
+        rarely.
+        """
+        check = self._pose_check
+        if solution is None or not solution.nearest_m > self.settings.familiar_m:
+            check.reset(time_s)
+            return False
+        if not check.is_due(time_s) or np.mean(observation.located) < self.settings.sufficient:
+            return False
+        check.attempt(time_s)
+        return True

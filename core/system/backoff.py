@@ -1,0 +1,35 @@
+"""Waits between attempts, doubled after each."""
+
+import math
+
+
+class Backoff:
+    """Waiting time until the next attempt.
+
+    Args:
+        first_s: wait from the reset, or the first question, to the first attempt.
+        longest_s: limit of the waits.
+    """
+
+    def __init__(self, first_s: float, longest_s: float = math.inf) -> None:
+        self._first_s, self._longest_s = first_s, longest_s
+        self.reset()
+
+    def reset(self, now_s: float | None = None) -> None:
+        """Begin again with the first wait, from now or from the next question."""
+        self._since_s, self._wait_s = now_s, self._first_s
+
+    def is_due(self, now_s: float) -> bool:
+        """Whether the wait is over."""
+        if self._since_s is None:
+            self._since_s = now_s
+        return now_s - self._since_s >= self._wait_s
+
+    @property
+    def is_longest(self) -> bool:
+        """Whether the wait has grown to the longest."""
+        return self._wait_s >= self._longest_s
+
+    def attempt(self, now_s: float) -> None:
+        """Begin the next wait, twice as long."""
+        self._since_s, self._wait_s = now_s, min(2.0 * self._wait_s, self._longest_s)
