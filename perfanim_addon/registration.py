@@ -1,8 +1,7 @@
 """Registration in two steps.
 
-First what explains a broken installation (preferences, diagnostics), with nothing but Blender and the standard
-library; then the rest, which needs numpy and the bundled scipy. If that fails, the first step stays, and the sidebar
-says what is wrong.
+First preferences and diagnostics, which need only Blender and the standard library; then the rest, which needs numpy
+and the bundled scipy. If that fails, the first step stays, and the sidebar shows the error.
 """
 
 import traceback
@@ -13,14 +12,14 @@ from .preferences import diagnostics
 
 
 def _first_modules() -> Sequence[ModuleType]:
-    """Import what is registered before any library is needed."""
+    """Import the modules that need no library."""
     from .preferences import diagnostics_ui, preferences
 
     return preferences, diagnostics_ui
 
 
 def _other_modules() -> Sequence[ModuleType]:
-    """Import the rest, in the order in which it is registered."""
+    """Import the other modules, in the order of registration."""
     import scipy  # noqa: F401  # fails here if its wheel is broken, before anything is registered
 
     from .character import bone_map_settings
@@ -32,11 +31,13 @@ def _other_modules() -> Sequence[ModuleType]:
         character,
         command_line,
         database,
+        export_take,
         jobs,
+        put_on_character,
         self_test,
+        solve_takes,
         subject,
         take_files,
-        takes,
     )
     from .operators import targets as target_operators
     from .panels import batch as panel_batch
@@ -60,7 +61,9 @@ def _other_modules() -> Sequence[ModuleType]:
         database,
         character,
         capture,
-        takes,
+        put_on_character,
+        solve_takes,
+        export_take,
         take_files,
         target_operators,
         batch,
@@ -72,12 +75,12 @@ def _other_modules() -> Sequence[ModuleType]:
         panel_takes,
         panel_batch,
         command_line,
-        activity,  # last, so that it ends what runs while all that this needs is still there
+        activity,  # unregistered first, so that it ends running work while the rest is still there
     )
 
 
 def _fallback_modules() -> Sequence[ModuleType]:
-    """Import what is registered in place of the rest if a library is broken."""
+    """Import the modules for an installation with a broken library."""
     from .panels import broken_installation
 
     return (broken_installation,)
@@ -87,7 +90,7 @@ _registered: list[ModuleType] = []
 
 
 def register() -> None:
-    """Register what can be registered; a failing library leaves preferences and diagnostics usable."""
+    """Register everything; with a broken library, preferences and diagnostics only."""
     _add_all(_first_modules())
     diagnostics.problem = ""
     count = len(_registered)

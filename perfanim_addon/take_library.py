@@ -1,4 +1,4 @@
-"""The user's recorded takes: where they are, what is in the folder, which were cut off, which were deleted."""
+"""The user's recorded takes: folder, list, trash."""
 
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
@@ -13,13 +13,13 @@ from ..core.formats.take_file.lock import is_locked
 from ..core.formats.take_file.reading import ENDING, TakeSummary, has_frames, summarise, take_name, unused_path
 from .preferences.paths import user_folder
 
-SET_ASIDE = ".cut"  # behind the name of a file whose content has been recovered
-_DELETED = "deleted"  # folder in that of the takes, from which they can be had back
+RECOVERED_SUFFIX = ".cut"  # appended to the name of a recovered file
+_DELETED = "deleted"  # trash folder within the takes folder
 
 
 @dataclass
 class _Known:
-    """What was found when the folder was last looked into."""
+    """Content of the folder when it was last read."""
 
     stamp: int = -1
     takes: list[TakeSummary] = field(default_factory=list)
@@ -37,7 +37,7 @@ def folder() -> Path:
 
 
 def new_path() -> Path:
-    """Return a file for a capture that begins now."""
+    """Return an unused file for a capture that begins now."""
     name = datetime.now().astimezone().strftime("%Y-%m-%d %H.%M.%S")
     path, count = folder() / f"{name}{ENDING}", 2
     while path.exists():
@@ -46,42 +46,42 @@ def new_path() -> Path:
 
 
 def listed() -> list[TakeSummary]:
-    """Return the takes, the newest first; those that are being recorded, or hold no frame, are left out.
+    """Return the takes, newest first, without those being recorded or empty.
 
-    Panels ask for them often: the folder is looked into only when something was added or removed, or after `forget`.
+    The folder is read again only after a change of its entries or `forget`, as panels ask often.
     """
     try:
         stamp = folder().stat().st_mtime_ns
-    except OSError:  # no folder can be made: a capture tells
+    except OSError:  # a capture reports it
         return []
     if stamp != _known.stamp:
         _known.stamp, _known.takes = stamp, _found()
-        _known.bytes, _known.gone = size(take.path for take in _known.takes), gone()
+        _known.bytes, _known.gone = size(take.path for take in _known.takes), in_trash()
         _known.gone_bytes = size(_known.gone)
     return _known.takes
 
 
-def room() -> tuple[int, int]:
-    """Return how many bytes the takes hold that `listed` shows, and how many what can be removed for good."""
+def disk_space() -> tuple[int, int]:
+    """Return the bytes of the listed takes, and of the files in the trash."""
     listed()
     return _known.bytes, _known.gone_bytes
 
 
 def are_deleted() -> bool:
-    """Return whether there are takes that can be had back."""
+    """Return True if there are deleted takes."""
     listed()
     return any(path.suffix == ENDING for path in _known.gone)
 
 
 def forget() -> None:
-    """Look into the folder again next time: a take has changed, or a capture has ended."""
+    """Read the folder again next time: a take has changed."""
     _known.stamp = -1
 
 
 def cut_off() -> list[TakeSummary]:
-    """Return the takes of which nothing may have come, the newest first.
+    """Return the takes to offer for recovery, newest first.
 
-    They have no end mark, as their worker died, or outlived Blender and have not been put onto a character since.
+    Their worker died, so that they have no end mark, or they outlived Blender and were not put onto a character since.
     """
     return [take for take in listed() if not take.complete or (take.orphaned and not take.notes.played)]
 
@@ -121,10 +121,10 @@ def mark_played(path: Path | str, character: str = "") -> None:
 
 
 def delete(path: Path) -> None:
-    """Put a take where it can be had back from.
+    """Move a take to the trash.
 
     Raises:
-        TakeError: it is no take, is being recorded, or cannot be moved.
+        TakeError: not a take, being recorded, or it cannot be moved.
     """
     name = summarise(path).notes.name
     if is_locked(path):
@@ -133,28 +133,28 @@ def delete(path: Path) -> None:
 
 
 def deleted() -> list[TakeSummary]:
-    """Return the takes that can be had back, the newest first."""
+    """Return the deleted takes, newest first."""
     return _summaries(folder() / _DELETED)
 
 
 def restore(path: Path) -> None:
-    """Bring a deleted take back into the list; TakeError when that cannot be done."""
+    """Move a deleted take back into the list; TakeError when it cannot be moved."""
     _move(path, folder())
 
 
-def gone() -> list[Path]:
-    """Return the files that nobody sees any more: deleted takes, and cut ones whose content has been recovered."""
-    return [*(folder() / _DELETED).glob(f"*{ENDING}"), *folder().glob(f"*{ENDING}{SET_ASIDE}")]
+def in_trash() -> list[Path]:
+    """Return the files in the trash: deleted takes, and damaged files that were recovered."""
+    return [*(folder() / _DELETED).glob(f"*{ENDING}"), *folder().glob(f"*{ENDING}{RECOVERED_SUFFIX}")]
 
 
-def unloved(days: int, stars: int) -> list[TakeSummary]:
-    """Return the whole takes that are older than so many days and have no more than so many stars."""
+def low_rated(days: int, stars: int) -> list[TakeSummary]:
+    """Return the complete takes older than `days` with at most `stars` stars."""
     limit = datetime.now(UTC) - timedelta(days=days)
     return [take for take in listed() if take.complete and take.notes.rating <= stars and _created(take) < limit]
 
 
 def remove(paths: Iterable[Path]) -> int:
-    """Remove files for good; return the bytes that are free now.
+    """Remove files permanently; return the bytes freed.
 
     Raises:
         TakeError: one cannot be removed.
@@ -173,12 +173,12 @@ def remove(paths: Iterable[Path]) -> int:
 
 
 def size(paths: Iterable[Path]) -> int:
-    """Return how many bytes files hold."""
+    """Return the total size of files in bytes."""
     return sum(path.stat().st_size for path in paths if path.exists())
 
 
 def size_text(count: float) -> str:
-    """Return a number of bytes as people read it."""
+    """Format a number of bytes for people."""
     for unit in ("bytes", "KB", "MB"):
         if count < 1000:
             return f"{count:.0f} {unit}"
@@ -208,7 +208,7 @@ def _is_cut_off(path: Path) -> bool:
 
 
 def _summaries(where: Path) -> list[TakeSummary]:
-    """Return what a folder's takes are, the newest first; what is none, and could not be saved, is left out."""
+    """Return the readable takes of a folder, newest first."""
     return sorted(_readable(where), key=_created, reverse=True)
 
 
@@ -221,7 +221,7 @@ def _readable(where: Path) -> Iterator[TakeSummary]:
 
 
 def _created(take: TakeSummary) -> datetime:
-    """Return when a take began; one that was cut off, when it was last written to."""
+    """Return the start time of a take; without one, the time of its last change."""
     try:
         return datetime.fromisoformat(take.created).astimezone(UTC)
     except ValueError:

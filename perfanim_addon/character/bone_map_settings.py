@@ -8,7 +8,7 @@ from ...core.body.standard_skeleton import JOINT_NAMES
 from ...core.errors import CharacterError
 from ...core.retarget.bone_map import BoneMap, JointMatch, State, checked_map
 from ...core.retarget.retargeter import RootMotion
-from ..preferences.attach_settings import hung_on
+from ..preferences.attach_settings import attach_property_group
 from .rig import read_armature_rest
 
 JOINT_LABELS = {
@@ -148,4 +148,6 @@ def stored_root_motion(armature_object: bpy.types.Object) -> RootMotion:
     return RootMotion.HIPS if kept is None else RootMotion[kept.root_motion]
 
 
-register, unregister = hung_on(bpy.types.Object, "perfanim_character", PERFANIM_PG_joint, PERFANIM_PG_character)
+register, unregister = attach_property_group(
+    bpy.types.Object, "perfanim_character", PERFANIM_PG_joint, PERFANIM_PG_character
+)

@@ -1,7 +1,7 @@
-"""What runs at the moment: at most one capture or one job, and the last message of each panel.
+"""The running capture or job, at most one, and the last message of each panel.
 
-Nothing of Blender's data is kept here, only names and the timers, which are removed on every way out: the operator's
-own end, loading a file, closing the window and switching the extension off.
+No Blender data is kept here, only names and the timer, which is removed on every way out: the operator's own end,
+loading a file, closing the window and disabling the extension.
 """
 
 import contextlib
@@ -21,7 +21,7 @@ class Activity(Protocol):
         """End the worker process."""
 
     def keep(self, context: bpy.types.Context) -> str:
-        """Write what is to be kept of it, once; return the line that says so, "" when there is nothing."""
+        """Write the result once; return the line to show, "" if there is no result."""
 
 
 @dataclass
@@ -35,19 +35,19 @@ _state = _State()
 
 
 def current() -> Activity | None:
-    """Return what runs, None when nothing does."""
+    """Return the running activity, None if there is none."""
     return _state.activity
 
 
 def begin(context: bpy.types.Context, activity: Activity, interval_s: float) -> None:
-    """Make `activity` the running one and add its timer to the context's window."""
+    """Make `activity` the running one and start its timer in the context's window."""
     end()
     _state.activity = activity
     _state.timer = context.window_manager.event_timer_add(interval_s, window=context.window)
 
 
 def end() -> None:
-    """End whatever runs: remove the timer and what is drawn, close the worker. Safe to call at any time."""
+    """End the activity: remove timer and overlays, close the worker. Safe at any time."""
     activity, timer = _state.activity, _state.timer
     _state.activity = _state.timer = None
     if timer is not None:
@@ -60,19 +60,19 @@ def end() -> None:
 
 
 def finish(context: bpy.types.Context) -> str:
-    """End whatever runs and keep what it has, as `Activity.keep` does."""
+    """End the activity and keep its result, as `Activity.keep` does."""
     activity = _state.activity
     end()
     return activity.keep(context) if activity is not None else ""
 
 
 def set_message(panel: str, text: str, icon: str = "INFO") -> None:
-    """Keep what a panel's last operation said, with the icon that goes before it; "" clears it."""
+    """Set the message of a panel and its icon; "" clears it."""
     _state.messages[panel] = (text, icon)
 
 
 def message(panel: str) -> tuple[str, str]:
-    """Return what a panel's last operation said, and the icon that goes before it."""
+    """Return the message of a panel and its icon."""
     return _state.messages.get(panel, ("", "INFO"))
 
 
@@ -88,19 +88,19 @@ def redraw_sidebars() -> None:
 
 @bpy.app.handlers.persistent
 def _before_load(*_: object) -> None:
-    # the recording is in the data should the file not load; should it load, this data is gone with all else
+    # if loading fails, the present data stays and has the recording
     with contextlib.suppress(PerfanimError):
         finish(bpy.context)
 
 
 def register() -> None:
-    """Add the handler that ends everything before another file is loaded."""
+    """Add the handler that ends the activity before another file is loaded."""
     _state.messages.clear()
     bpy.app.handlers.load_pre.append(_before_load)
 
 
 def unregister() -> None:
-    """End everything, keep what is recorded, and remove the handler."""
+    """End the activity, keep its result, and remove the handler."""
     with contextlib.suppress(PerfanimError):
         finish(bpy.context)
     bpy.app.handlers.load_pre.remove(_before_load)

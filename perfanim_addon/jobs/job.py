@@ -1,4 +1,4 @@
-"""Work that a worker process does for Blender, with its progress and result."""
+"""Jobs of a worker process, with progress and result."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -11,20 +11,20 @@ from ...core.worker.protocol import Message, MessageKind
 
 
 def command(arguments: Sequence[str]) -> dict[str, Any]:
-    """Return the request for a command of the `perfanim` command line."""
+    """Return the request for a command of `perfanim`."""
     return {"job": "command", "arguments": list(arguments)}
 
 
 class Job:
-    """Work with progress and a result, running in a worker process.
+    """Job in a worker process, with progress and a result.
 
     Args:
-        title: what is being done, for the panel.
-        panel: whose line shows the result.
-        request: what the worker is asked for (see `core.worker.process`).
+        title: shown in the panel.
+        panel: panel that shows the result.
+        request: for the worker (see `core.worker.process`).
         python: interpreter of the worker, None for Blender's own.
-        finishable: whether it can be asked to end early with what it has.
-        first: work that must be done before, None for none.
+        finishable: it can end early with the result so far.
+        first: job to do before, None for none.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class Job:
         self.panel = panel
         self.finishable = finishable
         self.text = "starting"
-        self.heading = ""  # how far it is, for the panel's header line
+        self.heading = ""  # progress for the panel's header
         self.fraction = 0.0
         self.summary: dict[str, Any] | None = None
         self._preview: Message | None = None
@@ -50,19 +50,19 @@ class Job:
 
     @property
     def ended(self) -> bool:
-        """Whether the worker is done."""
+        """True when the worker is done."""
         return self._client is not None and self._client.ended
 
     def tick(self) -> None:
-        """Take what the worker has sent; raises the PerfanimError that ended the work."""
+        """Read the worker's messages; raise the PerfanimError that ended the job."""
         if self._client is None:
             self._prepare()
             return
         for message in self._client.poll():
-            self._take(message)
+            self._on_message(message)
 
     def _prepare(self) -> None:
-        """Go on with what must be done before, and begin when it is."""
+        """Advance the first job, and start this one after it."""
         if self._first is not None:
             self._first.tick()
             self.text, self.fraction = self._first.title, self._first.fraction
@@ -71,7 +71,7 @@ class Job:
             self._first.close()
         self._client = WorkerClient(self._request, self._python)
 
-    def _take(self, message: Message) -> None:
+    def _on_message(self, message: Message) -> None:
         if message.kind is MessageKind.PREVIEW:
             self._preview = message
             return
@@ -87,12 +87,12 @@ class Job:
             raise message.error()
 
     def take_preview(self) -> NDArray[np.uint8] | None:
-        """Return the newest picture (height, width, 3), RGB, of what the cameras see; None when there is no new one."""
+        """Return the newest camera image (height, width, 3), RGB, None if there is no new one."""
         message, self._preview = self._preview, None
         return None if message is None else message.preview()
 
     def finish(self) -> None:
-        """Ask the worker to end with what it has; go on calling `tick` until `ended`."""
+        """Ask the worker to end with the result so far; keep calling `tick` until `ended`."""
         self.finishable = False
         if self._client is not None:
             self._client.request_stop()
@@ -105,5 +105,5 @@ class Job:
             self._client.close()
 
     def keep(self, context: object) -> str:
-        """Keep nothing: what a command has not finished leaves nothing."""
+        """Keep nothing: an unfinished command has no result."""
         return ""

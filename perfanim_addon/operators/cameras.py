@@ -1,4 +1,4 @@
-"""Calibration of the cameras."""
+"""Operators of the cameras: calibrate, set the floor, print a board."""
 
 from pathlib import Path
 from typing import Any
@@ -8,8 +8,7 @@ from bpy_extras.io_utils import ExportHelper
 
 from ...core.errors import CalibrationError
 from ...core.geometry.rig_file import rig_from, save_rig
-from ..capture import request as capture_setup
-from ..capture import sound
+from ..capture import request, sound
 from ..preferences.paths import absolute, user_folder
 from ..settings import readiness
 from ..settings.capture_settings import PERFANIM_PG_settings, settings
@@ -18,11 +17,11 @@ from .jobs import JobOperator
 PANEL = "cameras"
 _TAKEN_HZ = 1320.0
 _SCALE_OFF = 0.02
-SIMULATED_BOARD = (9, 6, 80.0)  # inner corners and square in mm of the board that the simulated performer holds
+SIMULATED_BOARD = (9, 6, 80.0)  # inner corners and square in mm of the simulated board
 
 
 def board_spec(chosen: PERFANIM_PG_settings) -> str:
-    """Return the board as the calibration takes it."""
+    """Return the board in the notation of `perfanim calibrate`."""
     size = f"{chosen.board_columns}x{chosen.board_rows}:{chosen.board_square_mm:g}mm"
     if chosen.board_kind == "CHARUCO":
         return f"charuco:{size}:{chosen.board_code_mm:g}mm:{chosen.board_dictionary}"
@@ -30,7 +29,7 @@ def board_spec(chosen: PERFANIM_PG_settings) -> str:
 
 
 class PERFANIM_OT_calibrate_cameras(JobOperator, bpy.types.Operator):
-    """Find lenses and places of the two cameras from images of a chessboard, taken at the same moments by both"""
+    """Calibrate the two cameras from images of a chessboard, taken at the same moments by both"""
 
     bl_idname = "perfanim.calibrate_cameras"
     bl_label = "Calibrate from Pictures"
@@ -38,11 +37,11 @@ class PERFANIM_OT_calibrate_cameras(JobOperator, bpy.types.Operator):
     panel = PANEL
 
     @classmethod
-    def lacks(cls, context: bpy.types.Context) -> str:
-        """Needs a folder of each camera."""
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        """Require an image folder of each camera."""
         chosen = settings(context)
         both = chosen.board_left and chosen.board_right
-        return "" if both else "Choose the folders with both cameras' images of the board"
+        return "" if both else "Choose the folders with each camera's images of the board"
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         """Return the command."""
@@ -52,32 +51,32 @@ class PERFANIM_OT_calibrate_cameras(JobOperator, bpy.types.Operator):
         for side in ("left", "right"):
             folder = absolute(getattr(chosen, f"board_{side}"))
             if not Path(folder).is_dir():
-                raise CalibrationError("is no folder", where=folder, advice=f"choose the {side} camera's images")
+                raise CalibrationError("is not a folder", where=folder, advice=f"choose the {side} camera's images")
             arguments += [f"--{side}", folder]
         return arguments
 
-    def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+    def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         """Use the new calibration."""
         settings(context).calibration = self._target
-        return _told(summary)
+        return _quality(summary)
 
 
 class _Watching(JobOperator):
-    """Base of what watches the board with the cameras."""
+    """Base of the operators that watch the board with the cameras."""
 
     panel = PANEL
 
     @classmethod
-    def lacks(cls, context: bpy.types.Context) -> str:
-        """Needs cameras."""
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        """Require cameras."""
         if settings(context).source in ("CAMERAS", "SIMULATED"):
             return ""
-        return "Needs cameras as the source; pictures of the board are calibrated from their folders"
+        return "Needs cameras as the source; for images of the board use Calibrate from Pictures"
 
 
 class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
-    """Hold the chessboard before both cameras, still for a moment in each place: views of it are taken by themselves,
-    and it ends by itself once the calibration is good"""
+    """Calibrate while you hold the chessboard in front of both cameras, still for a moment in each place. Views are
+    taken automatically until the calibration is good"""
 
     bl_idname = "perfanim.calibrate_board"
     bl_label = "Calibrate with Board"
@@ -85,13 +84,13 @@ class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
     finishable = True
 
     def request(self, context: bpy.types.Context) -> dict[str, Any]:
-        """Return what the worker is asked for."""
+        """Return the request."""
         chosen = settings(context)
-        watched = _watched(chosen)
-        if chosen.source == "CAMERAS":  # all that are chosen, though the present calibration may be of one alone
-            watched["source"]["devices"] = list(readiness.devices(chosen))
+        board = _board_request(chosen)
+        if chosen.source == "CAMERAS":  # all cameras, even if the present calibration has only one
+            board["source"]["devices"] = list(readiness.devices(chosen))
         return {
-            **watched,
+            **board,
             "job": "record board",
             "limit": chosen.board_views,
             "every_s": chosen.board_every_s if chosen.board_timed and chosen.source == "CAMERAS" else None,
@@ -99,75 +98,75 @@ class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
         }
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Poll the worker at each tick, and let who holds the board hear that a view was taken."""
+        """Poll the worker at each tick, and beep when a view was taken."""
         before = self._job.heading
         result = super().modal(context, event)
         if self._job.heading.split()[:1] != before.split()[:1] and before:
             sound.beep(_TAKEN_HZ)
         return result
 
-    def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+    def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         """Use the new calibration."""
         chosen = settings(context)
         if len(summary["pictures"]) == 2:
             chosen.board_left, chosen.board_right = summary["pictures"]
         _use_rig(chosen, summary, "cameras.toml")
         covered = ", ".join(f"{100.0 * part:.0f} %" for part in summary["coverage"].values())
-        return f"{_told(summary)}; {summary['used']} views, covered {covered}"
+        return f"{_quality(summary)}; {summary['used']} views, covered {covered}"
 
 
 class _FloorFinding(_Watching):
-    """Base of what finds the floor with calibrated cameras."""
+    """Base of the operators that find the floor with calibrated cameras."""
 
     title = "Finding the floor"
 
     @classmethod
-    def lacks(cls, context: bpy.types.Context) -> str:
-        """Needs a calibration."""
-        return super().lacks(context) or readiness.cameras(settings(context)).problem
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        """Require a calibration."""
+        return super().missing_input(context) or readiness.cameras(settings(context)).problem
 
 
 class PERFANIM_OT_set_floor(_FloorFinding, bpy.types.Operator):
-    """Lay the chessboard on the floor where you will stand, whole before both cameras: the floor is found, and the
-    middle of the board becomes the scene's origin"""
+    """Set the floor from the chessboard lying on it, fully visible to both cameras. The middle of the board becomes the
+    scene's origin"""
 
     bl_idname = "perfanim.set_floor"
     bl_label = "Set Floor from Board"
 
     def request(self, context: bpy.types.Context) -> dict[str, Any]:
-        """Return what the worker is asked for."""
+        """Return the request."""
         chosen = settings(context)
-        return {**_watched(chosen), "job": "record floor", "rig": absolute(chosen.calibration)}
+        return {**_board_request(chosen), "job": "record floor", "rig": absolute(chosen.calibration)}
 
-    def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """Use the cameras in the new world."""
+    def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+        """Use the calibration with its floor."""
         _use_rig(settings(context), summary, "cameras-on-floor.toml")
         off = float(summary["scale"]) - 1.0
-        text = "the floor is where the board lies, the origin in its middle"
+        text = "floor set at the board, origin at its middle"
         if abs(off) > _SCALE_OFF:
             text += f"; the board looks {100.0 * abs(off):.0f} % too {'large' if off > 0 else 'small'}: "
-            text += "check the side of its squares, or calibrate again"
+            text += "check the square size, or calibrate again"
         return text
 
 
 class PERFANIM_OT_set_floor_markers(_FloorFinding, bpy.types.Operator):
-    """Leave the floor empty until you are asked, then lay three or more markers on it about where you will stand and
-    step aside: the floor is found, and their middle becomes the scene's origin"""
+    """Set the floor from three or more markers lying on it. Leave the floor empty until you are asked for them. Their
+    middle becomes the scene's origin"""
 
     bl_idname = "perfanim.set_floor_markers"
     bl_label = "Set Floor from Markers"
 
     @classmethod
-    def lacks(cls, context: bpy.types.Context) -> str:
-        """Needs two cameras."""
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        """Require two cameras."""
         alone = readiness.is_one_camera(settings(context))
-        return super().lacks(context) or ("One camera alone finds the floor from the board" if alone else "")
+        return super().missing_input(context) or ("With one camera use Set Floor from Board" if alone else "")
 
     def request(self, context: bpy.types.Context) -> dict[str, Any]:
-        """Return what the worker is asked for."""
+        """Return the request."""
         chosen = settings(context)
         return {
-            **capture_setup.cameras(chosen),
+            **request.cameras(chosen),
             "job": "record floor markers",
             "rig": absolute(chosen.calibration),
             "preview": True,
@@ -175,10 +174,10 @@ class PERFANIM_OT_set_floor_markers(_FloorFinding, bpy.types.Operator):
             "longest_m": chosen.floor_longest_mm / 1000.0 or None,
         }
 
-    def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """Use the cameras in the new world."""
+    def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+        """Use the calibration with its floor."""
         _use_rig(settings(context), summary, "cameras-on-floor.toml")
-        text = f"the floor is where the {summary['markers']} markers lie, the origin in their middle"
+        text = f"floor set at the {summary['markers']} markers, origin at their middle"
         off = float(summary["scale"]) - 1.0
         return (
             f"{text}; the calibration was {100.0 * abs(off):.1f} % too {'small' if off > 0 else 'large'}"
@@ -187,12 +186,12 @@ class PERFANIM_OT_set_floor_markers(_FloorFinding, bpy.types.Operator):
         )
 
 
-def _watched(chosen: PERFANIM_PG_settings) -> dict[str, Any]:
-    """Return what the worker is asked for to watch the board."""
+def _board_request(chosen: PERFANIM_PG_settings) -> dict[str, Any]:
+    """Return the part of a request that describes source and board."""
     if chosen.source == "SIMULATED":
         chosen.board_kind = "CHESSBOARD"
         chosen.board_columns, chosen.board_rows, chosen.board_square_mm = SIMULATED_BOARD
-    return {"source": capture_setup.source(chosen), "board": board_spec(chosen), "preview": True}
+    return {"source": request.source(chosen), "board": board_spec(chosen), "preview": True}
 
 
 def _use_rig(chosen: PERFANIM_PG_settings, summary: dict[str, Any], name: str) -> None:
@@ -201,14 +200,14 @@ def _use_rig(chosen: PERFANIM_PG_settings, summary: dict[str, Any], name: str) -
     chosen.calibration = str(target)
 
 
-def _told(summary: dict[str, Any]) -> str:
-    """Return how good a calibration is and what would make it better."""
+def _quality(summary: dict[str, Any]) -> str:
+    """Return the quality of a calibration, and advice."""
     text = f"{summary.get('verdict', 'done')}: {float(summary.get('stereo_rms_px', 0.0)):.2f} px"
     return "; ".join((text, *summary.get("advice", ())))
 
 
 class PERFANIM_OT_save_board(JobOperator, bpy.types.Operator, ExportHelper):
-    """Write the chessboard as a PDF to print, at its true size"""
+    """Save the board as a PDF for printing at its true size"""
 
     bl_idname = "perfanim.save_board"
     bl_label = "Board to Print"
@@ -221,8 +220,8 @@ class PERFANIM_OT_save_board(JobOperator, bpy.types.Operator, ExportHelper):
         """Return the command."""
         return ["calibrate", "board", "--spec", board_spec(settings(context)), "--out", self.filepath]
 
-    def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """Say what to print it on."""
+    def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+        """Return the paper to print on."""
         return f"print {Path(summary['out']).name} on {summary['paper']} at 100 %, then measure a square"
 
 

@@ -1,4 +1,4 @@
-"""Live capture: the modal operator and its Stop."""
+"""Operators of the live capture: start, stop, record."""
 
 import time
 import traceback
@@ -11,42 +11,34 @@ from ..jobs import activity
 from ..preferences import preferences
 from ..settings import readiness
 from ..settings.capture_settings import settings
-from . import common
-from .database import starter_arguments
+from .common import CheckedOperator, report_error
+from .database import is_starter_missing, starter_arguments
 
 PANEL = "capture"
 TICK_S = 1 / 60
-SIDEBAR_S = 1.0  # the figures are redrawn this often, the viewport only when bones move
+SIDEBAR_S = 1.0  # time between redraws of the statistics; moving bones redraw the viewport
 
 
-class PERFANIM_OT_start_capture(bpy.types.Operator):
-    """Let the character follow the performer until Stop Capture or Esc; what is recorded becomes an Action"""
+class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
+    """Animate the character live until Stop Capture or Esc, and record the motion as an action"""
 
     bl_idname = "perfanim.start_capture"
     bl_label = "Start Capture"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Only if every step is ready."""
-        if not (common.in_scene(cls, context) and common.idle(cls)):
-            return False
-        problem = readiness.first_problem(settings(context))
-        if problem:
-            cls.poll_message_set(problem)
-        return not problem
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        """Require every step to be ready."""
+        return readiness.first_missing_step(settings(context))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Start; the timer goes on with it."""
+        """Start; the timer continues it."""
         activity.set_message(PANEL, "")
-        chosen = settings(context)
-        prepare = []
         try:
-            if not chosen.database and not readiness.starter_database_path().exists():
-                prepare = starter_arguments()
+            prepare = starter_arguments() if is_starter_missing(context) else []
             capture = LiveCapture(preferences.worker_python(context), prepare)
         except PerfanimError as error:
-            return common.failed(self, PANEL, error)
+            return report_error(self, PANEL, error)
         self._capture = capture
         self._shown_at = 0.0
         self._status = ""
@@ -55,7 +47,7 @@ class PERFANIM_OT_start_capture(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Advance at each tick; everything else passes through."""
+        """Advance at each tick; other events pass through."""
         if activity.current() is not self._capture:
             return self._finish(context)
         if event.type == "ESC" and event.value == "PRESS":
@@ -69,7 +61,7 @@ class PERFANIM_OT_start_capture(bpy.types.Operator):
         except PerfanimError as error:
             return self._finish(context, error)
         except Exception as error:
-            # A defect must not leave timer and worker behind, nor lose what is recorded.
+            # a defect must neither leave timer and worker behind nor lose the recording
             traceback.print_exc()
             text = f"{type(error).__name__}: {error}"
             return self._finish(context, CaptureError(text, advice="see the console, and report this"))
@@ -78,9 +70,9 @@ class PERFANIM_OT_start_capture(bpy.types.Operator):
         return {"PASS_THROUGH"}
 
     def _show(self, context: bpy.types.Context, posed: bool) -> None:
-        """Redraw the figures now and then; the viewport is redrawn by the moving bones themselves.
+        """Redraw the statistics once a second, if possible together with a new pose.
 
-        Together with a new pose where one comes: Blender draws the viewport again for the sidebar that lies over it.
+        Blender redraws the viewport below the sidebar along with it.
         """
         now = time.perf_counter()
         if now - self._shown_at > (SIDEBAR_S if posed else 2.0 * SIDEBAR_S):
@@ -92,7 +84,7 @@ class PERFANIM_OT_start_capture(bpy.types.Operator):
                 context.workspace.status_text_set(text)
 
     def _finish(self, context: bpy.types.Context, error: PerfanimError | None = None) -> set[str]:
-        """End everything, keep what was captured as one Action."""
+        """End the capture and write the recording as actions."""
         capture = self._capture
         if activity.current() is capture:
             activity.end()
@@ -110,37 +102,40 @@ class PERFANIM_OT_start_capture(bpy.types.Operator):
             activity.set_message(PANEL, text)
             self.report({"INFO"}, text)
         if error is not None:
-            common.failed(self, PANEL, error)
+            report_error(self, PANEL, error)
         activity.redraw_sidebars()
         return {"FINISHED"} if capture.run is not None and capture.run.poses else {"CANCELLED"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Blender takes the operator down (its window is closed): keep what was captured."""
+        """Keep the recording: the window is closing."""
         if activity.current() is not self._capture:
-            return  # loading a file and switching the add-on off have done so
+            return  # loading a file and disabling the add-on have kept it
         try:
             text = activity.finish(context)
         except PerfanimError as error:
-            common.failed(self, PANEL, error)
+            report_error(self, PANEL, error)
             return
         activity.set_message(PANEL, text)
         if text and bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message=self.bl_label)
 
 
-class PERFANIM_OT_stop_capture(bpy.types.Operator):
-    """End the capture; every recorded frame is kept in an Action"""
+class _LiveOperator(CheckedOperator):
+    """Base of the operators on the running capture."""
+
+    needs_scene = needs_idle = False
+
+
+class PERFANIM_OT_stop_capture(_LiveOperator, bpy.types.Operator):
+    """Stop the capture; the recorded frames are kept as actions"""
 
     bl_idname = "perfanim.stop_capture"
     bl_label = "Stop Capture"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Only while capturing."""
-        if not isinstance(activity.current(), LiveCapture):
-            cls.poll_message_set("Nothing is being captured")
-            return False
-        return True
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        """Require a running capture."""
+        return "" if isinstance(activity.current(), LiveCapture) else "No capture is running"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Ask for the end; the capture's own timer finishes it."""
@@ -150,26 +145,22 @@ class PERFANIM_OT_stop_capture(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class PERFANIM_OT_record(bpy.types.Operator):
-    """Begin a recording, after its countdown, or end the one that goes on; the capture goes on"""
+class PERFANIM_OT_record(_LiveOperator, bpy.types.Operator):
+    """Start a recording, after its countdown, or stop it; the capture continues"""
 
     bl_idname = "perfanim.record"
     bl_label = "Record"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Only while capturing by button."""
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        """Require a running capture that records by button."""
         capture = activity.current()
         if not isinstance(capture, LiveCapture) or capture.run is None:
-            cls.poll_message_set("Start the capture first")
-            return False
-        if not capture.by_button:
-            cls.poll_message_set("The recording began with the capture; switch Record by Button on before")
-            return False
-        return True
+            return "Start the capture first"
+        return "" if capture.by_button else "This capture records from its start; switch Record by Button on first"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Begin or end."""
+        """Start or stop the recording."""
         capture = activity.current()
         if isinstance(capture, LiveCapture):
             capture.record(settings(context))

@@ -1,4 +1,4 @@
-"""The character that moves along."""
+"""Operators of the character: add, choose, map its bones."""
 
 from collections.abc import Callable
 
@@ -17,46 +17,38 @@ from ..character.bone_map_settings import store_map
 from ..character.create_character import check_armature, find_armature
 from ..character.posing import PRESETS_FOLDER, find_map
 from ..character.rig import read_armature_rest
-from ..jobs import activity
 from ..panels.character import shown_armature
 from ..preferences.paths import absolute, user_folder
 from ..settings import readiness
 from ..settings.capture_settings import PERFANIM_PG_settings, settings
-from . import common
+from .common import PanelOperator
 
 PANEL = "character"
 
 
 def performer_skeleton(chosen: PERFANIM_PG_settings) -> Skeleton:
-    """Return the proportions for a new character: the subject's if there is one, else an average adult's."""
+    """Return the skeleton of the subject, or an average adult's if there is none."""
     found = readiness.subject(absolute(chosen.subject)) if chosen.subject else None
     return default_skeleton() if found is None or isinstance(found, PerfanimError) else found.skeleton
 
 
-class PERFANIM_OT_add_character(bpy.types.Operator):
-    """Add a plain humanoid with a simple mesh and the proportions of the subject, ready for capture"""
+class PERFANIM_OT_add_character(PanelOperator, bpy.types.Operator):
+    """Add a humanoid armature with a simple mesh and the proportions of the subject"""
 
     bl_idname = "perfanim.add_character"
     bl_label = "Add Character"
     bl_options = {"REGISTER", "UNDO"}
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Only while nothing runs."""
-        return common.in_scene(cls, context) and common.idle(cls)
+    panel = PANEL
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Add it."""
-        try:
-            add_character(context, performer_skeleton(settings(context)))
-        except PerfanimError as error:
-            return common.failed(self, PANEL, error)
-        activity.set_message(PANEL, "")
-        return {"FINISHED"}
+    def run(self, context: bpy.types.Context) -> str:
+        """Add the character."""
+        add_character(context, performer_skeleton(settings(context)))
+        return ""
 
 
-def _meant(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """Return the active armature, or that which the active object belongs to, or those below it.
+def _candidates(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """Return the active armature, or the armature of the active object or its parents, or those of its children.
 
     Importers leave a mesh or an empty of the character active.
     """
@@ -72,152 +64,130 @@ def _meant(context: bpy.types.Context) -> list[bpy.types.Object]:
     return [obj for obj in active.children_recursive if obj.type == "ARMATURE"]
 
 
-class PERFANIM_OT_use_active_armature(bpy.types.Operator):
-    """Let the armature of the active object move along; which bone is which joint is found by itself"""
+class PERFANIM_OT_use_active_armature(PanelOperator, bpy.types.Operator):
+    """Animate the armature of the active object; its bones are mapped to joints automatically"""
 
     bl_idname = "perfanim.use_active_armature"
     bl_label = "Use Active Armature"
     bl_options = {"REGISTER", "UNDO"}
 
+    panel = PANEL
+
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Needs an active armature, or something of its character that is active."""
-        if not (common.in_scene(cls, context) and common.idle(cls)):
-            return False
-        count = len(_meant(context))
-        if count == 0:
-            cls.poll_message_set("Select an armature first")
-        elif count > 1:
-            cls.poll_message_set(f"{count} armatures hang on {context.object.name}: select one of them")
-        return count == 1
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        """Require one armature at the active object."""
+        count = len(_candidates(context))
+        if count > 1:
+            return f"{context.object.name} has {count} armatures: select one of them"
+        return "" if count else "Select an armature first"
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Choose it if it is a humanoid."""
-        (armature_object,) = _meant(context)
-        try:
-            if check_armature(armature_object):
-                find_map(armature_object, user_folder(PRESETS_FOLDER))
-        except CharacterError as error:
-            return common.failed(self, PANEL, error)
+    def run(self, context: bpy.types.Context) -> str:
+        """Choose the armature if it is a humanoid."""
+        (armature_object,) = _candidates(context)
+        if check_armature(armature_object):
+            find_map(armature_object, user_folder(PRESETS_FOLDER))
         settings(context).armature = armature_object
-        activity.set_message(PANEL, "")
-        return {"FINISHED"}
+        return ""
 
 
-class _OnArmature:
-    """What the operators on a chosen armature's bone map share."""
+class _ArmatureOperator(PanelOperator):
+    """Base of the operators on an armature's bone map."""
 
+    panel = PANEL
     bl_options = {"REGISTER", "UNDO"}
     armature: bpy.props.StringProperty(
         name="Armature",
-        description="Whose bones are meant; empty: those of the armature chosen under Character",
+        description="Armature to map; empty for the one chosen under Character",
         options={"HIDDEN", "SKIP_SAVE"},
     )
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Needs a chosen armature."""
-        if not (common.in_scene(cls, context) and common.idle(cls)):
-            return False
-        if shown_armature(context) is None:
-            cls.poll_message_set("Choose an armature first")
-            return False
-        return True
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        """Require an armature."""
+        return "" if shown_armature(context) is not None else "Choose an armature first"
 
-    def meant(self, context: bpy.types.Context) -> bpy.types.Object:
-        """Return the armature that is meant; CharacterError when it is gone."""
+    def target(self, context: bpy.types.Context) -> bpy.types.Object:
+        """Return the armature to work on; CharacterError when it is gone."""
         return find_armature(self.armature) if self.armature else settings(context).armature
 
-    def use_map(self, context: bpy.types.Context, found: Callable[[bpy.types.Object], BoneMap]) -> set[str]:
-        """Give the armature the bone map that `found` returns for it."""
-        try:
-            armature_object = self.meant(context)
-            store_map(armature_object, found(armature_object))
-        except PerfanimError as error:
-            return common.failed(self, PANEL, error)
-        activity.set_message(PANEL, "")
-        return {"FINISHED"}
+    def use_map(self, context: bpy.types.Context, make: Callable[[bpy.types.Object], BoneMap]) -> str:
+        """Store the bone map that `make` returns for the armature."""
+        armature_object = self.target(context)
+        store_map(armature_object, make(armature_object))
+        return ""
 
 
-class PERFANIM_OT_find_bones(_OnArmature, bpy.types.Operator):
-    """Find again which bone is which joint, by names and shape"""
+class PERFANIM_OT_find_bones(_ArmatureOperator, bpy.types.Operator):
+    """Map the bones to joints again, by their names and the shape of the rig"""
 
     bl_idname = "perfanim.find_bones"
     bl_label = "Find Bones"
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def run(self, context: bpy.types.Context) -> str:
         """Find them."""
         return self.use_map(context, lambda armature: find_map(armature, user_folder(PRESETS_FOLDER)))
 
 
-class PERFANIM_OT_show_t_pose(_OnArmature, bpy.types.Operator):
-    """Put the character into the performer's T pose: a limb that does not point sideways, or straight down, is mapped
-    to the wrong bone. Undo brings the pose back"""
+class PERFANIM_OT_show_t_pose(_ArmatureOperator, bpy.types.Operator):
+    """Put the character into the T pose to check the bone map: a wrong limb is mapped to a wrong bone. Undo restores
+    the pose"""
 
     bl_idname = "perfanim.show_t_pose"
     bl_label = "Show T Pose"
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def run(self, context: bpy.types.Context) -> str:
         """Pose it."""
         chosen = settings(context)
         skeleton = performer_skeleton(chosen)
         rotations = t_pose(skeleton)
         lowest_m = float(forward_kinematics(skeleton, rotations, np.zeros(3))[0][:, 1].min())
-        try:
-            ArmatureDriver(self.meant(context).name, skeleton).apply(rotations, np.array([0.0, -lowest_m, 0.0]))
-        except PerfanimError as error:
-            return common.failed(self, PANEL, error)
-        activity.set_message(PANEL, "")
-        return {"FINISHED"}
+        ArmatureDriver(self.target(context).name, skeleton).apply(rotations, np.array([0.0, -lowest_m, 0.0]))
+        return ""
 
 
-class PERFANIM_OT_pick_bone(_OnArmature, bpy.types.Operator):
-    """Use the bone that is active in the viewport for the joint chosen in the list"""
+class PERFANIM_OT_pick_bone(_ArmatureOperator, bpy.types.Operator):
+    """Map the active bone to the joint selected in the list"""
 
     bl_idname = "perfanim.pick_bone"
     bl_label = "Use Active Bone"
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Needs an active bone and a list."""
-        if not super().poll(context):
-            return False
-        armature_object = shown_armature(context)
-        if not armature_object.perfanim_character.joints or armature_object.data.bones.active is None:
-            cls.poll_message_set("Select a bone of the armature in Pose Mode first")
-            return False
-        return True
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        """Require an active bone and a bone map."""
+        missing, armature_object = super().missing_input(context), shown_armature(context)
+        if missing or (armature_object.perfanim_character.joints and armature_object.data.bones.active is not None):
+            return missing
+        return "Select a bone of the armature in Pose Mode first"
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Use it."""
-        armature_object = self.meant(context)
+    def run(self, context: bpy.types.Context) -> None:
+        """Map the bone."""
+        armature_object = self.target(context)
         kept = armature_object.perfanim_character
         entry = kept.joints[min(kept.active, len(kept.joints) - 1)]
         entry.bone = armature_object.data.bones.active.name
-        return {"FINISHED"}
 
 
-class PERFANIM_OT_load_bone_map(_OnArmature, bpy.types.Operator):
-    """Take which bone is which joint from a kept bone map"""
+class PERFANIM_OT_load_bone_map(_ArmatureOperator, bpy.types.Operator):
+    """Load a saved bone map"""
 
     bl_idname = "perfanim.load_bone_map"
     bl_label = "Load Bone Map"
 
     preset: bpy.props.StringProperty(options={"HIDDEN"})
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def run(self, context: bpy.types.Context) -> str:
         """Load it."""
-        return self.use_map(context, self._kept)
+        return self.use_map(context, self._read)
 
-    def _kept(self, armature_object: bpy.types.Object) -> BoneMap:
+    def _read(self, armature_object: bpy.types.Object) -> BoneMap:
         path = preset_paths(user_folder(PRESETS_FOLDER)).get(self.preset)
         if path is None:
             raise CharacterError(f"there is no bone map {self.preset!r}", advice="open the menu again")
         return checked_map(read_armature_rest(armature_object), read_bone_map(path), self.preset)
 
 
-class PERFANIM_OT_save_bone_map(_OnArmature, bpy.types.Operator):
-    """Keep which bone is which joint under a name, for other characters with these bones"""
+class PERFANIM_OT_save_bone_map(_ArmatureOperator, bpy.types.Operator):
+    """Save the bone map under a name, for other characters with these bones"""
 
     bl_idname = "perfanim.save_bone_map"
     bl_label = "Save Bone Map"
@@ -229,20 +199,16 @@ class PERFANIM_OT_save_bone_map(_OnArmature, bpy.types.Operator):
         """Ask for the name."""
         return context.window_manager.invoke_props_dialog(self)
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def run(self, context: bpy.types.Context) -> str:
         """Save it."""
-        kept = self.meant(context).perfanim_character
+        kept = self.target(context).perfanim_character
         bones = {entry.name: entry.bone for entry in kept.joints if entry.bone}
         stem = bpy.path.clean_name(self.name).strip("_")
-        try:
-            if not stem or not bones:
-                raise CharacterError("needs a name and bones", advice="type a name, and let the bones be found")
-            path = user_folder(PRESETS_FOLDER) / f"{stem}.toml"
-            write_bone_map(path, self.name, bones)
-        except PerfanimError as error:
-            return common.failed(self, PANEL, error)
-        activity.set_message(PANEL, f"{self.name} is kept as {path}", "CHECKMARK")
-        return {"FINISHED"}
+        if not stem or not bones:
+            raise CharacterError("needs a name and bones", advice="type a name, and click Find Bones")
+        path = user_folder(PRESETS_FOLDER) / f"{stem}.toml"
+        write_bone_map(path, self.name, bones)
+        return f"{self.name} saved as {path}"
 
 
 _CLASSES = (

@@ -1,7 +1,7 @@
-"""`blender --background --command perfanim ...`: the command line by an installed Blender, where no other Python is.
+"""Command line of an installed Blender: `blender --background --command perfanim ...`.
 
-Commands run in a process of their own, as the worker does: Blender has loaded numpy's libraries long before, set for
-its window.
+Commands run in a process of their own, as the worker does: Blender has loaded numpy's libraries before, set for its
+window.
 """
 
 import os
@@ -21,10 +21,10 @@ _handles: list[Any] = []
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run a command as `perfanim` does and return its exit status.
+    """Run a command of `perfanim` and return its exit status.
 
     Args:
-        arguments: what stands behind the command's name.
+        arguments: without the command's name.
     """
     from ...core.cli import in_blender
     from ...core.cli.retarget import BLENDER_VARIABLE
@@ -49,14 +49,14 @@ def run(arguments: Sequence[str]) -> int:
 
 def _command(arguments: list[str]) -> int:
     status = run(arguments)
-    # Blender's own lines, which it has not written yet, would stand behind the command's
+    # Blender's own buffered lines would follow the command's
     with Path(os.devnull).open("wb") as nowhere:
         os.dup2(nowhere.fileno(), 1)
     return status
 
 
 def register() -> None:
-    """Have Blender know the command."""
+    """Register the command."""
     _handles.append(bpy.utils.register_cli_command(NAME, _command))
 
 

@@ -1,4 +1,4 @@
-"""What all operators share: how they refuse and how they report."""
+"""Base classes of the operators: when a button is greyed out, and how errors are reported."""
 
 import bpy
 
@@ -6,27 +6,66 @@ from ...core.errors import PerfanimError
 from ..jobs import activity
 
 
-def idle(operator: type[bpy.types.Operator]) -> bool:
-    """For `poll`: whether nothing else runs; says so on the greyed button."""
-    if activity.current() is not None:
-        operator.poll_message_set("Something is running: wait for its end, or stop it")
-        return False
-    return True
+class CheckedOperator:
+    """Base of operators that check their preconditions and show the first missing one on the greyed button.
+
+    Subclasses relax `needs_scene` or `needs_idle`, and name what else is missing in `missing_input`.
+    """
+
+    needs_scene = True
+    needs_idle = True
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Return True if nothing is missing; else explain it in the tooltip."""
+        missing = _scene_problem(context) if cls.needs_scene else ""
+        if not missing and cls.needs_idle and activity.current() is not None:
+            missing = "Perfanim is busy: wait until it has finished, or stop it"
+        missing = missing or cls.missing_input(context)
+        if missing:
+            cls.poll_message_set(missing)
+        return not missing
+
+    @classmethod
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        """Return the step that must come first, "" for none."""
+        return ""
 
 
-def in_scene(operator: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
-    """For `poll`: whether there is a window and a scene that may be changed."""
+class PanelOperator(CheckedOperator):
+    """Base of operators that act at once; the panel shows their result or error.
+
+    Subclasses set `panel` and implement `run`, which returns the line for the panel and may raise PerfanimError; ""
+    clears the line, None leaves it.
+    """
+
+    panel = ""
+
+    def run(self, context: bpy.types.Context) -> str | None:
+        """Do the work and return the line to show."""
+        raise NotImplementedError
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Run the operator; show its result or error."""
+        try:
+            text = self.run(context)
+        except PerfanimError as error:
+            return report_error(self, self.panel, error)
+        if text is not None:
+            activity.set_message(self.panel, text)
+        if text:
+            self.report({"INFO"}, text)
+        return {"FINISHED"}
+
+
+def _scene_problem(context: bpy.types.Context) -> str:
     if context.window is None or context.scene is None:
-        operator.poll_message_set("Needs a window with a scene")
-        return False
-    if not context.scene.is_editable:
-        operator.poll_message_set("The scene is linked from another file and cannot be changed")
-        return False
-    return True
+        return "Needs a window with a scene"
+    return "" if context.scene.is_editable else "The scene is linked from another file and cannot be edited"
 
 
-def failed(operator: bpy.types.Operator, panel: str, error: PerfanimError) -> set[str]:
-    """Report an error, keep it for the panel, and cancel."""
+def report_error(operator: bpy.types.Operator, panel: str, error: PerfanimError) -> set[str]:
+    """Report an error, show it in the panel, and cancel."""
     text = str(error)
     activity.set_message(panel, text, "ERROR")
     operator.report({"ERROR"}, text)

@@ -1,4 +1,4 @@
-"""The motion database: starter, import, open."""
+"""Operators of the motion database: import motion, use the starter database."""
 
 from pathlib import Path
 from typing import Any
@@ -6,21 +6,22 @@ from typing import Any
 import bpy
 from bpy_extras.io_utils import ImportHelper
 
+from ...core.database.store import DATABASE_SUFFIX
 from ...core.errors import DatabaseError
 from ...core.system.assets import MOTION
-from ..jobs import activity
+from ..jobs.job import Job, command
 from ..preferences import preferences
 from ..preferences.paths import user_folder
 from ..settings import readiness
 from ..settings.capture_settings import settings
-from . import common
+from .common import PanelOperator
 from .jobs import JobOperator
 
 PANEL = "database"
 
 
 def starter_arguments() -> list[str]:
-    """Return the command that makes the starter database of the shipped motion.
+    """Return the command that builds the starter database from the shipped motion.
 
     Raises:
         DatabaseError: the shipped motion is missing.
@@ -30,8 +31,28 @@ def starter_arguments() -> list[str]:
     return ["database", "build", str(MOTION), "--out", str(readiness.starter_database_path())]
 
 
+def is_starter_missing(context: bpy.types.Context) -> bool:
+    """Return True if the starter database is in use and has not been built yet."""
+    return not settings(context).database and not readiness.starter_database_path().exists()
+
+
+class SolvingOperator(JobOperator):
+    """Base of jobs that use the motion database; the starter database is built first where it is missing."""
+
+    def uses_starter(self, context: bpy.types.Context) -> bool:
+        """Return True if the job needs the database of the scene's settings."""
+        return True
+
+    def create_job(self, context: bpy.types.Context, python: str | None) -> Job:
+        """Start the job, after building the starter database where it is missing."""
+        request, first = self.request(context), None
+        if self.uses_starter(context) and is_starter_missing(context):
+            first = Job("Building the starter database", self.panel, command(starter_arguments()), python)
+        return Job(self.title, self.panel, request, python, first=first)
+
+
 class PERFANIM_OT_build_database(JobOperator, bpy.types.Operator, ImportHelper):
-    """Make a motion database of the chosen BVH or AMC files, or of all in a folder or archive, and use it"""
+    """Build a motion database from BVH or AMC files, folders or archives, and use it"""
 
     bl_idname = "perfanim.build_database"
     bl_label = "Import Motion"
@@ -45,8 +66,8 @@ class PERFANIM_OT_build_database(JobOperator, bpy.types.Operator, ImportHelper):
         name="Mirrored Copies", description="Add every clip with left and right swapped", default=False
     )
     cull: bpy.props.BoolProperty(
-        name="Leave Out Near-Duplicates",
-        description="Leave out passages that an earlier clip holds already, within a degree per joint angle",
+        name="Skip Near-Duplicates",
+        description="Skip motion that is within one degree per joint angle of an earlier clip",
         default=False,
     )
 
@@ -60,44 +81,39 @@ class PERFANIM_OT_build_database(JobOperator, bpy.types.Operator, ImportHelper):
             if not source or not Path(source).exists():
                 raise DatabaseError("not found", where=source or "import", advice="choose motion files or a folder")
         folder = Path(sources[0]) if len(sources) == 1 else Path(self.directory)
-        self._target = str(user_folder("databases") / f"{folder.stem or 'motion'}.perfdb")
+        self._target = str(user_folder("databases") / f"{folder.stem or 'motion'}{DATABASE_SUFFIX}")
         fps = settings(context).database_fps
         chosen = [*(["--mirror"] if self.mirror else []), *(["--cull"] if self.cull else [])]
         workers = preferences.workers(context)
         chosen += ["--workers", str(workers)] if workers else []
         return ["database", "build", *sources, "--out", self._target, "--fps", f"{fps:g}", *chosen]
 
-    def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+    def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         """Use the new database."""
         settings(context).database = self._target
         skipped = len(summary.get("skipped") or ())
         text = f"{int(summary.get('frames', 0)):,} frames imported"
         text = f"{text}, {skipped} files skipped" if skipped else text
-        mended = sum(row["done"] != "kept" for row in summary.get("defects") or ())
-        return f"{text}, {mended} defects cut out or mended" if mended else text
+        repaired = sum(row["done"] != "kept" for row in summary.get("defects") or ())
+        return f"{text}, {repaired} defects removed or repaired" if repaired else text
 
 
-class PERFANIM_OT_use_starter_database(bpy.types.Operator):
+class PERFANIM_OT_use_starter_database(PanelOperator, bpy.types.Operator):
     """Use the starter motion that comes with the add-on again"""
 
     bl_idname = "perfanim.use_starter_database"
-    bl_label = "Use Starter"
+    bl_label = "Use Starter Database"
+    panel = PANEL
 
     @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Only if another one is in use."""
-        if not (common.in_scene(cls, context) and common.idle(cls)):
-            return False
-        if not settings(context).database:
-            cls.poll_message_set("The starter motion is in use")
-            return False
-        return True
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        """Require another database."""
+        return "" if settings(context).database else "The starter database is in use"
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Forget the file."""
+    def run(self, context: bpy.types.Context) -> str:
+        """Clear the file."""
         settings(context).database = ""
-        activity.set_message(PANEL, "")
-        return {"FINISHED"}
+        return ""
 
 
 _CLASSES = (PERFANIM_OT_build_database, PERFANIM_OT_use_starter_database)

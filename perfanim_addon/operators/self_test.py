@@ -1,4 +1,4 @@
-"""The button of the self-test."""
+"""Operator of the self-test."""
 
 from typing import Any
 
@@ -14,20 +14,20 @@ from .jobs import JobOperator
 
 
 class PERFANIM_OT_self_test(JobOperator, bpy.types.Operator):
-    """Try what a capture needs: the worker's libraries, the cameras, and a second of the simulated performer"""
+    """Check the worker's libraries and the cameras, and capture the simulated performer for a second"""
 
     bl_idname = "perfanim.self_test"
     bl_label = "Self-Test"
     panel = PANEL
 
-    def begin(self, context: bpy.types.Context, python: str | None) -> Job:
-        """Start it."""
+    def create_job(self, context: bpy.types.Context, python: str | None) -> Job:
+        """Start the self-test."""
         database = readiness.starter_database_path()
         self._test = SelfTest(str(database), [] if database.exists() else starter_arguments(), python)
         return self._test
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Go on with it, and show in the preferences how far it is."""
+        """Continue, and show the progress in the preferences."""
         result = super().modal(context, event)
         if event.type == "TIMER" or "PASS_THROUGH" not in result:
             state = activity.message(PANEL)[0] or f"{self._test.text} ..."
@@ -35,8 +35,8 @@ class PERFANIM_OT_self_test(JobOperator, bpy.types.Operator):
             _redraw_preferences(context)
         return result
 
-    def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """Return how it ended."""
+    def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+        """Return the verdict."""
         return "all works"
 
 
@@ -48,7 +48,7 @@ def _redraw_preferences(context: bpy.types.Context) -> None:
 
 
 def register() -> None:
-    """Register the button; nothing has been tested."""
+    """Register the operator; clear earlier results."""
     diagnostics.tested = []
     bpy.utils.register_class(PERFANIM_OT_self_test)
 

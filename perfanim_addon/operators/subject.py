@@ -1,4 +1,4 @@
-"""Calibration of the performer, and the profiles of those who are calibrated."""
+"""Operators of the performer: calibrate, use a profile."""
 
 from pathlib import Path
 from typing import Any
@@ -9,13 +9,11 @@ from ...core.body.calibration_poses import CALIBRATION
 from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import SubjectError
 from ...core.markers.subject import Subject, save_subject
-from ..capture import request as capture_setup
-from ..capture import sound
-from ..jobs import activity
+from ..capture import request, sound
 from ..preferences.paths import absolute, user_folder
 from ..settings import readiness
 from ..settings.capture_settings import settings
-from . import common
+from .common import PanelOperator
 from .jobs import JobOperator
 
 PANEL = "subject"
@@ -25,7 +23,7 @@ _TICKS = ("3:", "2:", "1:")  # the seconds before a pose that are heard
 
 
 class PERFANIM_OT_calibrate_subject(JobOperator, bpy.types.Operator):
-    """Find bone lengths and marker places from a marker take in which the performer holds calibration poses"""
+    """Measure bone lengths and marker positions from a marker take of the calibration poses"""
 
     bl_idname = "perfanim.calibrate_subject"
     bl_label = "Calibrate from Take"
@@ -33,9 +31,9 @@ class PERFANIM_OT_calibrate_subject(JobOperator, bpy.types.Operator):
     panel = PANEL
 
     @classmethod
-    def lacks(cls, context: bpy.types.Context) -> str:
-        """Needs a take."""
-        return "" if settings(context).subject_take else "Choose a marker take that shows a T pose"
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        """Require a marker take."""
+        return "" if settings(context).subject_take else "Choose a marker take with a T pose"
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         """Return the command."""
@@ -48,27 +46,27 @@ class PERFANIM_OT_calibrate_subject(JobOperator, bpy.types.Operator):
         command += ["--name", chosen.subject_name]
         return [*command, "--poses", ",".join(CALIBRATION)] if chosen.take_poses else command
 
-    def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+    def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         """Use the new subject."""
         settings(context).subject = summary["out"]
         return _score(summary)
 
 
 class _Recording(JobOperator):
-    """Base of what records the performer."""
+    """Base of the operators that record the performer."""
 
     panel = PANEL
 
     @classmethod
-    def lacks(cls, context: bpy.types.Context) -> str:
-        """Needs calibrated cameras and a marker set."""
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        """Require calibrated cameras and a marker set."""
         chosen = settings(context)
         if not readiness.has_cameras(chosen):
-            return "Needs cameras: record a capture with an average body, and calibrate from its take"
+            return "Needs cameras: capture with an average body, then use Calibrate from Take"
         return readiness.cameras(chosen).problem or readiness.markers(chosen).problem
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Poll the worker at each tick, and let the performer hear where it is."""
+        """Poll the worker at each tick, and beep at each step."""
         before = self._job.text
         result = super().modal(context, event)
         hertz = cue(before, self._job.text)
@@ -78,21 +76,21 @@ class _Recording(JobOperator):
 
 
 class PERFANIM_OT_calibrate_performer(_Recording, bpy.types.Operator):
-    """Learn the empty room, count down to the T pose, to hanging arms and to the motorcycle pose, record each, and find
-    bone lengths and marker places from all three"""
+    """Record T pose, hanging arms and motorcycle pose, each after a countdown, and measure the performer's bone lengths
+    and marker positions. Leave the view empty at the start"""
 
     bl_idname = "perfanim.calibrate_performer"
     bl_label = "Calibrate Performer"
     title = "Calibrating the performer"
 
     def request(self, context: bpy.types.Context) -> dict[str, Any]:
-        """Return what the worker is asked for."""
+        """Return the request."""
         chosen = settings(context)
         target = profile(chosen)
         recording = _recording(context, "calibrate performer", CALIBRATION, f"{target.stem}.take.npz")
         return {**recording, "name": chosen.subject_name, "subject_out": str(target)}
 
-    def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+    def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         """Use the performer and the cameras."""
         _take_over(context, summary, True)
         settings(context).subject = summary["subject"]
@@ -100,50 +98,46 @@ class PERFANIM_OT_calibrate_performer(_Recording, bpy.types.Operator):
 
 
 class PERFANIM_OT_record_t_pose(_Recording, bpy.types.Operator):
-    """Learn the empty room, count down, and record the performer who stands in the T pose; then calibrate from it"""
+    """Record the T pose after a countdown, for Calibrate from Take. Leave the view empty at the start"""
 
     bl_idname = "perfanim.record_t_pose"
     bl_label = "Record T Pose"
     title = "Recording the T pose"
 
     def request(self, context: bpy.types.Context) -> dict[str, Any]:
-        """Return what the worker is asked for."""
+        """Return the request."""
         return _recording(context, "record pose", CALIBRATION[:1], "t-pose.take.npz")
 
-    def done(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+    def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         """Use the take and the cameras."""
         _take_over(context, summary, False)
         text = f"{summary['frames']} frames of the T pose: calibrate now"
         return f"{text}; {summary['floor_advice']}" if "floor_advice" in summary else text
 
 
-class PERFANIM_OT_average_performer(bpy.types.Operator):
-    """Use an average body of the performer's height with the markers at their usual places: what one camera has to do
-    with, as it measures nobody"""
+class PERFANIM_OT_average_performer(PanelOperator, bpy.types.Operator):
+    """Use an average body of this height with default marker positions. One camera needs this: it cannot measure the
+    performer"""
 
     bl_idname = "perfanim.average_performer"
     bl_label = "Average Body of This Height"
     bl_options = {"REGISTER", "UNDO"}
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Needs a marker set."""
-        if not common.in_scene(cls, context) or not common.idle(cls):
-            return False
-        problem = readiness.markers(settings(context)).problem
-        if problem:
-            cls.poll_message_set(problem)
-        return not problem
+    panel = PANEL
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    @classmethod
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        """Require a marker set."""
+        return readiness.markers(settings(context)).problem
+
+    def run(self, context: bpy.types.Context) -> str:
         """Write the profile and use it."""
         chosen = settings(context)
         target = profile(chosen)
         body = default_skeleton(chosen.subject_height)
         save_subject(Subject(chosen.subject_name, body, readiness.marker_set(chosen)), target)
         chosen.subject = str(target)
-        activity.set_message(PANEL, "average body, markers at their usual places")
-        return {"FINISHED"}
+        return "average body, default marker positions"
 
 
 _profiles: list[tuple[str, str, str]] = []  # Blender keeps no reference to a dynamic enumeration's strings
@@ -155,50 +149,47 @@ def _profile_items(_self: object, _context: object) -> list[tuple[str, str, str]
     return _profiles
 
 
-class PERFANIM_OT_use_profile(bpy.types.Operator):
-    """Use a performer who has been calibrated before"""
+class PERFANIM_OT_use_profile(PanelOperator, bpy.types.Operator):
+    """Use a calibrated performer"""
 
     bl_idname = "perfanim.use_profile"
     bl_label = "Calibrated Performers"
     bl_options = {"REGISTER", "UNDO"}
 
-    profile: bpy.props.EnumProperty(name="Performer", description="Whom to use", items=_profile_items)
+    profile: bpy.props.EnumProperty(name="Performer", description="Performer to use", items=_profile_items)
     target: bpy.props.IntProperty(
         name="Target",
-        description="Which of the further targets this is, from 0; -1: the first performer",
+        description="Index of the additional target; -1 for the first performer",
         default=-1,
         options={"HIDDEN", "SKIP_SAVE"},
     )
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Needs one."""
-        if not common.in_scene(cls, context):
-            return False
-        if not _profile_items(None, context):
-            cls.poll_message_set("Nobody is calibrated yet")
-            return False
-        return True
+    needs_idle = False
+    panel = PANEL
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Choose it."""
+    @classmethod
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        """Require a profile."""
+        return "" if _profile_items(None, context) else "No performer is calibrated yet"
+
+    def run(self, context: bpy.types.Context) -> str | None:
+        """Choose the profile."""
         targets = context.scene.perfanim_targets.entries
         if self.target >= 0:
             targets[min(self.target, len(targets) - 1)].subject = self.profile
-        else:
-            settings(context).subject = self.profile
-            activity.set_message(PANEL, "")
-        return {"FINISHED"}
+            return None
+        settings(context).subject = self.profile
+        return ""
 
 
 def profile(chosen: Any) -> Path:
-    """Return the file of the performer who is named."""
+    """Return the profile file for the performer's name."""
     name = "".join(c if c.isalnum() or c in "-_" else "-" for c in chosen.subject_name) or "performer"
     return user_folder("subjects") / f"{name}.toml"
 
 
 def cue(before: str, now: str) -> float | None:
-    """Return the pitch of the beep that goes with a change of what the recording says, None for none."""
+    """Return the pitch of the beep for a change of the status text, None for no beep."""
     if now == before:
         return None
     if now.startswith("hold"):
@@ -212,7 +203,7 @@ def _recording(context: bpy.types.Context, job: str, poses: tuple[str, ...], tak
     """Return the request for a recording of poses."""
     chosen = settings(context)
     return {
-        **capture_setup.cameras(chosen),
+        **request.cameras(chosen),
         "job": job,
         "marker_set": readiness.marker_set_source(chosen),
         "poses": poses,
@@ -225,7 +216,7 @@ def _recording(context: bpy.types.Context, job: str, poses: tuple[str, ...], tak
 
 
 def _take_over(context: bpy.types.Context, summary: dict[str, Any], all_poses: bool) -> None:
-    """Use the take, and the cameras with the floor that its feet showed."""
+    """Use the take, and the calibration with the floor from the feet."""
     chosen = settings(context)
     chosen.subject_take, chosen.take_poses = summary["out"], all_poses
     if "calibration" in summary:
@@ -233,9 +224,9 @@ def _take_over(context: bpy.types.Context, summary: dict[str, Any], all_poses: b
 
 
 def _score(summary: dict[str, Any]) -> str:
-    """Return how good a calibration is and what would make it better."""
-    told = [f"{summary['verdict']}: residual {float(summary['residual_mm']):.0f} mm", *summary["advice"]]
-    return "; ".join(told + ([summary["floor_advice"]] if "floor_advice" in summary else []))
+    """Return the quality of a calibration, and advice."""
+    text = [f"{summary['verdict']}: residual {float(summary['residual_mm']):.0f} mm", *summary["advice"]]
+    return "; ".join(text + ([summary["floor_advice"]] if "floor_advice" in summary else []))
 
 
 _CLASSES = (

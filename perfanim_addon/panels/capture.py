@@ -23,7 +23,7 @@ class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
         if isinstance(activity, LiveCapture):
             row.label(text=activity.line, icon="REC")
         else:
-            problem = readiness.first_problem(settings(context))
+            problem = readiness.first_missing_step(settings(context))
             row.alert = bool(problem)
             row.label(text="not ready" if problem else "ready", icon="ERROR" if problem else "CHECKMARK")
         row.separator()
@@ -42,7 +42,7 @@ class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
             self._draw_figures(context, layout, activity)
         else:
             row.operator("perfanim.start_capture", icon="REC")
-            problem = readiness.first_problem(settings(context))
+            problem = readiness.first_missing_step(settings(context))
             draw_text(context, layout, problem, "ERROR")
             if not problem:
                 draw_text(context, layout, *running.message("capture"))

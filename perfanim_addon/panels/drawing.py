@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from ..jobs import activity as running
+from ..jobs import activity
 from ..jobs.job import Job
 
 # Width of a character, and of what a line has beside its text (icon, margins, tabs), in unscaled pixels.
@@ -25,7 +25,7 @@ def draw_progress(layout: bpy.types.UILayout, fraction: float, text: str) -> Non
 
 def draw_job(layout: bpy.types.UILayout, panel: str) -> None:
     """Draw the progress of a job of this panel, its Cancel and, where it has one, Finish Now."""
-    job = running.current()
+    job = activity.current()
     if isinstance(job, Job) and job.panel == panel:
         row = layout.row(align=True)
         draw_progress(row, job.fraction, job.text)

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 
 from ..capture.live_capture import LiveCapture
-from ..jobs import activity as running
+from ..jobs import activity
 from ..jobs.job import Job
 from ..preferences import preferences
 from ..preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
@@ -32,7 +32,7 @@ class _Step(SidebarPanel):
     def draw_header_preset(self, context: bpy.types.Context) -> None:
         """Draw the state at the right of the header line."""
         row = self.layout.row()
-        job = running.current()
+        job = activity.current()
         if isinstance(job, Job) and job.panel == self.key and job.heading:
             row.label(text=job.heading, icon="TIME")
         else:
@@ -49,14 +49,14 @@ class _Step(SidebarPanel):
         layout.use_property_split = True
         layout.use_property_decorate = False
         column = layout.column()
-        column.enabled = not isinstance(running.current(), LiveCapture)
+        column.enabled = not isinstance(activity.current(), LiveCapture)
         self.draw_step(column, chosen)
         state = type(self).state(chosen)
-        job = running.current()
+        job = activity.current()
         if state.problem and not (isinstance(job, Job) and job.panel == self.key):
             draw_text(context, layout, state.problem, "ERROR")
         draw_job(layout, self.key)
-        draw_text(context, layout, *running.message(self.key))
+        draw_text(context, layout, *activity.message(self.key))
 
     def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
         """Draw the step's own settings and buttons."""

@@ -143,7 +143,7 @@ def _draw_take(context: bpy.types.Context, layout: bpy.types.UILayout, item: PER
 
 def _draw_room(layout: bpy.types.UILayout, count: int) -> None:
     """Draw how much room the takes need, and what can be done about it."""
-    listed, gone = take_library.room()
+    listed, gone = take_library.disk_space()
     if count or gone:
         text = f"{count} take{'s' * (count != 1)}, {take_library.size_text(listed)}"
         text += f"; deleted {take_library.size_text(gone)}" if gone else ""

@@ -1,4 +1,4 @@
-"""The panel Further Targets: what is followed besides the performer, and what moves along."""
+"""The panel Additional Targets: what is followed besides the performer, and what moves along."""
 
 from typing import Any
 
@@ -41,7 +41,7 @@ class PERFANIM_UL_targets(bpy.types.UIList):
 class PERFANIM_PT_targets(SidebarPanel, bpy.types.Panel):
     """Props and further performers, who are followed besides the first."""
 
-    bl_label = "Further Targets"
+    bl_label = "Additional Targets"
     bl_options = {"DEFAULT_CLOSED"}
     bl_order = 50
 

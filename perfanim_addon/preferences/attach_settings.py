@@ -1,4 +1,4 @@
-"""Settings of the add-on that hang on Blender's own data."""
+"""Registration of property groups on Blender's data types."""
 
 from collections.abc import Callable
 
@@ -7,18 +7,20 @@ import bpy
 _Step = Callable[[], None]
 
 
-def hung_on(owner: type[bpy.types.ID], name: str, *classes: type[bpy.types.PropertyGroup]) -> tuple[_Step, _Step]:
-    """Return the functions `register` and `unregister` of a module.
+def attach_property_group(
+    owner: type[bpy.types.bpy_struct], name: str, *classes: type[bpy.types.PropertyGroup]
+) -> tuple[_Step, _Step]:
+    """Return the functions `register` and `unregister` of a module with settings.
 
     Args:
-        owner: the kind of data that gets the settings.
-        name: what they are called there.
-        classes: to register, in this order; the last has the settings.
+        owner: data type that gets the settings.
+        name: of the property.
+        classes: to register, in this order; the last is the property's type.
     """
     register_classes, unregister_classes = bpy.utils.register_classes_factory(classes)
 
     def register() -> None:
-        """Register the settings and hang them on Blender's data."""
+        """Register the classes and attach the settings."""
         register_classes()
         setattr(owner, name, bpy.props.PointerProperty(type=classes[-1]))
 

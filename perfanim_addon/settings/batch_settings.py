@@ -1,4 +1,4 @@
-"""What a batch of takes is done with: kept in the scene, and as a plan file."""
+"""Settings of a batch of takes, stored in the scene, and its plan file."""
 
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from ...core.formats.markers.marker_files import is_recorded
 from ...core.system.files import write_toml
 from .. import take_library
 from ..preferences import preferences
-from ..preferences.attach_settings import hung_on
+from ..preferences.attach_settings import attach_property_group
 from ..preferences.paths import absolute
 from . import readiness
 from .capture_settings import settings
@@ -19,42 +19,44 @@ from .capture_settings import settings
 PLAN = "plan.toml"  # in the folder of the results
 
 NAMINGS = (
-    ("cmu", "CMU", "The product's own names, those of the CMU Motion Capture Database"),
+    ("cmu", "CMU", "The CMU Motion Capture Database, as on a new character"),
     ("unreal", "Unreal", "The mannequin of Unreal Engine 5"),
     ("vrm", "VRM", "Humanoid bones of VRM 1.0"),
-    ("mixamo", "Mixamo", "Mixamo's"),
+    ("mixamo", "Mixamo", "Characters of Mixamo"),
 )
 
 
 class PERFANIM_PG_batch(bpy.types.PropertyGroup):
-    """Which takes, with what, into which folder."""
+    """Settings of the Batch panel."""
 
     plan: bpy.props.StringProperty(
-        name="Plan", description="Plan file (TOML) that says all; empty: as chosen below", subtype="FILE_PATH"
+        name="Plan", description="Plan file (TOML); empty for the settings below", subtype="FILE_PATH"
     )
     takes: bpy.props.StringProperty(
         name="Takes",
-        description="Folder of takes and those in it: C3D, TRC, CSV, TSV, recorded ones; empty: those of the list",
+        description="Folder of takes (C3D, TRC, CSV, TSV, recorded), with subfolders; empty for the takes in the list",
         subtype="DIR_PATH",
     )
     out: bpy.props.StringProperty(
-        name="Results", description="Folder for the results; what is done there already stays", subtype="DIR_PATH"
+        name="Results", description="Folder for the results; finished takes in it are skipped", subtype="DIR_PATH"
     )
     naming: bpy.props.EnumProperty(
-        name="Names", description="Whose names the joints have in the files", items=NAMINGS, default="cmu"
+        name="Naming", description="Joint naming convention of the files", items=NAMINGS, default="cmu"
     )
     angles: bpy.props.BoolProperty(
-        name="Joint Angles", description="Also a table of joint angles (CSV) of each take", default=False
+        name="Joint Angles", description="Also write a table of joint angles (CSV) of each take", default=False
     )
-    vrma: bpy.props.BoolProperty(name="VRM Animation", description="Also a VRM animation of each take", default=False)
+    vrma: bpy.props.BoolProperty(
+        name="VRM Animation", description="Also write a VRM animation of each take", default=False
+    )
     character: bpy.props.StringProperty(
         name="Character",
-        description="Also put each motion onto the character of this file (.blend, glTF, VRM, FBX); empty: onto none",
+        description="Also put each motion onto the character in this file (.blend, glTF, VRM, FBX)",
         subtype="FILE_PATH",
     )
     save_as: bpy.props.EnumProperty(
         name="Save As",
-        description="Kind of the characters' files",
+        description="File format of the characters",
         items=(
             ("blend", "Blender File", "The whole scene (.blend)"),
             ("fbx", "FBX", "Character and motion (.fbx)"),
@@ -63,7 +65,7 @@ class PERFANIM_PG_batch(bpy.types.PropertyGroup):
     )
     processes: bpy.props.IntProperty(
         name="Processes",
-        description="How many takes are done at a time; 0: one a core but one, which is left to Blender",
+        description="Number of takes solved at a time; 0 for all cores but one",
         default=0,
         min=0,
         max=256,
@@ -71,23 +73,23 @@ class PERFANIM_PG_batch(bpy.types.PropertyGroup):
 
 
 def problem(chosen: Any) -> str:
-    """Return what is missing for a batch, "" when it can be started."""
+    """Return the missing input of a batch, "" for none."""
     if chosen.plan:
-        return "" if Path(absolute(chosen.plan)).is_file() else "the plan file is not there"
+        return "" if Path(absolute(chosen.plan)).is_file() else "plan file not found"
     if chosen.takes and not Path(absolute(chosen.takes)).is_dir():
-        return "the folder of takes is not there"
+        return "folder of takes not found"
     if chosen.character and not Path(absolute(chosen.character)).is_file():
-        return "the character's file is not there"
+        return "file of the character not found"
     return "" if chosen.out else "choose a folder for the results"
 
 
 def plan_file(context: bpy.types.Context, chosen: Any) -> Path:
-    """Return the plan that is chosen, or the one that is written into the folder of the results as is chosen.
+    """Return the chosen plan, or write one from the settings into the folder of the results.
 
-    Own takes are solved for who was recorded, all others for the chosen performer with the chosen markers.
+    Recorded takes are solved for their own performer, all others for the chosen performer and markers.
 
     Raises:
-        SettingsError: there are no takes, or nobody is chosen whom the others show.
+        SettingsError: there are no takes, or no performer is chosen for takes of other systems.
         FormatError: the folder cannot be written.
     """
     if chosen.plan:
@@ -100,7 +102,7 @@ def plan_file(context: bpy.types.Context, chosen: Any) -> Path:
         own = is_recorded(take.take)
         if not own and not scene.subject:
             raise SettingsError(
-                "no performer is chosen, whom this take shows", where=take.take, advice="choose one under Subject"
+                "no performer is chosen for this take", where=take.take, advice="choose one under Subject"
             )
         rows.append({"take": take.take, "name": take.name, **({} if own else performer)})
     also = [kind for kind, wanted in (("angles.csv", chosen.angles), ("vrma", chosen.vrma)) if wanted]
@@ -123,8 +125,8 @@ def plan_file(context: bpy.types.Context, chosen: Any) -> Path:
 
 
 def blender_program() -> str:
-    """Return the file of the Blender that runs, "" for Blender as a Python module, which the worker's Python has."""
+    """Return the path of the running Blender, "" for Blender as a Python module."""
     return str(bpy.app.binary_path)
 
 
-register, unregister = hung_on(bpy.types.Scene, "perfanim_batch", PERFANIM_PG_batch)
+register, unregister = attach_property_group(bpy.types.Scene, "perfanim_batch", PERFANIM_PG_batch)

@@ -1,4 +1,4 @@
-"""Settings of a capture, kept in the scene; the defaults need nothing but a click on Start Capture."""
+"""Settings of the capture panels, stored in the scene; with the defaults Start Capture works at once."""
 
 from typing import Any
 
@@ -7,24 +7,24 @@ import bpy
 from ...core.markers.marker_set import marker_set_names
 from ..character.posing import fill_map
 from ..jobs import activity
-from ..preferences.attach_settings import hung_on
+from ..preferences.attach_settings import attach_property_group
 
 SOURCES = (
-    ("SIMULATED", "Simulated Performer", "A performer, room and two cameras drawn by the computer: needs no hardware"),
+    ("SIMULATED", "Simulated Performer", "Simulate a performer and two cameras: needs no hardware"),
     ("CAMERAS", "Cameras", "Two cameras connected to this computer, by device number"),
     ("VIDEOS", "Videos", "A recorded video of each camera"),
     ("IMAGES", "Image Folders", "A folder of numbered images of each camera"),
-    ("VMC", "Trackers (VMC)", "Trackers or markers that another program sends by the Virtual Motion Capture protocol"),
+    ("VMC", "Trackers (VMC)", "Trackers or markers sent by another program over the Virtual Motion Capture protocol"),
 )
 
 FEET = (
-    ("off", "Free", "Feet move as they are solved"),
-    ("auto", "Auto", "A foot that stands is held in place until it is lifted or moves off"),
-    ("always", "Always", "The lower foot is held even if it glides: for who never jumps"),
+    ("off", "Free", "Do not lock the feet"),
+    ("auto", "Auto", "Lock a standing foot until it lifts or moves off"),
+    ("always", "Always", "Always lock the lower foot, even while sliding. Not for jumps"),
 )
 
 BODY_PARTS = (
-    ("HIPS", "Hips", "Hips, and the way through the room", 1),
+    ("HIPS", "Hips", "Hips, and the motion through the scene", 1),
     ("TORSO", "Torso", "Back and chest", 2),
     ("HEAD", "Head", "Neck and head", 4),
     ("ARM_L", "Arm L", "Left shoulder, arm and hand", 8),
@@ -37,21 +37,20 @@ OVERLAYS = (
     (
         "MARKERS",
         "Markers",
-        "A dot where a marker is; a ring where one is lost, at its place on the body; a line to the camera that alone "
-        "sees it",
+        "Dots for visible markers, rings for hidden ones, lines to the camera for those seen by one camera",
         1,
     ),
-    ("SKELETON", "Skeleton", "The body as it is solved, over the character: green where it is sure, red if guessed", 2),
+    ("SKELETON", "Skeleton", "The solved skeleton over the character: green for high confidence, red for low", 2),
 )
 
 BEHAVIOURS = (
-    ("demo", "Everything", "All behaviours, one after the other"),
-    ("walking", "Walking", "Walking to and fro"),
-    ("running", "Running", "Running to and fro"),
-    ("hopping", "Hopping", "Hopping on one leg and on the other"),
+    ("demo", "Everything", "All behaviours in turn"),
+    ("walking", "Walking", "Walking back and forth"),
+    ("running", "Running", "Running back and forth"),
+    ("hopping", "Hopping", "Hopping on either leg"),
     ("jumping", "Jumping", "Jumping on the spot and forward"),
-    ("boxing", "Boxing", "Boxing against a shadow"),
-    ("kendo", "Kendo", "Strokes with a sword"),
+    ("boxing", "Boxing", "Shadow boxing"),
+    ("kendo", "Kendo", "Sword strokes"),
 )
 
 BOARD_CODES = tuple(f"DICT_{size}X{size}_{count}" for size in (4, 5, 6, 7) for count in (50, 100, 250, 1000))
@@ -67,20 +66,20 @@ def _marker_set_items(_self: object, _context: object) -> list[tuple[str, str, s
 
 
 def find_bones(self: Any, _context: object) -> None:
-    """Find which bone is which joint of an armature that has been chosen."""
+    """Map the bones of a newly chosen armature to joints."""
     if self.armature is not None:
         fill_map(self.armature)
 
 
 def _retune(self: Any, _context: object) -> None:
-    """Let a running capture show its poses by the new setting."""
+    """Apply the new filter settings to a running capture."""
     tune = getattr(activity.current(), "tune", None)
     if tune is not None:
         tune(self)
 
 
 def is_armature(_self: object, candidate: bpy.types.Object) -> bool:
-    """Let only armatures be chosen."""
+    """Accept armatures only."""
     return candidate.type == "ARMATURE"
 
 
@@ -92,33 +91,32 @@ def _folder(name: str, description: str) -> Any:
     return bpy.props.StringProperty(name=name, description=description, subtype="DIR_PATH")
 
 
-class PERFANIM_PG_settings(bpy.types.PropertyGroup):
-    """Settings in the order of the panels."""
+class CameraSettings:
+    """Settings of the Cameras panel: source of the images."""
 
     source: bpy.props.EnumProperty(
-        name="Source", description="Where images of the performer come from", items=SOURCES, default="SIMULATED"
+        name="Source", description="Source of the images or trackers", items=SOURCES, default="SIMULATED"
     )
     behaviour: bpy.props.EnumProperty(
-        name="Performs", description="What the simulated performer does", items=BEHAVIOURS, default="demo"
+        name="Behaviour", description="Motion of the simulated performer", items=BEHAVIOURS, default="demo"
     )
     practise: bpy.props.BoolProperty(
         name="Practise Calibration",
-        description="Treat the simulated cameras and performer like real ones: calibrate them before the capture",
+        description="Treat the simulated cameras and performer as real: calibrate them before the capture",
         default=False,
     )
     left_device: bpy.props.IntProperty(
-        name="Left", description="Device number of the camera on the left as seen by the cameras", default=0, min=0
+        name="Left", description="Device number of the left camera, from the cameras' point of view", default=0, min=0
     )
     right_device: bpy.props.IntProperty(
         name="Right",
-        description="Device number of the camera on the right as seen by the cameras; -1: one camera alone",
+        description="Device number of the right camera, from the cameras' point of view; -1 for one camera only",
         default=1,
         min=-1,
     )
     further_devices: bpy.props.StringProperty(
-        name="Further",
-        description="Device numbers of more cameras, e.g. 2, 3; Calibrate with Board takes the views in which all of "
-        "them see the board",
+        name="Additional",
+        description="Device numbers of more cameras, such as 2, 3. Calibrate with Board needs the board in view of all",
     )
     width: bpy.props.IntProperty(
         name="Width", description="Image width", default=640, min=160, max=4096, subtype="PIXEL"
@@ -127,69 +125,75 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         name="Height", description="Image height", default=480, min=120, max=4096, subtype="PIXEL"
     )
     camera_fps: bpy.props.FloatProperty(
-        name="Rate (Hz)", description="Images per second that the cameras are asked for", default=60, min=1, max=500
+        name="Rate (Hz)", description="Frame rate requested from the cameras", default=60, min=1, max=500
     )
     left_video: _file("Left", "Video of the left camera")
-    right_video: _file("Right", "Video of the right camera; empty: one camera alone")
+    right_video: _file("Right", "Video of the right camera; empty for one camera only")
     left_folder: _folder("Left", "Folder with the left camera's numbered images")
-    right_folder: _folder("Right", "Folder with the right camera's numbered images; empty: one camera alone")
+    right_folder: _folder("Right", "Folder with the right camera's numbered images; empty for one camera only")
     files_fps: bpy.props.FloatProperty(
-        name="Rate (Hz)", description="Images per second at which the images were taken", default=60, min=1, max=500
+        name="Rate (Hz)", description="Frame rate at which the images were taken", default=60, min=1, max=500
     )
     calibration: _file("Calibration", "Calibration file of the two cameras (TOML)")
+
+
+class CalibrationSettings:
+    """Settings of the Cameras panel: board and floor."""
+
     board_kind: bpy.props.EnumProperty(
         name="Board",
-        description="What is printed on the board",
+        description="Pattern printed on the board",
         items=(
-            ("CHESSBOARD", "Chessboard", "Squares alone; counts when it is seen whole"),
-            ("CHARUCO", "ChArUco", "Squares with codes in them; counts when it is seen in part, too"),
+            ("CHESSBOARD", "Chessboard", "Plain squares; must be fully visible"),
+            ("CHARUCO", "ChArUco", "Squares with markers; may be partly hidden"),
         ),
     )
     board_columns: bpy.props.IntProperty(
         name="Columns",
-        description="In a row: inner corners of a chessboard, squares of a ChArUco board",
+        description="Inner corners of a chessboard per row, or squares of a ChArUco board",
         default=9,
         min=3,
         max=50,
     )
     board_rows: bpy.props.IntProperty(
         name="Rows",
-        description="In a column: inner corners of a chessboard, squares of a ChArUco board",
+        description="Inner corners of a chessboard per column, or squares of a ChArUco board",
         default=6,
         min=3,
         max=50,
     )
     board_square_mm: bpy.props.FloatProperty(
         name="Square (mm)",
-        description="Side of a square in millimetres, measured on the print",
+        description="Side of a square, measured on the print",
         default=24,
         min=1,
         max=1000,
     )
     board_code_mm: bpy.props.FloatProperty(
-        name="Code (mm)",
-        description="Side of a code in millimetres, measured on the print; smaller than its square",
+        name="Marker (mm)",
+        description="Side of a printed marker, measured on the print; smaller than its square",
         default=18,
         min=1,
         max=1000,
     )
     board_dictionary: bpy.props.EnumProperty(
-        name="Codes",
-        description="Which codes are in the squares",
+        name="Dictionary",
+        description="Dictionary of the printed markers",
         items=tuple(
-            (name, name.removeprefix("DICT_"), "Codes of so many fields, and how many") for name in BOARD_CODES
+            (name, name.removeprefix("DICT_"), "Marker grid size and number of markers in the dictionary")
+            for name in BOARD_CODES
         ),
     )
     board_views: bpy.props.IntProperty(
-        name="Views at Most",
-        description="It ends after so many views of the board even if the result is not good",
+        name="Maximum Views",
+        description="Stop after this many views of the board even if the result is not good",
         default=40,
         min=3,
         max=200,
     )
     board_timed: bpy.props.BoolProperty(
         name="Timed",
-        description="Take a view after a countdown instead of when the board is held still",
+        description="Take views after a countdown instead of when the board is held still",
         default=False,
     )
     board_every_s: bpy.props.FloatProperty(
@@ -202,15 +206,15 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
     )
     floor_height_mm: bpy.props.FloatProperty(
         name="Height (mm)",
-        description="Millimetres from the floor to the middle of a marker lying on it: the radius of a ball",
+        description="Height of a marker's centre above the floor: the radius of a ball",
         default=12.5,
         min=0,
         max=200,
     )
     floor_longest_mm: bpy.props.FloatProperty(
-        name="Farthest (mm)",
-        description="Millimetres between the two markers that lie farthest apart, from middle to middle; the "
-        "calibration is scaled to it. 0: the calibration's scale is kept",
+        name="Largest Distance (mm)",
+        description="Distance between the centres of the two markers farthest apart; scales the calibration. "
+        "0 keeps the calibration's scale",
         default=0,
         min=0,
         max=20000,
@@ -218,34 +222,42 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
     board_left: _folder("Left", "Folder with the left camera's images of the board")
     board_right: _folder("Right", "Folder with the right camera's images of the board")
 
-    marker_set: bpy.props.EnumProperty(name="Set", description="Which markers are worn", items=_marker_set_items)
-    marker_set_file: _file("File", "A marker set of your own (TOML); empty: the set chosen above")
+
+class MarkerSettings:
+    """Settings of the Markers panel."""
+
+    marker_set: bpy.props.EnumProperty(name="Set", description="Markers on the performer", items=_marker_set_items)
+    marker_set_file: _file("File", "Custom marker set (TOML); empty for the set above")
     threshold_auto: bpy.props.BoolProperty(
-        name="Auto", description="Find the brightness threshold from the learned background", default=True
+        name="Auto", description="Choose the brightness threshold from the learned background", default=True
     )
     threshold: bpy.props.FloatProperty(
         name="Threshold",
-        description="How much a pixel must differ from the learned background, in grey levels, to belong to a marker",
+        description="Grey levels by which the pixels of a marker differ from the learned background",
         default=38,
         min=1,
         max=255,
     )
     background_s: bpy.props.FloatProperty(
         name="Background",
-        description="Seconds at the start of a capture in which the empty room is learned: stay out of sight",
+        description="Time at the start of a capture for learning the empty view: stay out of sight",
         default=2,
         min=0.1,
         max=60,
         subtype="TIME_ABSOLUTE",
     )
 
-    subject: _file("Subject", "Calibrated performer (TOML); empty: the simulated performer, who is known")
+
+class SubjectSettings:
+    """Settings of the Subject panel."""
+
+    subject: _file("Subject", "Calibrated performer (TOML); empty for the simulated performer")
     subject_name: bpy.props.StringProperty(
-        name="Name", description="Name for the performer to be calibrated", default="Performer"
+        name="Name", description="Name of the performer to calibrate", default="Performer"
     )
     countdown_s: bpy.props.FloatProperty(
         name="Countdown",
-        description="Time to walk before the cameras and take the T pose, after the empty room is learned",
+        description="Time to walk in front of the cameras and take the T pose, after the background is learned",
         default=8,
         min=0,
         max=60,
@@ -253,66 +265,74 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
     )
     between_s: bpy.props.FloatProperty(
         name="Next Pose",
-        description="Time from each calibration pose to the next",
+        description="Time from one calibration pose to the next",
         default=5,
         min=1,
         max=60,
         subtype="TIME_ABSOLUTE",
     )
     subject_height: bpy.props.FloatProperty(
-        name="Height (m)", description="Height of the performer, in metres", default=1.75, min=1.2, max=2.3
+        name="Height (m)", description="Height of the performer", default=1.75, min=1.2, max=2.3
     )
-    subject_take: _file("Take", "Marker take in which the performer holds calibration poses, the T pose first")
+    subject_take: _file("Take", "Marker take of the calibration poses, T pose first")
     take_poses: bpy.props.BoolProperty(
         name="All Three Poses",
-        description="The take shows the T pose, hanging arms and the motorcycle pose; otherwise the T pose alone",
+        description="The take has T pose, hanging arms and motorcycle pose; otherwise the T pose only",
         default=False,
     )
 
-    database: _file("Database", "Motion database; empty: the starter motion of the add-on")
+
+class DatabaseSettings:
+    """Settings of the Motion Database panel."""
+
+    database: _file("Database", "Motion database (.pfdb); empty for the starter database")
     database_fps: bpy.props.FloatProperty(
-        name="Rate (Hz)", description="Poses per second that an imported database keeps", default=60, min=5, max=240
+        name="Rate (Hz)", description="Frames per second of imported motion in the database", default=60, min=5, max=240
     )
+
+
+class CaptureSettings:
+    """Settings of the Character and Capture panels."""
 
     armature: bpy.props.PointerProperty(
         name="Armature",
-        description="Armature that moves along; empty: a new character is added at the start",
+        description="Armature to animate; empty adds a new character at the start",
         type=bpy.types.Object,
         poll=is_armature,
         update=find_bones,
     )
     capture_preview: bpy.props.BoolProperty(
         name="Preview",
-        description="Show what the cameras see while capturing, and which blobs are taken for markers: "
-        "green by both cameras, orange by one alone, red by none",
+        description="Show the camera images while capturing. Markers are green if seen by both cameras, orange by one; "
+        "other blobs are red",
         default=False,
     )
     overlay: bpy.props.EnumProperty(
-        name="Draw",
-        description="What is drawn over the 3D views while live, and how sure the solver is; both with Shift",
+        name="Overlay",
+        description="Drawn over the 3D viewports while live, with the solver's confidence. Shift-click for both",
         items=OVERLAYS,
         default=set(),
         options={"ENUM_FLAG"},
     )
     record_by_button: bpy.props.BoolProperty(
         name="Record by Button",
-        description="A capture is a rehearsal until Record is clicked; each recording becomes an Action of its own",
+        description="Rehearse until Record is clicked; each recording becomes a separate action",
         default=False,
     )
     record_countdown_s: bpy.props.IntProperty(
         name="Countdown",
-        description="Seconds from the first pose to the recording; the character moves along meanwhile. 0: at once",
+        description="Seconds from the first pose to the recording; the character already moves. 0 starts at once",
         default=0,
         min=0,
         max=60,
         subtype="TIME_ABSOLUTE",
     )
     record_sound: bpy.props.BoolProperty(
-        name="Sound", description="A beep for each second of the countdown, a higher one at its end", default=True
+        name="Sound", description="Beep every second of the countdown, and higher at its end", default=True
     )
     record_length_s: bpy.props.FloatProperty(
         name="Stop After",
-        description="Length of the recording in seconds, after which the capture ends by itself. 0: when you stop it",
+        description="Length of the recording, after which the capture stops. 0 for no limit",
         default=0,
         min=0,
         soft_max=600,
@@ -320,8 +340,8 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
     )
     smoothing_ms: bpy.props.FloatProperty(
         name="Smoothing (ms)",
-        description="Calms what trembles; a still body then comes so many milliseconds late, a fast one less. 0: off. "
-        "The take keeps the motion as it was solved",
+        description="Removes jitter. Adds up to this much delay; less during fast motion. 0 turns it off. The take "
+        "keeps the unfiltered motion",
         default=0,
         min=0,
         max=200,
@@ -331,23 +351,35 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
     )
     feet: bpy.props.EnumProperty(
         name="Feet",
-        description="Whether feet that stand are held in place. The take keeps the motion as it was solved",
+        description="Foot lock: keeps standing feet in place. The take keeps the unfiltered motion",
         items=FEET,
         default="off",
         update=_retune,
     )
     body_parts: bpy.props.EnumProperty(
-        name="Only",
-        description="Parts of the body that the capture moves, several with Shift; the others keep their own animation",
+        name="Body Parts",
+        description="Parts of the body to animate, Shift-click for several; the others keep their own animation",
         items=BODY_PARTS,
         default={key for key, *_ in BODY_PARTS},
         options={"ENUM_FLAG"},
     )
     extend_scene: bpy.props.BoolProperty(
         name="Extend Scene",
-        description="Move the scene's end frame back if the recording is longer",
+        description="Extend the scene if the recording is longer",
         default=True,
     )
+
+
+class PERFANIM_PG_settings(
+    CameraSettings,
+    CalibrationSettings,
+    MarkerSettings,
+    SubjectSettings,
+    DatabaseSettings,
+    CaptureSettings,
+    bpy.types.PropertyGroup,
+):
+    """Settings in the order of the panels; one group, as saved files have it."""
 
 
 def settings(context: bpy.types.Context) -> PERFANIM_PG_settings:
@@ -355,4 +387,4 @@ def settings(context: bpy.types.Context) -> PERFANIM_PG_settings:
     return context.scene.perfanim
 
 
-register, unregister = hung_on(bpy.types.Scene, "perfanim", PERFANIM_PG_settings)
+register, unregister = attach_property_group(bpy.types.Scene, "perfanim", PERFANIM_PG_settings)

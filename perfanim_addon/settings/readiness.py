@@ -1,11 +1,11 @@
-"""What each step of the work still needs: one line a panel, and the reason why Start Capture is greyed."""
+"""Status of each step before a capture: a line for its panel, and the reason why Start Capture is disabled."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ...core.database.store import open_database
+from ...core.database.store import DATABASE_SUFFIX, OLD_DATABASE_SUFFIX, open_database
 from ...core.errors import CaptureError, PerfanimError, SubjectError
 from ...core.geometry.camera import CameraRig
 from ...core.geometry.rig_file import load_rig
@@ -18,13 +18,13 @@ from . import vmc_input
 
 
 @dataclass(frozen=True)
-class State:
-    """Whether a step is done.
+class StepStatus:
+    """Status of a step.
 
     Args:
-        ready: a capture can start as far as this step goes.
-        text: for the panel's header line, a few words.
-        problem: the whole story when not ready.
+        ready: the step is done.
+        text: a few words for the panel's header.
+        problem: full explanation if not ready.
     """
 
     ready: bool
@@ -36,7 +36,7 @@ _cache: dict[tuple[str, str], tuple[tuple[int, int], Any]] = {}
 
 
 def _loaded(kind: str, path: str, load: Callable[[str], Any]) -> Any:
-    """Return load(path), or the error that it raises, again only when the file has changed (panels draw often)."""
+    """Return load(path) or its error, cached until the file changes."""
     try:
         facts = Path(path).stat()
         stamp = (facts.st_mtime_ns, facts.st_size)
@@ -53,22 +53,22 @@ def _loaded(kind: str, path: str, load: Callable[[str], Any]) -> Any:
 
 
 def rig(path: str) -> CameraRig | PerfanimError:
-    """Return the calibration of a file, or what is wrong with it."""
+    """Return the calibration of a file, or the error in it."""
     return _loaded("rig", path, load_rig)
 
 
 def subject(path: str) -> Subject | PerfanimError:
-    """Return the subject of a file, or what is wrong with it."""
+    """Return the subject of a file, or the error in it."""
     return _loaded("subject", path, load_subject)
 
 
 def prop(path: str) -> Prop | PerfanimError:
-    """Return the prop that a file defines, or what is wrong with it."""
+    """Return the prop that a file defines, or the error in it."""
     return _loaded("prop", path, load_prop)
 
 
 def database_frames(path: str) -> int | PerfanimError:
-    """Return how many frames the database of a file has, or what is wrong with it."""
+    """Return the number of frames of a database file, or the error in it."""
     return _loaded("database", path, _count_frames)
 
 
@@ -77,27 +77,27 @@ def _count_frames(path: str) -> int:
 
 
 def marker_set_source(settings: Any) -> str:
-    """Return the name of the chosen marker set, or the file that takes its place."""
+    """Return the name of the chosen marker set, or its file."""
     return absolute(settings.marker_set_file) or str(settings.marker_set)
 
 
 def marker_set(settings: Any) -> MarkerSet | PerfanimError:
-    """Return the chosen marker set, or what is wrong with it."""
+    """Return the chosen marker set, or the error in it."""
     return _loaded("marker set", marker_set_source(settings), load_marker_set)
 
 
 def is_known(settings: Any) -> bool:
-    """Return whether cameras and performer need no calibration: they are simulated, and nobody wants to practise it."""
+    """Return True if cameras and performer are simulated and need no calibration."""
     return settings.source == "SIMULATED" and not settings.practise
 
 
 def has_cameras(settings: Any) -> bool:
-    """Return whether markers are seen by cameras, real, recorded or simulated; trackers are sent by another program."""
+    """Return True if the source has cameras; trackers come from another program."""
     return bool(settings.source != "VMC")
 
 
 def worn_subject(settings: Any) -> Subject | PerfanimError:
-    """Return the chosen subject with the chosen markers, or why the two do not go together."""
+    """Return the chosen subject with the chosen markers, or the conflict between them."""
     found, chosen = subject(absolute(settings.subject)), marker_set(settings)
     if isinstance(found, PerfanimError) or isinstance(chosen, PerfanimError):
         return found if isinstance(found, PerfanimError) else chosen
@@ -112,8 +112,11 @@ def worn_subject(settings: Any) -> Subject | PerfanimError:
 
 
 def starter_database_path() -> Path:
-    """Where the database made of the shipped motion is kept: with the user's data, never in the add-on's folder."""
-    return user_folder("databases") / "starter.perfdb"
+    """Return the file of the starter database in the user's data; one of an old version is used as it is."""
+    folder = user_folder("databases")
+    old = folder / f"starter{OLD_DATABASE_SUFFIX}"
+    new = folder / f"starter{DATABASE_SUFFIX}"
+    return old if old.exists() and not new.exists() else new
 
 
 def database_path(settings: Any) -> Path:
@@ -121,27 +124,27 @@ def database_path(settings: Any) -> Path:
     return Path(absolute(settings.database)) if settings.database else starter_database_path()
 
 
-def _problem(error: PerfanimError, text: str) -> State:
-    return State(False, text, str(error))
+def _problem(error: PerfanimError, text: str) -> StepStatus:
+    return StepStatus(False, text, str(error))
 
 
-def cameras(settings: Any) -> State:
-    """State of the Cameras panel."""
+def cameras(settings: Any) -> StepStatus:
+    """StepStatus of the Cameras panel."""
     if is_known(settings):
-        return State(True, "simulated")
+        return StepStatus(True, "simulated")
     if not has_cameras(settings):
         wrong = vmc_input.problem(settings.id_data.perfanim_receiving)
         text = "online access is off" if wrong else f"port {settings.id_data.perfanim_receiving.port}"
-        return State(not wrong, text, wrong)
+        return StepStatus(not wrong, text, wrong)
     for name in source_paths(settings):
         path = absolute(getattr(settings, name))
         side = name.partition("_")[0]
         if not path:
-            return State(False, f"{side} missing", f"choose what the {side} camera took, under Cameras")
+            return StepStatus(False, f"{side} missing", f"choose the file of the {side} camera under Cameras")
         if not Path(path).exists():
-            return State(False, f"{side} not found", f"{path}: not found; choose another under Cameras")
+            return StepStatus(False, f"{side} not found", f"{path}: not found; choose another under Cameras")
     if not settings.calibration:
-        return State(False, "not calibrated", "calibrate the cameras, or open their calibration, under Cameras")
+        return StepStatus(False, "not calibrated", "calibrate the cameras, or open a calibration, under Cameras")
     found = rig(absolute(settings.calibration))
     if isinstance(found, PerfanimError):
         return _problem(found, "bad calibration")
@@ -151,32 +154,32 @@ def cameras(settings: Any) -> State:
         except CaptureError as error:
             return _problem(error, "bad device numbers")
         if count != len(found):
-            text = f"calibrated for {len(found)} cameras, {count} are chosen"
-            return State(False, text, f"{text}: calibrate these under Cameras, or open their calibration")
-    return State(True, _rig_text(found, is_one_camera(settings)))
+            text = f"calibrated for {len(found)} cameras, but {count} are chosen"
+            return StepStatus(False, text, f"{text}: calibrate them, or open their calibration, under Cameras")
+    return StepStatus(True, _rig_text(found, is_one_camera(settings)))
 
 
 def devices(settings: Any) -> tuple[int, ...]:
-    """Return the numbers of the connected cameras that are chosen.
+    """Return the device numbers of the chosen cameras.
 
     Raises:
-        CaptureError: the further ones are no numbers, or one is chosen twice.
+        CaptureError: not a number, or one camera is chosen twice.
     """
     if settings.right_device < 0:
         return (settings.left_device,)
     texts = settings.further_devices.replace(",", " ").split()
     if not all(text.isdigit() for text in texts):
         raise CaptureError(
-            f"{settings.further_devices!r} are no device numbers", where="further cameras", advice="give e.g. 2, 3"
+            f"{settings.further_devices!r} are not device numbers", where="additional cameras", advice="enter e.g. 2, 3"
         )
     chosen = (settings.left_device, settings.right_device, *map(int, texts))
     if len(set(chosen)) < len(chosen):
-        raise CaptureError("one camera is chosen twice", where="cameras", advice="give each its own device number")
+        raise CaptureError("one camera is chosen twice", where="cameras", advice="choose different device numbers")
     return chosen
 
 
 def is_one_camera(settings: Any) -> bool:
-    """Return whether the left camera captures alone: no right one is chosen, or the calibration has no other."""
+    """Return True if the left camera captures alone: no right camera is chosen or calibrated."""
     if settings.source == "SIMULATED" or not has_cameras(settings):
         return False
     if settings.source == "CAMERAS":
@@ -188,7 +191,7 @@ def is_one_camera(settings: Any) -> bool:
 
 
 def source_paths(settings: Any) -> tuple[str, ...]:
-    """Return the names of the settings that hold what the cameras took, of the cameras in use."""
+    """Return the names of the settings with the files of the cameras in use."""
     both: dict[str, tuple[str, ...]] = {
         "VIDEOS": ("left_video", "right_video"),
         "IMAGES": ("left_folder", "right_folder"),
@@ -205,64 +208,64 @@ def _rig_text(found: CameraRig, one: bool) -> str:
     return f"{rms:.2f} px, {apart:.2f} m" if isinstance(rms, float) else f"{apart:.2f} m apart"
 
 
-def markers(settings: Any) -> State:
-    """State of the Markers panel."""
+def markers(settings: Any) -> StepStatus:
+    """StepStatus of the Markers panel."""
     found = marker_set(settings)
     if isinstance(found, PerfanimError):
         return _problem(found, "bad marker set")
-    return State(True, f"{len(found)} markers")
+    return StepStatus(True, f"{len(found)} markers")
 
 
-def performer(settings: Any) -> State:
-    """State of the Subject panel."""
+def performer(settings: Any) -> StepStatus:
+    """StepStatus of the Subject panel."""
     if not settings.subject:
         if is_known(settings):
-            return State(True, "simulated performer")
+            return StepStatus(True, "simulated performer")
         is_measured = has_cameras(settings) and not is_one_camera(settings)
         how = "calibrate the performer" if is_measured else "use an average body"
-        return State(False, "not calibrated", f"{how}, or open a subject file, under Subject")
+        return StepStatus(False, "not calibrated", f"{how}, or open a subject file, under Subject")
     found = subject(absolute(settings.subject))
     if isinstance(found, PerfanimError):
         return _problem(found, "bad file")
     worn = worn_subject(settings)
     if isinstance(worn, PerfanimError) and markers(settings).ready:
         return _problem(worn, "other markers")
-    return State(True, performer_text(absolute(settings.subject)))
+    return StepStatus(True, performer_text(absolute(settings.subject)))
 
 
 def performer_text(path: str) -> str:
-    """Return who is in a subject file and how well its markers were explained, in a few words."""
+    """Return the name in a subject file and its residual, in a few words."""
     found = subject(path)
     if isinstance(found, PerfanimError):
         return f"{Path(path).stem} (bad file)"
     return f"{found.name}, {found.residual_m * 1000:.0f} mm" if found.residual_m else f"{found.name}, average body"
 
 
-def motion(settings: Any) -> State:
-    """State of the Motion database panel."""
+def motion(settings: Any) -> StepStatus:
+    """StepStatus of the Motion database panel."""
     path = database_path(settings)
     if not settings.database and not path.exists():
-        return State(True, "starter")
+        return StepStatus(True, "starter")
     frames = database_frames(str(path))
     if isinstance(frames, PerfanimError):
         return _problem(frames, "bad database")
-    return State(True, f"{frames / 1000:.0f}k frames" if frames >= 10_000 else f"{frames} frames")
+    return StepStatus(True, f"{frames / 1000:.0f}k frames" if frames >= 10_000 else f"{frames} frames")
 
 
-def character(settings: Any) -> State:
-    """State of the Character panel."""
+def character(settings: Any) -> StepStatus:
+    """StepStatus of the Character panel."""
     armature = settings.armature
     if armature is None:
-        return State(True, "new at start")
+        return StepStatus(True, "new at start")
     problem = map_problem(armature)
     if problem:
-        return State(False, "cannot be driven", f"{armature.name}: {problem}")
-    return State(True, armature.name)
+        return StepStatus(False, "cannot be driven", f"{armature.name}: {problem}")
+    return StepStatus(True, armature.name)
 
 
 STEPS = (cameras, markers, performer, motion, character)
 
 
-def first_problem(settings: Any) -> str:
-    """Return why a capture cannot start, "" when it can."""
+def first_missing_step(settings: Any) -> str:
+    """Return the problem of the first step that is not ready, "" if a capture can start."""
     return next((state.problem for step in STEPS if not (state := step(settings)).ready), "")

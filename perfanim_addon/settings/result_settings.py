@@ -1,4 +1,4 @@
-"""How motion is put on the character, as is chosen: where its keyframes go, how many there are, from which frame on."""
+"""Settings of the keyframes of takes, stored in the scene: action or strip, first frame, reduction."""
 
 from typing import Any
 
@@ -6,27 +6,28 @@ import bpy
 
 from ..animation.keyframes import KeyBounds
 from ..animation.placement import Onto, Placement
+from ..preferences.attach_settings import attach_property_group
 
 _ONTO = (
-    (Onto.ACTION.name, "New Action", "A new action, which takes the place of the one in use; that is kept in the file"),
-    (Onto.STRIP.name, "NLA Strip", "A strip on a track of its own, above the action in use, which becomes a strip too"),
+    (Onto.ACTION.name, "New Action", "Replace the active action, which is kept in the file"),
+    (Onto.STRIP.name, "NLA Strip", "Push the active action down and add a strip above it"),
     (
         Onto.LAYER.name,
         "Layer",
-        "A strip that blends in over what the character plays and out again; what is below shows before and after it",
+        "Add a strip that blends in over the present animation and out again",
     ),
 )
 
 
 class PERFANIM_PG_result(bpy.types.PropertyGroup):
-    """How motion is put on the character."""
+    """Settings of Put on Character and of captures."""
 
     onto: bpy.props.EnumProperty(
-        name="Onto", description="Where the keyframes go", items=_ONTO, default=Onto.ACTION.name
+        name="Insert As", description="Destination of the keyframes", items=_ONTO, default=Onto.ACTION.name
     )
     start: bpy.props.EnumProperty(
         name="Start",
-        description="Scene frame on which a take begins",
+        description="Scene frame at which a take begins",
         items=(
             ("PLAYHEAD", "At Playhead", "At the scene's current frame"),
             ("FIRST", "Frame 1", "At frame 1"),
@@ -48,24 +49,24 @@ class PERFANIM_PG_result(bpy.types.PropertyGroup):
     )
     only_selected: bpy.props.BoolProperty(
         name="Selected Bones Only",
-        description="Move only the bones that are selected in Pose Mode; the others keep their own animation",
+        description="Animate only the bones selected in Pose Mode; the others keep their own animation",
         default=False,
     )
     reduce: bpy.props.BoolProperty(
         name="Fewer Keys",
-        description="Leave out keyframes as long as the motion stays within the bounds in every frame",
+        description="Remove keyframes as long as the motion stays within the tolerances in every frame",
         default=False,
     )
     reduce_deg: bpy.props.FloatProperty(
-        name="Within (°)",
-        description="How many degrees each bone may be off, relative to its parent",
+        name="Tolerance (°)",
+        description="Largest rotation error of each bone relative to its parent",
         default=0.5,
         min=0.01,
         max=20.0,
     )
     reduce_mm: bpy.props.FloatProperty(
-        name="Within (mm)",
-        description="How many millimetres the hips may be off",
+        name="Tolerance (mm)",
+        description="Largest location error of the hips",
         default=2.0,
         min=0.01,
         max=200.0,
@@ -75,11 +76,11 @@ class PERFANIM_PG_result(bpy.types.PropertyGroup):
 def placement(
     context: bpy.types.Context, armature_object: bpy.types.Object | None, only: frozenset[str] | None = None
 ) -> Placement:
-    """Return how keyframes are put on an armature.
+    """Return the placement of keyframes on an armature.
 
     Args:
-        armature_object: None for a character that is yet to be made, of which no bones are selected.
-        only: names of the bones that may get any, None for all.
+        armature_object: None for a new character, without selected bones.
+        only: names of the bones that may get keyframes, None for all.
     """
     chosen = context.scene.perfanim_result
     onto = Onto[chosen.onto]
@@ -100,12 +101,12 @@ def _selected(bone: bpy.types.PoseBone) -> bool:
 
 
 def start_frame(context: bpy.types.Context) -> float:
-    """Return the scene's frame on which a take begins."""
+    """Return the scene frame at which a take begins."""
     return 1.0 if context.scene.perfanim_result.start == "FIRST" else float(context.scene.frame_current)
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the choices."""
+    """Draw the settings."""
     chosen: Any = context.scene.perfanim_result
     column = layout.column()
     column.use_property_split = True
@@ -117,13 +118,4 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         column.prop(chosen, "reduce_mm")
 
 
-def register() -> None:
-    """Register the choices and hang them on the scene."""
-    bpy.utils.register_class(PERFANIM_PG_result)
-    bpy.types.Scene.perfanim_result = bpy.props.PointerProperty(type=PERFANIM_PG_result)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    del bpy.types.Scene.perfanim_result
-    bpy.utils.unregister_class(PERFANIM_PG_result)
+register, unregister = attach_property_group(bpy.types.Scene, "perfanim_result", PERFANIM_PG_result)

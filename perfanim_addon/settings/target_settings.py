@@ -1,6 +1,4 @@
-"""Further targets of a capture, kept in the scene: props with the objects that follow them, further performers with
-their characters.
-"""
+"""Additional targets of a capture, stored in the scene: props with objects, performers with characters."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -16,42 +14,43 @@ from ...core.markers.subject import Subject
 from ...core.system.assets import PROPS
 from ..character.posing import map_problem
 from ..character.prop_mesh import add_prop_object
+from ..preferences.attach_settings import attach_property_group
 from ..preferences.paths import absolute
 from . import readiness
 from .capture_settings import find_bones, is_armature
 
-SHIPPED = str(PROPS / "sword.toml")  # what is meant where no definition is chosen
+SHIPPED = str(PROPS / "sword.toml")  # default definition
 SIMULATED_HEIGHT_M = 1.75
 
 _KINDS = (
-    ("PROP", "Prop", "A rigid thing with markers of its own: a sword, a stick, a camera"),
-    ("PERFORMER", "Performer", "Somebody who performs beside the first, and moves a character of their own"),
+    ("PROP", "Prop", "Rigid object with its own markers, such as a sword, a stick or a camera"),
+    ("PERFORMER", "Performer", "Another performer with another character"),
 )
 
 
 class PERFANIM_PG_target(bpy.types.PropertyGroup):
-    """A prop and the object that follows it, or a further performer and the character that moves along."""
+    """A prop with its object, or a further performer with their character."""
 
-    kind: bpy.props.EnumProperty(name="Kind", description="What is followed", items=_KINDS)
+    kind: bpy.props.EnumProperty(name="Kind", description="Kind of target", items=_KINDS)
     definition: bpy.props.StringProperty(
         name="Definition",
-        description="Measured prop (TOML); empty: the sword that the simulated performer carries",
+        description="Measured prop (TOML); empty for the simulated performer's sword",
         subtype="FILE_PATH",
     )
     object: bpy.props.PointerProperty(
         name="Object",
-        description="Object that follows the prop, upright along its Z axis; empty: a simple one is added",
+        description="Object that follows the prop, upright along its Z axis; empty adds a simple one",
         type=bpy.types.Object,
         poll=lambda _self, candidate: candidate.type != "ARMATURE",
     )
     subject: bpy.props.StringProperty(
         name="Subject",
-        description="Calibrated performer with the markers worn (TOML); empty: another simulated performer",
+        description="Calibrated performer (TOML); empty for another simulated performer",
         subtype="FILE_PATH",
     )
     armature: bpy.props.PointerProperty(
         name="Armature",
-        description="Armature that moves along with this performer; empty: a new character is added at the start",
+        description="Armature that follows this performer; empty adds a new character at the start",
         type=bpy.types.Object,
         poll=is_armature,
         update=find_bones,
@@ -62,11 +61,11 @@ class PERFANIM_PG_targets(bpy.types.PropertyGroup):
     """The list of further targets."""
 
     entries: bpy.props.CollectionProperty(
-        name="Further Targets",
-        description="Props and further performers, who are followed besides the first",
+        name="Additional Targets",
+        description="Props and performers besides the first",
         type=PERFANIM_PG_target,
     )
-    active: bpy.props.IntProperty(name="Target", description="The target that the fields below are about")
+    active: bpy.props.IntProperty(name="Target", description="Target shown below the list")
 
 
 def of_kind(scene: bpy.types.Scene, kind: str) -> list[PERFANIM_PG_target]:
@@ -80,17 +79,19 @@ def path_of(entry: PERFANIM_PG_target) -> str:
 
 
 def found_prop(entry: PERFANIM_PG_target) -> Prop | PerfanimError:
-    """Return a target's prop, or what is wrong with its definition."""
+    """Return a target's prop, or the error in its definition."""
     return readiness.prop(path_of(entry))
 
 
 def found_subject(entry: PERFANIM_PG_target) -> Subject | PerfanimError:
-    """Return who a further performer is, with all markers of their calibration, or why nobody knows."""
+    """Return a further performer with all calibrated markers, or the reason why there is none."""
     if entry.subject:
         return readiness.subject(absolute(entry.subject))
     scene, chosen = entry.id_data, entry.id_data.perfanim
     if not readiness.is_known(chosen):
-        return SubjectError("a further performer is not calibrated", advice="choose the subject under Further Targets")
+        return SubjectError(
+            "a further performer is not calibrated", advice="choose the subject under Additional Targets"
+        )
     markers: MarkerSet | PerfanimError = readiness.marker_set(chosen)
     if isinstance(markers, PerfanimError):
         return markers
@@ -99,7 +100,7 @@ def found_subject(entry: PERFANIM_PG_target) -> Subject | PerfanimError:
 
 
 def title(entry: PERFANIM_PG_target) -> str:
-    """Return what a target is called in the list."""
+    """Return the title of a target in the list."""
     if entry.kind == "PERFORMER":
         subject = found_subject(entry)
         return subject.name if isinstance(subject, Subject) else Path(entry.subject).stem or "Performer"
@@ -108,7 +109,7 @@ def title(entry: PERFANIM_PG_target) -> str:
 
 
 def problem(scene: bpy.types.Scene) -> str:
-    """Return why the targets cannot be followed, "" when they can; quick enough for drawing."""
+    """Return the first problem of the targets, "" for none; quick enough for drawing."""
     try:
         check_distinct(props(scene))
         for entry in of_kind(scene, "PROP"):
@@ -151,7 +152,7 @@ def performers(scene: bpy.types.Scene) -> list[Subject]:
     """Return the further performers of a scene's targets.
 
     Raises:
-        PerfanimError: one is not calibrated, their character cannot be driven, or one camera is to tell them apart.
+        PerfanimError: one is not calibrated, their character cannot be driven, or there is one camera only.
     """
     found, driven = [], {scene.perfanim.armature} - {None}
     for entry in of_kind(scene, "PERFORMER"):
@@ -159,7 +160,7 @@ def performers(scene: bpy.types.Scene) -> list[Subject]:
         if isinstance(subject, PerfanimError):
             raise subject
         if entry.armature in driven:
-            advice = "choose another under Further Targets, or none for a new character"
+            advice = "choose another under Additional Targets, or none for a new character"
             raise CharacterError("cannot follow two performers", where=entry.armature.name, advice=advice)
         if entry.armature is not None:
             driven.add(entry.armature)
@@ -174,7 +175,7 @@ def performers(scene: bpy.types.Scene) -> list[Subject]:
 
 
 def object_of(context: bpy.types.Context, prop: Prop) -> str:
-    """Return the name of the object that follows a prop; where none is chosen, a simple one is made."""
+    """Return the name of the object that follows a prop; add one if none is chosen."""
     entry = next(_of(context.scene, prop.name), None)
     if entry is not None and entry.object is not None:
         return str(entry.object.name)
@@ -192,7 +193,7 @@ def _of(scene: bpy.types.Scene, name: str) -> Iterator[Any]:
 
 
 def meant_for(scene: bpy.types.Scene, names: Sequence[str]) -> list[int | None]:
-    """Return for each further performer of these names which target is meant: by the name, the rest in their order."""
+    """Return the target index of each named performer, matched by name, the rest in order; None where there is none."""
     entries = scene.perfanim_targets.entries
     free = [index for index, entry in enumerate(entries) if entry.kind == "PERFORMER"]
     meant: list[int | None] = []
@@ -203,15 +204,6 @@ def meant_for(scene: bpy.types.Scene, names: Sequence[str]) -> list[int | None]:
     return [free.pop(0) if found is None and free else found for found in meant]
 
 
-def register() -> None:
-    """Register the list and hang it on the scene."""
-    for cls in (PERFANIM_PG_target, PERFANIM_PG_targets):
-        bpy.utils.register_class(cls)
-    bpy.types.Scene.perfanim_targets = bpy.props.PointerProperty(type=PERFANIM_PG_targets)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    del bpy.types.Scene.perfanim_targets
-    for cls in (PERFANIM_PG_targets, PERFANIM_PG_target):
-        bpy.utils.unregister_class(cls)
+register, unregister = attach_property_group(
+    bpy.types.Scene, "perfanim_targets", PERFANIM_PG_target, PERFANIM_PG_targets
+)

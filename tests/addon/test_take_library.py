@@ -95,7 +95,7 @@ def test_a_worker_that_is_killed_leaves_a_take_that_can_be_recovered(part: Any) 
     received = [pose.number for pose in capture.run.poses]
     path = takes.cut_off()[0].path
     assert len(read_take_file(path).poses) >= len(received) - 30  # half a second
-    operator = part("operators.takes").PERFANIM_OT_recover_take
+    operator = part("operators.put_on_character").PERFANIM_OT_recover_take
     text = run_job(part, operator, SimpleNamespace(path=str(path)))
     whole = read_take_file(path.with_name(f"{path.stem} recovered.perftake"))
     assert whole.complete
@@ -106,7 +106,7 @@ def test_a_worker_that_is_killed_leaves_a_take_that_can_be_recovered(part: Any) 
         np.testing.assert_array_equal(solved.pose.rotations, pose.rotations)
     armature = bpy.context.scene.perfanim.armature
     assert len(key_times(curves_of(armature))) == len(whole.poses)
-    again = part("operators.takes").PERFANIM_OT_solve_take
+    again = part("operators.solve_takes").PERFANIM_OT_solve_take
     as_before = {"database": "RECORDED", "performer": "RECORDED", "cameras": "RECORDED", "put_on": True}
     text = run_job(part, again, SimpleNamespace(path=str(whole.path), method="lwr", **as_before))
     assert text.startswith(f"{len(whole.frames)} frames in {whole.notes.name} (lwr)")
@@ -155,18 +155,18 @@ def test_a_take_is_put_on_the_character(part: Any) -> None:
     path = write_take(part("take_library").folder(), "walk", frames=30, poses=20)
     bpy.context.scene.render.fps = 60
     bpy.context.scene.frame_current = 11
-    text = part("operators.takes")._play(bpy.context, path)
+    text = part("operators.put_on_character").put_on_character(bpy.context, path)
     armature = bpy.context.scene.perfanim.armature
     assert text == f"20 frames in walk on {armature.name}; 10 more were not solved live: solve it again for them"
     np.testing.assert_allclose(key_times(curves_of(armature)), np.arange(11, 31), atol=1e-3)
     with pytest.raises(Exception, match="has no pose that was solved live"):
-        part("operators.takes")._play(bpy.context, write_take(path.parent, "none", poses=0))
+        part("operators.put_on_character").put_on_character(bpy.context, write_take(path.parent, "none", poses=0))
 
 
 def test_a_capture_that_outlived_blender_is_offered_until_it_is_on_a_character(part: Any) -> None:
     takes = part("take_library")
     path = write_take(takes.folder(), "walk", orphaned=True)
     assert [take.path for take in takes.cut_off()] == [path]
-    part("operators.takes")._play(bpy.context, path)
+    part("operators.put_on_character").put_on_character(bpy.context, path)
     assert takes.cut_off() == []
     assert [item.title for item in shown(part)] == ["walk"]

@@ -19,9 +19,11 @@ def run_job(part: Any, operator: Any, clicked: Any) -> str:
     """
     clicked.arguments = partial(operator.arguments, clicked)
     clicked.request = partial(operator.request, clicked)
+    if hasattr(operator, "uses_starter"):
+        clicked.uses_starter = partial(operator.uses_starter, clicked)
     for name in ("title", "panel", "finishable"):
         setattr(clicked, name, getattr(operator, name))
-    job = operator.begin(clicked, bpy.context, None)
+    job = operator.create_job(clicked, bpy.context, None)
     limit = time.monotonic() + PATIENCE_S
     try:
         while not job.ended:
@@ -35,4 +37,4 @@ def run_job(part: Any, operator: Any, clicked: Any) -> str:
     finally:
         job.close()
         part("viewport.camera_preview").hide()
-    return str(operator.done(clicked, bpy.context, job.summary))
+    return str(operator.on_result(clicked, bpy.context, job.summary))

@@ -41,7 +41,7 @@ def test_files_and_bones_that_are_missing(desktop: Desktop, opened: BlenderWindo
     desktop.screenshot("bad-1-bones")
     window.order("set", values={"armature": ""})
 
-    empty = tmp_path / "empty.perfdb"
+    empty = tmp_path / "empty.pfdb"
     empty.write_bytes(b"")
     window.order("set", values={"database": str(empty)})
     assert "not a motion database" in refusal(window)

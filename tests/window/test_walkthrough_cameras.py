@@ -28,7 +28,7 @@ from test_walkthrough import desktop, opened, received, wait_for_frames  # noqa:
 
 pytestmark = pytest.mark.walkthrough
 
-ADD_PX = (169, 30)  # from the words Further Targets to +
+ADD_PX = (163, 30)  # from the words Additional Targets to +
 TRIES = 4
 FIELD_PX = 120  # from a setting's name to its value
 BOARD = "charuco:7x5:120mm:90mm:DICT_4X4_50"
@@ -91,9 +91,9 @@ def enter(window: BlenderWindow, hand: Hand, setting: str, text: str, name: str)
 
 
 def add_target(desktop: Desktop, hand: Hand, below: str) -> None:  # noqa: F811
-    """Open Further Targets and click on +; `below` is the next panel's name."""
+    """Open Additional Targets and click on +; `below` is the next panel's name."""
     before = hand.find(below, sidebar=True)
-    place = hand.find("Further Targets", sidebar=True)
+    place = hand.find("Additional Targets", sidebar=True)
     desktop.click(place.x, place.y)
     limit = time.monotonic() + DRAWING_S
     while hand.find(below, sidebar=True).y < before.y + ADD_PX[1]:

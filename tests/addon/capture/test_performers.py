@@ -135,7 +135,7 @@ def test_the_list_says_who_cannot_be_followed(part: Any, shown: Any, ben: Any, t
 
 def test_what_the_worker_is_asked_for(part: Any, shown: Any, ben: Any) -> None:
     scene = bpy.context.scene
-    build_path = str(part("preferences.paths").user_folder("databases") / "a.perfdb")
+    build_path = str(part("preferences.paths").user_folder("databases") / "a.pfdb")
     build_database([str(MOTION / "boxing-01-neutral.bvh")], build_path, BuildSettings(fps=10.0))
     scene.perfanim.database, scene.perfanim.behaviour = build_path, "boxing"
     setup = part("capture.request").make(scene.perfanim)
@@ -295,7 +295,7 @@ def test_bones_of_another_armature_than_the_first_are_found_and_kept(part: Any, 
 def taken(part: Any, name: str) -> Path:
     """A take of the two, 20 frames."""
     anna = Subject("Anna", FIRST, load_marker_set("boxing"))
-    database = {"path": "C:/data/walks.perfdb"}
+    database = {"path": "C:/data/walks.pfdb"}
     setup = TakeSetup.of(default_rig(), (anna, *SUBJECTS), {"method": "lwr"}, database, {})
     poses = moments(20)
     frames = [(0.0, MarkerFrame(pose.number, pose.time_s)) for pose in poses]
@@ -358,8 +358,8 @@ def test_a_take_names_all_and_each_can_be_exported(part: Any, ben: Any, tmp_path
 
 def test_two_before_the_cameras_live_and_solved_again(part: Any, shown: Any, tmp_path: Path) -> None:
     live, scene = part("capture.live_capture"), bpy.context.scene
-    build_database([str(MOTION)], tmp_path / "two.perfdb", BuildSettings(fps=10.0))
-    scene.perfanim.database, scene.perfanim.behaviour = str(tmp_path / "two.perfdb"), "kendo"
+    build_database([str(MOTION)], tmp_path / "two.pfdb", BuildSettings(fps=10.0))
+    scene.perfanim.database, scene.perfanim.behaviour = str(tmp_path / "two.pfdb"), "kendo"
     scene.render.fps = 60
     scene.frame_set(1)
     shown.entries.add().kind = "PERFORMER"
@@ -395,7 +395,7 @@ def test_two_before_the_cameras_live_and_solved_again(part: Any, shown: Any, tmp
     for solved, pose in zip(take.poses, poses, strict=True):
         np.testing.assert_array_equal(solved.pose.performers[1].rotations, pose.performers[1].rotations)
     chosen = {"database": "CHOSEN", "performer": "RECORDED", "cameras": "RECORDED", "put_on": True}
-    operator = part("operators.takes").PERFANIM_OT_solve_take
+    operator = part("operators.solve_takes").PERFANIM_OT_solve_take
     text = run_job(part, operator, SimpleNamespace(path=str(take.path), method="nearest", **chosen))
     name = f"{take.notes.name} (nearest)"
     assert text.startswith(f"{len(poses)} frames in {name}, {name} Performer 2 on ")

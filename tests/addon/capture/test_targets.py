@@ -93,8 +93,8 @@ def check_placed(target: Any, wanted: Matrix) -> None:
 
 def test_a_sword_is_in_the_characters_hand_live_and_in_the_action(part: Any, shown: Any, tmp_path: Path) -> None:
     live, scene = part("capture.live_capture"), bpy.context.scene
-    build_database([str(MOTION / "kendo-01-proud.bvh")], tmp_path / "kendo.perfdb", BuildSettings(fps=30.0))
-    scene.perfanim.database = str(tmp_path / "kendo.perfdb")
+    build_database([str(MOTION / "kendo-01-proud.bvh")], tmp_path / "kendo.pfdb", BuildSettings(fps=30.0))
+    scene.perfanim.database = str(tmp_path / "kendo.pfdb")
     scene.render.fps, scene.frame_current = 60, 5
     scene.perfanim.behaviour = "kendo"
     shown.entries.add()

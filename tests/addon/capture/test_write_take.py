@@ -5,7 +5,7 @@ from typing import Any
 
 import bpy
 import numpy as np
-from perfanim.core.database.build import build_database
+from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.system.assets import MOTION
 from played import curves_of
@@ -22,7 +22,7 @@ def keys_of(armature: Any) -> dict[tuple[str, int], np.ndarray]:
 
 def test_put_on_character_writes_the_keys_of_the_capture(part: Any, tmp_path: Path) -> None:
     scene, chosen = bpy.context.scene, bpy.context.scene.perfanim
-    build_database([str(MOTION / "walking-01-neutral.bvh")], tmp_path / "walk.pfdb", 30.0)
+    build_database([str(MOTION / "walking-01-neutral.bvh")], tmp_path / "walk.pfdb", BuildSettings(fps=30.0))
     chosen.database, chosen.behaviour = str(tmp_path / "walk.pfdb"), "walking"
     # a countdown: the filters have run for a second before the first recorded pose
     chosen.smoothing_ms, chosen.feet, chosen.record_countdown_s, chosen.record_length_s = 80.0, "auto", 1, 0.5

@@ -35,7 +35,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("batch")
     motion = resampled(read_motion(MOTION / "walking-01-neutral.bvh"), 30.0)
     write_bvh(motion, place / "walk.bvh")
-    assert main(["database", "build", str(place / "walk.bvh"), "--fps", "30", "--out", str(place / "walk.perfdb")]) == 0
+    assert main(["database", "build", str(place / "walk.bvh"), "--fps", "30", "--out", str(place / "walk.pfdb")]) == 0
     subject = Subject("Anna", motion.skeleton, load_marker_set("locomotion"))
     save_subject(subject, place / "anna.toml")
     part = sliced(motion, 20, 30)
@@ -51,7 +51,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def part(part: Any, folder: Path) -> Any:
     """Return a module of the add-on by its name; performer, database and marker set are chosen."""
     chosen = bpy.context.scene.perfanim
-    chosen.subject, chosen.database = str(folder / "anna.toml"), str(folder / "walk.perfdb")
+    chosen.subject, chosen.database = str(folder / "anna.toml"), str(folder / "walk.pfdb")
     chosen.marker_set = "locomotion"
     return part
 
@@ -62,7 +62,7 @@ def run_job(part: Any) -> tuple[str, list[str]]:
     played = SimpleNamespace(title=operator.title)
     played.arguments = lambda context: operator.arguments(played, context)
     played.request = lambda context: operator.request(played, context)
-    job = operator.begin(played, bpy.context, None)
+    job = operator.create_job(played, bpy.context, None)
     limit, said = time.monotonic() + PATIENCE_S, []
     try:
         while not job.ended:
@@ -72,7 +72,7 @@ def run_job(part: Any) -> tuple[str, list[str]]:
             time.sleep(0.01)
     finally:
         job.close()
-    return str(operator.done(played, bpy.context, job.summary)), said
+    return str(operator.on_result(played, bpy.context, job.summary)), said
 
 
 def test_a_folder_of_takes_is_done_and_shown(part: Any, folder: Path, tmp_path: Path, monkeypatch: Any) -> None:
@@ -114,7 +114,7 @@ def test_own_takes_are_solved_for_who_was_recorded(part: Any, folder: Path, tmp_
     path = part("settings.batch_settings").plan_file(bpy.context, chosen)
     plan = tomllib.loads(path.read_text())
     assert plan["take"] == [{"take": str(own), "name": "ben"}]
-    assert plan["database"] == str(folder / "walk.perfdb")
+    assert plan["database"] == str(folder / "walk.pfdb")
     chosen.takes = str(folder / "takes")
     errors = sys.modules[part("settings.batch_settings").SettingsError.__module__]
     with pytest.raises(errors.SettingsError, match="choose one under Subject"):

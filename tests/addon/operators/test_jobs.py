@@ -132,7 +132,7 @@ def test_a_newcomer_calibrates_everything_in_the_sidebar(part: Any, monkeypatch:
     """Board pictures, cameras, the performer in three poses: with the simulated ones treated like real ones."""
     chosen, states = bpy.context.scene.perfanim, part("settings.readiness")
     chosen.practise = True
-    assert "calibrate the cameras" in states.first_problem(chosen)
+    assert "calibrate the cameras" in states.first_missing_step(chosen)
     assert not bpy.ops.perfanim.record_t_pose.poll()
     assert not bpy.ops.perfanim.set_floor.poll()
     cameras, subject = part("operators.cameras"), part("operators.subject")
@@ -140,13 +140,13 @@ def test_a_newcomer_calibrates_everything_in_the_sidebar(part: Any, monkeypatch:
     assert text.startswith("good: 0.")
     assert "covered" in text
     assert len(list(Path(chosen.board_left).glob("*.png"))) == len(list(Path(chosen.board_right).glob("*.png"))) >= 10
-    assert "calibrate the performer" in states.first_problem(chosen)
+    assert "calibrate the performer" in states.first_missing_step(chosen)
     assert not bpy.ops.perfanim.use_profile.poll()
     chosen.subject_name = "Zoë 2"
     monkeypatch.setattr(subject, "HELD_S", 1.25)
     text = run_job(part, subject.PERFANIM_OT_calibrate_performer, SimpleNamespace())
     assert text.startswith(("good: residual ", "usable: residual "))
-    assert states.first_problem(chosen) == ""
+    assert states.first_missing_step(chosen) == ""
     assert states.performer(chosen).text.startswith("Zoë 2, ")
     assert [label for _, label, _ in subject._profile_items(None, bpy.context)] == [states.performer(chosen).text]
     # upright is where the performer's body points, who leans up to 3 degrees: 0.17 m at the cameras, 3.3 m away

@@ -37,9 +37,7 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
     folder = tmp_path_factory.mktemp("walk")
     motion = resampled(read_motion(MOTION / "walking-01-neutral.bvh"), 30.0)
     write_bvh(motion, folder / "walk.bvh")
-    assert (
-        main(["database", "build", str(folder / "walk.bvh"), "--fps", "30", "--out", str(folder / "walk.perfdb")]) == 0
-    )
+    assert main(["database", "build", str(folder / "walk.bvh"), "--fps", "30", "--out", str(folder / "walk.pfdb")]) == 0
     subject = Subject("Anna", motion.skeleton, load_marker_set("locomotion"))
     save_subject(subject, folder / "anna.toml")
     part = sliced(motion, 20, 40)
@@ -55,7 +53,7 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
 def part(part: Any, walk: SimpleNamespace) -> Any:
     """Return a module of the add-on by its name; what a capture needs is chosen, and there are no takes."""
     chosen = bpy.context.scene.perfanim
-    chosen.subject, chosen.database = str(walk.folder / "anna.toml"), str(walk.folder / "walk.perfdb")
+    chosen.subject, chosen.database = str(walk.folder / "anna.toml"), str(walk.folder / "walk.pfdb")
     chosen.marker_set = "locomotion"
     shutil.rmtree(part("take_library").folder())
     part("take_library").forget()
@@ -69,7 +67,7 @@ def recorded(part: Any, walk: SimpleNamespace, name: str, **notes: Any) -> Path:
         PerformerPose(number, number / 30.0, rotations, root, 0.9, none, none, np.full(8, -1), 0.0)
         for number, (rotations, root) in enumerate(zip(*motion, strict=True))
     ]
-    setup = TakeSetup.of(default_rig(), (walk.subject,), {"method": "lwr"}, {"path": "C:/data/walks.perfdb"}, {})
+    setup = TakeSetup.of(default_rig(), (walk.subject,), {"method": "lwr"}, {"path": "C:/data/walks.pfdb"}, {})
     frames = [(0.0, MarkerFrame(pose.number, pose.time_s)) for pose in poses]
     path = part("take_library").folder() / f"{name}.perftake"
     write_whole_take(
@@ -85,7 +83,7 @@ def shown(part: Any) -> list[Any]:
 
 
 def imported(part: Any, walk: SimpleNamespace, *files: str) -> str:
-    operator = part("operators.takes").PERFANIM_OT_import_takes
+    operator = part("operators.solve_takes").PERFANIM_OT_import_takes
     names = [SimpleNamespace(name=name) for name in files]
     given = {"files": names, "directory": str(walk.folder), "filepath": "", "up": "auto", "method": "nearest"}
     return run_job(part, operator, SimpleNamespace(**given))
@@ -127,7 +125,7 @@ def test_without_a_database_the_starter_is_made_first(part: Any, walk: SimpleNam
     bpy.context.scene.perfanim.database = ""
     target = part("settings.readiness").starter_database_path()
     made = ["database", "build", str(walk.folder / "walk.bvh"), "--fps", "30", "--out", str(target)]
-    monkeypatch.setattr(part("operators.takes"), "starter_arguments", lambda: made)
+    monkeypatch.setattr(part("operators.database"), "starter_arguments", lambda: made)
     assert not target.exists()
     assert imported(part, walk, "walk.c3d") == "1 take imported"
     assert target.exists()
@@ -140,7 +138,7 @@ def test_a_take_is_solved_again_with_other_settings(part: Any, walk: SimpleNames
     path = item.path
     save_subject(replace(walk.subject, name="Anna anew"), walk.folder / "anew.toml")
     bpy.context.scene.perfanim.subject = str(walk.folder / "anew.toml")
-    operator = part("operators.takes").PERFANIM_OT_solve_take
+    operator = part("operators.solve_takes").PERFANIM_OT_solve_take
     chosen = {"database": "CHOSEN", "performer": "CHOSEN", "cameras": "RECORDED", "put_on": False}
     text = run_job(part, operator, SimpleNamespace(path=path, method="local-pca", **chosen))
     assert text == "20 frames solved as walk (local-pca)"
@@ -204,7 +202,7 @@ def test_a_deleted_take_can_be_had_back(part: Any, walk: SimpleNamespace) -> Non
     content = first.read_bytes()
     assert bpy.ops.perfanim.delete_take(path=str(first)) == {"FINISHED"}
     assert [item.title for item in shown(part)] == ["run"]
-    assert part("take_library").room() == (second.stat().st_size, len(content))
+    assert part("take_library").disk_space() == (second.stat().st_size, len(content))
     (gone,) = part("take_library").deleted()
     recorded(part, walk, "walk")  # another of that name
     assert bpy.ops.perfanim.restore_take(take=str(gone.path)) == {"FINISHED"}
@@ -222,15 +220,15 @@ def test_clean_up_removes_what_is_deleted_or_old_and_nothing_else(part: Any, wal
         made = read_take_file(path)
         setup = replace(made.setup, created=(datetime.now(UTC) - timedelta(days=days)).isoformat())
         write_whole_take(path, setup, made.notes, made.stamped_frames, made.poses)
-    (takes.folder() / ("cut.perftake" + takes.SET_ASIDE)).write_bytes(b"x" * 500)
+    (takes.folder() / ("cut.perftake" + takes.RECOVERED_SUFFIX)).write_bytes(b"x" * 500)
     takes.forget()
     takes.delete(takes.folder() / "gone.perftake")
     deleted = next(iter(takes.deleted())).path.stat().st_size
-    assert takes.room()[1] == deleted + 500
+    assert takes.disk_space()[1] == deleted + 500
     assert bpy.ops.perfanim.clean_up_takes(deleted=True, old=False) == {"FINISHED"}
     assert part("jobs.activity").message("takes")[0] == f"2 files removed, {takes.size_text(deleted + 500)} free"
     assert {item.title for item in shown(part)} == {"new", "old", "old but good"}
-    assert takes.room()[1] == 0
+    assert takes.disk_space()[1] == 0
     assert bpy.ops.perfanim.clean_up_takes(deleted=False, old=True, days=90, stars=0) == {"FINISHED"}
     assert {item.title for item in shown(part)} == {"new", "old but good"}
     with pytest.raises(RuntimeError, match="nothing is chosen"):

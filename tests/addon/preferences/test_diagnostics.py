@@ -113,8 +113,8 @@ def test_the_self_test_captures_the_simulated_performer(self_test: Any, tmp_path
 
 
 def test_the_self_test_tells_what_does_not_work(self_test: Any, tmp_path: Path) -> None:
-    (tmp_path / "bad.perfdb").write_bytes(b"no database")
-    test = self_test.SelfTest(str(tmp_path / "bad.perfdb"), [], None)
-    with pytest.raises(self_test.CaptureError, match=r"bad\.perfdb"):
+    (tmp_path / "bad.pfdb").write_bytes(b"no database")
+    test = self_test.SelfTest(str(tmp_path / "bad.pfdb"), [], None)
+    with pytest.raises(self_test.CaptureError, match=r"bad\.pfdb"):
         run(test)
     assert len(test.lines) == 2, "what works is told"

@@ -30,45 +30,45 @@ def chosen(addon: ModuleType) -> Any:
 
 
 def test_the_defaults_are_ready(states: Any, chosen: Any) -> None:
-    assert states.first_problem(chosen) == ""
+    assert states.first_missing_step(chosen) == ""
     assert [step(chosen).ready for step in states.STEPS] == [True] * 5
 
 
 def test_files_that_are_missing_or_bad_are_named(states: Any, chosen: Any, tmp_path: Path) -> None:
     chosen.source = "VIDEOS"
-    assert "left camera" in states.first_problem(chosen)
+    assert "left camera" in states.first_missing_step(chosen)
     chosen.left_video = chosen.right_video = str(tmp_path / "no.mp4")
-    assert "no.mp4: not found" in states.first_problem(chosen)
+    assert "no.mp4: not found" in states.first_missing_step(chosen)
     video = tmp_path / "yes.mp4"
     video.touch()
     chosen.left_video = chosen.right_video = str(video)
-    assert "calibrate the cameras" in states.first_problem(chosen)
+    assert "calibrate the cameras" in states.first_missing_step(chosen)
     bad = tmp_path / "bad.toml"
     bad.write_text("this is not toml")
     chosen.calibration = str(bad)
-    assert "bad.toml" in states.first_problem(chosen)
+    assert "bad.toml" in states.first_missing_step(chosen)
     save_rig(default_rig(), bad)
-    assert "calibrate the performer" in states.first_problem(chosen)
+    assert "calibrate the performer" in states.first_missing_step(chosen)
     chosen.subject = str(bad)
-    assert "not a subject" in states.first_problem(chosen)
+    assert "not a subject" in states.first_missing_step(chosen)
     good = tmp_path / "anna.toml"
     save_subject(Subject("Anna", default_skeleton(), load_marker_set("boxing"), 0.006), good)
     chosen.subject = str(good)
     assert states.performer(chosen).text == "Anna, 6 mm"
-    assert states.first_problem(chosen) == ""
-    chosen.database = str(tmp_path / "none.perfdb")
-    assert "none.perfdb" in states.first_problem(chosen)
-    empty = tmp_path / "empty.perfdb"
+    assert states.first_missing_step(chosen) == ""
+    chosen.database = str(tmp_path / "none.pfdb")
+    assert "none.pfdb" in states.first_missing_step(chosen)
+    empty = tmp_path / "empty.pfdb"
     empty.touch()
     chosen.database = str(empty)
-    assert "not a motion database" in states.first_problem(chosen)
+    assert "not a motion database" in states.first_missing_step(chosen)
 
 
 @pytest.fixture
 def database(tmp_path: Path) -> Path:
     write_bvh(perform("walking", 3.0), tmp_path / "walk.bvh")
-    build_database([str(tmp_path / "walk.bvh")], tmp_path / "mine.perfdb", BuildSettings(fps=60.0))
-    return tmp_path / "mine.perfdb"
+    build_database([str(tmp_path / "walk.bvh")], tmp_path / "mine.pfdb", BuildSettings(fps=60.0))
+    return tmp_path / "mine.pfdb"
 
 
 def test_the_chosen_markers_must_be_the_subjects(
@@ -80,13 +80,13 @@ def test_the_chosen_markers_must_be_the_subjects(
     save_subject(Subject("Anna", default_skeleton(), load_marker_set("locomotion"), 0.006), path)
     chosen.subject = str(path)
     chosen.marker_set = "boxing"
-    problem = states.first_problem(chosen)
+    problem = states.first_missing_step(chosen)
     assert problem.startswith("Anna: calibrated with the markers locomotion, without head of boxing; choose locomotion")
     chosen.marker_set = "locomotion"
-    assert states.first_problem(chosen) == ""
+    assert states.first_missing_step(chosen) == ""
     # fewer markers than calibrated may be worn: the choice decides
     save_subject(Subject("Anna", default_skeleton(), load_marker_set("boxing"), 0.006), path)
-    assert states.first_problem(chosen) == ""
+    assert states.first_missing_step(chosen) == ""
     captured = load_subject(setup.make(chosen).request["subject"])
     assert captured.marker_set.names == load_marker_set("locomotion").names
 
@@ -95,7 +95,7 @@ def test_the_chosen_markers_must_be_the_subjects(
 def test_no_database_is_kept_open(states: Any, chosen: Any, database: Path) -> None:
     chosen.database = str(database)
     assert states.motion(chosen).ready
-    assert "mine.perfdb" not in Path("/proc/self/maps").read_text()
+    assert "mine.pfdb" not in Path("/proc/self/maps").read_text()
     before = states.motion(chosen).text
     build_database([str(database.with_name("walk.bvh"))], database, BuildSettings(fps=30.0))
     assert states.motion(chosen).text != before
@@ -105,7 +105,7 @@ def test_an_armature_that_cannot_be_driven_says_why(states: Any, chosen: Any) ->
     armature = bpy.data.objects.new("Other", bpy.data.armatures.new("Other"))
     bpy.context.scene.collection.objects.link(armature)
     chosen.armature = armature
-    assert "Other: the armature has no bones" in states.first_problem(chosen)
+    assert "Other: the armature has no bones" in states.first_missing_step(chosen)
     assert len(armature.perfanim_character.joints) == 29  # to be chosen by hand
 
 
@@ -121,7 +121,7 @@ def test_only_armatures_can_be_picked(chosen: Any) -> None:
 def test_a_marker_set_of_the_users_own(states: Any, chosen: Any, tmp_path: Path) -> None:
     assert states.markers(chosen).text == "9 markers"
     chosen.marker_set_file = str(tmp_path / "mine.toml")
-    assert "mine.toml" in states.first_problem(chosen)
+    assert "mine.toml" in states.first_missing_step(chosen)
 
 
 def test_long_messages_are_cut_into_lines(extension: str, addon: ModuleType) -> None:

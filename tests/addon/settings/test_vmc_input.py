@@ -25,14 +25,14 @@ def test_only_programs_of_this_computer_without_online_access(part: Any, monkeyp
     states, sending = part("settings.readiness"), part("settings.vmc_output")
     chosen.source = "VMC"
     assert states.cameras(chosen).text == f"port {told.port}"  # no calibration is asked for
-    assert "use an average body" in states.first_problem(chosen)
+    assert "use an average body" in states.first_missing_step(chosen)
     assert not bpy.ops.perfanim.calibrate_performer.poll()
     assert part("capture.request").cameras(chosen)["source"] == {"kind": "vmc", "port": 39540, "sender": "127.0.0.1"}
     for online, sender, ready in ((False, "192.168.1.7", False), (False, " ", False), (True, " ", True)):
         monkeypatch.setattr(sending, "is_online_allowed", lambda online=online: online)
         told.sender = sender
         assert states.cameras(chosen).ready is ready
-        assert ("Online access" in states.first_problem(chosen)) is not ready
+        assert ("Online access" in states.first_missing_step(chosen)) is not ready
 
 
 def test_trackers_move_the_character_and_a_sender_that_pauses_is_told(part: Any, tmp_path: Path) -> None:
@@ -49,7 +49,7 @@ def test_trackers_move_the_character_and_a_sender_that_pauses_is_told(part: Any,
     chosen.source, chosen.subject, chosen.database = "VMC", str(tmp_path / "anna.toml"), str(tmp_path / "walk.pfdb")
     chosen.marker_set = "boxing"
     bpy.context.scene.perfanim_receiving.port = free_port()
-    assert part("settings.readiness").first_problem(chosen) == ""
+    assert part("settings.readiness").first_missing_step(chosen) == ""
     capture, limit_s = part("capture.live_capture").LiveCapture(None, []), time.monotonic() + PATIENCE_S
     sent: list[int] = []
 

@@ -1,0 +1,151 @@
+"""Operator that exports a take to a file for other programs."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+from bpy_extras.io_utils import ExportHelper
+
+from ...core.errors import PerfanimError, TakeError
+from ...core.formats.motion.write_motion import ANGLES, VRMA, write_motion
+from ...core.formats.take_file.reading import read_take_file, summarise
+from ...core.markers.frame_rate import frame_rate
+from ...core.retarget.joint_naming import OWN
+from .. import take_library
+from ..capture.write_take import add_character, increasing, pose_arrays
+from ..export.export_animation import ENDINGS, Form, export_poses
+from ..panels.takes import KEY as PANEL
+from ..preferences.paths import absolute
+from .common import PanelOperator, report_error
+from .put_on_character import TakeOperator, character_name, recorded_poses, take_motion
+
+_MOTIONS = {"VRMA": VRMA, "ANGLES": ANGLES}  # written without Blender, and without a character
+_ENDINGS = {**ENDINGS, **_MOTIONS}
+
+
+class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, ExportHelper):
+    """Export the take's motion on the chosen character to a file for other programs"""
+
+    bl_idname = "perfanim.export_take"
+    bl_label = "Export Take"
+    filename_ext = ""
+    check_extension = None
+    kind: bpy.props.EnumProperty(
+        name="Format",
+        description="File format",
+        items=(
+            ("BVH", "BVH", "Bones and motion, Y up"),
+            ("FBX", "FBX", "Character and motion"),
+            ("GLTF", "glTF", "Character and motion in one file (.glb)"),
+            ("VRMA", "VRM Animation", "Motion on the performer's own body, for any VRM avatar (.vrma)"),
+            ("ANGLES", "Joint Angles", "The performer's joint angles as a table (.angles.csv)"),
+        ),
+        options={"SKIP_SAVE"},
+    )
+    naming: bpy.props.EnumProperty(
+        name="Naming",
+        description="Bone naming convention",
+        items=(
+            ("OWN", "Unchanged", "The character's own bone names"),
+            ("unreal", "Unreal", "The mannequin of Unreal Engine 5"),
+            ("vrm", "VRM", "Humanoid bones of VRM 1.0"),
+            ("mixamo", "Mixamo", "Mixamo's"),
+            ("cmu", "CMU", "The CMU Motion Capture Database, as on a new character"),
+        ),
+    )
+    rate: bpy.props.FloatProperty(
+        name="Rate (Hz)",
+        description="Frames per second of the file; 0 for the recorded rate",
+        default=0,
+        min=0,
+        max=1000,
+    )
+    scale: bpy.props.FloatProperty(
+        name="Scale",
+        description="BVH units per scene unit: 100 for centimetres if the scene has metres",
+        default=1,
+        min=0.001,
+        max=1000,
+    )
+    meshes: bpy.props.BoolProperty(
+        name="Meshes", description="Include the meshes deformed by the armature", default=True
+    )
+    performer: bpy.props.IntProperty(
+        name="Performer",
+        description="Number of the performer in the take, exported on their own character",
+        default=1,
+        min=1,
+        options={"SKIP_SAVE"},
+    )
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Ask for the file."""
+        try:
+            self.filepath = bpy.path.clean_name(summarise(self.path).notes.name) + _ENDINGS[self.kind]
+        except PerfanimError as error:
+            return report_error(self, PANEL, error)
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the options of this file format."""
+        column = self.layout.column()
+        column.use_property_split = True
+        column.use_property_decorate = False
+        column.prop(self, "kind")
+        names = next((t.performers for t in take_library.listed() if str(t.path) == self.path), ())
+        if len(names) > 1:
+            column.prop(self, "performer")
+            column.label(text=names[min(self.performer, len(names)) - 1], icon="USER")
+        column.prop(self, "rate")
+        if self.kind != "VRMA":
+            column.prop(self, "naming")
+        if self.kind == "BVH":
+            column.prop(self, "scale")
+        if self.kind in ("FBX", "GLTF"):
+            column.prop(self, "meshes")
+
+    def check(self, context: bpy.types.Context) -> bool:
+        """Give the file the ending of the format."""
+        wanted = self._with_ending()
+        changed, self.filepath = wanted != self.filepath, wanted
+        return changed
+
+    def _with_ending(self) -> str:
+        path = self.filepath
+        known = next((ending for ending in _ENDINGS.values() if path.lower().endswith(ending)), "")
+        return path[: len(path) - len(known)] + _ENDINGS[self.kind]
+
+    def run(self, context: bpy.types.Context) -> str:
+        """Write the file."""
+        target = Path(absolute(self._with_ending()))
+        take = read_take_file(self.path)
+        motion, subjects, armature = take_motion(context, take), take.setup.subjects(), character_name(context)
+        poses, index = recorded_poses(take, motion), self.performer - 1
+        if index >= len(subjects):
+            raise TakeError(f"has {len(subjects)} performers", where=take.notes.name, advice="choose one of them")
+        if index > 0:
+            armature = motion.performers[index - 1].armature
+        subject = subjects[index]
+        title = f"{take.notes.name} ({subject.name})" if len(subjects) > 1 else take.notes.name
+        naming = "" if self.naming == "OWN" else self.naming
+        if self.kind in _MOTIONS:
+            from ...core.session.solve_take import resample_uniform
+
+            performed = [pose.performers[index] for pose in poses]
+            uniform = resample_uniform(performed, subject, take.notes.name, self.path)
+            written = write_motion(uniform, target, naming=naming or OWN, rate=self.rate or None)
+            return f"{written.frames} frames of {title} in {target}"
+        if not armature and index > 0:
+            advice = "choose one under Additional Targets, or click Put on Character"
+            raise TakeError("the performer has no character", where=subject.name, advice=advice)
+        armature = armature or add_character(context, subject.skeleton)
+        times_s, rotations, positions = pose_arrays(poses, index)
+        numbers = np.array([pose.number for pose in poses])
+        fps = self.rate or (frame_rate(times_s, numbers) if len(times_s) > 1 else 1.0)
+        arrays = (increasing(times_s), rotations, positions, subject.skeleton, fps)
+        count = export_poses(context, armature, target, self.kind, *arrays, Form(self.meshes, naming, self.scale))
+        return f"{count} frames of {title} on {armature} in {target}"
+
+
+register, unregister = bpy.utils.register_classes_factory((PERFANIM_OT_export_take,))

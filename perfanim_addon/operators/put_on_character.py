@@ -1,0 +1,103 @@
+"""Operators that write a take's motion onto the character: Put on Character, Recover Take."""
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ...core.body.scene_pose import ScenePose
+from ...core.errors import TakeError
+from ...core.formats.take_file.reading import TakeFile, read_take_file, take_name, unused_path
+from ...core.session.pose_filters import FilterSettings
+from .. import take_library
+from ..capture import request
+from ..capture.performer_driver import roles_of
+from ..capture.write_take import RecordedPart, TakeMotion, filter_take, write_take
+from ..panels.takes import KEY as PANEL
+from ..settings.capture_settings import settings
+from ..settings.result_settings import start_frame
+from .common import PanelOperator
+from .jobs import JobOperator
+
+
+class TakeOperator:
+    """Base of the operators on one take."""
+
+    bl_options = {"REGISTER", "UNDO"}
+    panel = PANEL
+    path: bpy.props.StringProperty(name="Take", description="File of the take", options={"HIDDEN", "SKIP_SAVE"})
+
+
+def take_motion(context: bpy.types.Context, take: TakeFile) -> TakeMotion:
+    """Return the filtered motion of a take, and the characters that follow its performers."""
+    chosen = FilterSettings.of_table(request.shape(settings(context)))
+    poses = filter_take(take, chosen, use_stored=context.scene.perfanim_result.filters == "RECORDED")
+    first, *further = take.setup.subjects()
+    return TakeMotion(first.skeleton, take.setup.carried_props(), roles_of(context, further), poses)
+
+
+def recorded_poses(take: TakeFile, motion: TakeMotion) -> list[ScenePose]:
+    """Return the poses of the recorded part of a take; TakeError when there are none."""
+    poses = [pose for pose in motion.poses if take.is_recorded(pose.number)]
+    if not poses:
+        raise TakeError("has no solved poses", where=take.notes.name, advice="solve it again")
+    return poses
+
+
+def character_name(context: bpy.types.Context) -> str:
+    """Return the name of the chosen armature, "" for none."""
+    armature = settings(context).armature
+    return armature.name if armature else ""
+
+
+def put_on_character(context: bpy.types.Context, path: Path) -> str:
+    """Write a take onto the chosen armature, or a new character; return the line to show.
+
+    Props and further performers go onto the objects and characters of their targets, or new ones.
+    """
+    take = read_take_file(path)
+    motion = take_motion(context, take)
+    poses = recorded_poses(take, motion)
+    part = RecordedPart(poses, start_frame(context))
+    name, actions = write_take(context, motion, [part], take.notes.name, character_name(context))
+    take_library.mark_played(path, name)
+    text, unsolved = f"{len(poses)} frames in {', '.join(actions)} on {name}", take.frame_count - len(take.poses)
+    return f"{text}; {unsolved} more frames have no pose: use Solve Again" if unsolved > 0 else text
+
+
+class PERFANIM_OT_play_take(TakeOperator, PanelOperator, bpy.types.Operator):
+    """Write the take onto the character as an action, NLA strip or layer"""
+
+    bl_idname = "perfanim.play_take"
+    bl_label = "Put on Character"
+
+    def run(self, context: bpy.types.Context) -> str:
+        """Write the keyframes."""
+        return put_on_character(context, Path(self.path))
+
+
+class PERFANIM_OT_recover_take(TakeOperator, JobOperator, bpy.types.Operator):
+    """Save the intact part of an unfinished take as a complete take, and put its motion onto the character"""
+
+    bl_idname = "perfanim.recover_take"
+    bl_label = "Recover Take"
+    title = "Recovering the take"
+
+    def arguments(self, context: bpy.types.Context) -> list[str]:
+        """Return the command."""
+        path = Path(self.path)
+        self._target = unused_path(path.parent, f"{take_name(path)} recovered")
+        return ["take", "recover", str(path), "--out", str(self._target)]
+
+    def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+        """Rename the damaged file and put the recovered take onto the character."""
+        path = Path(self.path)
+        path.rename(path.with_name(path.name + take_library.RECOVERED_SUFFIX))
+        take_library.forget()
+        text = f"{summary['frames']} frames recovered, {summary['duration_s']:.1f} s"
+        return f"{text}; {put_on_character(context, self._target)}" if summary["poses"] else f"{text}: use Solve Again"
+
+
+_CLASSES = (PERFANIM_OT_recover_take, PERFANIM_OT_play_take)
+
+register, unregister = bpy.utils.register_classes_factory(_CLASSES)

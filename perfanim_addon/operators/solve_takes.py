@@ -1,0 +1,141 @@
+"""Operators that solve takes in the worker: Solve Again, Import Marker Takes."""
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy_extras.io_utils import ImportHelper
+
+from ...core.errors import SettingsError, TakeError
+from ...core.formats.markers.marker_files import READABLE
+from ...core.formats.take_file.reading import summarise, unused_path
+from ...core.labelling.take_import import UPS
+from ...core.solver.settings import METHODS
+from .. import take_library
+from ..panels import takes
+from ..preferences.paths import absolute
+from ..settings import readiness
+from ..settings.capture_settings import settings
+from .database import SolvingOperator
+from .put_on_character import TakeOperator, put_on_character
+
+_METHODS = [(name, name, f"The method {name!r}") for name in METHODS]
+_UP_TEXTS = {
+    "auto": ("From the Performer", "The axis of the file along which the performer stands"),
+    "feet": ("Floor from the Feet", "The floor under the feet becomes the scene's; for tilted cameras"),
+    "y": ("Y", "The file's Y axis"),
+    "z": ("Z", "The file's Z axis"),
+}
+
+
+def _recorded_or_chosen(name: str, thing: str, panel: str, default: str) -> Any:
+    items = (
+        ("RECORDED", "As Recorded", f"The {thing} that the take was recorded with"),
+        ("CHOSEN", "As Chosen", f"The {thing} chosen under {panel}"),
+    )
+    return bpy.props.EnumProperty(name=name, description=f"Source of the {thing}", items=items, default=default)
+
+
+class PERFANIM_OT_solve_take(TakeOperator, SolvingOperator, bpy.types.Operator):
+    """Solve the recorded markers again with other settings, as a new take"""
+
+    bl_idname = "perfanim.solve_take"
+    bl_label = "Solve Again"
+    title = "Solving the take"
+    method: bpy.props.EnumProperty(name="Method", description="Solver method", items=_METHODS, default="best")
+    database: _recorded_or_chosen("Database", "motion database", "Motion Database", "CHOSEN")
+    performer: _recorded_or_chosen("Performer", "performer", "Subject", "RECORDED")
+    cameras: _recorded_or_chosen("Cameras", "calibration of the cameras", "Cameras", "RECORDED")
+    put_on: bpy.props.BoolProperty(
+        name="Put on Character", description="Put the result onto the character at once", default=True
+    )
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Ask for the settings."""
+        return context.window_manager.invoke_props_dialog(self)
+
+    def arguments(self, context: bpy.types.Context) -> list[str]:
+        """Return the command."""
+        chosen, given = settings(context), ["--method", self.method]
+        if self.database == "CHOSEN":
+            given += ["--database", str(readiness.database_path(chosen))]
+        for source, name, option, panel in (
+            (self.performer, "subject", "--subject", "Subject"),
+            (self.cameras, "calibration", "--cameras", "Cameras"),
+        ):
+            if source == "CHOSEN":
+                path = absolute(getattr(chosen, name))
+                if not path:
+                    advice = f"choose one under {panel}, or use the recorded one"
+                    raise SettingsError(f"no {name} is chosen", advice=advice)
+                given += [option, path]
+        name = summarise(self.path).notes.name
+        self._target = unused_path(take_library.folder(), f"{name} ({self.method})")
+        return ["solve", self.path, *given, "--out", str(self._target)]
+
+    def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+        """List the new take and put it onto the character."""
+        takes.choose(self._target)
+        name = summarise(self._target).notes.name
+        text = (
+            put_on_character(context, self._target) if self.put_on else f"{summary['frames']} frames solved as {name}"
+        )
+        return "; ".join((text, *summary["warnings"]))
+
+
+class PERFANIM_OT_import_takes(SolvingOperator, bpy.types.Operator, ImportHelper):
+    """Solve marker files of other systems with the chosen performer, markers and database, and list them as takes"""
+
+    bl_idname = "perfanim.import_takes"
+    bl_label = "Import Marker Takes"
+    title = "Importing takes"
+    panel = takes.KEY
+    filename_ext = ""
+    filter_glob: bpy.props.StringProperty(
+        default=";".join(f"*{ending}".replace(".take.npz", ".npz") for ending in READABLE), options={"HIDDEN"}
+    )
+    files: bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
+    directory: bpy.props.StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
+    up: bpy.props.EnumProperty(
+        name="Up", description="Up axis of the files", items=[(up, *_UP_TEXTS[up]) for up in UPS], default="auto"
+    )
+    method: bpy.props.EnumProperty(name="Method", description="Solver method", items=_METHODS, default="best")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the options, the performer and the markers."""
+        layout, chosen = self.layout, settings(context)
+        layout.use_property_split = True
+        layout.prop(self, "up")
+        layout.prop(self, "method")
+        performer = readiness.performer_text(absolute(chosen.subject)) if chosen.subject else "average body"
+        height = "" if chosen.subject else f", {chosen.subject_height:.2f} m"
+        layout.label(text=f"Performer: {performer}{height}", icon="USER")
+        layout.label(text=f"Markers: {Path(readiness.marker_set_source(chosen)).stem}", icon="DOT")
+
+    def arguments(self, context: bpy.types.Context) -> list[str]:
+        """Return the command."""
+        chosen = settings(context)
+        files = [str(Path(self.directory) / item.name) for item in self.files if item.name] or [self.filepath]
+        for file in files:
+            if not Path(file).is_file():
+                raise TakeError("not found", where=file or "import", advice="choose marker takes")
+        subject = absolute(chosen.subject)
+        performer = ["--subject", subject] if subject else ["--height", str(chosen.subject_height)]
+        markers = ["--marker-set", readiness.marker_set_source(chosen)]
+        solver = ["--database", str(readiness.database_path(chosen)), "--method", self.method]
+        out = ["--up", self.up, "--out", str(take_library.folder())]
+        return ["take", "import", *files, *performer, *markers, *solver, *out]
+
+    def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+        """List the imported takes."""
+        kept, failed = summary["takes"], summary["failed"]
+        takes.choose(Path(kept[0]["out"]))
+        count = (
+            f"{len(kept)} of {len(kept) + len(failed)} takes" if failed else f"{len(kept)} take" + "s" * (len(kept) > 1)
+        )
+        return "; ".join((f"{count} imported", *failed, *(warning for take in kept for warning in take["warnings"])))
+
+
+_CLASSES = (PERFANIM_OT_solve_take, PERFANIM_OT_import_takes)
+
+register, unregister = bpy.utils.register_classes_factory(_CLASSES)
