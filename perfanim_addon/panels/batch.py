@@ -1,4 +1,4 @@
-"""The Batch panel: many takes at once."""
+"""Batch panel."""
 
 import bpy
 
@@ -12,14 +12,14 @@ KEY = "batch"
 
 
 class PERFANIM_PT_batch(SidebarPanel, bpy.types.Panel):
-    """Many takes solved and written at once."""
+    """Panel of a batch of takes."""
 
     bl_label = "Batch"
     bl_options = {"DEFAULT_CLOSED"}
     bl_order = 101
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw which takes, with what, and how far it is."""
+        """Draw settings and progress."""
         chosen, layout = context.scene.perfanim_batch, self.layout
         column = layout.column()
         column.use_property_split = True

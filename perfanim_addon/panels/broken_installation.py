@@ -1,4 +1,4 @@
-"""What stands in the sidebar when a bundled library cannot be loaded."""
+"""Panel shown when a bundled library cannot be loaded."""
 
 import bpy
 
@@ -7,7 +7,7 @@ from ..preferences.sidebar_tab import SidebarPanel
 
 
 class PERFANIM_PT_broken(SidebarPanel, bpy.types.Panel):
-    """Says what is wrong and what to do."""
+    """Panel with the error and the remedy."""
 
     bl_idname = "PERFANIM_PT_broken"
     bl_label = "Perfanim cannot run"

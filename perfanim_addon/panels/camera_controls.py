@@ -1,4 +1,4 @@
-"""Exposure, gain and focus in the sidebar, below the cameras."""
+"""Sub-panel of the cameras: exposure, gain, focus."""
 
 import bpy
 
@@ -9,7 +9,7 @@ from ..settings.capture_settings import settings
 
 
 class PERFANIM_PT_camera_controls(SidebarPanel, bpy.types.Panel):
-    """What the cameras are told; kept in the preferences."""
+    """Panel of the camera controls, which are stored in the preferences."""
 
     bl_label = "Exposure, Gain, Focus"
     bl_parent_id = "PERFANIM_PT_cameras"
@@ -17,7 +17,7 @@ class PERFANIM_PT_camera_controls(SidebarPanel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Only for real cameras, and where the preferences are (not when loaded as a plain package)."""
+        """Return True for real cameras, if there are preferences (not as a plain package)."""
         return settings(context).source == "CAMERAS" and ADDON in context.preferences.addons
 
     def draw(self, context: bpy.types.Context) -> None:

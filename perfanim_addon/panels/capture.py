@@ -1,10 +1,10 @@
-"""The Capture panel and its settings."""
+"""Capture panel and its settings."""
 
 import bpy
 
 from ..capture.live_capture import LiveCapture
 from ..character.body_parts import PARTS
-from ..jobs import activity as running
+from ..jobs import activity
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import readiness
 from ..settings.capture_settings import settings
@@ -12,16 +12,16 @@ from .drawing import draw_progress, draw_props, draw_text
 
 
 class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
-    """Start, stop, and how it goes."""
+    """Panel with Start and Stop, and statistics."""
 
     bl_label = "Capture"
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
-        """Draw the state at the right of the header line."""
-        activity = running.current()
+        """Draw the status at the right of the header."""
+        capture = activity.current()
         row = self.layout.row()
-        if isinstance(activity, LiveCapture):
-            row.label(text=activity.line, icon="REC")
+        if isinstance(capture, LiveCapture):
+            row.label(text=capture.line, icon="REC")
         else:
             problem = readiness.first_missing_step(settings(context))
             row.alert = bool(problem)
@@ -31,23 +31,23 @@ class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw."""
         layout = self.layout
-        activity = running.current()
+        capture = activity.current()
         row = layout.row()
         row.scale_y = 1.8
-        if isinstance(activity, LiveCapture):
+        if isinstance(capture, LiveCapture):
             row.operator("perfanim.stop_capture", icon="SNAP_FACE")
-            if activity.by_button:
-                text = "Record" if activity.recording is None else "Stop Recording"
-                row.operator("perfanim.record", text=text, icon="REC", depress=activity.recording is not None)
-            self._draw_figures(context, layout, activity)
+            if capture.by_button:
+                text = "Record" if capture.recording is None else "Stop Recording"
+                row.operator("perfanim.record", text=text, icon="REC", depress=capture.recording is not None)
+            self._draw_statistics(context, layout, capture)
         else:
             row.operator("perfanim.start_capture", icon="REC")
             problem = readiness.first_missing_step(settings(context))
             draw_text(context, layout, problem, "ERROR")
             if not problem:
-                draw_text(context, layout, *running.message("capture"))
+                draw_text(context, layout, *activity.message("capture"))
 
-    def _draw_figures(self, context: bpy.types.Context, layout: bpy.types.UILayout, capture: LiveCapture) -> None:
+    def _draw_statistics(self, context: bpy.types.Context, layout: bpy.types.UILayout, capture: LiveCapture) -> None:
         run = capture.run
         if run is None:
             draw_progress(layout, capture.job.fraction if capture.job else 0.0, capture.line)
@@ -59,7 +59,7 @@ class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
         grid.label(text=f"{figures.frames_per_s:.0f} frames/s")
         grid.label(text=f"{figures.latency_s * 1000:.0f} ms latency")
         grid.label(text=f"{figures.received} frames")
-        grid.label(text=f"{figures.solve_s * 1000:.0f} ms of it solver")
+        grid.label(text=f"{figures.solve_s * 1000:.0f} ms solver")
         if figures.skew_s is not None:
             grid.label(text=f"Cameras {figures.skew_s * 1000:+.1f} ms")
             grid.label(text=f"{figures.blind} bad images")
@@ -74,14 +74,14 @@ class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
 
 
 class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
-    """How it is recorded, and what is done to the motion."""
+    """Panel of the recording and filter settings."""
 
     bl_label = "Recording"
     bl_parent_id = "PERFANIM_PT_capture"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw."""
-        chosen, is_live = settings(context), isinstance(running.current(), LiveCapture)
+        chosen, is_live = settings(context), isinstance(activity.current(), LiveCapture)
         column = self.layout.column()
         column.use_property_split = True
         column.use_property_decorate = False
@@ -97,7 +97,7 @@ class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
         column.prop(chosen.id_data.perfanim_result, "start")
         row = column.row(align=True)
         row.use_property_split = False
-        row.label(text="Only")
+        row.label(text="Body Parts")
         parts = row.grid_flow(columns=2, align=True, row_major=True)
         for part in PARTS:
             parts.prop_enum(chosen, "body_parts", part)

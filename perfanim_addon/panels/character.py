@@ -1,4 +1,4 @@
-"""The Character panel's list: which bone is which joint, and how sure that is."""
+"""Bone map in the Character panel: joints, their bones, and doubtful matches."""
 
 from typing import Any
 
@@ -12,12 +12,12 @@ from ..character.posing import PRESETS_FOLDER
 from ..preferences.paths import user_folder
 from ..settings.capture_settings import settings
 
-_SHOWN = "perfanim_armature"  # in the context of the buttons and the menu
+_SHOWN = "perfanim_armature"  # context member for the buttons and the menu
 _ICONS = {State.MAPPED.value: "CHECKMARK", State.DOUBTFUL.value: "QUESTION"}
 
 
 class PERFANIM_UL_joints(bpy.types.UIList):
-    """A joint a row, with its bone to choose."""
+    """List with a joint and its bone per row."""
 
     bl_idname = "PERFANIM_UL_joints"
 
@@ -41,7 +41,7 @@ class PERFANIM_UL_joints(bpy.types.UIList):
 
 
 class PERFANIM_MT_bone_maps(bpy.types.Menu):
-    """Bone maps that are shipped, and those in the user's folder"""
+    """Shipped bone maps, and those in the user's folder"""
 
     bl_idname = "PERFANIM_MT_bone_maps"
     bl_label = "Bone Maps"
@@ -57,12 +57,12 @@ class PERFANIM_MT_bone_maps(bpy.types.Menu):
 
 
 def shown_armature(context: bpy.types.Context) -> bpy.types.Object | None:
-    """Return the armature whose bones the panel shows, in which there is a button; else the first performer's."""
+    """Return the armature of the panel that is drawn, else the first performer's."""
     return getattr(context, _SHOWN, None) or settings(context).armature
 
 
 def draw_bones(layout: bpy.types.UILayout, armature_object: bpy.types.Object | None, list_id: str = "") -> None:
-    """Draw the bone map of an armature; nothing for one with the product's own names."""
+    """Draw the bone map of an armature; nothing for one with standard joint names."""
     if armature_object is None:
         return
     layout = layout.column()

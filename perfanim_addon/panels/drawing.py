@@ -1,4 +1,4 @@
-"""Text, progress and properties in panels of any width."""
+"""Drawing of text, progress and properties in panels of any width."""
 
 from typing import Any
 
@@ -7,24 +7,24 @@ import bpy
 from ..jobs import activity
 from ..jobs.job import Job
 
-# Width of a character, and of what a line has beside its text (icon, margins, tabs), in unscaled pixels.
+# Width of a character, and of icon, margins and tabs beside the text, in unscaled pixels.
 CHARACTER_PX = 6.2
 MARGIN_PX = 90.0
 
 
 def draw_props(layout: bpy.types.UILayout, chosen: Any, *names: str) -> None:
-    """Draw properties of a group, one below the other."""
+    """Draw properties of a group, one per row."""
     for name in names:
         layout.prop(chosen, name)
 
 
 def draw_progress(layout: bpy.types.UILayout, fraction: float, text: str) -> None:
-    """Draw a bar with text."""
+    """Draw a progress bar with text."""
     layout.progress(factor=min(max(fraction, 0.0), 1.0), text=text)
 
 
 def draw_job(layout: bpy.types.UILayout, panel: str) -> None:
-    """Draw the progress of a job of this panel, its Cancel and, where it has one, Finish Now."""
+    """Draw the progress of this panel's job, with Cancel and, if it can finish early, Finish Now."""
     job = activity.current()
     if isinstance(job, Job) and job.panel == panel:
         row = layout.row(align=True)
@@ -35,7 +35,7 @@ def draw_job(layout: bpy.types.UILayout, panel: str) -> None:
 
 
 def draw_text(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str) -> None:
-    """Draw a sentence over as many lines as it takes in a sidebar of this width; nothing for ""."""
+    """Draw a sentence, wrapped to the width of the sidebar; nothing for ""."""
     column = layout.column(align=True)
     text = text[:1].upper() + text[1:]
     for index, line in enumerate(wrapped(text, characters(context))):
@@ -43,18 +43,18 @@ def draw_text(context: bpy.types.Context, layout: bpy.types.UILayout, text: str,
 
 
 def characters(context: bpy.types.Context) -> int:
-    """Return how many characters a line of the sidebar has room for beside its icon and margins."""
+    """Return the number of characters that fit a line of the sidebar beside its icon."""
     unscaled_px = context.region.width / context.preferences.system.ui_scale
     return max(16, int((unscaled_px - MARGIN_PX) / CHARACTER_PX))
 
 
 def shortened(text: str, width: int) -> str:
-    """Return the text, cut to at most `width` characters: a longer one would lie over what stands before it."""
+    """Return the text, shortened to at most `width` characters."""
     return text if len(text) <= width else text[: width - 1].rstrip(" ,") + "…"
 
 
 def wrapped(text: str, width: int) -> list[str]:
-    """Return the text cut into lines of at most `width` characters; long paths are cut wherever it must be."""
+    """Return the text in lines of at most `width` characters; long words are cut."""
     lines: list[str] = []
     for word in text.split():
         if lines and len(lines[-1]) + 1 + len(word) <= width:

@@ -18,19 +18,19 @@ from .capture import PERFANIM_PT_capture, PERFANIM_PT_capture_settings
 from .drawing import characters, draw_job, draw_props, draw_text, shortened
 from .vmc import PERFANIM_PT_sending
 
-ICON_CHARACTERS = 4  # as wide as so many
-LEAST_SAID = 8  # characters of a state, however narrow the sidebar is
+ICON_CHARACTERS = 4  # width of an icon, in characters
+LEAST_SAID = 8  # characters of a status, in any sidebar
 
 
 class _Step(SidebarPanel):
-    """What the sub-panels share."""
+    """Base of the panels of a step."""
 
     bl_options = {"DEFAULT_CLOSED"}
-    state: Callable[[Any], readiness.State]
+    state: Callable[[Any], readiness.StepStatus]
     key = ""
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
-        """Draw the state at the right of the header line."""
+        """Draw the status at the right of the header."""
         row = self.layout.row()
         job = activity.current()
         if isinstance(job, Job) and job.panel == self.key and job.heading:
@@ -63,7 +63,7 @@ class _Step(SidebarPanel):
 
 
 class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
-    """Source of the images and calibration."""
+    """Panel of image source and calibration."""
 
     bl_label = "Cameras"
     state = staticmethod(readiness.cameras)
@@ -113,7 +113,7 @@ class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
 
 
 class PERFANIM_PT_markers(_Step, bpy.types.Panel):
-    """Which markers are worn and how they are found."""
+    """Panel of the markers and their detection."""
 
     bl_label = "Markers"
     state = staticmethod(readiness.markers)
@@ -136,7 +136,7 @@ class PERFANIM_PT_markers(_Step, bpy.types.Panel):
 
 
 class PERFANIM_PT_subject(_Step, bpy.types.Panel):
-    """Who performs."""
+    """Panel of the performer."""
 
     bl_label = "Subject"
     state = staticmethod(readiness.performer)
@@ -162,7 +162,7 @@ class PERFANIM_PT_subject(_Step, bpy.types.Panel):
 
 
 class PERFANIM_PT_database(_Step, bpy.types.Panel):
-    """Recorded motion that fills in what the markers do not show."""
+    """Panel of the motion database."""
 
     bl_label = "Motion Database"
     state = staticmethod(readiness.motion)
@@ -178,7 +178,7 @@ class PERFANIM_PT_database(_Step, bpy.types.Panel):
 
 
 class PERFANIM_PT_character(_Step, bpy.types.Panel):
-    """Who moves along."""
+    """Panel of the character."""
 
     bl_label = "Character"
     state = staticmethod(readiness.character)
@@ -207,7 +207,7 @@ _CLASSES = (
 
 
 def register() -> None:
-    """Register the panels in the tab that the preferences name."""
+    """Register the panels in the tab of the preferences."""
     for order, cls in enumerate(_CLASSES):
         cls.bl_order = order
     register_panels(preferences.tab(bpy.context), *_CLASSES)

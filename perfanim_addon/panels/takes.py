@@ -1,4 +1,4 @@
-"""The Takes panel: recorded takes and what is done with them; under Capture, the offer to recover what was cut off."""
+"""Takes panel, and the recovery offer below the Capture panel."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -25,12 +25,12 @@ from .capture import PERFANIM_PT_capture
 KEY = "takes"
 ROWS = 4
 
-_filling = [False]  # the list's items are being set from the files, not by the user
-_wanted = [""]  # file of the take that becomes the active one when the list is next filled
+_filling = [False]  # the list is being filled from the files, not edited by the user
+_wanted = [""]  # file of the take to select when the list is next filled
 
 
 def _changed(item: "PERFANIM_PG_take", _context: bpy.types.Context) -> None:
-    """Write what the user has changed about a take to its file."""
+    """Write an edited take to its file."""
     if _filling[0]:
         return
     try:
@@ -45,28 +45,28 @@ class PERFANIM_PG_take(bpy.types.PropertyGroup):
     """A take in the list."""
 
     path: bpy.props.StringProperty(name="File", description="File of the take")
-    title: bpy.props.StringProperty(name="Name", description="What the take is called", update=_changed)
-    notes: bpy.props.StringProperty(name="Notes", description="Anything worth remembering", update=_changed)
+    title: bpy.props.StringProperty(name="Name", description="Name of the take", update=_changed)
+    notes: bpy.props.StringProperty(name="Notes", description="Notes about the take", update=_changed)
     rating: bpy.props.IntProperty(
         name="Rating", description="Stars, 0 to 5", min=0, max=MOST_STARS, default=0, update=_changed
     )
-    complete: bpy.props.BoolProperty(name="Complete", description="Whether the take came to its end")
+    complete: bpy.props.BoolProperty(name="Complete", description="The take was recorded to its end")
     length: bpy.props.StringProperty(name="Length", description="Minutes and seconds")
-    created: bpy.props.StringProperty(name="Date", description="When the take began")
-    character: bpy.props.StringProperty(name="Character", description="Who was last moved by it")
-    used: bpy.props.StringProperty(name="Used", description="By which performer, markers, method and database")
-    held: bpy.props.StringProperty(name="Size", description="Frames, and room on the disk")
+    created: bpy.props.StringProperty(name="Date", description="Start of the take")
+    character: bpy.props.StringProperty(name="Character", description="Character that it was last put onto")
+    used: bpy.props.StringProperty(name="Used", description="Performer, markers, method and database")
+    held: bpy.props.StringProperty(name="Size", description="Frames and disk space")
 
 
 class PERFANIM_PG_takes(bpy.types.PropertyGroup):
     """The list of the takes in the user's folder."""
 
     entries: bpy.props.CollectionProperty(name="Takes", description="The takes in the folder", type=PERFANIM_PG_take)
-    active: bpy.props.IntProperty(name="Take", description="The take that the buttons below are about")
+    active: bpy.props.IntProperty(name="Take", description="Take shown below the list")
 
 
 class PERFANIM_UL_takes(bpy.types.UIList):
-    """One line a take."""
+    """List with a take per row."""
 
     bl_idname = "PERFANIM_UL_takes"
 
@@ -80,26 +80,26 @@ class PERFANIM_UL_takes(bpy.types.UIList):
         active_data: Any,
         active_property: str,
     ) -> None:
-        """Draw name, stars and length; a double click on the name changes it."""
+        """Draw name, stars and length; a double click edits the name."""
         row = layout.row()
         if item.complete:
             row.prop(item, "title", text="", emboss=False, icon="REC")
         else:
             row.label(text=item.title, icon="ERROR")
         facts = row.row()
-        facts.alignment = "RIGHT"  # as wide as its text: the rest is for names, which begin alike
+        facts.alignment = "RIGHT"  # as wide as its text, to leave room for long names
         facts.label(text=f"{'★' * item.rating}  {item.length}" if item.complete else "cut off")
 
 
 class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
-    """What was recorded."""
+    """Panel of the recorded takes."""
 
     bl_label = "Takes"
     bl_options = {"DEFAULT_CLOSED"}
     bl_order = 100
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the list, and what is known of the active take."""
+        """Draw the list and the active take."""
         layout = self.layout
         if isinstance(activity.current(), LiveCapture):
             layout.label(text="Takes are listed after the capture")
@@ -132,7 +132,7 @@ def _draw_take(context: bpy.types.Context, layout: bpy.types.UILayout, item: PER
     column.prop(item, "notes")
     layout.operator("perfanim.play_take", icon="ARMATURE_DATA").path = item.path
     header, body = layout.panel("perfanim_result", default_closed=True)
-    header.label(text="Onto")
+    header.label(text="Insert As")
     if body is not None:
         result_settings.draw(body, context)
     row = layout.row(align=True)
@@ -142,7 +142,7 @@ def _draw_take(context: bpy.types.Context, layout: bpy.types.UILayout, item: PER
 
 
 def _draw_room(layout: bpy.types.UILayout, count: int) -> None:
-    """Draw how much room the takes need, and what can be done about it."""
+    """Draw the disk space of the takes, with Clean Up and Restore."""
     listed, gone = take_library.disk_space()
     if count or gone:
         text = f"{count} take{'s' * (count != 1)}, {take_library.size_text(listed)}"
@@ -155,7 +155,7 @@ def _draw_room(layout: bpy.types.UILayout, count: int) -> None:
 
 
 def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
-    """Offer, below the Capture panel, to recover the newest take that was cut off; nothing while capturing."""
+    """Draw the offer to recover the newest unfinished take; nothing while capturing."""
     if isinstance(activity.current(), LiveCapture):
         return
     cut = take_library.cut_off()
@@ -169,7 +169,7 @@ def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
 
 
 def _list(context: bpy.types.Context) -> PERFANIM_PG_takes:
-    """Return the list; when it is not what is in the folder, let it be filled as soon as drawing is over."""
+    """Return the list; if it differs from the folder, schedule `_fill` after drawing."""
     shown = context.window_manager.perfanim_takes
     current = [
         (item.path, item.title, item.notes, item.rating, item.complete, item.character) for item in shown.entries
@@ -185,7 +185,7 @@ def _facts(take: TakeSummary) -> tuple[str, str, str, int, bool, str]:
 
 
 def _fill() -> None:
-    """Set the list's items from the files; Blender's timer calls it once."""
+    """Fill the list from the files, once, by Blender's timer."""
     shown = bpy.context.window_manager.perfanim_takes
     chosen = _wanted[0] or (shown.entries[shown.active].path if 0 <= shown.active < len(shown.entries) else "")
     _wanted[0] = ""
@@ -217,13 +217,13 @@ def _set(item: PERFANIM_PG_take, take: TakeSummary) -> None:
 
 
 def active_path(context: bpy.types.Context) -> str:
-    """Return the file of the take that is chosen in the list, "" when there is none."""
+    """Return the file of the take selected in the list, "" for none."""
     shown = context.window_manager.perfanim_takes
     return str(shown.entries[shown.active].path) if 0 <= shown.active < len(shown.entries) else ""
 
 
 def choose(path: Path) -> None:
-    """Make a new take the active one of the list."""
+    """Select a new take in the list."""
     _wanted[0] = str(path)
     take_library.forget()
 
@@ -241,7 +241,7 @@ _CLASSES = (PERFANIM_PG_take, PERFANIM_PG_takes, PERFANIM_UL_takes)
 
 
 def register() -> None:
-    """Register the list and the panel, and hang the offer on the Capture panel."""
+    """Register list and panel, and add the recovery offer to the Capture panel."""
     for cls in _CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.WindowManager.perfanim_takes = bpy.props.PointerProperty(type=PERFANIM_PG_takes)

@@ -1,4 +1,4 @@
-"""The panel Additional Targets: what is followed besides the performer, and what moves along."""
+"""Additional Targets panel: props and further performers."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ _ROWS = 2
 
 
 class PERFANIM_UL_targets(bpy.types.UIList):
-    """One line a target: the prop or performer, and the object or armature that follows."""
+    """List with a target and its object or armature per row."""
 
     bl_idname = "PERFANIM_UL_targets"
 
@@ -39,14 +39,14 @@ class PERFANIM_UL_targets(bpy.types.UIList):
 
 
 class PERFANIM_PT_targets(SidebarPanel, bpy.types.Panel):
-    """Props and further performers, who are followed besides the first."""
+    """Panel of props and performers besides the first."""
 
     bl_label = "Additional Targets"
     bl_options = {"DEFAULT_CLOSED"}
     bl_order = 50
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
-        """Draw how many there are at the right of the header line."""
+        """Draw the number of targets at the right of the header."""
         entries = context.scene.perfanim_targets.entries
         row = self.layout.row()
         if entries:
@@ -56,7 +56,7 @@ class PERFANIM_PT_targets(SidebarPanel, bpy.types.Panel):
         row.separator()
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the list, and the fields of the active target."""
+        """Draw the list and the active target."""
         layout, shown = self.layout, context.scene.perfanim_targets
         column = layout.column()
         column.enabled = not isinstance(activity.current(), LiveCapture)

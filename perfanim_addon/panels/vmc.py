@@ -1,4 +1,4 @@
-"""The sub-panel of the Capture panel that sends the live character to other programs."""
+"""Sub-panel of the capture: motion sent to other programs."""
 
 import bpy
 
@@ -8,7 +8,7 @@ from ..settings import vmc_output
 
 
 class PERFANIM_PT_sending(SidebarPanel, bpy.types.Panel):
-    """The live character in other programs."""
+    """Panel of the VMC output."""
 
     bl_label = "Send by VMC"
     bl_parent_id = "PERFANIM_PT_capture"
@@ -20,7 +20,7 @@ class PERFANIM_PT_sending(SidebarPanel, bpy.types.Panel):
         self.layout.prop(context.scene.perfanim_sending, "on", text="")
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw where to."""
+        """Draw the receiver."""
         chosen = context.scene.perfanim_sending
         column = self.layout.column()
         column.use_property_split = True

@@ -194,7 +194,7 @@ def test_three_cameras_are_calibrated_by_charuco_board_and_floor_markers_and_fol
         ("Columns", "7", "board_columns"),
         ("Rows", "5", "board_rows"),
         ("Square (mm)", "120", "board_square_mm"),
-        ("Code (mm)", "90", "board_code_mm"),
+        ("Marker (mm)", "90", "board_code_mm"),
     ):
         enter(window, hand, setting, text, name)
     hand.shot("settings")

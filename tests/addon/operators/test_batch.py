@@ -60,6 +60,8 @@ def run_job(part: Any) -> tuple[str, list[str]]:
     """Do what the operator does between the click and the end; return its line and what the panel said meanwhile."""
     operator = part("operators.batch").PERFANIM_OT_run_batch
     played = SimpleNamespace(title=operator.title)
+    played.uses_starter = lambda context: operator.uses_starter(played, context)
+    played.panel = operator.panel
     played.arguments = lambda context: operator.arguments(played, context)
     played.request = lambda context: operator.request(played, context)
     job = operator.create_job(played, bpy.context, None)
@@ -135,6 +137,6 @@ def test_what_is_missing_is_said_on_the_button(part: Any, folder: Path) -> None:
     chosen, problem = bpy.context.scene.perfanim_batch, part("settings.batch_settings").problem
     assert problem(chosen) == "choose a folder for the results"
     chosen.takes = str(folder / "nowhere")
-    assert problem(chosen) == "the folder of takes is not there"
+    assert problem(chosen) == "folder of takes not found"
     chosen.plan = str(folder / "none.toml")
-    assert problem(chosen) == "the plan file is not there"
+    assert problem(chosen) == "plan file not found"

@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import ModuleType
 from typing import Any
 
 import bpy
@@ -11,6 +11,7 @@ import pytest
 from motion_synthesis import perform
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.build import BuildSettings, build_database
+from perfanim.core.database.store import open_database
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.geometry.rig_file import load_rig, save_rig
@@ -165,19 +166,31 @@ def test_the_left_camera_alone_captures_where_no_right_one_is_chosen(states: Any
     assert setup.cameras(chosen)["rig"] == chosen.calibration
     assert states.cameras(chosen).ready
     chosen.further_devices = "0 2"
-    assert "calibrated for 2 cameras, 4 are chosen" in states.cameras(chosen).problem
+    assert "calibrated for 2 cameras, but 4 are chosen" in states.cameras(chosen).problem
     chosen.further_devices = "-1"
-    assert "no device numbers" in states.cameras(chosen).problem
+    assert "not device numbers" in states.cameras(chosen).problem
 
 
 def test_an_average_body_of_the_right_height_is_a_profile(states: Any, chosen: Any) -> None:
     chosen.subject_name, chosen.subject_height, chosen.marker_set = "Tall one", 1.9, "one-camera"
-    operator = sys.modules[
-        states.__name__.replace("settings.readiness", "operators.subject")
-    ].PERFANIM_OT_average_performer
-    assert operator.execute(SimpleNamespace(), bpy.context) == {"FINISHED"}
+    assert bpy.ops.perfanim.average_performer("EXEC_DEFAULT") == {"FINISHED"}
     assert states.performer(chosen).text == "Tall one, average body"
     found = load_subject(chosen.subject)
     assert len(found.marker_set) == 14
     lengths = [np.linalg.norm(s.offsets_m, axis=1).sum() for s in (found.skeleton, default_skeleton(1.75))]
     assert lengths[0] / lengths[1] == pytest.approx(1.9 / 1.75)
+
+
+def test_databases_with_the_old_suffix_are_opened(states: Any, chosen: Any, database: Path) -> None:
+    old = states.user_folder("databases") / "starter.perfdb"
+    old.write_bytes(database.read_bytes())
+    assert states.starter_database_path() == states.database_path(chosen) == old
+    assert states.motion(chosen).text == f"{open_database(database).frames} frames"
+    new = old.with_suffix(".pfdb")
+    new.write_bytes(database.read_bytes())
+    assert states.starter_database_path() == new
+    old.unlink()
+    new.unlink()
+    assert states.starter_database_path() == new
+    chosen.database = str(database.rename(database.with_suffix(".perfdb")))
+    assert states.motion(chosen).ready
