@@ -1,6 +1,6 @@
 """How long the extension itself takes for a frame: from a marker frame's packet to the bones of the character.
 
-    python tools/frame_bench.py --data DIR [--database ALL.perfdb] [--character Xbot.glb]
+    python tools/frame_bench.py --data DIR [--database ALL.pfdb] [--character Xbot.glb]
 
 What the solver's process and Blender do with each frame of a live capture, in one process, one after the other: the
 packet taken apart, the take written, the pose solved, packed, sent as bytes and taken apart again, and put on the
@@ -57,7 +57,7 @@ def main() -> int:
             if options.database
             else whole_database(options.data, folder, ("cmu", "bandai"), PROCESSES, lambda fraction, text: None)
         )
-        database = part_of(whole, folder / "part.perfdb")
+        database = part_of(whole, folder / "part.pfdb")
         wall, processor = reference_ms()
         _say(f"{database.frames:,} frames; one exhaustive search {wall:.1f} ms, {processor:.1f} of the processor")
         for take in (WALKING, BOXING):

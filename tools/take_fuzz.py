@@ -117,11 +117,11 @@ def _next_poses(rows: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
 
 
 def _request(folder: Path) -> dict[str, Any]:
-    build_database([str(MOTION)], folder / "starter.perfdb", BuildSettings(fps=60.0))
+    build_database([str(MOTION)], folder / "starter.pfdb", BuildSettings(fps=60.0))
     save_subject(Subject("Sim", default_skeleton(1.75), load_marker_set("boxing")), folder / "sim.toml")
     source = {"kind": "simulated", "behaviour": "walking", "seconds": 60.0, "height_m": 1.75, "loop": True}
     cameras = {"source": source, "rig": None, "threshold": None}
-    files = {"subject": str(folder / "sim.toml"), "database": str(folder / "starter.perfdb")}
+    files = {"subject": str(folder / "sim.toml"), "database": str(folder / "starter.pfdb")}
     return {"job": "capture", "cameras": cameras, **files}
 
 

@@ -152,16 +152,16 @@ def build_database(
         if not collected.clips:
             raise _nothing_usable(sources, collected)
         step(_READ, "computing poses")
-        database = _joined(collected, out, settings.fps)
+        database = _join_clips(collected, out, settings.fps)
     if settings.cull_deg > 0.0:
         step(_READ, "looking for near-duplicates")
-        database = _without_duplicates(database, settings.cull_deg)
+        database = _drop_duplicates(database, settings.cull_deg)
     step(_CULLED, "joining neighbours and writing")
     save_database(database, GraphSettings() if database.frames >= LARGE_DATABASE else None)
     return _report(database, collected, started)
 
 
-def _joined(collected: _Collected, out: Path, fps: float) -> Database:
+def _join_clips(collected: _Collected, out: Path, fps: float) -> Database:
     """Return the collected clips as a database that is not written yet."""
     mean_rotations, poses = mean_and_poses(collected.rotations)
     return Database(
@@ -176,7 +176,7 @@ def _joined(collected: _Collected, out: Path, fps: float) -> Database:
     )
 
 
-def _without_duplicates(database: Database, cull_deg: float) -> Database:
+def _drop_duplicates(database: Database, cull_deg: float) -> Database:
     """Leave out passages that an earlier clip holds (see `culling`)."""
     poses = database.poses.reshape(database.frames, -1)
     culled = near_duplicates(poses, database.clips, database.fps, cull_deg)

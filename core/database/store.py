@@ -281,7 +281,7 @@ def open_database(path: str | Path) -> Database:
         raise DatabaseError("was made for other joints", where=str(path), advice=advice)
     start = _PREAMBLE.size + header_bytes
     start += -start % _ALIGNMENT
-    arrays = {name: _mapped(path, start, row) for name, row in facts["arrays"].items()}
+    arrays = {name: _map_array(path, start, row) for name, row in facts["arrays"].items()}
     return Database(
         path=path,
         fps=facts["fps"],
@@ -304,7 +304,7 @@ def identity(database: Database) -> dict[str, Any]:
     return {"path": path, "frames": database.frames, "fps": database.fps, "sha256": digest}
 
 
-def _mapped(path: Path, start: int, row: Mapping[str, Any]) -> NDArray[Any]:
+def _map_array(path: Path, start: int, row: Mapping[str, Any]) -> NDArray[Any]:
     return np.memmap(path, dtype=row["dtype"], mode="r", offset=start + row["offset"], shape=tuple(row["shape"]))
 
 

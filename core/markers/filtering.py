@@ -34,7 +34,7 @@ def smooth_take(take: MarkerTake, cutoff_hz: float) -> MarkerTake:
     positions = take.positions_m.copy()
     for marker, visible in enumerate(take.visible.T):
         for start, stop in _stretches(visible):
-            positions[start:stop, marker] = _filtered(sections, positions[start:stop, marker])
+            positions[start:stop, marker] = _filter(sections, positions[start:stop, marker])
     return replace(take, positions_m=positions)
 
 
@@ -56,8 +56,8 @@ def smooth_motion(motion: Motion, cutoff_hz: float) -> Motion:
     rotations = np.concatenate((motion.rotations[:1], motion.rotations[1:] * signs))
     return replace(
         motion,
-        rotations=rot.normalize(_filtered(sections, rotations)),
-        root_positions_m=_filtered(sections, motion.root_positions_m),
+        rotations=rot.normalize(_filter(sections, rotations)),
+        root_positions_m=_filter(sections, motion.root_positions_m),
     )
 
 
@@ -108,7 +108,7 @@ def _low_pass(cutoff_hz: float, fps: float, name: str) -> Array | None:
     return np.asarray(butter(_ORDER, single_pass, fs=fps, output="sos"))
 
 
-def _filtered(sections: Array | None, path: Array) -> Array:
+def _filter(sections: Array | None, path: Array) -> Array:
     """Filter (F, ...) forwards and backwards; too short a path is left as it is."""
     if sections is None or len(path) <= 3 * (2 * len(sections) + 1):
         return path

@@ -89,7 +89,7 @@ def fill_gaps(take: MarkerTake, marker_set: MarkerSet, motion: Motion) -> Marker
     usual = np.sqrt(np.mean(np.square([*drifts, _LEAST_DRIFT_M])))
     positions = take.positions_m.copy()
     for gap, filler in zip(gaps, fillers, strict=True):
-        positions[gap.start : gap.stop, gap.marker] = filler.filled(float(usual))
+        positions[gap.start : gap.stop, gap.marker] = filler.fill(float(usual))
     return replace(take, positions_m=positions)
 
 
@@ -121,7 +121,7 @@ class _Filler:
         """Return where the marker was in its joint's frame."""
         return rot.rotate(rot.conjugate(self._turn[rows]), self._path[rows] - self._joint[rows])
 
-    def filled(self, usual_drift_m: float) -> Array:
+    def fill(self, usual_drift_m: float) -> Array:
         """Return positions (n, 3) for the gap's frames."""
         body = self._by_body()
         rows = np.concatenate((self._before, self._after))

@@ -73,10 +73,8 @@ def accuracy(data: Path, out: Path, workers: int, progress: Progress) -> dict[st
 def _conditions(whole: Database, folder: Path, take: TestTake) -> dict[str, Database]:
     """Return the database of each condition; without other clips of the subject both are one, which is the second."""
     subject = subject_of(take.trial)
-    unseen = without_tests(
-        whole, folder / f"cmu-without-subject-{subject}.perfdb", lambda clip: clip.subject != subject
-    )
-    clip_unseen = without_tests(whole, folder / "cmu-without-tests.perfdb")
+    unseen = without_tests(whole, folder / f"cmu-without-subject-{subject}.pfdb", lambda clip: clip.subject != subject)
+    clip_unseen = without_tests(whole, folder / "cmu-without-tests.pfdb")
     if clip_unseen.frames == unseen.frames:
         return {UNSEEN_SUBJECT: unseen}
     return {UNSEEN_CLIP: clip_unseen, UNSEEN_SUBJECT: unseen}

@@ -74,7 +74,7 @@ def read_take(data: Path, take: TestTake, fps: float = FPS) -> Motion:
 
 def whole_database(data: Path, out: Path, sets: tuple[str, ...], workers: int, progress: Progress) -> Database:
     """Return the database of all motion of the sets, built in `out` if it is not there."""
-    path = out / "databases" / ("-".join(sets) + ".perfdb")
+    path = out / "databases" / ("-".join(sets) + ".pfdb")
     if not path.exists():
         build_database(
             data_folders(data, sets),

@@ -63,7 +63,7 @@ def end_to_end(data: Path, out: Path, workers: int, progress: Progress) -> dict[
         rows (take, input, errors, difference to the true markers), calibration, paper, outputs.
     """
     whole = whole_database(data, out, (CMU,), workers, progress)
-    database = without_tests(whole, out / "databases" / "cmu-without-tests.perfdb")
+    database = without_tests(whole, out / "databases" / "cmu-without-tests.pfdb")
     rows: list[dict[str, Any]] = []
     takes = (WALKING, BOXING)
     rig = None

@@ -167,7 +167,7 @@ def _curve(database: Database, dimensions: tuple[int, ...], found: Array, truth:
 
 
 def _part(whole: Database, out: Path, name: str, kept: Iterable[tuple[Clip, int, int]]) -> Database:
-    return write_subset(whole, out / "databases" / f"figure5-{name}.perfdb", kept)
+    return write_subset(whole, out / "databases" / f"figure5-{name}.pfdb", kept)
 
 
 def _one_walk(clips: Iterable[Clip]) -> list[tuple[Clip, int, int]]:

@@ -46,7 +46,7 @@ def figure6(data: Path, out: Path, workers: int, progress: Progress) -> dict[str
     """
     check_plots()
     whole = whole_database(data, out, (CMU,), workers, progress)
-    database = without_tests(whole, out / "databases" / "cmu-without-tests.perfdb")
+    database = without_tests(whole, out / "databases" / "cmu-without-tests.pfdb")
     rows, curves, panels = [], [], []
     takes = (BOXING, WALKING)
     for number, take in enumerate(takes):

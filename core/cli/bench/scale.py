@@ -45,7 +45,7 @@ def scale(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, 
         SettingsError: matplotlib is missing.
     """
     check_plots()
-    path = out / "databases" / "scale-mirrored.perfdb"
+    path = out / "databases" / "scale-mirrored.pfdb"
     if not path.exists():
         build_database(
             data_folders(data, (CMU, BANDAI)),
@@ -76,7 +76,7 @@ def scale(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, 
 def _part(whole: Database, clips: list[Clip], share: float, folder: Path) -> Database:
     """Return a database of every so many clips."""
     chosen = clips[:: round(1.0 / share)]
-    path = folder / f"scale-{len(chosen)}-clips.perfdb"
+    path = folder / f"scale-{len(chosen)}-clips.pfdb"
     if path.exists():
         return open_database(path)
     return write_subset(whole, path, [(clip, 0, clip.stop - clip.start) for clip in chosen])

@@ -75,7 +75,7 @@ def speed(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, 
     progress(0.3, "importing motion")
     whole, imported = _import(data, out, workers, lambda f, text: progress(0.3 + 0.3 * f, text))
     rows += imported
-    database = part_of(whole, out / "databases" / "speed.perfdb")
+    database = part_of(whole, out / "databases" / "speed.pfdb")
     truth = read_take(data, WALKING)
     progress(0.7, "solving")
     rows += _solving(truth, database)
@@ -196,7 +196,7 @@ def _streams(streams: Streams, database: Database) -> list[Row]:
 def _import(data: Path, out: Path, workers: int, progress: Progress) -> tuple[Database, list[Row]]:
     """Time the import of all motion, and opening it again."""
     rows = _Rows()
-    path = out / "databases" / "speed-whole.perfdb"
+    path = out / "databases" / "speed-whole.pfdb"
     started_s = time.perf_counter()
     build_database(data_folders(data, (CMU, BANDAI)), path, BuildSettings(fps=FPS, workers=workers), progress=progress)
     seconds = time.perf_counter() - started_s

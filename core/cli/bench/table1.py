@@ -70,9 +70,9 @@ def table1(data: Path, out: Path, workers: int, progress: Progress) -> dict[str,
     whole = whole_database(data, out, (CMU, BANDAI), workers, progress)
     folder = out / "databases"
     databases = {
-        "CMU": without_tests(whole, folder / "table1-cmu.perfdb", _is_cmu),
+        "CMU": without_tests(whole, folder / "table1-cmu.pfdb", _is_cmu),
         "CMU and Bandai-Namco": without_tests(
-            whole, folder / "table1-all.perfdb", lambda clip: clip.name not in BANDAI_TAKES
+            whole, folder / "table1-all.pfdb", lambda clip: clip.name not in BANDAI_TAKES
         ),
     }
     takes = {take.title: read_take(data, take) for take in TAKES}

@@ -74,21 +74,21 @@ def read_c3d(path: Path | str) -> MarkerTake:
     Raises:
         FormatError: not a C3D file, damaged, or without points.
     """
-    return _Reader(read_bytes(path), str(path)).read()
+    return _C3dParser(read_bytes(path), str(path)).read()
 
 
 def layout_of(data: bytes, where: str) -> Layout:
     """Return where the frames of a C3D file's bytes are; errors as in `read_c3d`."""
-    reader = _Reader(data, where)
+    reader = _C3dParser(data, where)
     return reader.layout(reader.parameters())
 
 
 def declared_frames(path: Path | str) -> int:
     """Return the frame count in a C3D header, 0 when open; errors as in `read_c3d`."""
-    return _Reader(read_bytes(path), str(path)).declared()
+    return _C3dParser(read_bytes(path), str(path)).header_frames()
 
 
-class _Reader:
+class _C3dParser:
     def __init__(self, data: bytes, where: str) -> None:
         if len(data) < 2 * _BLOCK or data[1] != _KEY:
             raise FormatError("is not a C3D file" if data else "is empty", where=where)
@@ -118,7 +118,7 @@ class _Reader:
         names = self._names(parameters, layout.points)
         return make_take(self.where, Path(self.where).stem, layout.fps, names, positions, numbers, times)
 
-    def declared(self) -> int:
+    def header_frames(self) -> int:
         frames = max(self._word(5) - self._word(4) + 1, 0)
         return frames if frames < 0xFFFF else 0
 

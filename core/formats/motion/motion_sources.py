@@ -59,7 +59,7 @@ def motion_files(sources: Sequence[Path | str]) -> Iterator[list[MotionFile]]:
             for name, path in _members(Path(source), Path(scratch) / str(number)).items():
                 taken = found.get(name, path) != path  # two folders or files of one name
                 found[f"{Path(source).parent.as_posix()}/{name}" if taken else name] = path
-        yield _paired(found)
+        yield _pair_skeletons(found)
 
 
 def _members(source: Path, scratch: Path) -> dict[str, Path]:
@@ -72,7 +72,7 @@ def _members(source: Path, scratch: Path) -> dict[str, Path]:
     lower = source.name.lower()
     if lower.endswith(".zip") or lower.endswith(_TAR_SUFFIXES):
         scratch.mkdir()
-        unpack = _unpacked_zip if lower.endswith(".zip") else _unpacked_tar
+        unpack = _unpack_zip if lower.endswith(".zip") else _unpack_tar
         try:
             return dict(sorted(unpack(source, scratch).items()))
         except _ARCHIVE_FAULTS as error:
@@ -90,7 +90,7 @@ def _is_used(name: str) -> bool:
     return PurePosixPath(name).suffix.lower() in _USED_SUFFIXES or PurePosixPath(name).name == _INDEX_NAME
 
 
-def _unpacked_zip(source: Path, scratch: Path) -> dict[str, Path]:
+def _unpack_zip(source: Path, scratch: Path) -> dict[str, Path]:
     found: dict[str, Path] = {}
     with zipfile.ZipFile(source) as archive:
         for member in archive.infolist():
@@ -102,7 +102,7 @@ def _unpacked_zip(source: Path, scratch: Path) -> dict[str, Path]:
     return found
 
 
-def _unpacked_tar(source: Path, scratch: Path) -> dict[str, Path]:
+def _unpack_tar(source: Path, scratch: Path) -> dict[str, Path]:
     found: dict[str, Path] = {}
     with tarfile.open(source, mode="r|*") as archive:  # as a stream: compressed archives cannot go back
         for member in archive:
@@ -120,7 +120,7 @@ def _target(scratch: Path, number: int, name: str) -> Path:
     return scratch / f"{number}{PurePosixPath(name).suffix.lower()}"
 
 
-def _paired(found: dict[str, Path]) -> list[MotionFile]:
+def _pair_skeletons(found: dict[str, Path]) -> list[MotionFile]:
     skeletons = {name: path for name, path in found.items() if name.lower().endswith(".asf")}
     descriptions: dict[str, str] = {}
     for name, path in found.items():

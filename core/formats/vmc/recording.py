@@ -49,7 +49,7 @@ class Recording:
         """
         keys = [(BONE, bone) for bone in BONES]
         frames, times_s, fps = self._with(keys, name, "bones")
-        poses = _filled(frames, [key for key in keys if any(key in frame.placed for frame in frames)])
+        poses = _fill_missing(frames, [key for key in keys if any(key in frame.placed for frame in frames)])
         poses = _on_root(poses, frames)
         return motion_of_bones(_at_rate(poses, times_s, fps), name, fps), len(frames)
 
@@ -108,7 +108,7 @@ class Recording:
         )
 
 
-def _filled(frames: Sequence[VmcFrame], keys: Sequence[Key]) -> BonePoses:
+def _fill_missing(frames: Sequence[VmcFrame], keys: Sequence[Key]) -> BonePoses:
     """Return the poses of bones; a missing one stays as in the frame before."""
     there = np.array([[key in frame.placed for key in keys] for frame in frames])
     row = np.where(there, np.arange(len(frames))[:, None], -1)
@@ -127,7 +127,7 @@ def _on_root(poses: BonePoses, frames: Sequence[VmcFrame]) -> BonePoses:
     key = (ROOT, "root")
     if poses.names[0] != "Hips" or not any(key in frame.placed for frame in frames):
         return poses
-    root = _filled(frames, [key])
+    root = _fill_missing(frames, [key])
     positions, rotations = poses.positions_m.copy(), poses.rotations.copy()
     positions[:, 0] = root.positions_m[:, 0] + rot.rotate(root.rotations[:, 0], positions[:, 0])
     rotations[:, 0] = rot.multiply(root.rotations[:, 0], rotations[:, 0])

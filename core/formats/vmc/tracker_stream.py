@@ -53,16 +53,16 @@ class TrackerStream:
             packet: a UDP datagram.
             arrival_s: when it came, by a clock that only goes forwards.
         """
-        frames = [self._marked(frame) for frame in self.gathering.add(packet, arrival_s)]
+        frames = [self._marker_frame(frame) for frame in self.gathering.add(packet, arrival_s)]
         if self._expected and self.gathering.has_all(self._expected):
-            frames += [self._marked(frame) for frame in self.gathering.end()]
+            frames += [self._marker_frame(frame) for frame in self.gathering.end()]
         return [frame for frame in frames if frame is not None]
 
-    def _marked(self, frame: VmcFrame) -> MarkerFrame | None:
+    def _marker_frame(self, frame: VmcFrame) -> MarkerFrame | None:
         """Return the markers of a frame, None where it has none of the set's."""
         placed = {key: each for key, each in frame.placed.items() if key[0] in TRACKERS}
         if not self._labels.keys() >= placed.keys():
-            self._meet(list(placed))
+            self._match_trackers(list(placed))
         self._expected = frozenset(placed)
         labels = np.concatenate([self._labels[key] for key in placed]) if placed else np.empty(0, dtype=np.int64)
         worn = labels >= 0
@@ -75,7 +75,7 @@ class TrackerStream:
         covariances = np.broadcast_to(_SIGMA_M**2 * np.eye(3), (int(worn.sum()), 3, 3))
         return MarkerFrame(self._number, self._time_s, points.reshape(-1, 3)[worn], covariances, labels[worn])
 
-    def _meet(self, keys: list[Key]) -> None:
+    def _match_trackers(self, keys: list[Key]) -> None:
         """Match trackers to markers again because some are new."""
         before = self._labels if len(self._labels) < MOST_PLACED else {}
         known = tracker_names([*before, *keys])

@@ -71,9 +71,9 @@ def test_figure6_writes_what_it_measures(data, tmp_path):
     figures = figure6(data, tmp_path, 1, silent)
     assert [row["method"] for row in figures["rows"]] == 2 * list(METHODS)
     assert all(0.1 < row["deg_per_joint"] < 40.0 for row in figures["rows"])
-    clips = {clip.name: clip for clip in open_database(tmp_path / "databases/cmu-without-tests.perfdb").clips}
+    clips = {clip.name: clip for clip in open_database(tmp_path / "databases/cmu-without-tests.pfdb").clips}
     assert not {"16_16", "09_03", "16_02"} & set(clips)
-    whole = {clip.name: clip for clip in open_database(tmp_path / "databases/cmu.perfdb").clips}["14_02"]
+    whole = {clip.name: clip for clip in open_database(tmp_path / "databases/cmu.pfdb").clips}["14_02"]
     boxing = next(row for row in figures["rows"] if "14_02" in row["take"])
     assert clips["14_02"].stop - clips["14_02"].start + boxing["frames"] == whole.stop - whole.start
     assert boxing["paper_deg_per_angle"] == 7.67
@@ -99,7 +99,7 @@ def test_table1_counts_frames(data, tmp_path, monkeypatch):
     solved = {(row["database"], row["take"]) for row in figures["takes"]}
     both = "CMU and Bandai-Namco"
     assert solved == {("CMU", "16_16"), (both, "16_16"), (both, "dataset-1_walk_04_001")}
-    held = {clip.name for clip in open_database(tmp_path / "databases/table1-all.perfdb").clips}
+    held = {clip.name for clip in open_database(tmp_path / "databases/table1-all.pfdb").clips}
     assert "dataset-1_walk_05_001" in held
     assert not {"16_16", "dataset-1_walk_04_001"} & held
     times = {(row["database"], row["search"]): row for row in figures["times"]}
@@ -112,9 +112,9 @@ def test_accuracy_leaves_out_the_clip_and_then_whoever_moves(data, tmp_path, mon
     figures = accuracy(data, tmp_path, 1, silent)
     rows = {(row["condition"], row["method"]): row for row in figures["rows"]}
     assert set(rows) == {(condition, method) for condition in (UNSEEN_CLIP, UNSEEN_SUBJECT) for method in METHODS}
-    subjects = {clip.subject for clip in open_database(tmp_path / "databases/cmu-without-subject-16.perfdb").clips}
+    subjects = {clip.subject for clip in open_database(tmp_path / "databases/cmu-without-subject-16.pfdb").clips}
     assert subjects == {"09", "14"}
-    clips = {clip.name for clip in open_database(tmp_path / "databases/cmu-without-tests.perfdb").clips}
+    clips = {clip.name for clip in open_database(tmp_path / "databases/cmu-without-tests.pfdb").clips}
     assert {"16_15", "16_17"} < clips
     assert "16_16" not in clips
     for condition in (UNSEEN_CLIP, UNSEEN_SUBJECT):
@@ -129,7 +129,7 @@ def test_scale_goes_from_a_few_clips_to_all_of_them_twice(data, tmp_path, monkey
     figures = scale(data, tmp_path, 1, silent)
     half, whole, mirrored = figures["rows"]
     assert half["frames"] < whole["frames"] == mirrored["frames"] / 2
-    names = {clip.name for clip in open_database(tmp_path / "databases/scale-mirrored.perfdb").clips}
+    names = {clip.name for clip in open_database(tmp_path / "databases/scale-mirrored.pfdb").clips}
     assert not {"16_16", "09_03", "16_02", "14_02"} & names
     assert all(row["solve_ms_p99"] >= row["solve_ms_median"] > 0.0 for row in figures["rows"])
     assert (tmp_path / "scale.svg").stat().st_size > 5_000
@@ -148,7 +148,7 @@ def test_speed_times_every_part_beside_a_search_in_numpy(data, tmp_path, monkeyp
     # nothing is missed for the sake of speed: of nine markers the body hides one now and then
     assert rows["markers located and labelled", "wall"]["value"] > 0.75
     assert rows["the search in it: share", "wall"]["value"] < 1.0
-    whole = open_database(tmp_path / "databases/speed.perfdb")
+    whole = open_database(tmp_path / "databases/speed.pfdb")
     assert whole.frames == 100
     assert not {"16_16", "14_02"} & {clip.name for clip in whole.clips}
     searches = {row["search"]: row for row in figures["searches"]}
