@@ -3,6 +3,7 @@
 from .. import PACKAGE_ROOT
 
 ASSETS = PACKAGE_ROOT / "assets"
+CHARACTER = ASSETS / "character.npz"
 MARKER_SETS = ASSETS / "marker_sets"
 MOTION = ASSETS / "motion"
 PERFORMANCES = ASSETS / "performances"

@@ -6,10 +6,10 @@ from numpy.typing import NDArray
 
 from ...core.body.skeleton import Skeleton
 from ...core.body.standard_skeleton import JOINT_NAMES
+from ...core.body.standing import standing_root_m
 from ...core.errors import CharacterError
 from . import axes
-from .mesh.body_mesh import add_body
-from .mesh.shapes import SOLE_BELOW_TOES_M, girth_scale
+from .body_mesh import add_body
 
 Array = NDArray[np.float64]
 
@@ -40,12 +40,6 @@ def create_character(context: bpy.types.Context, skeleton: Skeleton, name: str =
     heads = skeleton.rest_positions_m + standing_root_m(skeleton)
     add_body(context, skeleton, heads, armature_object)
     return str(armature_object.name)
-
-
-def standing_root_m(skeleton: Skeleton) -> Array:
-    """Return the root's position (3,) in product space at which the rest pose stands on the floor (y = 0)."""
-    toes = min(skeleton.rest_positions_m[skeleton.index(side + "toes")][1] for side in "lr")
-    return np.array([0.0, SOLE_BELOW_TOES_M * girth_scale(skeleton) - toes, 0.0])
 
 
 def _add_armature(context: bpy.types.Context, skeleton: Skeleton, name: str) -> bpy.types.Object:

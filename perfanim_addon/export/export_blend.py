@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 
 from ...core.body.motion import Motion
 from ...core.body.skeleton import forward_kinematics
+from ...core.body.standing import SOLE_BELOW_TOES_M, girth_scale
 from ...core.errors import CharacterError, PerfanimError
 from ...core.formats.motion.read_motion import read_motion
 from ...core.system.files import atomic_path
 from ..animation.actions import write_action
 from ..character import axes
+from ..character.body_mesh import ensure_nodes
 from ..character.create_character import create_character
-from ..character.mesh.body_mesh import ensure_nodes
-from ..character.mesh.shapes import SOLE_BELOW_TOES_M, girth_scale
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from perfanim.core.errors import CharacterError
 from perfanim.core.geometry import rotations as rot
 from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver
 from perfanim.perfanim_addon.character import axes, create_character
-from perfanim.perfanim_addon.character.mesh.body_mesh import make_body
+from perfanim.perfanim_addon.character.body_mesh import fitted_body
 from played import points_from_blender
 
 SKELETON = default_skeleton()
@@ -265,7 +265,7 @@ def test_a_skeleton_of_other_joints_makes_no_character():
 @pytest.mark.parametrize("skeleton", [SKELETON, default_skeleton(1.2), uneven_skeleton(3)])
 def test_the_body_fits_its_skeleton(skeleton):
     heads = skeleton.rest_positions_m + create_character.standing_root_m(skeleton)
-    body = make_body(skeleton, heads)
+    body = fitted_body(skeleton, heads)
     assert 2000 < len(body.vertices_m) < 6000
     assert np.allclose(body.weights.sum(axis=1), 1.0)
     assert np.min(body.weights) >= -1e-12
@@ -281,7 +281,7 @@ def test_the_body_fits_its_skeleton(skeleton):
 
 
 def test_faces_look_outward_and_sides_mirror_each_other():
-    body = make_body(SKELETON, SKELETON.rest_positions_m + create_character.standing_root_m(SKELETON))
+    body = fitted_body(SKELETON, SKELETON.rest_positions_m + create_character.standing_root_m(SKELETON))
     corners = body.vertices_m[body.faces]
     normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
     # six times the enclosed volume by the divergence theorem: positive when the faces look outward
@@ -296,7 +296,7 @@ def test_the_body_moves_with_the_bones():
     name = create_character.create_character(bpy.context, SKELETON)
     driver = ArmatureDriver(name, SKELETON)
     standing = create_character.standing_root_m(SKELETON)
-    weights = make_body(SKELETON, SKELETON.rest_positions_m + standing).weights
+    weights = fitted_body(SKELETON, SKELETON.rest_positions_m + standing).weights
     rest = body_points(name)
     rotations, root = turned(root=(10.0, 50.0, 0.0), lhumerus=(0.0, -30.0, 60.0), rfemur=(-90.0, 0.0, 0.0)), standing
     driver.apply(rotations, root)

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from perfanim.core.body.skeleton import Skeleton
+from perfanim.core.body.standing import SOLE_BELOW_TOES_M, girth_scale
 
-from ....core.body.skeleton import Skeleton
-from ....core.body.standard_skeleton import default_skeleton
 from .surface import Array, Loft, ball
-
-SOLE_BELOW_TOES_M = 0.024  # how far the sole lies below the toe joint of a body of 1.75 m
 
 
 @dataclass(frozen=True)
@@ -75,19 +73,6 @@ class Figure:
     def off(self, point: ArrayLike, x: float, y: float, z: float) -> Array:
         """Return a point moved by a distance given for a body of 1.75 m."""
         return np.asarray(point, dtype=np.float64) + self.scale * np.array([x, y, z])
-
-
-def girth_scale(skeleton: Skeleton) -> float:
-    """Return the size of the body's girths relative to a body of 1.75 m."""
-    return _height(skeleton) / _height(default_skeleton())
-
-
-def _height(skeleton: Skeleton) -> float:
-    """Return a length that grows with stature: legs and spine end to end."""
-    spine = ("lowerback", "upperback", "thorax", "lowerneck", "upperneck")
-    legs = [side + name for side in "lr" for name in ("femur", "tibia")]
-    tips = np.linalg.norm(skeleton.tips_m, axis=1)
-    return float(sum(tips[skeleton.index(n)] for n in spine) + 0.5 * sum(tips[skeleton.index(n)] for n in legs))
 
 
 def parts_of(figure: Figure) -> list[Part]:

@@ -1,32 +1,24 @@
-"""The body of a new character as a Blender mesh: surfaces, materials and vertex groups."""
+"""Make the mesh of the extension's character: python -m character_mesh.make_character_mesh OUT.npz (in tools)."""
 
+import sys
 from dataclasses import dataclass
+from pathlib import Path
 
-import bpy
 import numpy as np
 from numpy.typing import NDArray
+from perfanim.core.body.skeleton import Skeleton
+from perfanim.core.body.standard_skeleton import default_skeleton
+from perfanim.core.body.standing import standing_root_m
 
-from ....core.body.skeleton import Skeleton
-from .. import axes
 from .shapes import Figure, Part, parts_of
 from .skin_weights import skin_weights
 from .surface import Array, Field, mesh_of, union
 
-_LEAST_WEIGHT = 0.002  # smaller shares are dropped: they cost time in every frame and move nothing visibly
+MATERIAL_NAMES = ("shirt", "trousers", "skin", "hair", "shoe", "eye")
+WEIGHT_STEPS = 4095  # a weight of one, as the file stores it
 _COVERED = {("head", "hair"), ("hair", "head")}  # (part, what covers it in every pose: both move as one)
 _HIDDEN_M = 0.006
 _THUMB = 5  # place of the thumb among a hand's shapes
-_KEPT_BODIES = 4
-
-# name: (linear RGB, roughness)
-_MATERIALS: dict[str, tuple[tuple[float, float, float], float]] = {
-    "shirt": ((0.030, 0.190, 0.290), 0.75),
-    "trousers": ((0.042, 0.050, 0.070), 0.80),
-    "skin": ((0.560, 0.300, 0.190), 0.50),
-    "hair": ((0.055, 0.030, 0.020), 0.60),
-    "shoe": ((0.500, 0.480, 0.450), 0.55),
-    "eye": ((0.015, 0.015, 0.018), 0.20),
-}
 _OF_PART = {"clothes": "shirt", "head": "skin", "hand": "skin", "hair": "hair", "shoe": "shoe", "eye": "eye"}
 
 
@@ -45,11 +37,6 @@ class Body:
     faces: NDArray[np.int64]
     materials: NDArray[np.int64]
     weights: Array
-
-
-MATERIAL_NAMES = tuple(_MATERIALS)
-
-_bodies: dict[tuple[bytes, ...], Body] = {}
 
 
 def make_body(skeleton: Skeleton, heads_m: Array) -> Body:
@@ -122,68 +109,21 @@ def _thumb_share(part: Part, vertices: Array) -> Array:
     return share
 
 
-def add_body(
-    context: bpy.types.Context, skeleton: Skeleton, heads_m: Array, armature_object: bpy.types.Object
-) -> bpy.types.Object:
-    """Add the body as a mesh object that the armature deforms, and return it.
-
-    Args:
-        heads_m: (J, 3) joints of the armature's rest pose, product space.
-    """
-    body = _body(skeleton, heads_m)
-    mesh = bpy.data.meshes.new(armature_object.name + " body")
-    mesh.from_pydata(axes.points_to_blender(body.vertices_m).tolist(), [], body.faces.tolist())
-    for name in MATERIAL_NAMES:
-        mesh.materials.append(_material(name))
-    mesh.polygons.foreach_set("material_index", body.materials.astype(np.int32))
-    mesh.polygons.foreach_set("use_smooth", np.ones(len(body.faces), dtype=bool))
-    mesh.update()
-    obj = bpy.data.objects.new(mesh.name, mesh)
-    (context.collection or context.scene.collection).objects.link(obj)
-    obj.parent = armature_object
-    modifier = obj.modifiers.new("Armature", "ARMATURE")
-    modifier.object = armature_object
-    _add_groups(obj, skeleton, body.weights)
-    return obj
+def write_character(path: Path) -> Body:
+    """Write the body of the default skeleton; return it."""
+    skeleton = default_skeleton()
+    body = make_body(skeleton, skeleton.rest_positions_m + standing_root_m(skeleton))
+    np.savez_compressed(
+        path,
+        vertices=np.round(1e4 * body.vertices_m).astype(np.int16),
+        faces=body.faces.astype(np.uint16),
+        materials=body.materials.astype(np.uint8),
+        weights=np.round(WEIGHT_STEPS * body.weights).astype(np.uint16),
+        joints=np.array(skeleton.names),
+        material_names=np.array(MATERIAL_NAMES),
+    )
+    return body
 
 
-def _body(skeleton: Skeleton, heads_m: Array) -> Body:
-    """Return the body of `make_body`, which takes a second, but for one that was made lately."""
-    key = (skeleton.offsets_m.tobytes(), skeleton.tips_m.tobytes(), heads_m.tobytes())
-    if key not in _bodies:
-        if len(_bodies) >= _KEPT_BODIES:
-            _bodies.clear()
-        _bodies[key] = make_body(skeleton, heads_m)
-    return _bodies[key]
-
-
-def _add_groups(obj: bpy.types.Object, skeleton: Skeleton, weights: Array) -> None:
-    kept = np.where(weights < _LEAST_WEIGHT, 0.0, weights)
-    kept /= kept.sum(axis=1, keepdims=True)
-    for joint, name in enumerate(skeleton.names):
-        group = obj.vertex_groups.new(name=name)
-        for vertex in np.flatnonzero(kept[:, joint]):
-            group.add([int(vertex)], float(kept[vertex, joint]), "REPLACE")
-
-
-def _material(name: str) -> bpy.types.Material:
-    """Return the character material of that name, shared by all characters of the file."""
-    full_name = f"Performer {name}"
-    found = bpy.data.materials.get(full_name)
-    if found is not None:
-        return found
-    colour, roughness = _MATERIALS[name]
-    material = bpy.data.materials.new(full_name)
-    ensure_nodes(material)
-    surface = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-    surface.inputs["Base Color"].default_value = (*colour, 1.0)
-    surface.inputs["Roughness"].default_value = roughness
-    material.diffuse_color = (*colour, 1.0)  # solid viewport shading
-    material.roughness = roughness
-    return material
-
-
-def ensure_nodes(owner: bpy.types.Material | bpy.types.World) -> None:
-    """Give a material or world its shader nodes; from Blender 5.0 on it always has them, and asking is deprecated."""
-    if bpy.app.version < (5, 0, 0):
-        owner.use_nodes = True
+if __name__ == "__main__":
+    write_character(Path(sys.argv[1]))

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from perfanim.core.body.skeleton import Skeleton
 
-from ....core.body.skeleton import Skeleton
 from .shapes import Figure
 from .surface import Array
 

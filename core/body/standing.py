@@ -1,0 +1,30 @@
+"""Size of a standing body: girth, and the root's height with the soles on the floor."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .skeleton import Skeleton
+from .standard_skeleton import default_skeleton
+
+SOLE_BELOW_TOES_M = 0.024  # how far the sole lies below the toe joint of the default skeleton
+
+_SPINE = ("lowerback", "upperback", "thorax", "lowerneck", "upperneck")
+_LEGS = ("lfemur", "ltibia", "rfemur", "rtibia")
+
+
+def girth_scale(skeleton: Skeleton) -> float:
+    """Return the size of a body's girths relative to the default skeleton's."""
+    return _height_m(skeleton) / _height_m(default_skeleton())
+
+
+def standing_root_m(skeleton: Skeleton) -> NDArray[np.float64]:
+    """Return the root's position (3,) at which the rest pose stands on the floor, y = 0."""
+    toes = min(skeleton.rest_positions_m[skeleton.index(side + "toes")][1] for side in "lr")
+    return np.array([0.0, SOLE_BELOW_TOES_M * girth_scale(skeleton) - toes, 0.0])
+
+
+def _height_m(skeleton: Skeleton) -> float:
+    """Return a length that grows with stature: legs and spine end to end."""
+    lengths = np.linalg.norm(skeleton.tips_m, axis=1)
+    spine = sum(lengths[skeleton.index(name)] for name in _SPINE)
+    return float(spine + 0.5 * sum(lengths[skeleton.index(name)] for name in _LEGS))
