@@ -12,7 +12,7 @@ from ..errors import SettingsError
 
 def add_parser(subparsers: Any) -> None:
     """Add the command group."""
-    group = subparsers.add_parser("database", help="build or look into a motion database")
+    group = subparsers.add_parser("database", help="build or inspect a motion database")
     commands = group.add_subparsers(metavar="COMMAND", required=True)
     build = commands.add_parser("build", help="motion files to a database")
     build.add_argument("sources", nargs="+", metavar="SRC", help="BVH or AMC file, folder, .zip or .tar archive")
@@ -47,7 +47,7 @@ def add_parser(subparsers: Any) -> None:
         "--workers", type=int, metavar="N", help="processes that read (default: one a core where it is worth it)"
     )
     build.set_defaults(run=_build)
-    info = commands.add_parser("info", help="what is in a database")
+    info = commands.add_parser("info", help="contents of a database")
     info.add_argument("database", metavar="DB")
     info.set_defaults(run=_info)
 

@@ -1,4 +1,4 @@
-"""`perfanim diagnose`: what is installed, and which cameras are found."""
+"""`perfanim diagnose`: installed versions, and cameras found."""
 
 import argparse
 import importlib
@@ -14,7 +14,7 @@ from ..system.libraries import LIBRARIES
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
-    parser = subparsers.add_parser("diagnose", help="versions of what is installed, and the cameras that are found")
+    parser = subparsers.add_parser("diagnose", help="installed versions and the cameras found")
     parser.set_defaults(run=_run)
 
 
@@ -34,7 +34,7 @@ def library_facts(name: str) -> str:
     """Return a library's version, or why it cannot be loaded."""
     try:
         library = importlib.import_module(name)
-    except Exception as error:  # whatever a broken library does is what is to be told
+    except Exception as error:  # a broken library may raise anything
         return f"cannot be loaded: {type(error).__name__}: {error}"
     if hasattr(library, "__version__"):
         return str(library.__version__)

@@ -1,4 +1,4 @@
-"""The command line for Blender, which runs it in a Python of its own (`perfanim_addon.command_line`)."""
+"""The command line for Blender, in a Python of its own."""
 
 import os
 import signal
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run a command and return its exit status; when standard input ends, Blender is gone, and so is this."""
+    """Run a command and return its exit status; end with standard input."""
     from .main import main  # settings of its libraries are made for a process, not for Blender
 
     signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -1,4 +1,4 @@
-"""The `perfanim` command: parses, runs one command, prints its summary, maps errors to exit codes.
+"""The `perfanim` command: parse, run one command, print its summary.
 
 Exit status: 0 done; 1 bad input or failed work (one line on stderr); 2 wrong usage; 130 interrupted.
 """
@@ -15,7 +15,7 @@ from typing import Any
 
 from .. import __version__
 from ..errors import PerfanimError
-from .outcome import PartialResult
+from .partial_result import PartialResult
 
 # Each command's module has add_parser(subparsers), which sets `run`: (args, progress) -> summary or `PartialResult`.
 COMMANDS = (
@@ -35,7 +35,7 @@ COMMANDS = (
 )
 
 
-# The solver's matrices are small: threads cost it more than they bring, above all beside other processes.
+# The solver's matrices are small: threads cost more than they gain, most of all beside other processes.
 # Read by numpy's libraries when they are loaded, which is not before a command is chosen.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -54,7 +54,7 @@ class Progress:
         self._width = 0
 
     def __call__(self, fraction: float, text: str) -> None:
-        """Show `fraction` (0 to 1) and what is being done."""
+        """Show `fraction` (0 to 1) and the activity."""
         if self._shown:
             line = f"{fraction:4.0%} {text}"
             sys.stderr.write("\r" + line.ljust(self._width))
@@ -69,7 +69,7 @@ class Progress:
 
 
 def build_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
-    """Return the parser of all commands, or of those named (the others' modules are not even imported)."""
+    """Return the parser of the named commands, without importing the others."""
     parser = argparse.ArgumentParser(
         prog="perfanim", description="Full-body performance animation from a few markers and two cameras."
     )
@@ -155,7 +155,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = sys.argv[1:] if argv is None else argv
     args = build_parser(given[:1] if given and given[0] in COMMANDS else COMMANDS).parse_args(given)
     progress = Progress()
-    # a polite end by the system is an end like any other: what is half written is removed on the way out
+    # SIGTERM ends like any error: half-written files are removed on the way out
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     try:
         summary = args.run(args, progress)
@@ -193,7 +193,9 @@ def jsonable(value: Any) -> Any:
 
 
 def summary_text(summary: dict[str, Any]) -> str:
-    """Return the summary for a person: one line a figure; long lists and tables are counted, not printed.
+    """Return the summary for a person, a line for each figure.
+
+    Long lists and tables are counted, not printed.
 
     Rows of a report (lists or tables of dicts) get a line each, up to `_MOST_ROWS`.
     """
@@ -218,12 +220,12 @@ def summary_text(summary: dict[str, Any]) -> str:
 
 
 def _rows(rows: list[str]) -> list[str]:
-    told = [f"  {row}" for row in rows[:_MOST_ROWS]]
-    return [*told, f"  and {len(rows) - _MOST_ROWS} more, which --json tells"] if len(rows) > _MOST_ROWS else told
+    shown = [f"  {row}" for row in rows[:_MOST_ROWS]]
+    return [*shown, f"  and {len(rows) - _MOST_ROWS} more, see --json"] if len(rows) > _MOST_ROWS else shown
 
 
 def _named(key: str, value: Any) -> str:
-    """Return what stands in a row; a number with a fraction says of what it is."""
+    """Return a value of a row; a number with a fraction gets its name."""
     return f"{key.replace('_', ' ')} {_short(value)}" if isinstance(value, float) else str(value)
 
 

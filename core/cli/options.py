@@ -20,7 +20,7 @@ def seed(text: str) -> int:
 
 
 def positive(text: str, most: float, unit: str) -> float:
-    """Return a number above 0, up to `most`; `unit` is told where it is none."""
+    """Return a number above 0, up to `most`; `unit` goes into the error."""
     try:
         number = float(text)
     except ValueError:
@@ -40,7 +40,7 @@ def add_motion_options(parser: Any, *, defaults: bool = True) -> None:
 
     Args:
         parser: a parser or a group of options.
-        defaults: False where options that are not given must be told from those that are.
+        defaults: False where options that are not given must differ from given ones.
     """
     units, naming = ("m", OWN) if defaults else (None, None)
     parser.add_argument("--units", choices=("m", "cm"), default=units, help="unit of a BVH file (default m)")
@@ -48,7 +48,7 @@ def add_motion_options(parser: Any, *, defaults: bool = True) -> None:
         "--naming",
         choices=tuple(NAMINGS),
         default=naming,
-        help=f"whose names the joints have in BVH and CSV files (default {OWN}: the product's own)",
+        help=f"names of the joints in BVH and CSV files (default {OWN}: the standard skeleton's)",
     )
     parser.add_argument(
         "--rate", type=rate_hz, metavar="HZ", help="frames per second of the motion (default: as it was recorded)"

@@ -31,13 +31,13 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--map",
         metavar="PRESET_OR_FILE",
-        help="which bone is which joint: rigify-controls or a TOML file (default: found by itself)",
+        help="bone map: rigify-controls or a TOML file (default: detected)",
     )
     parser.add_argument(
         "--root-motion",
         choices=[kind.name.lower().replace("_", "-") for kind in RootMotion],
         default="hips",
-        help="what carries the character through the room (default hips)",
+        help="bone that carries the character through the scene (default hips)",
     )
     parser.add_argument("--blender", metavar="FILE", help="Blender to do it with (default: its Python module, bpy)")
     parser.add_argument("--skeleton", metavar="FILE.asf", help="skeleton of an .amc motion")
@@ -46,7 +46,7 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--naming",
         choices=tuple(NAMINGS),
-        help="whose names the bones have in a file for other programs (default: the character's own)",
+        help="names of the bones in a file for other programs (default: the character's own)",
     )
     parser.add_argument(
         "--out",
@@ -75,7 +75,7 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
     progress(0.0, "retargeting")
     done = subprocess.run(_command(args.blender, arguments), capture_output=True, text=True, check=False)
     if done.returncode != 0:
-        lines = [line for line in done.stderr.splitlines() if line.strip()] or ["it ended without a word"]
+        lines = [line for line in done.stderr.splitlines() if line.strip()] or ["it ended without a message"]
         said = next((line for line in lines if line.startswith(_PREFIX)), lines[-1])
         raise CharacterError(said.removeprefix(_PREFIX))
     # Blender has lines of its own
@@ -86,7 +86,7 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
 
 
 def check_blender(blender: str | None) -> None:
-    """Raise CharacterError when there is neither the Blender that is named nor, without one, its Python module."""
+    """Raise CharacterError when the Blender named, or else bpy, is missing."""
     blender = _named(blender)
     if blender is None and importlib.util.find_spec("bpy") is None:
         raise CharacterError(

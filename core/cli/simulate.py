@@ -67,6 +67,6 @@ def _markers(args: argparse.Namespace, progress: Callable[[float, str], None]) -
 
 
 def truth_path_of(take: Path) -> Path:
-    """Return where the truth of a simulated take stands: "walk.take.npz" -> "walk.truth.bvh"."""
+    """Return the truth's path beside a take: "walk.take.npz" -> "walk.truth.bvh"."""
     stem = take.name.removesuffix(".take.npz") if take.name.endswith(".take.npz") else take.stem
     return take.with_name(f"{stem}.truth.bvh")

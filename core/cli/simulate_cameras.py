@@ -1,4 +1,4 @@
-"""`perfanim simulate cameras`: videos of a motion as simulated cameras would have taken them, with all truth."""
+"""`perfanim simulate cameras`: videos of a motion, with all truth."""
 
 import argparse
 from collections.abc import Callable

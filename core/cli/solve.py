@@ -47,7 +47,7 @@ def add_parser(subparsers: Any) -> None:
     body.add_argument(
         "--subject", metavar="FILE", help="calibrated subject, skeleton and marker offsets (a .perftake holds its own)"
     )
-    body.add_argument("--skeleton", metavar="FILE", help=".asf or .bvh whose bones are used; needs --marker-set")
+    body.add_argument("--skeleton", metavar="FILE", help=".asf or .bvh with the bones to use; needs --marker-set")
     parser.add_argument(
         "--marker-set",
         metavar="NAME",

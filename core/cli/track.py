@@ -122,7 +122,7 @@ def _of_cameras(
     settings: Any,
     progress: Progress,
 ) -> tuple[Any, dict[str, Any]]:
-    """Return the take of markers located by two or more cameras, and what it is like."""
+    """Return the take of two or more cameras, and its figures."""
     from ..labelling.single_camera_trajectories import single_views
     from ..labelling.trajectory_linking import track_markers
     from ..labelling.trajectory_naming import name_trajectories
@@ -151,7 +151,7 @@ def _of_cameras(
 def _of_one_camera(
     args: argparse.Namespace, rig: Any, frames: list[Any], fps: float, count: int | None
 ) -> tuple[Any, dict[str, Any]]:
-    """Return the take of what one camera shows, and what it is like: which marker is which is found with the body."""
+    """Return the take of one camera, and its figures; its markers have no labels."""
     from ..vision.image_take import image_take
 
     take = image_take(frames, rig, _take_name(args.out), fps)
@@ -218,7 +218,7 @@ def _in_use(args: argparse.Namespace, rig: Any) -> tuple[Any, list[str]]:
 
 
 def _check_one_camera(args: argparse.Namespace) -> None:
-    """Raise SettingsError for what one camera cannot give."""
+    """Raise SettingsError for options that need more than one camera."""
     if not str(args.out).lower().endswith(".take.npz"):
         raise SettingsError(f"{args.out} cannot hold what one camera shows", advice="write a .take.npz")
     for option, value in (("--floor feet", args.floor == "feet"), ("--truth", args.truth)):
@@ -229,7 +229,7 @@ def _check_one_camera(args: argparse.Namespace) -> None:
 
 
 def _on_floor(args: argparse.Namespace, take: Any, rig: Any) -> Any:
-    """Return the take in a world with its floor at y = 0, and write the calibration in it if wanted."""
+    """Return the take with its floor at y = 0; write that calibration if requested."""
     from ..geometry.rig_file import save_rig
     from ..markers.floor_from_feet import floor_points, to_rig_world
     from ..markers.marker_set import load_marker_set
@@ -283,7 +283,7 @@ def _process(args: argparse.Namespace, pipeline: Any, source: Any, progress: Pro
 
 
 def _at_one_time(rig: Any, frames: list[Any], settings: Any) -> tuple[list[Any], dict[str, Any]]:
-    """Return the frames with all markers at one time, and how late each camera was against the first."""
+    """Return the frames at one time, and each camera's time offset."""
     from ..vision.synchronise import synchronise_frames
 
     moved, offsets = synchronise_frames(rig, frames, settings)
@@ -303,7 +303,7 @@ def _without_distortion(rig: Any) -> Any:
 
 
 def _compared(take: Any, path: str) -> dict[str, Any]:
-    """Distance to trajectories of the same cameras, paired marker by marker to fit best over the whole take."""
+    """Return the distances to true trajectories, paired to fit best over the take."""
     from ..formats.markers.marker_files import read_take
     from ..labelling.trajectory_naming import match_trajectories
 

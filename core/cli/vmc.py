@@ -1,4 +1,4 @@
-"""`perfanim vmc`: a motion sent live to other programs by the VMC protocol, and what they send recorded."""
+"""`perfanim vmc`: motion sent and recorded live by the VMC protocol."""
 
 import argparse
 from collections.abc import Callable
@@ -100,7 +100,7 @@ def _motion(path: str) -> Motion:
 
 
 def run_receive(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Record for some seconds, then write what came."""
+    """Record for some seconds and write the bones or the trackers."""
     out = Path(args.out)
     endings = (*MOTION_ENDINGS, *WRITABLE)
     if not out.name.lower().endswith(endings):

@@ -16,7 +16,7 @@ _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
 
 @contextmanager
 def atomic_path(target: Path | str) -> Iterator[Path]:
-    """Yield a temporary path beside `target`; on success it is synced and renamed onto `target`, on error removed.
+    """Yield a temporary path; on success sync and rename it onto `target`.
 
     Raises:
         FormatError: the folder cannot be written, `target` is a folder, or the disk is full.

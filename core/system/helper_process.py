@@ -1,9 +1,9 @@
-"""The way into a helper process: the package is made importable there as `perfanim`, and one function of it is run.
+"""Start of a helper process: imports the package there and runs one function.
 
-A process that has just been started has no package, and the extension's folder may have any name (Blender calls it
-bl_ext.<repository>.perfanim, which only Blender can import), so the package is made from its place. This file is run by
-path for that, and imports nothing but Python's own. What to run is told in one line of JSON on standard input: on the
-command line other users could read it. Only Blender, which runs this as its `--python`, is told behind "--".
+A new process has no package, and the extension's folder may have any name (Blender's is
+bl_ext.<repository>.perfanim, which only Blender can import), so the package is made from its place. For that this file
+is run by path, and imports only Python's own modules. The order comes as one line of JSON on standard input, as other
+users can read a command line; only Blender, with this file as its `--python`, gets it behind "--".
 """
 
 import importlib
@@ -19,7 +19,7 @@ SCRIPT = str(Path(__file__).resolve())
 
 
 def command(python: str) -> list[str]:
-    """Return the command line of a helper process; the line that `order` returns goes to its standard input."""
+    """Return the command line of a helper process; `order` goes to its input."""
     return [python, "-I", SCRIPT]
 
 
@@ -44,23 +44,23 @@ def order(run: Callable[..., Any] | str, *arguments: Any, paths: Sequence[str] |
 
 
 def main() -> Any:
-    """Do as told; returns what the function returns."""
+    """Run the function of the order and return its result."""
     if "--" in sys.argv:
         text = sys.argv[sys.argv.index("--") + 1]
     else:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that started this one ends it
         text = sys.stdin.readline()
-    told = json.loads(text)
-    sys.path.extend(path for path in told["paths"] if path not in sys.path)
-    root = told["root"]
+    content = json.loads(text)
+    sys.path.extend(path for path in content["paths"] if path not in sys.path)
+    root = content["root"]
     spec = importlib.util.spec_from_file_location("perfanim", f"{root}/__init__.py", submodule_search_locations=[root])
     if spec is None or spec.loader is None:
         return f"no package in {root}"
     package = importlib.util.module_from_spec(spec)
     sys.modules["perfanim"] = package
     spec.loader.exec_module(package)
-    module, _, name = told["run"].partition(":")
-    return getattr(importlib.import_module(module), name)(*told["arguments"])
+    module, _, name = content["run"].partition(":")
+    return getattr(importlib.import_module(module), name)(*content["arguments"])
 
 
 if __name__ == "__main__":

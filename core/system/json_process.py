@@ -1,4 +1,4 @@
-"""Helper process that takes requests as lines of JSON on its standard input and answers on its standard output."""
+"""Helper process that answers requests, each a line of JSON."""
 
 import os
 import subprocess

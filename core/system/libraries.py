@@ -1,6 +1,6 @@
-"""The libraries that the product needs besides Python's own: what they are imported as, and what they are installed as.
+"""Import names and package names of the libraries that Perfanim needs.
 
-Nothing is imported here, so that whatever is wrong with one of them can be told.
+Nothing is imported here, so that a fault of one of them can be reported.
 """
 
 LIBRARIES = {

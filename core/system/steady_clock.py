@@ -1,4 +1,4 @@
-"""Times of a camera's images without the chance delays with which they are noted."""
+"""Time stamps of a camera's images without their random delays."""
 
 from collections import deque
 
@@ -10,14 +10,17 @@ _ASTRAY = 0.3  # periods: a stamp so far from the line is of a camera that runs 
 
 
 class SteadyClock:
-    """Lays a line through the latest time stamps: cameras take images at a steady rate, stamps come late by chance."""
+    """Fits a line through the latest time stamps of a camera.
+
+    Cameras take images at a steady rate; stamps come late by random delays.
+    """
 
     def __init__(self) -> None:
         self._stamps_s: deque[float] = deque(maxlen=_REMEMBERED)
         self._counts: deque[int] = deque(maxlen=_REMEMBERED)
 
     def steady(self, stamp_s: float) -> float:
-        """Return the time of the image that came with the next stamp; the stamp itself until the rate is known."""
+        """Return the time of the next image; its stamp until the rate is known."""
         period_s = float(np.median(np.diff(self._stamps_s))) if len(self._stamps_s) > 1 else 0.0
         passed = round((stamp_s - self._stamps_s[-1]) / period_s) if period_s > 0.0 else 1
         self._counts.append(self._counts[-1] + max(passed, 1) if self._counts else 0)

@@ -1,1 +1,1 @@
-"""Many takes: tracked, solved, retargeted and told about, in parallel, going on where an earlier run stopped."""
+"""Batches: many takes tracked, solved and retargeted in parallel."""

@@ -9,7 +9,7 @@ _CONNECT_S = 30.0
 
 
 def on_cluster(address: str, serve: Callable[[str], str], tasks: Sequence[Task]) -> Generator[Record, None, None]:
-    """Yield what comes of tasks, as it comes.
+    """Yield the records of tasks as they finish.
 
     Args:
         address: of the scheduler, e.g. tcp://host:8786. Its workers have this package, and all files at the same paths.

@@ -1,4 +1,4 @@
-"""`perfanim batch`: many takes, solved, retargeted and told about."""
+"""`perfanim batch`: many takes, solved, retargeted and rated."""
 
 import argparse
 import os
@@ -21,7 +21,7 @@ from ...markers.subject import load_subject
 from ...retarget.retargeter import RootMotion
 from ...solver.settings import METHODS
 from ..options import add_motion_options
-from ..outcome import PartialResult
+from ..partial_result import PartialResult
 from ..retarget import check_blender
 from . import worker
 from .plan import ALSO, SAVED_AS, Plan, TakePlan, Value, plan_of, read_plan
@@ -48,8 +48,8 @@ def add_parser(subparsers: Any) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "batch",
-        help="many takes: solve, retarget, tell how good each is; goes on where it stopped",
-        description="Solve many takes, in parallel. What is done already is left alone, a bad take does not hold up "
+        help="solve, retarget and rate many takes; continues where it stopped",
+        description="Solve many takes, in parallel. Finished takes are left alone, and a bad take does not hold up "
         "the others. Exit status 1 when any take was bad.",
     )
     parser.add_argument(
@@ -59,10 +59,10 @@ def add_parser(subparsers: Any) -> None:
         help=f"a plan file, or takes ({', '.join(READABLE)}), folders and patterns of them",
     )
     parser.add_argument("--out", metavar="DIR", help="folder of the results (default: the plan's out)")
-    shared = parser.add_argument_group("for all takes; a plan's [[take]] tables may say otherwise")
+    shared = parser.add_argument_group("for all takes; a plan's [[take]] tables have priority")
     shared.add_argument("--database", metavar="DB", help="motion database")
     shared.add_argument("--subject", metavar="FILE", help="calibrated subject")
-    shared.add_argument("--skeleton", metavar="FILE", help=".asf or .bvh whose bones are used; needs --marker-set")
+    shared.add_argument("--skeleton", metavar="FILE", help=".asf or .bvh with the bones to use; needs --marker-set")
     shared.add_argument(
         "--marker-set", metavar="NAME", help=f"shipped marker set or TOML file, or {AUTO} (of marker files)"
     )
@@ -84,19 +84,19 @@ def add_parser(subparsers: Any) -> None:
     shared.add_argument(
         "--root-motion",
         choices=[kind.name.lower().replace("_", "-") for kind in RootMotion],
-        help="what carries the character through the room (default hips)",
+        help="bone that carries the character through the scene (default hips)",
     )
     shared.add_argument("--save-as", choices=SAVED_AS, help="kind of the characters' files (default blend)")
     shared.add_argument("--blender", metavar="FILE", help="Blender to retarget with (default: its Python module, bpy)")
     parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: one a core)")
     parser.add_argument(
-        "--scheduler", metavar="ADDRESS", help="have a Dask cluster do the takes (tcp://HOST:8786), see docs/batch.md"
+        "--scheduler", metavar="ADDRESS", help="Dask cluster that does the takes (tcp://HOST:8786), see docs/batch.md"
     )
     parser.set_defaults(run=run, wrong_usage=parser.error)
 
 
 def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
-    """Do the takes and tell of each."""
+    """Do the takes and return the facts about each."""
     if args.jobs is not None and not 1 <= args.jobs <= 1000:
         raise SettingsError(f"--jobs {args.jobs} is out of range", advice="give 1 to 1000")
     if args.jobs is not None and args.scheduler is not None:
@@ -107,8 +107,8 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
         args.wrong_usage("the following arguments are required: --out")
     progress(0.0, "checking the plan")
     _check(plan)
-    result = run_batch(plan.takes, Path(out), _doer(args), progress)
-    return _told(result, out)
+    result = run_batch(plan.takes, Path(out), _task_runner(args), progress)
+    return _summary(result, out)
 
 
 def _plan(args: argparse.Namespace) -> Plan:
@@ -120,7 +120,7 @@ def _plan(args: argparse.Namespace) -> Plan:
     return plan_of(args.takes, given)
 
 
-def _doer(args: argparse.Namespace) -> DoTasks:
+def _task_runner(args: argparse.Namespace) -> DoTasks:
     if args.scheduler is None:
         return partial(in_processes, worker.serve, args.jobs or os.cpu_count() or 1)
     from .cluster import on_cluster  # Dask is slow to load, and not needed without a cluster
@@ -129,9 +129,9 @@ def _doer(args: argparse.Namespace) -> DoTasks:
 
 
 def _check(plan: Plan) -> None:
-    """Raise for options that cannot be meant and files that cannot be used, before any work.
+    """Raise for bad options and unusable files, before any work.
 
-    The takes themselves are not looked at: a bad one does not keep the others from being done.
+    The takes themselves are not read: a bad one does not hold up the others.
     """
     lines: set[str] = set()
     files: set[tuple[str, str]] = set()
@@ -154,11 +154,11 @@ def _check(plan: Plan) -> None:
 
 
 def _check_options(take: TakePlan) -> None:
-    worker.parsed("solve", [take.take or "x.take.npz", *take.options_of("solve"), "--out", "x.bvh"])
+    worker.parse_options("solve", [take.take or "x.take.npz", *take.options_of("solve"), "--out", "x.bvh"])
     if take.is_tracked:
-        worker.parsed("track", [*take.options_of("track"), "--out", "x.take.npz"])
+        worker.parse_options("track", [*take.options_of("track"), "--out", "x.take.npz"])
     if take.options_of("retarget"):
-        worker.parsed("retarget", ["x.bvh", *take.options_of("retarget"), "--out", "x.blend"])
+        worker.parse_options("retarget", ["x.bvh", *take.options_of("retarget"), "--out", "x.blend"])
 
 
 def _check_character(path: Path, blender: str | None) -> None:
@@ -167,8 +167,8 @@ def _check_character(path: Path, blender: str | None) -> None:
     check_blender(blender)
 
 
-def _told(result: BatchResult, out: str) -> PartialResult:
-    """Return the summary, for a person the table and what to look at."""
+def _summary(result: BatchResult, out: str) -> PartialResult:
+    """Return the summary, for people as a table."""
     place = Path(out)
     rows = []
     for record in result.records:

@@ -1,4 +1,4 @@
-"""What tells whether a take's outputs are still those that its inputs and settings give."""
+"""Hashes of a take's inputs, settings and outputs."""
 
 import hashlib
 import json
@@ -50,7 +50,9 @@ def file_digest(path: Path) -> str:
 
 
 def take_digest(take: TakePlan, contents: ContentDigests) -> str:
-    """Return what all the outputs of a take depend on: its content, what it is solved with, and this program.
+    """Return the hash of all that a take's outputs depend on.
+
+    Its content, the files it is solved with, its settings, and this program.
 
     Where the files lie does not count, nor do the other takes of the batch.
     """
@@ -82,7 +84,7 @@ def _content(key: str, value: Any, contents: ContentDigests) -> Any:
 
 
 def _recorded_database(path: str) -> str:
-    """Return the database that a recorded take was solved with, "" when it does not tell."""
+    """Return the database that a recorded take was solved with, "" if unknown."""
     try:
         return str(read_take_file(path).setup.database.get("path", ""))
     except PerfanimError:

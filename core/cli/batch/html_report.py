@@ -61,10 +61,10 @@ is none.</p>
 def _row(record: Record, out: Path) -> str:
     motion = record.outputs.get("character") or record.outputs.get("motion")
     name = f'<a href="{quote(motion)}">{escape(record.name)}</a>' if motion else escape(record.name)
-    told = [f'<div class="reason">{escape(reason)}</div>' for reason in record.reasons]
-    told += [f'<div class="warning">{escape(warning)}</div>' for warning in record.warnings]
+    notes = [f'<div class="reason">{escape(reason)}</div>' for reason in record.reasons]
+    notes += [f'<div class="warning">{escape(warning)}</div>' for warning in record.warnings]
     cells = "".join(_cell(record, figure, pattern) for figure, _, pattern in _COLUMNS)
-    first = name + "".join(told)
+    first = name + "".join(notes)
     return f'<tr class="{record.status}"><td>{first}</td>{cells}<td>{_picture(record, out)}</td></tr>'
 
 

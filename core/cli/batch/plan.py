@@ -1,6 +1,6 @@
-"""Which takes a batch has and what becomes of each: a plan file, or files and options.
+"""Plan of a batch: its takes, and the steps for each.
 
-A plan is TOML. Its top level holds what all takes share, `[[take]]` tables what the takes they name have of their own.
+A plan is TOML: settings of all takes at its top level, and `[[take]]` tables with the settings of the takes they name.
 Keys are the long options of `perfanim track`, `solve` and `retarget`, with _ for -; paths are relative to the plan.
 """
 
@@ -22,7 +22,7 @@ Value = str | float | bool | list[str]
 
 
 class Kind(Enum):
-    """What a key's value is."""
+    """Kind of a key's value."""
 
     FILE = "a file"
     NAME_OR_FILE = "a name or a file"
@@ -38,7 +38,7 @@ class Kind(Enum):
 
 @dataclass(frozen=True)
 class Key:
-    """One key: what its value is, and the commands that take it as an option."""
+    """Kind of a key's value, and the commands that take it as an option."""
 
     kind: Kind
     commands: tuple[str, ...]
@@ -82,14 +82,14 @@ _FORBIDDEN = '<>:"/\\|?*'  # in file names, on some system
 
 @dataclass(frozen=True)
 class TakePlan:
-    """What becomes of one take; plain values only, so that it goes to other processes as JSON.
+    """Plan of one take; plain values, to go to other processes as JSON.
 
     Args:
         name: of its outputs.
         source: the take as the plan names it.
         take: the file that is solved; "" when it is tracked from the videos of the options.
         options: values of `KEYS`, paths absolute.
-        digest: tells all that its outputs depend on (see `digest`); "" until it is computed.
+        digest: hash of all that its outputs depend on (see `take_digest`); "" until it is computed.
     """
 
     name: str
@@ -111,7 +111,7 @@ class TakePlan:
             if key == "cameras" and not self.is_tracked:
                 commands = ("solve",) if is_recorded(self.take) else ()
             if key in ("up", "names") and (self.is_tracked or is_recorded(self.take)):
-                commands = ()  # what cameras saw has y up, and the set's names
+                commands = ()  # takes of cameras have y up, and the set's names
             if key == "use" and is_recorded(self.take):
                 commands = ()  # for marker takes
             if key == "blender" and "to" not in self.options:
@@ -130,7 +130,7 @@ class TakePlan:
 
 @dataclass(frozen=True)
 class Plan:
-    """The takes of a batch, sorted by name, and the folder that its file names for the results ("" when none)."""
+    """The takes of a batch, sorted by name, and its folder for results ("" for none)."""
 
     takes: tuple[TakePlan, ...]
     out: str = ""
@@ -141,10 +141,10 @@ def read_plan(path: Path | str, given: Mapping[str, Value]) -> Plan:
 
     Args:
         path: the plan.
-        given: options that stand over those which its takes share; paths relative to the current folder.
+        given: options with priority over its shared ones; paths relative to the current folder.
 
     Raises:
-        FormatError: it cannot be read. SettingsError: it says what cannot be meant.
+        FormatError: it cannot be read. SettingsError: its keys or values are wrong.
     """
     where = str(path)
     tables = dict(read_toml(path))
@@ -154,21 +154,23 @@ def read_plan(path: Path | str, given: Mapping[str, Value]) -> Plan:
         raise SettingsError("out must be a folder", where=where)
     if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
         raise SettingsError("names no takes", where=where, advice='add [[take]] tables with take = "FILE"')
-    shared = _over(_resolved(tables, folder, where), _resolved(given, Path.cwd(), "options"))
+    shared = _merge(_resolve_paths(tables, folder, where), _resolve_paths(given, Path.cwd(), "options"))
     found: list[tuple[str, TakePlan]] = []
     for number, row in enumerate(rows, 1):
-        found += _row(row, shared, folder, f"{where}, take {number}")
-    return Plan(_named(found), str(folder / out) if out else "")
+        found += _row_takes(row, shared, folder, f"{where}, take {number}")
+    return Plan(_name_takes(found), str(folder / out) if out else "")
 
 
 def plan_of(sources: Sequence[str], given: Mapping[str, Value]) -> Plan:
-    """Return the plan for takes named on the command line: files, folders and patterns, with shared options."""
-    shared = _resolved(given, Path.cwd(), "options")
-    takes = [take for source in sources for take in _takes(source, Path.cwd(), "takes")]
-    return Plan(_named([("", TakePlan("", label, path, shared)) for label, path in takes]))
+    """Return the plan for files, folders and patterns, with shared options."""
+    shared = _resolve_paths(given, Path.cwd(), "options")
+    takes = [take for source in sources for take in _find_takes(source, Path.cwd(), "takes")]
+    return Plan(_name_takes([("", TakePlan("", label, path, shared)) for label, path in takes]))
 
 
-def _row(row: Mapping[str, Any], shared: Mapping[str, Value], folder: Path, where: str) -> list[tuple[str, TakePlan]]:
+def _row_takes(
+    row: Mapping[str, Any], shared: Mapping[str, Value], folder: Path, where: str
+) -> list[tuple[str, TakePlan]]:
     """Return the takes of one table, and the name that it gives, "" when none."""
     own = dict(row)
     take, name = own.pop("take", ""), own.pop("name", "")
@@ -176,9 +178,9 @@ def _row(row: Mapping[str, Any], shared: Mapping[str, Value], folder: Path, wher
         raise SettingsError("take and name must be text", where=where)
     if name and (set(name) & set(_FORBIDDEN) or name != name.strip(". ")):
         raise SettingsError(f"{name!r} cannot be the name of a file", where=where, advice="choose another name")
-    options = _over(shared, _resolved(own, folder, where))
+    options = _merge(shared, _resolve_paths(own, folder, where))
     if take:
-        takes = _takes(take, folder, where)
+        takes = _find_takes(take, folder, where)
         if name and len(takes) > 1:
             raise SettingsError(f"{len(takes)} takes have one name", where=where, advice="leave name out")
         return [(name, TakePlan("", label, path, options)) for label, path in takes]
@@ -192,13 +194,13 @@ def _row(row: Mapping[str, Any], shared: Mapping[str, Value], folder: Path, wher
     return [(name, TakePlan("", first, "", options))]
 
 
-def _over(shared: Mapping[str, Value], own: Mapping[str, Value]) -> dict[str, Value]:
-    """Return a take's settings: its own over those that all share."""
+def _merge(shared: Mapping[str, Value], own: Mapping[str, Value]) -> dict[str, Value]:
+    """Return a take's settings: its own have priority over the shared ones."""
     left = {key: value for key, value in shared.items() if key not in _BODIES or not set(_BODIES) & set(own)}
     return {**left, **own}
 
 
-def _resolved(table: Mapping[str, Any], folder: Path, where: str) -> dict[str, Value]:
+def _resolve_paths(table: Mapping[str, Any], folder: Path, where: str) -> dict[str, Value]:
     """Return the values of keys, checked, with absolute paths."""
     result: dict[str, Value] = {}
     for key, value in table.items():
@@ -236,13 +238,13 @@ def _absolute(text: str, folder: Path) -> str:
     return os.path.abspath(folder / text)  # noqa: PTH100 - links stay as they were named
 
 
-def _takes(text: str, folder: Path, where: str) -> list[tuple[str, str]]:
-    """Return what the plan calls each take of a file, folder or pattern, and its path."""
+def _find_takes(text: str, folder: Path, where: str) -> list[tuple[str, str]]:
+    """Return label and path of each take of a file, folder or pattern."""
     path = Path(_absolute(text, folder))
     if path.is_dir():
         found = [file for file in path.rglob("*") if file.is_file() and _is_take(file.name.lower())]
     elif path.exists() or not set(text) & set(_PATTERN):
-        found = [path]  # one that is not there is a bad take, and the others are done
+        found = [path]  # a missing file is a bad take; the others are done
     else:
         found = [Path(name) for name in glob.glob(str(path), recursive=True)]  # noqa: PTH207 - a whole path
     if not found:
@@ -258,10 +260,10 @@ def _label(path: Path, folder: Path) -> str:
     return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)
 
 
-def _named(found: Sequence[tuple[str, TakePlan]]) -> tuple[TakePlan, ...]:
-    """Return takes under names that differ, sorted by them; what a take is called depends on no order.
+def _name_takes(found: Sequence[tuple[str, TakePlan]]) -> tuple[TakePlan, ...]:
+    """Return takes under different names, sorted; the order given does not matter.
 
-    A take is called by its file; those of one file name by their folders as well, and then by their endings.
+    A take is named after its file; takes with one file name get their folders, and then their endings, too.
     """
     chosen = [name or _stem(take.source) for name, take in found]
     for wider in (_with_folders, _whole):

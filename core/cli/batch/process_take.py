@@ -1,4 +1,4 @@
-"""One take of a batch, from its file or videos to its outputs and what is told of it."""
+"""One take of a batch, from its file or videos to its outputs and record."""
 
 import os
 import shutil
@@ -13,13 +13,13 @@ from ...retarget.joint_naming import OWN
 from ...session.solve_take import SolvedTake
 from .content_hash import file_digest
 from .plan import ALSO, TakePlan
-from .quality import figures_of, why_bad, why_doubtful
+from .quality import quality_figures, why_bad, why_doubtful
 from .take_record import BAD, DOUBTFUL, GOOD, REPORT, Record, Task, failed, record_path
 from .thumbnail_strip import write_strip
 
 
-class Commands(Protocol):
-    """The commands of the command line that a take goes through, which do all the work; each raises PerfanimError."""
+class TakeCommands(Protocol):
+    """Commands of the command line for a take; each raises PerfanimError."""
 
     def track(self, options: Sequence[str]) -> dict[str, Any]:
         """Run `perfanim track`."""
@@ -31,14 +31,14 @@ class Commands(Protocol):
         """Run `perfanim retarget`."""
 
 
-def run_task(task: Task, commands: Commands) -> Record:
-    """Do one take: its outputs and its record are written whole, or it is told why there are none."""
+def run_task(task: Task, commands: TakeCommands) -> Record:
+    """Do one take: write all of its outputs and its record, or none."""
     take, out, work = task.take, Path(task.out), Path(task.work) / task.take.name
     try:
         work.mkdir(parents=True)
-        record = _Chain(take, work, commands).run()
+        record = TakePipeline(take, work, commands).run()
         if record.is_kept:
-            _hand_over(record, work, out)
+            _move_outputs(record, work, out)
     except OSError as error:
         return failed(take, f"cannot be written ({error.strerror or error})")
     except Exception as error:  # the last resort: the other takes go on
@@ -48,10 +48,10 @@ def run_task(task: Task, commands: Commands) -> Record:
     return record
 
 
-class _Chain:
+class TakePipeline:
     """The steps of one take, in a folder of its own."""
 
-    def __init__(self, take: TakePlan, work: Path, commands: Commands) -> None:
+    def __init__(self, take: TakePlan, work: Path, commands: TakeCommands) -> None:
         self._take = take
         self._work = work
         self._commands = commands
@@ -60,13 +60,13 @@ class _Chain:
         self._doubts: list[str] = []
 
     def run(self) -> Record:
-        """Return what came of the steps; the files of its outputs lie in the folder."""
+        """Return the record of the steps; the folder has the files of its outputs."""
         try:
             solved = self._solve()
         except PerfanimError as error:
-            # what cannot be written is no fault of the take's
-            return self._record(BAD, [self._said(error)], is_kept=not error.where.startswith(str(self._work)))
-        figures = figures_of(solved)
+            # a file that cannot be written is no fault of the take
+            return self._record(BAD, [self._reason(error)], is_kept=not error.where.startswith(str(self._work)))
+        figures = quality_figures(solved)
         self._keep("picture", f"{self._take.name}.jpg", lambda path: write_strip(solved, path))
         wrong = why_bad(figures)
         if wrong:
@@ -75,7 +75,7 @@ class _Chain:
         try:
             self._retarget()
         except PerfanimError as error:
-            return self._record(BAD, [self._said(error)], figures, is_kept=False)
+            return self._record(BAD, [self._reason(error)], figures, is_kept=False)
         doubts = [*self._doubts, *why_doubtful(figures)]
         return self._record(DOUBTFUL if doubts else GOOD, doubts, figures)
 
@@ -97,7 +97,7 @@ class _Chain:
         return solved
 
     def _write_also(self, solved: SolvedTake) -> None:
-        """Write the motion in the other forms that are wished."""
+        """Write the motion in the other formats requested."""
         options = self._take.options
         kinds, naming, rate = options.get("also"), str(options.get("naming", OWN)), options.get("rate")
 
@@ -147,22 +147,25 @@ class _Chain:
             figures or {}, outputs if is_kept else {}, is_kept=is_kept,
         )  # fmt: skip
 
-    def _said(self, error: PerfanimError) -> str:
+    def _reason(self, error: PerfanimError) -> str:
         text = " ".join(str(error).split())
-        # which take is known
+        # the record names the take
         is_own = error.where in (self._take.take, self._take.name)
         return self._plain(text.removeprefix(f"{error.where}: ") if is_own else text)
 
     def _plain(self, text: str) -> str:
-        """Return a message without the places of this machine."""
+        """Return a message without the folders of this machine."""
         known = {str(self._work) + os.sep: "", self._take.take: self._take.source}
-        for place, told in known.items():
-            text = text.replace(place, told) if place else text
+        for place, name in known.items():
+            text = text.replace(place, name) if place else text
         return text
 
 
-def _hand_over(record: Record, work: Path, out: Path) -> None:
-    """Move the outputs to their places, and the record last: what has one is whole."""
+def _move_outputs(record: Record, work: Path, out: Path) -> None:
+    """Move the outputs to their places, and the record last.
+
+    A take with a record is whole.
+    """
     (out / REPORT).mkdir(parents=True, exist_ok=True)
     for file in record.outputs.values():
         made = work / Path(file).name

@@ -13,7 +13,7 @@ _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THR
 
 
 def in_processes(serve: Callable[[], None], jobs: int, tasks: Sequence[Task]) -> Generator[Record, None, None]:
-    """Yield the records of tasks in the order in which they finish.
+    """Yield the records of tasks as they finish.
 
     Args:
         serve: function at the top level of a module that does tasks: a line of JSON each on standard

@@ -1,4 +1,4 @@
-"""What tells a good solve from a bad one where the truth is not known."""
+"""Quality of a solved take where the truth is unknown."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -42,8 +42,8 @@ LIMITS = (
 LEAST_CONFIDENCE = 0.5
 
 
-def figures_of(solved: "SolvedTake") -> dict[str, float | int | None]:
-    """Return the figures of a solved take; None where one cannot be told.
+def quality_figures(solved: "SolvedTake") -> dict[str, float | int | None]:
+    """Return the figures of a solved take; None where one is unknown.
 
     Returns:
         frames, fps, duration_s.
@@ -77,7 +77,7 @@ def figures_of(solved: "SolvedTake") -> dict[str, float | int | None]:
 
 
 def is_unsolved(poses: Sequence[PerformerPose]) -> NDArray[np.bool_]:
-    """Return (F,) which frames have no pose of their own but repeat the last one, or wait in the T pose."""
+    """Return (F,) whether a frame only repeats the last pose, or waits in the T pose."""
     return np.array([pose.confidence == 0.0 and not np.isfinite(pose.marker_rms_m) for pose in poses])
 
 
@@ -109,13 +109,13 @@ def why_bad(figures: dict[str, float | int | None]) -> str:
     if median is not None and median >= WRONG_MM:
         return (
             f"no body fits the markers: the solved ones are {median:.0f} mm off; "
-            "check their names, the unit and whose subject it is"
+            "check their names, the unit and the subject"
         )
     return ""
 
 
 def why_doubtful(figures: dict[str, float | int | None]) -> list[str]:
-    """Return what makes a solved take worth a look."""
+    """Return the reasons to look at a solved take."""
     reasons = []
     for limit in LIMITS:
         value = figures[limit.figure]

@@ -1,4 +1,4 @@
-"""A batch from its plan to its summary: what is done already is left, what is bad does not hold up the rest."""
+"""A batch from its plan to its summary."""
 
 import os
 import shutil
@@ -24,7 +24,7 @@ _UNFINISHED = ".unfinished-"
 
 @dataclass(frozen=True)
 class BatchResult:
-    """What came of a batch.
+    """Result of a batch.
 
     Args:
         records: of its takes, sorted by name.
@@ -38,22 +38,21 @@ class BatchResult:
 
 
 def run_batch(takes: Sequence[TakePlan], out: Path, do_tasks: DoTasks, progress: Progress) -> BatchResult:
-    """Do the takes that are not done yet, and tell of all.
+    """Do the takes that are not done yet, and summarise all.
 
-    What the folder holds afterwards depends on the takes alone, not on their order, on who did them, or on how often
-    it was interrupted.
+    The folder's content afterwards depends on the takes alone, not on their order, the processes, or interruptions.
 
     Args:
         takes: with names that differ.
         out: folder of the results; made if it is not there.
         do_tasks: does takes and yields their records in any order (see `in_processes`, `on_cluster`).
-        progress: told how far it is.
+        progress: called with fraction and activity.
 
     Raises:
         FormatError: the folder cannot be written. SettingsError: another batch is writing there.
     """
     with _workplace(out) as work:
-        progress(0.0, "looking what is done")
+        progress(0.0, "looking for finished takes")
         contents = ContentDigests()
         takes = sorted((replace(take, digest=take_digest(take, contents)) for take in takes), key=lambda t: t.name)
         done: dict[str, Record] = {}
@@ -98,14 +97,14 @@ def _do(
             bad += record.status == BAD
             solved += weights[record.name] * (record.status != BAD)
             line = f"{len(done)} of {count} takes, {bad} bad"
-            if solved:  # a file that is empty tells nothing of how long the others take
+            if solved:  # an empty file says nothing about the time for the others
                 left_s = (time.monotonic() - started) * (total - finished) / solved
                 line += f", {_duration(left_s)} left"
             progress(finished / total, line)
 
 
 def _weight(take: TakePlan) -> int:
-    """Return what a take's work is taken to grow with: the bytes of its files."""
+    """Return the expected work of a take: the bytes of its files."""
     sources = [take.take] if take.take else [str(take.options.get(key, "")) for key in ("left", "right")]
     return 1 + sum(Path(source).stat().st_size for source in sources if source and Path(source).is_file())
 
@@ -118,7 +117,7 @@ def _duration(seconds: float) -> str:
 
 @contextmanager
 def _workplace(out: Path) -> Iterator[Path]:
-    """Yield a new folder below `out` for what is not finished; nobody else writes there, and it goes in the end."""
+    """Yield a new folder below `out` for unfinished files; remove it in the end."""
     try:
         (out / REPORT).mkdir(parents=True, exist_ok=True)
         handle = os.open(out / REPORT / ".lock", os.O_RDWR | os.O_CREAT, 0o666)

@@ -1,4 +1,4 @@
-"""What came of all takes: as a table (CSV), as JSON, and as a page with pictures."""
+"""Summary of a batch: a table (CSV), JSON, and a page with pictures."""
 
 import csv
 import json
@@ -16,12 +16,12 @@ _LONGEST = 36  # letters of a name in the table that people read
 
 
 def write_summary(records: Sequence[Record], out: Path, work: Path) -> Path:
-    """Write summary.csv, summary.json and summary.html into the folder of the results; return the page.
+    """Write summary.csv, summary.json and summary.html; return the page.
 
     Args:
         records: sorted by name.
         out: folder of the results.
-        work: folder below it for what is not finished.
+        work: folder below it for unfinished files.
     """
     texts = {
         "summary.csv": _table(records),
@@ -40,7 +40,7 @@ def counts(records: Sequence[Record]) -> dict[str, int]:
 
 
 def facts(record: Record) -> dict[str, Any]:
-    """Return what is told of a take."""
+    """Return the facts about a take."""
     return {
         "name": record.name,
         "take": record.source,

@@ -1,6 +1,6 @@
-"""What is told of the takes of a batch, and what goes between its processes.
+"""Records of a batch's takes, and tasks for its processes.
 
-Nothing here solves or draws, so the process that hands out takes need not load what does.
+Nothing here solves or draws, so the process that hands out takes loads fast.
 """
 
 import json
@@ -18,17 +18,17 @@ GOOD, DOUBTFUL, BAD = "good", "doubtful", "bad"
 
 @dataclass(frozen=True)
 class Record:
-    """What is told of a take, and kept beside its outputs.
+    """Record of a take, kept beside its outputs.
 
     Args:
         name, source, digest: as in its plan.
-        status: GOOD, DOUBTFUL (a look is worth while) or BAD (there is no motion).
+        status: GOOD, DOUBTFUL (check it) or BAD (no motion).
         reasons: why it is not good.
-        warnings: what the commands noticed.
-        figures: of `figures_of`; empty when it could not be solved.
+        warnings: of the commands.
+        figures: of `quality_figures`; empty when it could not be solved.
         outputs: kind -> file below the folder of the results.
         sha256: file -> digest of its bytes.
-        is_kept: whether a later run takes it as done; not what another moment or machine may do well.
+        is_kept: whether a later run takes it as done; False where another try may succeed.
     """
 
     name: str
@@ -58,9 +58,9 @@ class Task:
     """One take to be done, as it goes to another process.
 
     Args:
-        take: what becomes of it.
+        take: its plan.
         out: folder of the results.
-        work: folder below it for what is not finished.
+        work: folder below it for unfinished files.
     """
 
     take: TakePlan
@@ -84,7 +84,7 @@ def record_path(out: Path, name: str) -> Path:
 
 
 def finished_record(take: TakePlan, out: Path) -> Record | None:
-    """Return the record of an earlier run if inputs and settings are as then and all outputs are there, whole."""
+    """Return the record of an earlier run, if inputs and outputs are unchanged."""
     record = stored_record(take.name, out)
     if record is None or record.digest != take.digest:
         return None
@@ -94,7 +94,7 @@ def finished_record(take: TakePlan, out: Path) -> Record | None:
 
 
 def stored_record(name: str, out: Path) -> Record | None:
-    """Return what an earlier run told of a take of this name, None when nothing that can be read."""
+    """Return an earlier run's record of a take, None if none can be read."""
     try:
         return Record.of_text(record_path(out, name).read_text(encoding="utf-8"))
     except (OSError, ValueError, TypeError, KeyError):
@@ -102,12 +102,12 @@ def stored_record(name: str, out: Path) -> Record | None:
 
 
 def failed(take: TakePlan, reason: str) -> Record:
-    """Return the record of a take that was kept from being done: the next run tries again."""
+    """Return the record of a take that failed; the next run tries it again."""
     return Record(take.name, take.source, take.digest, BAD, (reason,), is_kept=False)
 
 
 def remove_old(take: TakePlan, out: Path) -> None:
-    """Remove the record of an earlier run whose inputs were others, and its outputs."""
+    """Remove the record and the outputs of an earlier run with other inputs."""
     record = stored_record(take.name, out)
     for file in record.outputs.values() if record else ():
         if Path(file).name.startswith(take.name):

@@ -1,4 +1,4 @@
-"""A solved take at a glance: poses in a row, and below them how sure each moment is."""
+"""A solved take at a glance: poses in a row, and a bar of confidence."""
 
 from pathlib import Path
 
@@ -39,7 +39,7 @@ def write_strip(solved: SolvedTake, path: Path) -> None:
 
 
 def _poses(solved: SolvedTake) -> Image:
-    """Return poses of equal times side by side, each in the middle of its cell on the floor that the lowest touches."""
+    """Return poses at equal times side by side, each in the middle of its cell."""
     motion = solved.motion
     camera = preview_camera([0.0, 1.0, 0.0], _DRAWN)
     stage, painter = floor_image(camera), CharacterPainter(camera, motion.skeleton)
@@ -55,7 +55,7 @@ def _poses(solved: SolvedTake) -> Image:
 
 
 def _bar(solved: SolvedTake) -> Image:
-    """Return a line of the time that shows the least confidence of each moment, black where there is no pose."""
+    """Return a bar of the least confidence over time, black where no pose is."""
     width = _POSES * _CELL[0]
     frames, poses = len(solved.poses), solved.poses_of()
     confidence = np.array([pose.confidence for pose in poses])

@@ -1,4 +1,4 @@
-"""What does the takes of a batch: a process that runs `serve`, or a worker of a cluster, which calls `serve_task`."""
+"""Takes of a batch done in a process (`serve`) or on a cluster (`serve_task`)."""
 
 import os
 import queue
@@ -18,9 +18,9 @@ _local = threading.local()
 
 
 def serve_task(text: str) -> str:
-    """Do one take, JSON in and out (`batch.record.Task`, `Record`).
+    """Do one take, JSON in and out (`take_record.Task`, `Record`).
 
-    What takes share stays open for the next one: a database is opened once by each thread that does takes.
+    A thread opens each database once for all of its takes.
     """
     from .process_take import run_task
     from .take_record import Task
@@ -31,7 +31,7 @@ def serve_task(text: str) -> str:
 
 
 class CommandLine:
-    """The commands that a take goes through (`batch.take.Commands`), run here, with what takes share."""
+    """The commands of a take, run here, with a session cache that takes share."""
 
     def __init__(self) -> None:
         import cv2
@@ -49,8 +49,8 @@ class CommandLine:
         """Run `perfanim solve`; return poses and motion, and facts."""
         from ..solve import solve
 
-        args = parsed("solve", options)
-        with _usage_told():
+        args = parse_options("solve", options)
+        with _usage_as_settings_error():
             return solve(args, _quiet, self._store)
 
     def retarget(self, options: Sequence[str]) -> dict[str, Any]:
@@ -60,18 +60,18 @@ class CommandLine:
 
 def _run(command: str, options: Sequence[str]) -> dict[str, Any]:
     """Run a command and return its summary."""
-    args = parsed(command, options)
-    with _usage_told():
+    args = parse_options(command, options)
+    with _usage_as_settings_error():
         summary: dict[str, Any] = args.run(args, _quiet)
     return summary
 
 
-def parsed(command: str, options: Sequence[str]) -> "argparse.Namespace":
-    """Return the options of a command; SettingsError where the command line would end with wrong usage."""
+def parse_options(command: str, options: Sequence[str]) -> "argparse.Namespace":
+    """Return the options of a command; SettingsError for wrong usage."""
     from .. import solve
     from ..main import build_parser
 
-    with _usage_told():
+    with _usage_as_settings_error():
         args = build_parser([command]).parse_args([command, *options])
         if command == "solve":
             solve.check(args)
@@ -79,28 +79,28 @@ def parsed(command: str, options: Sequence[str]) -> "argparse.Namespace":
 
 
 @contextmanager
-def _usage_told() -> Iterator[None]:
+def _usage_as_settings_error() -> Iterator[None]:
     """Raise SettingsError where the command line would end with wrong usage."""
     from ...errors import SettingsError
 
-    said = StringIO()
+    written = StringIO()
     try:
-        with redirect_stderr(said):
+        with redirect_stderr(written):
             yield
     except SystemExit as error:
         if error.code != 2:  # another end than for wrong usage
             raise
-        line = said.getvalue().strip().splitlines()[-1]
+        line = written.getvalue().strip().splitlines()[-1]
         raise SettingsError(line.rpartition("error: ")[2]) from None
 
 
 def _quiet(fraction: float, text: str) -> None:
-    """Take signs of progress that nobody sees."""
+    """Ignore progress."""
 
 
 def serve() -> None:
-    """Do the takes that standard input names and tell of each on standard output, until it ends."""
-    # what libraries print must not come between the answers
+    """Do the takes that standard input names; write the records to standard output."""
+    # output of libraries must not come between the answers
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     requests: queue.SimpleQueue[str] = queue.SimpleQueue()
@@ -111,7 +111,7 @@ def serve() -> None:
 
 
 def _listen(requests: queue.SimpleQueue[str]) -> None:
-    """Hand requests over; when their sender is gone, however it ended, so is this process, whatever it is doing."""
+    """Queue the requests; end this process at once when their sender is gone."""
     for line in sys.stdin:
         requests.put(line)
     os._exit(0)

@@ -1,4 +1,4 @@
-"""`perfanim calibrate cameras`: intrinsics, distortion and relative poses from a board."""
+"""`perfanim calibrate cameras`: intrinsics, distortion and poses from a board."""
 
 import argparse
 from collections.abc import Callable

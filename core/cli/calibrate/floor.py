@@ -1,4 +1,4 @@
-"""`perfanim calibrate floor`: floor, origin and scale of calibrated cameras from markers that lie on the floor."""
+"""`perfanim calibrate floor`: floor, origin and scale from markers on the floor."""
 
 import argparse
 from collections.abc import Callable
@@ -40,7 +40,7 @@ def add_parser(group: Any) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Find the floor, write the calibration in the world that has it at y = 0, return the summary."""
+    """Find the floor, write the calibration with it at y = 0, return the summary."""
     from ...errors import CalibrationError
     from ...geometry.rig_file import load_rig, save_rig
     from ...vision.calibration.floor import rig_on_floor

@@ -1,4 +1,4 @@
-"""`perfanim calibrate prop`: a rigid thing with markers, measured from a take of it."""
+"""`perfanim calibrate prop`: a rigid object with markers, from a take of it."""
 
 import argparse
 from collections.abc import Callable
@@ -56,7 +56,7 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
 
 
 def _trajectories(path: str) -> MarkerTake:
-    """Return the trajectories of all points of a take, whatever they were taken for."""
+    """Return the trajectories of all points of a take, labelled or not."""
     if not is_recorded(path):
         return read_take(path)
     take = read_take_file(path)

@@ -1,4 +1,4 @@
-"""`perfanim calibrate refine`: places of calibrated cameras anew, from the markers of a take."""
+"""`perfanim calibrate refine`: poses of bumped cameras from a take's markers."""
 
 import argparse
 from collections.abc import Callable

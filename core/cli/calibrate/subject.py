@@ -1,4 +1,4 @@
-"""`perfanim calibrate subject`: skeleton and marker offsets from a calibration pose."""
+"""`perfanim calibrate subject`: skeleton and marker offsets from a held pose."""
 
 import argparse
 from collections.abc import Callable
@@ -116,7 +116,7 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
 def _from_poses(
     args: argparse.Namespace, take: MarkerTake, marker_set: MarkerSet, known: Subject | None, name: str
 ) -> SubjectCalibration:
-    """Return the subject who holds the poses in the take."""
+    """Return the subject measured from the poses held in the take."""
     poses = tuple(args.poses.split(",")) if args.poses else (args.pose,)
     if args.poses:
         points = pose_points(take, marker_set, poses, args.seconds)
@@ -145,7 +145,7 @@ def _from_motion(
     name: str,
     progress: Callable[[float, str], None],
 ) -> Subject:
-    """Return the subject fitted to the take's motion, from one who is calibrated or an average one on."""
+    """Return the subject fitted to the take's motion."""
     if before:
         unknown = [marker for marker in marker_set.names if marker not in before.marker_set.names]
         if unknown:
@@ -164,7 +164,10 @@ def _from_motion(
 
 
 def part(take: MarkerTake, text: str | None) -> MarkerTake:
-    """Return the frames "A:B" of a take, all of it for None; SettingsError when they are none."""
+    """Return the frames "A:B" of a take, all of it for None.
+
+    Raises SettingsError when there are none.
+    """
     if text is None:
         return take
     start, colon, stop = text.partition(":")

@@ -223,4 +223,4 @@ def test_rows_of_a_report_get_a_line_each():
     ]
     assert summary_text({"worst": [{"frame": 220, "error_mm": 51.42527}]}).splitlines()[1] == "  220, error mm 51.43"
     lines = summary_text({"skipped": rows * 100}).splitlines()
-    assert (lines[0], lines[-1], len(lines)) == ("skipped: 200", "  and 140 more, which --json tells", 62)
+    assert (lines[0], lines[-1], len(lines)) == ("skipped: 200", "  and 140 more, see --json", 62)

@@ -69,7 +69,7 @@ def inputs(make_takes, database_file, subject, tmp_path_factory) -> Inputs:
 
 def in_others(jobs: int, tasks: Sequence[Task]) -> Generator[Record, None, None]:
     """Do takes in other processes."""
-    yield from in_processes(worker.SERVE, jobs, tasks)
+    yield from in_processes(worker.serve, jobs, tasks)
 
 
 def do_here(tasks: Sequence[Task]) -> Generator[Record, None, None]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.scene_pose import PerformerPose, ScenePose
-from perfanim.core.cli.batch.quality import figures_of, foot_skate_cm_s, why_bad, why_doubtful
+from perfanim.core.cli.batch.quality import quality_figures, foot_skate_cm_s, why_bad, why_doubtful
 from perfanim.core.session.solve_take import SolvedTake
 
 FPS = 50.0
@@ -48,7 +48,7 @@ def solved(truth, confidence, rms_m, hidden=()):
 
 def test_figures_of_known_poses(truth):
     take = solved(truth, [0.9, 0.8, 0.7, 0.0], [0.003, 0.004, 0.0, np.nan], [(1, 2), (2, 2), (3, 2), (3, 0)])
-    figures = figures_of(take)
+    figures = quality_figures(take)
     assert figures["frames"] == 4
     assert figures["duration_s"] == pytest.approx(4 / FPS)
     assert figures["marker_rms_mm"] == pytest.approx(np.sqrt(25.0 / 3.0), abs=1e-3)
@@ -60,16 +60,16 @@ def test_figures_of_known_poses(truth):
     assert figures["foot_skate_cm_s"] == 0.0
     (one,) = take.poses[3].performers
     by_one_camera = ScenePose((replace(one, single_cameras=np.array([0, -1, -1, -1])),))
-    assert figures_of(replace(take, poses=(*take.poses[:3], by_one_camera)))["hidden"] == 3 / 16
+    assert quality_figures(replace(take, poses=(*take.poses[:3], by_one_camera)))["hidden"] == 3 / 16
 
 
 def test_bad_doubtful_and_good(truth):
-    nothing = figures_of(solved(truth, [0.0] * 3, [np.nan] * 3))
+    nothing = quality_figures(solved(truth, [0.0] * 3, [np.nan] * 3))
     assert nothing["marker_rms_mm"] is None
     assert "no frame shows" in why_bad(nothing)
-    wrong = figures_of(solved(truth, [0.0] * 3, [0.001, 0.3, 0.4]))
+    wrong = quality_figures(solved(truth, [0.0] * 3, [0.001, 0.3, 0.4]))
     assert "300 mm off" in why_bad(wrong)
-    good = figures_of(solved(truth, [0.9] * 3, [0.002] * 3))
+    good = quality_figures(solved(truth, [0.9] * 3, [0.002] * 3))
     assert (why_bad(good), why_doubtful(good)) == ("", [])
     for figure, value, said in (
         ("confidence", 0.3, "confidence is 30%"),

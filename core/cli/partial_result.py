@@ -1,4 +1,4 @@
-"""Summaries of work of which a part may have failed."""
+"""Summaries of work that may have failed in part."""
 
 from typing import Any
 
@@ -8,8 +8,8 @@ class PartialResult(dict[str, Any]):
 
     Args:
         summary: as any command's.
-        text: what is printed without --json.
-        failure: one line for stderr, with which the exit status is 1; "" when all is well.
+        text: printed without --json.
+        failure: one line for stderr, and exit status 1; "" for none.
     """
 
     def __init__(self, summary: dict[str, Any], text: str, failure: str = "") -> None:
