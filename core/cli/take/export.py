@@ -86,22 +86,22 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 def _performer_index(take: TakeFile, name: str | None) -> int:
-    """Return which performer is meant, 0 for the first; TakeError when there is no such."""
+    """Return the index of the performer; TakeError when there is none of that name."""
     if name is None:
         return 0
     names = [subject.name for subject in take.setup.subjects()[1:]]
     if name in names:
         return 1 + names.index(name)
-    told = f"they are: {', '.join(names)}" if names else "it was recorded with one; solve it with --performer"
-    raise TakeError(f"has no further performer {name!r}", where=str(take.path), advice=told)
+    advice = f"they are: {', '.join(names)}" if names else "it was recorded with one; solve it with --performer"
+    raise TakeError(f"has no further performer {name!r}", where=str(take.path), advice=advice)
 
 
 def _export_prop(take: TakeFile, name: str, out: Path, warnings: list[str]) -> dict[str, Any]:
     """Write where a prop was."""
     names = [prop.name for prop in take.setup.carried_props()]
     if name not in names:
-        told = f"its props: {', '.join(names)}" if names else "it was recorded without any; solve it with --prop"
-        raise TakeError(f"has no prop {name!r}", where=str(take.path), advice=told)
+        advice = f"its props: {', '.join(names)}" if names else "it was recorded without any; solve it with --prop"
+        raise TakeError(f"has no prop {name!r}", where=str(take.path), advice=advice)
     poses = take.recorded_poses
     if len(poses) < 2:
         raise TakeError(f"has {len(poses)} solved frames", where=str(take.path), advice="solve it again")

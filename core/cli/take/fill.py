@@ -1,4 +1,4 @@
-"""`perfanim take fill`: gaps of a marker take filled, and noise taken out, by the body that the markers show."""
+"""`perfanim take fill`: gaps and noise of a marker take mended by the body."""
 
 import argparse
 from collections.abc import Callable
@@ -26,7 +26,7 @@ Progress = Callable[[float, str], None]
 
 def add_parser(group: Any) -> None:
     """Add `fill` to the `take` group."""
-    parser = group.add_parser("fill", help="fill gaps of a marker take, and take noise out, by the body it shows")
+    parser = group.add_parser("fill", help="fill gaps of a marker take, and remove noise, by the body it shows")
     parser.add_argument("take", metavar="TAKE", help="marker take: .c3d, .trc, .csv, .tsv, .take.npz; it is left alone")
     parser.add_argument(
         "--out",
@@ -50,8 +50,8 @@ def add_parser(group: Any) -> None:
         "--filter",
         type=float,
         metavar="HZ",
-        help="take noise out of the measured positions, too: what the body leaves of them, low-passed without lag; 10 "
-        "suits most motion (default: what was measured stays as it is)",
+        help="remove noise from the measured positions, too: low-pass their offsets from the body without lag; 10 "
+        "suits most motion (default: measured positions stay as they are)",
     )
     parser.set_defaults(run=run)
 
@@ -64,10 +64,10 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     progress(0.0, "reading")
     database, read = open_database(args.database), read_take(args.take)
     if is_recorded(args.take) or is_unnamed(read):
-        advice = "gaps are filled of marker takes whose markers have places and names"
+        advice = "give a marker take with 3D positions and names"
         raise TakeError("holds no trajectories to fill", where=str(args.take), advice=advice)
     take = rename_labels(read, load_names(args.names)) if args.names is not None else read
-    subject, take = _worn(args, take, database, progress)
+    subject, take = _subject_and_take(args, take, database, progress)
     solved = solve_take(widen_gaps(take), subject, database, SolveSettings(), progress)
     filled = fill_gaps(take, subject.marker_set, solved.motion)
     if args.filter is not None:
@@ -90,10 +90,10 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     }
 
 
-def _worn(
+def _subject_and_take(
     args: argparse.Namespace, take: MarkerTake, database: Database, progress: Progress
 ) -> tuple[Subject, MarkerTake]:
-    """Return who wears the markers, and the take under the markers' names."""
+    """Return the subject, and the take under the markers' names."""
     if args.subject is not None:
         subject = load_subject(args.subject)
         return subject, match_labels(take.names, subject.marker_set).rename(take)

@@ -1,4 +1,4 @@
-"""`perfanim take import`: marker takes of other systems, solved and kept as recorded takes."""
+"""`perfanim take import`: marker takes of other systems as recorded takes."""
 
 import argparse
 from collections.abc import Callable, Mapping
@@ -45,8 +45,8 @@ def add_parser(group: Any) -> None:
     parser.add_argument(
         "--names",
         metavar="FILE",
-        help='TOML file whose table [names] says which label is which marker ("Knee 1" = "LKNE"); the other labels are '
-        "markers whose name they spell, whatever the case, separators and the subject before them",
+        help='TOML file with a table [names] from label to marker ("Knee 1" = "LKNE"); other labels match '
+        "markers of the same spelling, whatever the case, separators and the subject before them",
     )
     parser.add_argument("--method", choices=METHODS, default="best", help="how poses are found (default best)")
     parser.add_argument(
@@ -67,7 +67,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     database = open_database(args.database)
     chosen = load_marker_set(args.marker_set) if args.marker_set not in (None, AUTO) else None
     by_take = args.marker_set == AUTO or (args.marker_set is None and args.subject is None)
-    subject = None if by_take else _worn(args, chosen)
+    subject = None if by_take else _subject(args, chosen)
     names = load_names(args.names) if args.names is not None else {}
     kept: list[dict[str, Any]] = []
     failed: list[PerfanimError] = []
@@ -78,7 +78,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
             progress(done + share * fraction, text)
 
         try:
-            kept.append(_imported(args, Path(path), subject, names, database, part))
+            kept.append(_import_one(args, Path(path), subject, names, database, part))
         except (FormatError, TakeError, MarkerSetError, SubjectError) as error:
             failed.append(error)
     if not kept:
@@ -91,8 +91,8 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     }
 
 
-def _worn(args: argparse.Namespace, marker_set: MarkerSet | None) -> Subject:
-    """Return who performs, with the markers that are worn: those of the set, or without one the subject's."""
+def _subject(args: argparse.Namespace, marker_set: MarkerSet | None) -> Subject:
+    """Return the subject with the markers of the set, or else with its own."""
     if args.subject is None:
         assert marker_set is not None  # noqa: S101 - without a subject the labels choose a set
         return Subject("average body", default_skeleton(args.height), marker_set)
@@ -109,7 +109,7 @@ def _worn(args: argparse.Namespace, marker_set: MarkerSet | None) -> Subject:
     return replace(subject, marker_set=subject.marker_set.subset(marker_set.names))
 
 
-def _imported(
+def _import_one(
     args: argparse.Namespace,
     path: Path,
     subject: Subject | None,
@@ -117,7 +117,10 @@ def _imported(
     database: Database,
     progress: Progress,
 ) -> dict[str, Any]:
-    """Write one take and return what is to be told of it; without a subject the take's labels choose the markers."""
+    """Write one take and return its facts.
+
+    Without a subject the take's labels choose the marker set.
+    """
     progress(0.0, f"reading {path.name}")
     if is_recorded(path):
         recorded = read_take_file(path)
@@ -128,12 +131,12 @@ def _imported(
     declared = declared_frames(path)
     warnings = [f"{path.name} holds {take.frames} of {declared} frames"] * (take.frames < declared)
     take = rename_labels(take, names) if names else take
-    subject = subject or _worn(args, match_best_set(take.names, str(path)).marker_set)
+    subject = subject or _subject(args, match_best_set(take.names, str(path)).marker_set)
     take = import_take(replace(take, name=_stem(path)), subject.marker_set, args.up)
     lacking = [] if is_unnamed(take) else [name for name in subject.marker_set.names if name not in take.names]
     warnings += [f"not in {path.name}: {', '.join(lacking)}"] * bool(lacking)
     out = unused_path(Path(args.out), take.name)
-    take = replace(take, name=take_name(out))  # two of one name are told apart in a list, too
+    take = replace(take, name=take_name(out))  # takes of one name differ in a list, too
     capture = {"imported": str(path), "up": args.up}
     worn, settings = worn_in(take, subject), SolveSettings(method=args.method)
     solved = save_imported_take(out, take, worn, database, settings, capture, progress)
@@ -146,6 +149,6 @@ def _imported(
 
 
 def _stem(path: Path) -> str:
-    """Return a file's name without the ending that tells its kind."""
+    """Return a file's name without the ending of its format."""
     ending = next((ending for ending in READABLE if path.name.lower().endswith(ending)), "")
     return path.name[: len(path.name) - len(ending)] or path.name

@@ -17,13 +17,13 @@ Progress = Callable[[float, str], None]
 
 def add_parser(group: Any) -> None:
     """Add `info` to the `take` group."""
-    parser = group.add_parser("info", help="what is in a take, and whether all of it is there")
+    parser = group.add_parser("info", help="facts about a take, and whether it is complete")
     parser.add_argument("take", metavar="TAKE", help=f"{ENDING}, .c3d, .trc, .csv, .tsv or .take.npz")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Return what is in a take."""
+    """Return the facts about a take."""
     progress(0.0, "reading")
     return _recorded_info(read_take_file(args.take)) if is_recorded(args.take) else _marker_info(args.take)
 
@@ -69,7 +69,7 @@ def _recorded_info(take: TakeFile) -> dict[str, Any]:
 
 
 def _props_found(take: TakeFile) -> dict[str, float | None]:
-    """Return in which share of the poses each prop was found."""
+    """Return the share of the poses with each prop found."""
     found = [[prop.found for prop in solved.pose.props] for solved in take.poses]
     names = [prop.name for prop in take.setup.carried_props()]
     return {name: float(np.mean([row[i] for row in found])) if found else None for i, name in enumerate(names)}

@@ -1,4 +1,4 @@
-"""`perfanim take recover`: a whole take of what is intact of a damaged one."""
+"""`perfanim take recover`: a whole take of the intact part of a damaged one."""
 
 import argparse
 from collections.abc import Callable
@@ -15,16 +15,14 @@ Progress = Callable[[float, str], None]
 
 def add_parser(group: Any) -> None:
     """Add `recover` to the `take` group."""
-    parser = group.add_parser(
-        "recover", help="write what is intact of a take that was cut off or damaged as a whole one"
-    )
+    parser = group.add_parser("recover", help="write the intact part of a cut-off or damaged take as a whole take")
     parser.add_argument("take", metavar="TAKE", help=f"recorded take ({ENDING}); it stays as it is")
     parser.add_argument("--out", metavar="TAKE", help=f"take to write (default: NAME-recovered{ENDING} beside it)")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Write a whole take of what is intact."""
+    """Write a whole take of the intact part."""
     path = Path(args.take)
     out = Path(args.out) if args.out else path.with_name(f"{take_name(path)}-recovered{ENDING}")
     if not is_recorded(out):

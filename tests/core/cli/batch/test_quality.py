@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.scene_pose import PerformerPose, ScenePose
-from perfanim.core.cli.batch.quality import quality_figures, foot_skate_cm_s, why_bad, why_doubtful
+from perfanim.core.cli.batch.quality import foot_skate_cm_s, quality_figures, why_bad, why_doubtful
 from perfanim.core.session.solve_take import SolvedTake
 
 FPS = 50.0
