@@ -32,7 +32,7 @@ from ..session.save_solved_take import save_resolved_take
 from ..session.session_cache import SessionCache
 from ..session.solve_take import SolvedTake, solve_recorded, solve_take
 from ..solver.settings import METHODS, SolveSettings
-from ..subjects.marker_selection import choose_markers, with_markers, worn_in
+from ..solver.marker_selection import choose_markers, with_markers, worn_in
 from .options import add_motion_options
 
 

@@ -19,7 +19,7 @@ from ...markers.subject import Subject, load_subject
 from ...markers.take_frames import is_unnamed
 from ...session.save_solved_take import save_imported_take
 from ...solver.settings import METHODS, SolveSettings
-from ...subjects.marker_selection import worn_in
+from ...solver.marker_selection import worn_in
 
 Progress = Callable[[float, str], None]
 

@@ -18,7 +18,7 @@ from ..errors import MarkerSetError
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
 from ..markers.take_frames import is_unnamed
-from ..solver.subject_model import ROOT_AT_REST, SubjectModel
+from .subject_model import ROOT_AT_REST, SubjectModel
 
 Array = NDArray[np.float64]
 
