@@ -18,8 +18,8 @@ from ...markers.marker_set import MarkerSet, load_marker_set
 from ...markers.subject import Subject, load_subject
 from ...markers.take_frames import is_unnamed
 from ...session.save_solved_take import save_imported_take
-from ...solver.settings import METHODS, SolveSettings
 from ...solver.marker_selection import worn_in
+from ...solver.settings import METHODS, SolveSettings
 
 Progress = Callable[[float, str], None]
 

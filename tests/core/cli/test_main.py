@@ -170,7 +170,7 @@ def test_an_interrupt_exits_with_130(monkeypatch, inputs, tmp_path, capsys):
     def interrupted(*args, **settings):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("perfanim.core.cli.solve.solve_take", interrupted)
+    monkeypatch.setattr("perfanim.core.session.solve_request.solve_take", interrupted)
     assert main(solve_line(inputs, tmp_path / "walk.bvh")) == 130
     assert capsys.readouterr().err == "perfanim: interrupted\n"
     assert not any(tmp_path.iterdir())
