@@ -156,7 +156,7 @@ class SolveMarkers:
         if self.up is not None:
             take = import_take(take, subject.marker_set, self.up)
         elif not is_unnamed(take):
-            take = match_labels(take.names, subject.marker_set).renamed(take)
+            take = match_labels(take.names, subject.marker_set).rename(take)
         if self.output.smooth_hz is not None:
             take = smooth_take(take, self.output.smooth_hz)
         settings, database = SolveSettings(method=self.method or "best"), cache.database(self.database)
