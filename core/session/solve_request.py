@@ -271,7 +271,7 @@ class SolveRecorded:
     def _settings(self, take: TakeFile) -> SolveSettings:
         given = dict(take.setup.settings) | ({"method": self.method} if self.method else {})
         try:
-            return SolveSettings(**given)
+            return SolveSettings.of_table(given)
         except TypeError as error:
             raise TakeError(f"was solved with settings that are unknown here ({error})", where=self.take) from error
 
