@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -165,10 +166,20 @@ def solve(args: argparse.Namespace, progress: Progress, cache: SessionCache) -> 
     output = MotionOutput(str(args.out), args.units, args.naming, args.rate, args.smooth, args.feet)
     request: SolveMarkers | SolveRecorded
     if is_recorded(args.take):
-        props, performers = args.prop or (), args.performer
         request = SolveRecorded(
-            str(args.take), body, output, args.database, args.cameras, props, performers, args.method
+            str(args.take),
+            body,
+            output,
+            args.database,
+            args.cameras,
+            props=args.prop or (),
+            performers=args.performer,
+            method=args.method,
         )
+        if args.cameras is not None:
+            from ..vision.relocate import retriangulate  # images' libraries are slow to load
+
+            request = replace(request, retriangulate=retriangulate)
     else:
         request = SolveMarkers(str(args.take), args.database, body, output, args.names, args.use, args.up, args.method)
     return request.run(progress, cache)

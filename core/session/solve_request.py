@@ -1,6 +1,6 @@
 """Requests to solve one take, labelled or recorded, as files and options."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,10 +17,12 @@ from ..formats.markers.prop_csv import write_prop_csv
 from ..formats.motion.read_motion import read_skeleton
 from ..formats.motion.write_motion import write_motion
 from ..formats.take_file.reading import TakeFile, read_take_file
+from ..geometry.camera import CameraRig
 from ..geometry.rig_file import load_rig
 from ..labelling.take_import import import_take
 from ..markers.filtering import smooth_motion, smooth_take
 from ..markers.label_matching import AUTO, load_names, match_best_set, match_labels, rename_labels
+from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_set import MarkerSet, load_marker_set
 from ..markers.marker_take import MarkerTake
 from ..markers.prop import load_prop
@@ -220,6 +222,7 @@ class SolveRecorded:
         database, cameras: files.
         props, performers: files of props and of further performers.
         method: of the solver.
+        retriangulate: `vision.relocate.retriangulate`, needed with `cameras`; this package loads no OpenCV.
     """
 
     take: str
@@ -230,17 +233,16 @@ class SolveRecorded:
     props: Sequence[str] = ()
     performers: Sequence[str] = ()
     method: str | None = None
+    retriangulate: Callable[[CameraRig, Sequence[MarkerFrame]], Iterable[MarkerFrame]] | None = None
 
     def run(self, progress: Progress, cache: SessionCache) -> tuple[SolvedTake, Facts]:
         """Solve, write the output, return poses and facts."""
         take = read_take_file(self.take)
         rig, frames = take.setup.camera_rig(), take.frames
-        if self.cameras is not None:
-            from ..vision.relocate import retriangulate  # images' libraries are slow to load
-
+        if self.cameras is not None and self.retriangulate is not None:
             progress(0.0, "triangulating the markers again")
             rig = load_rig(self.cameras)
-            frames = tuple(retriangulate(rig, frames))
+            frames = tuple(self.retriangulate(rig, frames))
         first, *further = take.setup.subjects()
         subject = self.body.load_subject(self.body.load_marker_set(), self.take, first)
         settings = self._settings(take)
