@@ -23,7 +23,7 @@ _EXAMPLES = 2048  # poses of the database that a body without a past is compared
 
 
 class BodyExamples:
-    """Markers of many poses, by which a body without a past is labelled.
+    """Markers of many poses for labelling a body without a past.
 
     Attributes:
         start_poses_m: markers (M, 3) of the T pose and of standing.
@@ -74,7 +74,7 @@ class FrameLabeller:
         return self._relabeller.changed
 
     def expected(self, predicted_m: Array, elapsed_s: float) -> tuple[Array, Array]:
-        """Return the expected place of each marker (M, 3) and its uncertainty (M,), metres.
+        """Return the expected marker positions (M, 3) and their uncertainty (M,), metres.
 
         Args:
             predicted_m: (M, 3) markers of the last synthesized pose.
@@ -104,7 +104,7 @@ class FrameLabeller:
         return self.label_tracked(frame, predicted_m, elapsed_s)
 
     def label_tracked(self, frame: MarkerFrame, predicted_m: Array, elapsed_s: float) -> Observation:
-        """Return the labelled markers of a frame of a tracked body; arguments as of `label`."""
+        """Return the labelled markers of a frame of a tracked body, see `label`."""
         if not self._cameras or len(frame.blobs) != len(self._cameras):
             labels = self._labeller.label(frame.points_m, frame.covariances_m2, predicted_m, elapsed_s)
             observation = Observation.of_points(self._by_marker(frame.points_m, labels))
@@ -117,11 +117,14 @@ class FrameLabeller:
         return self._relabel(frame, observation, found.unlabelled_points(frame))
 
     def label_distance_m(self, pose_observed_m: Array, pose_markers_m: Array) -> float:
-        """Return the RMS distance of labelled points (M, 3) to the closest example, see `InitialLabels`."""
+        """Return the RMS distance of labelled points (M, 3) to the closest example."""
         return self._initial.distance_m(pose_observed_m, pose_markers_m)
 
     def displacements_m(self, start: InitialLabels, points_m: Array, observed_m: Array) -> Array:
-        """Return the distance (M,) of each marker's point from the observed one, NaN where either lacks."""
+        """Return the distance (M,) of each marker's point from the observed one.
+
+        NaN where either is missing.
+        """
         return np.asarray(np.linalg.norm(self._by_marker(points_m, start.labels) - observed_m, axis=1))
 
     def _relabel(self, frame: MarkerFrame, observation: Observation, unlabelled_m: Array) -> Observation:
@@ -151,5 +154,5 @@ class FrameLabeller:
 
 
 def is_labelled(frame: MarkerFrame) -> bool:
-    """Whether the source knows the labels."""
+    """Return whether the source knows the labels."""
     return bool(np.any(frame.labels >= 0) or np.any(frame.single_labels >= 0))

@@ -175,7 +175,7 @@ class HypothesisTracker:
 
 
 def _prune(hypotheses: list[Hypothesis]) -> list[Hypothesis]:
-    """Return the likely hypotheses, best first, each once, with costs above the best's."""
+    """Return the likely hypotheses, best first, with costs above the best's."""
     hypotheses = sorted(hypotheses, key=lambda hypothesis: hypothesis.cost)
     least = hypotheses[0].cost
     result: list[Hypothesis] = []

@@ -75,7 +75,7 @@ class Session:
         return self._state.markers_m is not None
 
     def expected_markers(self, time_s: float) -> tuple[Array, Array] | None:
-        """Return the expected place of each marker (M, 3) and its uncertainty (M,), metres.
+        """Return the expected marker positions (M, 3) and their uncertainty (M,), metres.
 
         None while no body is tracked.
         """
@@ -84,7 +84,7 @@ class Session:
         return self._labeller.expected(self._state.markers_m, self._elapsed_s(time_s))
 
     def label_initially(self, points_m: Array) -> InitialLabels | None:
-        """Return labels of points (N, 3) without a past, None when they are unlike the body."""
+        """Return labels of points (N, 3) without a past, None when unlike the body."""
         return self._labeller.label_initially(points_m)
 
     def label_tracked(self, frame: MarkerFrame, predicted_m: Array, elapsed_s: float) -> Observation:
@@ -137,7 +137,7 @@ class Session:
         return best.observation, best.solution
 
     def _is_mislabelled(self, frame: MarkerFrame, pose: PerformerPose) -> bool:
-        """Whether the points, labelled without a past, are clearly more like a body."""
+        """Return whether the points, labelled without a past, are more like a body."""
         settings = self._quality.settings
         if is_labelled(frame) or not self.is_tracking or not self._quality.is_label_check_due(pose):
             return False

@@ -1,4 +1,4 @@
-"""Quality of tracking: confidence in a pose, and signs of lost, wrong or mislabelled bodies."""
+"""Quality of tracking: confidence, and signs of lost or mislabelled bodies."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -125,7 +125,7 @@ class TrackingQuality:
         self._pose_check = Backoff(self.settings.first_check_s, self.settings.rare_check_s)
 
     def is_lost(self, pose: PerformerPose) -> bool:
-        """Whether the torso has been unseen, or the solved markers have been wrong, for too long."""
+        """Return whether the torso was unseen or the pose wrong for too long."""
         settings, now_s = self.settings, pose.time_s
         seen = np.isfinite(pose.observed_m[:, 0]) | ((pose.single_cameras >= 0) & self._one_camera)
         unseen_s = self._unseen.update(now_s, bool(np.sum(seen & self._torso) >= settings.torso_markers))
@@ -133,7 +133,7 @@ class TrackingQuality:
         return unseen_s > settings.lost_for_s or wrong_s > settings.wrong_for_s
 
     def is_label_check_due(self, pose: PerformerPose) -> bool:
-        """Whether to compare the labels with new ones now.
+        """Return whether to compare the labels with new ones now.
 
         A wrong start can last: its pose explains the markers, if badly. So labels are checked soon after a start, then
         ever more rarely, and in the end at low confidence only.
@@ -145,7 +145,7 @@ class TrackingQuality:
         return True
 
     def is_pose_check_due(self, time_s: float, observation: Observation, solution: Solution | None) -> bool:
-        """Whether to compare the pose with one without a past now.
+        """Return whether to compare the pose with one without a past now.
 
         Due when the pose has been far from the database for a moment and most markers are located, then ever more
         rarely.

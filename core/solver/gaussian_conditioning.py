@@ -1,4 +1,4 @@
-"""Gaussian of the neighbours' poses, conditioned on the past and fitted to the markers.
+"""Gaussian of neighbouring poses, conditioned on the past and fitted to markers.
 
 The neighbours' poses, their earlier markers and their earlier poses have a joint Gaussian distribution, widened by a
 share of the whole database's, which allows the movements of bodies only (a knee bends, it does not twist). The pose
@@ -50,7 +50,7 @@ def neighbours_prior(samples: NDArray[Any], weights: Array, floor: Array) -> Pri
 
 
 def condition(prior: Prior, observed: Array, variances: Array) -> Prior:
-    """Return the Gaussian of the first entries given the last ones (Bishop 2006, Eq. 2.81).
+    """Return the Gaussian of the first entries given the last (Bishop 2006, Eq. 2.81).
 
     Args:
         prior: of all entries.
@@ -85,27 +85,30 @@ def continue_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
 
 
 def _product(left: Array, right: Array) -> Array:
-    """Return left @ right, by SciPy as in `_gram`; as the transposes' product, which copies nothing."""
+    """Return left @ right by SciPy, see `_gram`.
+
+    Computed as the product of the transposes without a copy.
+    """
     return np.asarray(dgemm(1.0, right.T, left.T)).T
 
 
 def _gram(rows: NDArray[Any]) -> NDArray[Any]:
     """Return rows.T @ rows.
 
-    By SciPy, whose wheels bring OpenBLAS; the NumPy of some Blenders is linked to the system's reference BLAS.
+    By SciPy, as its wheels bring OpenBLAS; the NumPy of some Blenders is linked to the system's reference BLAS.
     """
     columns = rows.T
     return np.asarray(get_blas_funcs("gemm", (columns,))(1.0, columns, columns, trans_b=True))
 
 
 def _solve(covariance: Array, right: Array) -> Array:
-    """Return the inverse of a positive definite matrix times another; ready to be overwritten."""
+    """Return the inverse of a positive definite matrix times another."""
     return np.asarray(cho_solve(cho_factor(covariance, check_finite=False), right, check_finite=False))
 
 
 @dataclass(frozen=True)
 class Expectation:
-    """Prior of a frame's pose with the markers then observed, by which the observation is judged.
+    """Prior of a frame's pose with the markers observed in that frame.
 
     Args:
         prior: of the pose.
@@ -121,7 +124,7 @@ class Expectation:
     root_sigma: tuple[float, float]
 
     def negative_log_likelihood(self, subject: SubjectModel) -> float:
-        """Return minus the logarithm of the density of the observed markers, metres, under the prior."""
+        """Return minus the logarithm of the observed markers' density, metres."""
         markers, full = subject.markers_and_jacobian(self.pose.reshape(-1, 3), self.root)
         jacobian = control_jacobian(self.observation, full)
         by_root, by_pose = jacobian[:, :6], jacobian[:, 6:]
@@ -138,7 +141,9 @@ class Expectation:
 def fit_to_markers(
     expectation: Expectation, subject: SubjectModel, marker_variance_m2: float, steps: int
 ) -> tuple[Array, RootPose, int]:
-    """Return pose (D,) and root that explain the markers under the prior, and the Gauss-Newton steps taken.
+    """Fit pose (D,) and root to the markers under the prior.
+
+    The third value is the number of Gauss-Newton steps.
 
     Args:
         expectation: prior, observed markers, and the start.

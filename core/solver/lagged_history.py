@@ -38,7 +38,10 @@ class LaggedHistory:
     values: tuple[Array, ...] = ()
 
     def remember(self, time_s: float, value: Array) -> "LaggedHistory":
-        """Return the history with one more value; a time that does not ascend begins another history."""
+        """Return the history with one more value.
+
+        A time that does not ascend begins another history.
+        """
         if not self.lags_s:
             return self
         if self.times_s and time_s <= self.times_s[-1]:
@@ -73,7 +76,10 @@ class LaggedFrames:
         self._starts = np.array([clip.start for clip in database.clips])[database.clip_of_frame]
 
     def of(self, frames: IntArray) -> IntArray:
-        """Return (K, L) frames before those (K,); before its first frame a clip stood still."""
+        """Return (K, L) frames before those (K,).
+
+        Before its first frame a clip stood still.
+        """
         return np.asarray(np.maximum(frames[:, None] - self._lags, self._starts[frames][:, None]))
 
 
@@ -93,7 +99,10 @@ class LaggedMarkers:
         self._earlier = LaggedFrames(database, lags_s)
 
     def observed(self, history: LaggedHistory, time_s: float, root: RootPose) -> Array:
-        """Return the observed markers before a time, (L, M, 3) in the frame of the root, NaN where unknown."""
+        """Return the observed markers before a time, (L, M, 3) in the root's frame.
+
+        NaN where unknown.
+        """
         result = np.full((len(history.lags_s), *self._markers.shape[1:]), np.nan)
         for row, points in zip(result, history.before(time_s), strict=True):
             if points is not None:
@@ -129,7 +138,10 @@ class LaggedPoses:
         self._earlier = LaggedFrames(database, lags_s)
 
     def observed(self, history: LaggedHistory, time_s: float) -> Array:
-        """Return the components of the poses solved before a time, (L, C), NaN where unknown."""
+        """Return the components (L, C) of the poses solved before a time.
+
+        NaN where unknown.
+        """
         result = np.full((len(history.lags_s), self._components.shape[1]), np.nan)
         for row, pose in zip(result, history.before(time_s), strict=True):
             if pose is not None:

@@ -1,4 +1,4 @@
-"""The paper's local model: PCA of the nearest poses (Eq. 3), its size chosen for every frame by cross-validation."""
+"""The paper's local model: PCA of the nearest poses (Eq. 3), cross-validated."""
 
 from dataclasses import dataclass
 
@@ -81,7 +81,9 @@ def cross_validate(
     marker_variance_m2: float,
     examples: int,
 ) -> Validation:
-    """Choose K and B by leaving out, in turn, the examples closest to the query, each with the rest of its clip.
+    """Choose K and B by leaving out the examples closest to the query.
+
+    Each is left out with the rest of its clip, in turn.
 
     A frame's neighbours in its own clip are near copies of it: leaving out single frames would only show how well a
     model copies, and always favour the smallest neighbourhood. For each K the model is learned without the clip; each
@@ -123,7 +125,7 @@ def _left_out_errors(
     coordinates: Array, markers: Array, left_out: NDArray[np.bool_], dimensions: tuple[int, ...], variance: float,
     examples: int,
 ) -> Array | None:  # fmt: skip
-    """Return squared errors (B candidates, tested) of the left-out examples among the closest ones.
+    """Return squared errors (B candidates, tested) of the left-out closest examples.
 
     None when too few neighbours remain.
     """

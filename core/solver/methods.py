@@ -1,4 +1,4 @@
-"""Methods that make a pose of the closest examples: best, local-pca, lwr and nearest."""
+"""Methods for the pose of the closest examples: best, local-pca, lwr, nearest."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -84,7 +84,14 @@ def prepare_method(settings: SolveSettings, subject: SubjectModel, database: Dat
 def fit_root(
     subject: SubjectModel, observation: Observation, local_m: Array, previous: RootPose | None
 ) -> RootPose | None:
-    """Return z_t from the torso markers, given the pose's markers (M, 3) in the root's frame."""
+    """Return z_t from the torso markers.
+
+    Args:
+        subject: torso markers and their joints.
+        observation: labelled markers.
+        local_m: (M, 3) the pose's markers in the root's frame.
+        previous: root of the last frame.
+    """
     return root_from_torso(observation, local_m, subject.torso, subject.joints, previous)
 
 
@@ -112,7 +119,7 @@ class NearestMethod:
 
 
 class LwrMethod(NearestMethod):
-    """Mean of the nearby examples by their distance (Atkeson et al. 1997, tricube kernel)."""
+    """Mean of the nearby examples by distance (Atkeson et al. 1997, tricube kernel)."""
 
     def __init__(self, settings: LwrSettings, subject: SubjectModel) -> None:
         super().__init__(settings, subject)
@@ -142,7 +149,7 @@ class LocalPcaMethod:
         return SolverState()
 
     def estimate(self, problem: FrameProblem) -> Estimate:
-        """Return the pose of least energy in the local model, and the root under it, each in turn."""
+        """Return the pose of least energy in the local model, and its root, in turn."""
         settings, observation, root = self._settings, problem.observation, problem.root
         model = self._local_model(problem.examples, observation)
         weights = model.weights(problem.examples.poses[0].astype(np.float64))
@@ -226,7 +233,7 @@ class BestMethod:
         return Estimate(pose, root, neighbours, iterations=steps, expectation=expectation)
 
     def _prior(self, problem: FrameProblem) -> tuple[Prior, int]:
-        """Return the Gaussian of the pose given the past, and the number of examples behind it."""
+        """Return the Gaussian of the pose given the past, and the number of examples."""
         settings, state, examples = self._settings, problem.state, problem.examples
         history, pose_history = self._history_of(examples.frames)
         observed = self._markers.observed(state.observed, state.time_s, problem.root).ravel()
@@ -251,6 +258,6 @@ class BestMethod:
 
 
 def _principal_components(poses: Array) -> Array:
-    """Return the directions (D, C) in which poses (N, D) vary most."""
+    """Return the directions (D, C) of largest variance of poses (N, D)."""
     _, directions = np.linalg.eigh(np.cov(poses.T, ddof=0))
     return np.asarray(directions[:, : -_COMPONENTS - 1 : -1])

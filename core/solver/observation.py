@@ -33,7 +33,9 @@ class Observation:
         return cls(points_m, np.full(count, -1, dtype=np.int64), np.full((count, 2), np.nan))
 
     def back_projected(self, markers_m: Array) -> "Observation":
-        """Return the same with single-camera markers located: where their rays pass closest to markers (M, 3).
+        """Return the observation with single-camera markers located on their rays.
+
+        Each lies where its ray passes closest to the expected marker (M, 3).
 
         What needs points in space (the root, the search) can so do with one camera; as its error lies along the ray,
         the pose itself is fitted to the rays.
@@ -57,7 +59,9 @@ class Observation:
 
 
 def control_residual(observation: Observation, markers_m: Array) -> Array:
-    """Return marker minus observation (Eq. 7), metres: 3 rows a located marker, then 2 a single-camera marker.
+    """Return marker minus observation (Eq. 7), metres.
+
+    Rows: 3 a located marker, then 2 a single-camera marker.
 
     A single-camera marker is compared in its camera's image; the difference is multiplied by the marker's depth, so
     that it is a distance across the ray and has the unit and weight of the others.

@@ -20,7 +20,7 @@ IntArray = NDArray[np.int64]
 
 _ROOT_PASSES = 2  # the root needs the pose's torso markers and the pose needs the root
 _FIRST_ROOT_PASSES = 4  # at the start nothing is known about either
-_TORSO_EXAMPLES = 8  # closest examples whose mean torso the root is fitted to
+_TORSO_EXAMPLES = 8  # closest examples; the root is fitted to the mean of their torsos
 _SPARE_CANDIDATES = 2  # candidates kept, per example wanted, to rank again under a better root
 
 
@@ -97,7 +97,7 @@ class PoseSolver:
         return solution, replace(state, observed=observed, solved=solved)
 
     def _in_space(self, state: SolverState, observation: Observation) -> Observation:
-        """Return the observation with three torso markers located, as the root and the search need."""
+        """Return the observation with three torso markers located in space."""
         torso = self.subject.torso & observation.located
         if torso.sum() >= 3 or state.markers_m is None:
             return observation

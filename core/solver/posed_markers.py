@@ -1,4 +1,4 @@
-"""The markers of very many poses at once, as a database has them (Eq. 1 of Chai and Hodgins 2005)."""
+"""Markers of very many poses at once (Eq. 1 of Chai and Hodgins 2005)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ _ORIGIN = (np.zeros(()), np.zeros(()), np.zeros(()))
 def markers_at_rest(
     skeleton: Skeleton, joints: NDArray[np.int64], offsets_m: Array, mean_rotations: Array, poses: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Return the markers (F, M, 3), metres, of poses with the root at the origin and unturned.
+    """Return the markers (F, M, 3), metres, of poses with the root at rest.
 
     What `rotations_from_pose` and `skeleton.marker_positions` compute, in a seventh of the time: each component of a
     rotation is an array over the poses, which numpy goes through without gaps, and joints that carry nothing are left
@@ -68,7 +68,7 @@ def _product(left: "_Quaternions | Array", right: _Quaternions) -> _Quaternions:
 
 
 def _moved(origin: _Components, turn: _Quaternions | None, offset_m: Array) -> _Components:
-    """Return an origin and, from there, an offset (3,) that is turned; None turns nothing."""
+    """Return an origin plus a turned offset (3,); None turns nothing."""
     a, b, c = offset_m
     ox, oy, oz = origin
     if turn is None:

@@ -1,4 +1,4 @@
-"""Root position and orientation from the torso markers (z_t in section 6 of the paper)."""
+"""Root position and orientation from the torso markers (z_t, section 6)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,7 @@ def root_from_torso(
         previous: root of the last frame, which decides what too few markers leave open; None at the start.
 
     Returns:
-        None when nothing tells where the root is: fewer than three torso markers and no previous root.
+        None with fewer than three torso markers and no previous root.
     """
     seen = torso & observation.located
     if seen.sum() >= 3:
@@ -42,7 +42,7 @@ def root_from_torso(
 
 
 def _moved(previous: RootPose, observation: Observation, local_markers_m: Array) -> RootPose:
-    """Return the previous root shifted by what the located markers of the whole body show; its rotation is kept."""
+    """Return the previous root, shifted to the located markers but not turned."""
     seen = observation.located
     if not np.any(seen):
         return previous

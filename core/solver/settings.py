@@ -201,7 +201,10 @@ _GROUPS: dict[str, Callable[..., Any]] = {
 
 
 def _stored_keys() -> dict[str, list[tuple[str, str, Callable[[Any], Any]]]]:
-    """Return the group, field and conversion of each key of a stored table, which knows no groups."""
+    """Return the group, field and conversion of each key of a stored table.
+
+    Stored tables have no groups.
+    """
     result: dict[str, list[tuple[str, str, Callable[[Any], Any]]]] = {}
     for setting in fields(BestSettings):
         key = setting.name if setting.name.startswith("root_") else f"best_{setting.name}"

@@ -91,7 +91,7 @@ class SolverState:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A method's pose (D,), the root it was fitted under, the size of its model, and what the model expected."""
+    """A method's pose (D,), its root, the size of its model, and its expectation."""
 
     pose: Array
     root: RootPose

@@ -1,4 +1,4 @@
-"""A subject's markers as a function of the pose, with its Jacobian, and for every frame of a database (Eq. 1)."""
+"""A subject's markers as a function of the pose, with its Jacobian (Eq. 1)."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RootPose:
-    """World position (3,) and world-from-root quaternion (4,) of the root, z_t in the paper."""
+    """World position (3,) and world-from-root quaternion (4,), z_t in the paper."""
 
     rotation: Array
     position_m: Array
@@ -43,12 +43,12 @@ ROOT_AT_REST = RootPose(rot.identity(), np.zeros(3))
 
 
 class SubjectModel:
-    """Markers of one subject from poses (J - 1, 3) relative to the mean rotations of a database."""
+    """Markers of a subject from poses (J - 1, 3) relative to a database's mean."""
 
     def __init__(self, subject: Subject, mean_rotations: Array) -> None:
         if subject.skeleton.names != JOINT_NAMES:
             raise SubjectError(
-                "the skeleton does not have the product's joints", where=subject.name, advice="calibrate the subject"
+                "the skeleton lacks the standard skeleton's joints", where=subject.name, advice="calibrate the subject"
             )
         self.subject = subject
         self.skeleton: Skeleton = subject.skeleton
@@ -73,7 +73,9 @@ class SubjectModel:
         return marker_positions(self.skeleton, self.joints, self.offsets_m, local, root.position_m)
 
     def markers_and_jacobian(self, pose: Array, root: RootPose) -> tuple[Array, Array]:
-        """Return markers (M, 3) and d markers / d (root translation, root rotation, pose), (M, 3, 6 + 3 (J - 1)).
+        """Return markers (M, 3) and their Jacobian (M, 3, 6 + 3 (J - 1)).
+
+        Columns: root translation, root rotation, pose.
 
         The root's rotation is varied on its right, R exp(d); the pose is varied as the rotation vectors it is.
         """
@@ -84,7 +86,7 @@ class SubjectModel:
         return markers, marker_jacobian(self.skeleton, self.joints, markers, positions, axes)
 
     def _posed(self, turns: Array, root: RootPose) -> tuple[Array, Array, Array]:
-        """Return markers, joint positions and world matrices of one pose given as matrices (J - 1, 3, 3)."""
+        """Return markers, joint positions and world matrices of one pose (J - 1, 3, 3)."""
         local = np.empty((len(self.skeleton), 3, 3))
         local[0] = root.matrix
         local[1:] = self._mean_matrices[1:] @ turns
@@ -93,13 +95,16 @@ class SubjectModel:
         return markers, positions, world
 
     def database_markers(self, database: Database, frames: Any = slice(None)) -> NDArray[np.float32]:
-        """Return c_n (F, M, 3) float32 of Eq. 1: the markers of database frames with the root at rest."""
+        """Return c_n (F, M, 3) float32 of Eq. 1, with the root at rest."""
         poses = database.poses[frames]
         return markers_at_rest(self.skeleton, self.joints, self.offsets_m, self.mean_rotations, poses)
 
 
 def _exponential_and_right_jacobian(vectors: Array) -> tuple[Array, Array]:
-    """Return exp(v) (N, 3, 3) and J_r(v) with exp(v + d) = exp(v) exp(J_r d) + O(d^2) (Sola 2018, Eq. 143)."""
+    """Return exp(v) (N, 3, 3) and its right Jacobian (Sola 2018, Eq. 143).
+
+    exp(v + d) = exp(v) exp(J_r d) + O(d^2).
+    """
     angle2 = np.sum(vectors**2, axis=-1)
     angle = np.sqrt(angle2)
     small = angle < 1e-4

@@ -1,4 +1,4 @@
-"""The pose that fits the markers, the local model and the motion so far (Eq. 5-9), by Levenberg-Marquardt."""
+"""Pose of least energy (Eq. 5-9), by Levenberg-Marquardt."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -40,7 +40,10 @@ class SynthesisProblem:
     smoothness_weight: float
 
     def residual(self, weights: Array) -> Array:
-        """Return the residuals (prior, control, smoothness); their squared sum is Eq. 9 up to a constant."""
+        """Return the residuals (prior, control, smoothness).
+
+        Their squared sum is Eq. 9 up to a constant.
+        """
         markers = self.subject.markers(self.model.pose(weights).reshape(-1, 3), self.root)
         return self._stacked(weights, control_residual(self.observation, markers))
 
@@ -60,7 +63,10 @@ class SynthesisProblem:
 
     @cached_property
     def _smooth_weights(self) -> Array | None:
-        """Weights of the pose that continues the motion: the basis is orthonormal, so Eq. 8 is a distance to them."""
+        """Weights of the pose that continues the motion.
+
+        The basis is orthonormal, so Eq. 8 is a distance to them.
+        """
         if self.continued_pose is None or self.smoothness_weight == 0.0:
             return None
         return self.model.weights(self.continued_pose)
@@ -73,7 +79,9 @@ class SynthesisProblem:
 
 
 def solve(problem: SynthesisProblem, start: Array) -> tuple[Array, int]:
-    """Return the weights (B,) of least energy and the iterations taken (Levenberg-Marquardt, Marquardt's scaling).
+    """Return the weights (B,) of least energy and the iterations taken.
+
+    Levenberg-Marquardt with Marquardt's scaling.
 
     Args:
         start: (B,) first weights; the paper's are those of the closest example.

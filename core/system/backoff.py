@@ -20,7 +20,7 @@ class Backoff:
         self._since_s, self._wait_s = now_s, self._first_s
 
     def is_due(self, now_s: float) -> bool:
-        """Whether the wait is over."""
+        """Return whether the wait is over."""
         if self._since_s is None:
             self._since_s = now_s
         return now_s - self._since_s >= self._wait_s

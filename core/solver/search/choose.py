@@ -1,4 +1,4 @@
-"""Which search a solver uses."""
+"""Choice of the search by its name and the size of the database."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""A coarse look over a whole database: one frame of every cluster of poses, in groups of similar ones."""
+"""One frame of every cluster of poses, in groups of similar ones."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""Search for the database frames closest to the markers and the motion so far (Eq. 2)."""
+"""Search for the database frames closest to markers and motion (Eq. 2)."""
 
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -98,7 +98,10 @@ class ExhaustiveSearch:
 
 
 def _times(rows: NDArray[Any], vector: FloatArray) -> FloatArray:
-    """Return rows @ vector, by SciPy's OpenBLAS: some Blenders' NumPy uses a BLAS without vector instructions."""
+    """Return rows @ vector, by SciPy's OpenBLAS.
+
+    Some Blenders' NumPy uses a BLAS without vector instructions.
+    """
     if len(rows) == 0:  # which it refuses
         return np.zeros(0, dtype=np.float32)
     return np.asarray(sgemv(1.0, rows.T, vector, trans=1))

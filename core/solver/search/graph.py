@@ -23,7 +23,7 @@ _PROMISING = 2.0  # times the distance of the middle one found last, up to which
 
 
 class GraphSearch:
-    """Looks only at the frames found last, at their neighbours, and at representatives.
+    """Search among the frames found last, their neighbours, and representatives.
 
     Args:
         markers_m: (F, M, 3) markers of the database frames with the root at rest.
@@ -71,7 +71,7 @@ class GraphSearch:
         self._descend(visit, representatives[near], distances[near], _BEAM)
 
     def _descend(self, visit: "_Visit", frames: IntArray, distances: FloatArray, beam: int) -> None:
-        """Look at the neighbours of the closest frames, and at the neighbours of the closest of these, and so on."""
+        """Visit the neighbours of the closest frames, then the neighbours of these."""
         for _ in range(_STEPS):
             if len(frames) == 0:
                 return
@@ -81,7 +81,7 @@ class GraphSearch:
     def _spread(
         self, visit: "_Visit", count: int, groups: list[IntArray], limit: float, most: float
     ) -> tuple[IntArray, Array]:
-        """Return the closest of all that is looked at, after following the graph from the closest on.
+        """Return the closest visited frames after following the graph from the closest.
 
         Args:
             groups: representatives that are looked at when the graph leads no closer.
@@ -114,11 +114,11 @@ class GraphSearch:
 
 
 class _Visit:
-    """What is looked at for one query, each frame once.
+    """Frames visited for one query, each once.
 
     Args:
         frames: the database.
-        query: what is searched for.
+        query: of the search.
         seen: (F,) false everywhere, and again after `end`.
     """
 
@@ -133,7 +133,7 @@ class _Visit:
         return sum(map(len, self._found))
 
     def look(self, frames: IntArray) -> tuple[IntArray, FloatArray]:
-        """Return those frames that have not been looked at, each once and no -1, and their Eq. 2 distances."""
+        """Return the frames not visited before, each once, and their Eq. 2 distances."""
         frames = frames[frames >= 0]
         unseen = np.unique(frames[~self._seen[frames]]).astype(np.int64)
         distances = self._database.distances(self._query, unseen)
@@ -143,7 +143,7 @@ class _Visit:
         return unseen, distances
 
     def closest(self, count: int) -> tuple[IntArray, Array]:
-        """Return the closest of what has been looked at, ascending, and the distances."""
+        """Return the closest visited frames, ascending, and their distances."""
         order, ascending = closest(np.concatenate(self._distances), count)
         return np.concatenate(self._found)[order], ascending
 

@@ -57,5 +57,5 @@ def test_another_skeleton_is_refused(subject, database):
     skeleton = subject.skeleton
     names = tuple("lpollex" if name == "lthumb" else name for name in skeleton.names)
     other = Skeleton(names, skeleton.parents, skeleton.offsets_m, skeleton.tips_m)
-    with pytest.raises(SubjectError, match="does not have the product's joints; calibrate the subject"):
+    with pytest.raises(SubjectError, match="lacks the standard skeleton's joints; calibrate the subject"):
         SubjectModel(Subject("a", other, subject.marker_set), database.mean_rotations)
