@@ -88,7 +88,7 @@ class InitialLabeller:
         rough.sort()
         best, least = None, np.inf
         for _, example, row in rough[:_REFINED]:
-            found = self._labelled(points_m, torsos[row], example)
+            found = self._label_by_example(points_m, torsos[row], example)
             cost = found.distance_m**2 + _TORSO_WEIGHT * self._torso_error_m2(points_m, torsos[row], example)
             if cost < least:
                 best, least = found, cost
@@ -106,7 +106,7 @@ class InitialLabeller:
             return None
         turns, shifts, _ = _fit_torsos(self._mean_torso, points_m, torso[None])
         closest = self._closest_examples(points_m, turns[0], shifts[0], torso)
-        found = [self._labelled(points_m, torso, example) for _, example in closest]
+        found = [self._label_by_example(points_m, torso, example) for _, example in closest]
         return min(found, key=lambda start: start.distance_m)
 
     def distance_m(self, markers_m: Array, followed_m: Array | None = None) -> float:
@@ -176,7 +176,7 @@ class InitialLabeller:
         products = (self._limb_places @ points_m.T).reshape(*self._limb_norms.shape, -1)
         return self._limb_norms[..., None] - 2.0 * products + np.einsum("nc,nc->n", points_m, points_m)
 
-    def _labelled(self, points_m: Array, torso: IntArray, example: int) -> InitialLabels:
+    def _label_by_example(self, points_m: Array, torso: IntArray, example: int) -> InitialLabels:
         """Label the other points by an example fitted to the chosen torso."""
         placed, _ = self._fit_example(points_m, torso, example)
         labels = np.full(len(points_m), -1, dtype=np.int64)

@@ -18,14 +18,6 @@ from ..markers.marker_frame import MarkerFrame, undistort_blobs
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_FIRST_GATE_M = 0.30  # a marker further from where the calibration pose has it is not that marker
-_FIRST_ROUNDS = 8
-_FIRST_SCALES = (0.8, 1.25)  # bodies differ in size from the template
-_PAIR_TOLERANCE = 0.3  # relative: pairs of points that may be a given pair of template markers
-_HYPOTHESES = 60  # best rough placements that are refined
-_TURN_PENALTY_M = 0.02  # per radian away from facing the cameras: decides between near-symmetric placements
-_FEWEST_FIRST = 0.6  # share of the markers that must be found to start
-
 _GATE_M = 0.08  # plus what the marker moves in a frame
 _GATE_SPEED_SHARE = 0.6  # of the predicted movement, by which the gate grows
 _GATE_LOST_M_S = 2.0  # growth of the gate with the time that a marker has been lost
@@ -89,30 +81,6 @@ class Labeller:
         self._torso = np.zeros(len(self.names), dtype=bool) if torso is None else np.asarray(torso)
         count = len(self.names)
         self._seen = _Seen(np.full((count, 3), np.nan), np.zeros((count, 3)), np.full(count, np.inf))
-
-    def label_first(self, points_m: Array, template_m: Array) -> IntArray:
-        """Return labels (N,) of points in a pose like the template's, at any place.
-
-        Args:
-            points_m: (N, 3) points in a world with y roughly up; with ghosts, and some markers missing.
-            template_m: (M, 3) markers in a calibration pose, facing +z.
-
-        Returns:
-            All -1 when too few points fit.
-        """
-        labels = np.full(len(points_m), -1, dtype=np.int64)
-        needed = max(3, int(np.ceil(_FEWEST_FIRST * len(self.names))))
-        if len(points_m) < needed:
-            return labels
-        best_cost, best_pairs = np.inf, None
-        for placed in _rough_placements(points_m, template_m):
-            cost, pairs = _refine(points_m, template_m, placed)
-            if cost < best_cost and len(pairs[0]) >= needed:
-                best_cost, best_pairs = cost, pairs
-        if best_pairs is not None:
-            labels[best_pairs[0]] = best_pairs[1]
-            self._remember(points_m, labels, 0.0)
-        return labels
 
     def begin(self, points_m: Array, labels: IntArray) -> None:
         """Start from labels (N,) of points (N, 3), -1 for none."""
@@ -261,71 +229,3 @@ def _join_cameras(
             blobs[marker, stranger] = -1
             normalised[marker, stranger] = np.nan
             known[marker] = np.nan
-
-
-@dataclass(frozen=True)
-class _Placement:
-    """p_world = scale * turn @ p_template + shift."""
-
-    turn: Array
-    shift: Array
-    scale: float
-
-    def apply(self, points: Array) -> Array:
-        return np.asarray(self.scale * points @ self.turn.T + self.shift)
-
-
-def _rough_placements(points: Array, template: Array) -> list[_Placement]:
-    """Return the best placements from pairs of points for distant template markers."""
-    spans = np.linalg.norm(template[:, None] - template[None], axis=-1)
-    order = np.argsort(spans, axis=None)[::-1]
-    placements, costs = [], []
-    for flat in order[: 2 * 6 : 2]:  # every pair stands there twice
-        first, second = np.unravel_index(flat, spans.shape)
-        for i, j in np.ndindex(len(points), len(points)):
-            scale = np.linalg.norm(points[i] - points[j]) / spans[first, second]
-            if i == j or abs(scale - 1.0) > _PAIR_TOLERANCE:
-                continue
-            placed = _from_pair(template[[first, second]], points[[i, j]], float(np.clip(scale, *_FIRST_SCALES)))
-            distances = np.linalg.norm(placed.apply(template)[:, None] - points[None], axis=-1).min(axis=1)
-            placements.append(placed)
-            costs.append(np.sum(np.minimum(distances, _FIRST_GATE_M) ** 2))
-    return [placements[k] for k in np.argsort(costs)[:_HYPOTHESES]]
-
-
-def _from_pair(template_pair: Array, point_pair: Array, scale: float) -> _Placement:
-    """Return the upright placement of a pair: heading and middle agree."""
-    source, target = template_pair[1] - template_pair[0], point_pair[1] - point_pair[0]
-    yaw = np.arctan2(target[0], target[2]) - np.arctan2(source[0], source[2])
-    cosine, sine = np.cos(yaw), np.sin(yaw)
-    turn = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
-    return _Placement(turn, point_pair.mean(axis=0) - scale * turn @ template_pair.mean(axis=0), scale)
-
-
-def _refine(points: Array, template: Array, placed: _Placement) -> tuple[float, tuple[IntArray, IntArray]]:
-    """Return cost and (points, markers) after alternating assignment and placement."""
-    rows = columns = np.empty(0, dtype=np.int64)
-    distances = np.empty((len(points), len(template)))
-    for _ in range(_FIRST_ROUNDS):
-        distances = np.linalg.norm(points[:, None] - placed.apply(template)[None], axis=-1)
-        new_rows, new_columns = assign((distances / _FIRST_GATE_M) ** 2)
-        if len(new_rows) < 3 or (np.array_equal(new_rows, rows) and np.array_equal(new_columns, columns)):
-            rows, columns = new_rows, new_columns
-            break
-        rows, columns = new_rows, new_columns
-        placed = _similarity(template[columns], points[rows])
-    missed = len(template) - len(rows)
-    turned = np.arccos(np.clip(0.5 * (np.trace(placed.turn) - 1.0), -1.0, 1.0))
-    cost = np.sum(distances[rows, columns] ** 2) + missed * _FIRST_GATE_M**2
-    return float(cost + (_TURN_PENALTY_M * turned) ** 2 * len(template)), (rows, columns)
-
-
-def _similarity(source: Array, target: Array) -> _Placement:
-    """Return the least-squares similarity (Umeyama 1991), the scale within bounds."""
-    source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)
-    p, q = source - source_mean, target - target_mean
-    u, sizes, vt = np.linalg.svd(q.T @ p)
-    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
-    turn = (u * signs) @ vt
-    scale = float(np.clip(np.sum(sizes * signs) / np.sum(p * p), *_FIRST_SCALES))
-    return _Placement(turn, target_mean - scale * turn @ source_mean, scale)

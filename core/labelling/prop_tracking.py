@@ -38,11 +38,11 @@ _HELD_S = 0.25  # after which a prop that is not seen is lost, and found by its 
 _CLAIM_S = 0.10  # in which a prop that too little shows still claims what lies where its markers should be
 _CLAIM_M = 0.03
 _CONFIRMED_S = 0.10  # in which a find must last that chance may have made: by three markers, or
-_SURE_SIGHTS = 7  # by fewer blobs than this
+_SURE_BLOBS = 7  # by fewer blobs than this
 _NEAR_PX = 4.0  # a blob this near to where a prop puts a marker may be the marker
-_SIGHTS_PX = 20.0  # the same where the prop is expected
+_EXPECTED_PX = 20.0  # the same where the prop is expected
 _FIT_PX = 1.5  # a blob further off than this from the prop in its best place is another's
-_FEWEST_SIGHTS = 5  # blobs that place it: a pose has six numbers, so these have four to spare
+_FEWEST_BLOBS = 5  # blobs that place it: a pose has six numbers, so these have four to spare
 _LEAST_SCORE = 4.75  # so few must be within a third of a pixel
 _WELL = 0.85  # of its blobs: a place that explains so much of enough of them is right
 _CLEARLY = 0.7  # of a blob: by this much a place must explain more than any other
@@ -85,7 +85,7 @@ class _Fit:
         return int(np.sum(np.any(self.blobs >= 0, axis=1)))
 
     @property
-    def sights(self) -> int:
+    def blob_count(self) -> int:
         """How many blobs are the prop's."""
         return int(np.sum(self.blobs >= 0))
 
@@ -110,7 +110,7 @@ class PropTracker:
         """Return the prop's pose in the next frame, and the frame without its markers."""
         if self._last is not None and frame.time_s - self._last.time_s > _HELD_S:
             self._forget()
-        expected = self._predicted(frame.time_s)
+        expected = self._predict(frame.time_s)
         if self._cameras and len(frame.blobs) == len(self._cameras):
             return self._by_images(frame, expected)
         return self._by_points(frame, expected)
@@ -123,43 +123,44 @@ class PropTracker:
             and self._is_elsewhere(other.placed, candidates[0].placed)
             for other in candidates[1:]
         ):
-            return self._unseen(frame)
+            return self._miss(frame)
         taken = np.zeros(len(frame.points_m), dtype=bool)
         own = candidates[0].points[candidates[0].points >= 0]
         taken[own] = True
-        return self._seen(
+        return self._accept(
             candidates[0].placed, candidates[0].rms_m, len(own), len(own) > _FEWEST, without_points(frame, taken)
         )
 
     def _by_images(self, frame: MarkerFrame, expected: Placed | None) -> PropDetection:
         """Detect the prop in a frame's blobs."""
         images = PropImages(self._cameras, frame, self.prop)
-        found = self._places(frame, images, expected)
+        found = self._find_places(frame, images, expected)
         if not found or any(found[0].score - other.score < _CLEARLY for other in found[1:]):
-            return self._claimed(frame, images, expected)
+            return self._claim_blobs(frame, images, expected)
         best = found[0]
-        sure = best.seen > _FEWEST and best.sights >= _SURE_SIGHTS
-        return self._seen(best.placed, images.off_m(best.placed, best.blobs), best.seen, sure, _rest(frame, best.blobs))
+        sure = best.seen > _FEWEST and best.blob_count >= _SURE_BLOBS
+        rest = _without_own(frame, best.blobs)
+        return self._accept(best.placed, images.off_m(best.placed, best.blobs), best.seen, sure, rest)
 
-    def _places(self, frame: MarkerFrame, images: PropImages, expected: Placed | None) -> list[_Fit]:
+    def _find_places(self, frame: MarkerFrame, images: PropImages, expected: Placed | None) -> list[_Fit]:
         """Return the different places that the images show the prop in, the best first."""
         found: list[_Fit] = []
         if expected is not None:
-            fit = self._fitted(images, expected, _SIGHTS_PX)
-            if fit is not None and fit.sights >= _SURE_SIGHTS and fit.score > _WELL * fit.sights:
+            fit = self._fit(images, expected, _EXPECTED_PX)
+            if fit is not None and fit.blob_count >= _SURE_BLOBS and fit.score > _WELL * fit.blob_count:
                 return [fit]
             found = [fit] if fit is not None else []
         for candidate in self._candidates(frame, expected):
             if any(not self._is_elsewhere(candidate.placed, known.placed) for known in found):
                 continue
-            fit = self._fitted(images, candidate.placed, _NEAR_PX)
+            fit = self._fit(images, candidate.placed, _NEAR_PX)
             if fit is not None:
                 same = [known for known in found if not self._is_elsewhere(fit.placed, known.placed)]
                 if all(known.score < fit.score for known in same):
                     found = [fit, *(known for known in found if known not in same)]
         return sorted(found, key=lambda fit: -fit.score)
 
-    def _fitted(self, images: PropImages, start: Placed, limit_px: float) -> _Fit | None:
+    def _fit(self, images: PropImages, start: Placed, limit_px: float) -> _Fit | None:
         """Fit the prop to the images near a start; None when they do not show it."""
         placed, errors_px = start, np.empty(0)
         for limit in (limit_px, _NEAR_PX):
@@ -173,7 +174,7 @@ class PropTracker:
 
     def _is_placed_by(self, blobs: IntArray) -> bool:
         """Return whether blobs (M, C) suffice to place the prop."""
-        return bool(np.sum(blobs >= 0) >= _FEWEST_SIGHTS) and self._is_spread(np.any(blobs >= 0, axis=1))
+        return bool(np.sum(blobs >= 0) >= _FEWEST_BLOBS) and self._is_spread(np.any(blobs >= 0, axis=1))
 
     def _is_spread(self, seen: NDArray[np.bool_]) -> bool:
         """Return whether markers (M,) place the prop: three at least, not on a line."""
@@ -194,16 +195,16 @@ class PropTracker:
             moved = np.linalg.norm(markers - self._last.markers(self.prop), axis=1)
             gates = _GATE_M + _GATE_SPEED_SHARE * moved + _GATE_LOST_M_S * (expected.time_s - self._last.time_s)
             allowed = np.linalg.norm(points[:, None] - markers[None], axis=-1) < gates
-            near = self._fitting(
+            near = self._best_fits(
                 points, match_rigid_pattern(points, self.prop.spans_m, tolerances, _FEWEST, allowed), frame
             )
             if near:
                 return near
-        found = self._fitting(points, match_rigid_pattern(points, self.prop.spans_m, tolerances, _FEWEST), frame)
+        found = self._best_fits(points, match_rigid_pattern(points, self.prop.spans_m, tolerances, _FEWEST), frame)
         # three points elsewhere may be so by chance, while the prop is only hidden
         return [candidate for candidate in found if expected is None or np.sum(candidate.points >= 0) > _FEWEST]
 
-    def _fitting(self, points_m: Array, matches: IntArray, frame: MarkerFrame) -> list[_PoseCandidate]:
+    def _best_fits(self, points_m: Array, matches: IntArray, frame: MarkerFrame) -> list[_PoseCandidate]:
         """Return the best few of the matches (H, M), the best first."""
         found: list[_PoseCandidate] = []
         for points in matches:
@@ -220,7 +221,7 @@ class PropTracker:
                 found.sort(key=lambda candidate: candidate.cost_m2)
         return found[:_TRIED]
 
-    def _predicted(self, time_s: float) -> Placed | None:
+    def _predict(self, time_s: float) -> Placed | None:
         """Return the expected pose, at constant velocity from the last two frames."""
         if self._last is None:
             return None
@@ -236,41 +237,41 @@ class PropTracker:
         then = transform(before.turn, before.shift, middle)
         return Placed(turn, now + share * (now - then) - turn @ middle, time_s)
 
-    def _seen(self, placed: Placed, rms_m: float, seen: int, sure: bool, rest: MarkerFrame) -> PropDetection:
+    def _accept(self, placed: Placed, rms_m: float, seen: int, sure: bool, rest: MarkerFrame) -> PropDetection:
         if self._last is None:
             self._doubted_since_s = placed.time_s
         if self._doubted_since_s is not None and (sure or placed.time_s - self._doubted_since_s >= _CONFIRMED_S):
             self._doubted_since_s = None
         self._before, self._last = self._last, placed
         if self._doubted_since_s is not None:
-            return PropDetection(self._stood(), rest)
+            return PropDetection(self._last_pose(), rest)
         quaternion = rot.from_matrix(placed.turn)
         sign = 1.0 if np.dot(quaternion, self._pose.rotation) >= 0.0 else -1.0
         self._pose = PropPose(sign * quaternion, placed.shift, rms_m, seen)
         return PropDetection(self._pose, rest)
 
-    def _claimed(self, frame: MarkerFrame, images: PropImages, expected: Placed | None) -> PropDetection:
+    def _claim_blobs(self, frame: MarkerFrame, images: PropImages, expected: Placed | None) -> PropDetection:
         """Return an unseen prop that for a moment keeps the blobs near its markers.
 
         Otherwise a performer with a hidden hand would get the sword's hilt.
         """
         rest = frame
         if expected is not None and self._last is not None and frame.time_s - self._last.time_s <= _CLAIM_S:
-            rest = _rest(frame, images.nearest(expected, images.pixels_of(expected, _CLAIM_M)))
-        return self._unseen(rest)
+            rest = _without_own(frame, images.nearest(expected, images.pixels_of(expected, _CLAIM_M)))
+        return self._miss(rest)
 
-    def _unseen(self, rest: MarkerFrame) -> PropDetection:
+    def _miss(self, rest: MarkerFrame) -> PropDetection:
         if self._doubted_since_s is not None:  # it was chance
             self._forget()
-        return PropDetection(self._stood(), rest)
+        return PropDetection(self._last_pose(), rest)
 
-    def _stood(self) -> PropPose:
+    def _last_pose(self) -> PropPose:
         return PropPose(self._pose.rotation, self._pose.position_m)
 
     def _forget(self) -> None:
         self._last = self._before = self._doubted_since_s = None
 
 
-def _rest(frame: MarkerFrame, blobs: IntArray) -> MarkerFrame:
+def _without_own(frame: MarkerFrame, blobs: IntArray) -> MarkerFrame:
     """Return the frame without the blobs (M, C), -1 for none."""
     return without_blobs(frame, [column[column >= 0] for column in blobs.T])

@@ -63,7 +63,7 @@ def single_views(tracking: Tracking, frames: Sequence[MarkerFrame], rig: CameraR
     """
     take = tracking.take
     frames = [undistort_blobs(frame, rig.cameras) for frame in frames]
-    expected_m = _bridged(take.positions_m, take.times_s)
+    expected_m = _bridge_gaps(take.positions_m, take.times_s)
     cameras = np.full(take.visible.shape, -1, dtype=np.int64)
     points = np.full((*take.visible.shape, 2), np.nan)
     nearest = np.full(take.visible.shape, np.inf)
@@ -78,8 +78,8 @@ def single_views(tracking: Tracking, frames: Sequence[MarkerFrame], rig: CameraR
             )
             for f, frame in enumerate(frames)
         ]
-        blobs, far = _followed(views)
-        back = _followed(views[::-1])[0][::-1]
+        blobs, far = _follow_markers(views)
+        back = _follow_markers(views[::-1])[0][::-1]
         # where the two ways meet at another blob, markers have been exchanged on one of them
         better = (blobs >= 0) & (blobs == back) & (far < nearest)
         for f, marker in np.argwhere(better):
@@ -112,7 +112,7 @@ def _blobs_of(frame: MarkerFrame, labels: IntArray, count: int, camera: int) -> 
     return blobs
 
 
-def _followed(views: Sequence[_View]) -> tuple[IntArray, Array]:
+def _follow_markers(views: Sequence[_View]) -> tuple[IntArray, Array]:
     """Return blobs (F, M) of hidden markers, -1 for none, and their distances."""
     count = len(views[0].located)
     blobs = np.full((len(views), count), -1, dtype=np.int64)
@@ -121,14 +121,14 @@ def _followed(views: Sequence[_View]) -> tuple[IntArray, Array]:
     for f, view in enumerate(views):
         located = np.flatnonzero(view.located >= 0)
         free = np.setdiff1d(np.arange(len(view.points)), view.located[located])
-        rows, columns, distances = _found(image, view, free)
+        rows, columns, distances = _find_hidden(image, view, free)
         blobs[f, rows], far[f, rows] = columns, distances
         image.see(located, view.points[view.located[located]], view.time_s)
         image.see(rows, view.points[columns], view.time_s)
     return blobs, far
 
 
-def _found(image: _Image, view: _View, free: IntArray) -> tuple[IntArray, IntArray, Array]:
+def _find_hidden(image: _Image, view: _View, free: IntArray) -> tuple[IntArray, IntArray, Array]:
     """Return hidden markers (N,), their blobs (N,) and distances from expectation."""
     nothing = np.empty(0, dtype=np.int64)
     if len(view.hidden) == 0 or len(free) == 0:
@@ -142,7 +142,7 @@ def _found(image: _Image, view: _View, free: IntArray) -> tuple[IntArray, IntArr
     return view.hidden[rows], free[columns], relative[rows, columns]
 
 
-def _bridged(positions_m: Array, times_s: Array) -> Array:
+def _bridge_gaps(positions_m: Array, times_s: Array) -> Array:
     """Interpolate trajectories (F, M, 3) over gaps; extend them a little at the ends."""
     result = positions_m.copy()
     for marker in range(positions_m.shape[1]):

@@ -65,7 +65,7 @@ def label_single_view(points: Array, camera: Camera, poses_m: Sequence[Array]) -
     for pose in poses_m:
         for turn in np.radians(_TURNS_DEG):
             turned = rot.rotate(rot.from_rotation_vector([0.0, facing + turn, 0.0]), pose)
-            rough += _placed(points, turned @ camera.rotation.T)
+            rough += _place_by_pairs(points, turned @ camera.rotation.T)
     best, least = None, np.inf
     for local in rough:
         cost, labels, refined = _refine(points, local, camera.rotation[:, 1])
@@ -74,7 +74,7 @@ def label_single_view(points: Array, camera: Camera, poses_m: Sequence[Array]) -
     if best is None or np.sum(best[0] >= 0) < needed:
         return None
     labels, local = best
-    off = _across(local[labels[labels >= 0]], points[labels >= 0])
+    off = _ray_offsets(local[labels[labels >= 0]], points[labels >= 0])
     if np.sqrt(np.mean(off**2)) > _FARTHEST_RMS_M:
         return None
     return SingleViewStart(labels, (local - camera.translation_m) @ camera.rotation)
@@ -102,7 +102,7 @@ def label_near(points: Array, camera: Camera, expected_m: Array, count: int) -> 
     return [start for _, start in sorted(found, key=lambda pair: pair[0])[:count]]
 
 
-def _placed(points: Array, body: Array) -> list[Array]:
+def _place_by_pairs(points: Array, body: Array) -> list[Array]:
     """Return likely bodies (M, 3) in the camera's frame from pairs of blobs."""
     spans = np.linalg.norm(body[:, None, :2] - body[None, :, :2], axis=-1)
     order = np.argsort(spans, axis=None)[::-1][: 2 * _PAIRS : 2]  # every pair stands there twice
@@ -136,7 +136,7 @@ def _refine(points: Array, local: Array, up: Array) -> tuple[float, IntArray, Ar
     cost = np.inf
     for turn in range(_ROUNDS):
         gate_m = max(_GATE_M * _NARROWING**turn, _MISSED_M)
-        distances = np.linalg.norm(_across(local[None], points[:, None]), axis=-1)
+        distances = np.linalg.norm(_ray_offsets(local[None], points[:, None]), axis=-1)
         rows, columns = assign(distances**2, gate_m**2)
         new = np.full(len(points), -1, dtype=np.int64)
         new[rows] = columns
@@ -146,11 +146,11 @@ def _refine(points: Array, local: Array, up: Array) -> tuple[float, IntArray, Ar
         if (np.array_equal(new, labels) and gate_m == _MISSED_M) or len(rows) < 4:
             return cost, new, local
         labels = new
-        local, pose = _moved(points[rows], columns, start, pose, up)
+        local, pose = _fit_to_rays(points[rows], columns, start, pose, up)
     return cost, labels, local
 
 
-def _moved(points: Array, markers: IntArray, start: Array, pose: Array, up: Array) -> tuple[Array, Array]:
+def _fit_to_rays(points: Array, markers: IntArray, start: Array, pose: Array, up: Array) -> tuple[Array, Array]:
     """Fit the body to its markers' rays by Gauss-Newton; also return the step (6,).
 
     It turns about its middle; out of the upright (`up` in the camera's frame) only as far as a standing person does.
@@ -160,7 +160,7 @@ def _moved(points: Array, markers: IntArray, start: Array, pose: Array, up: Arra
     for _ in range(4):
         turned = rot.rotate(rot.from_rotation_vector(pose[:3]), start - middle)
         local = turned + middle + pose[3:]
-        residual = _across(local[markers], points)
+        residual = _ray_offsets(local[markers], points)
         rows = np.zeros((len(points), 2, 3))
         rows[:, 0, 0] = rows[:, 1, 1] = 1.0
         rows[:, :, 2] = -points
@@ -178,6 +178,6 @@ def _moved(points: Array, markers: IntArray, start: Array, pose: Array, up: Arra
     return local, pose
 
 
-def _across(local: Array, points: Array) -> Array:
+def _ray_offsets(local: Array, points: Array) -> Array:
     """Return distances (..., 2) of local points across rays, metres at their depth."""
     return np.asarray(local[..., :2] - points * local[..., 2:])

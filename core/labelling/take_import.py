@@ -57,9 +57,9 @@ def import_take(take: MarkerTake, marker_set: MarkerSet, up: str) -> MarkerTake:
     if named is None:
         named = _by_place(take, marker_set, [up] if up in _TURNS else list(_TURNS))
     elif up in _TURNS:
-        named = _turned(named, _TURNS[up])
+        named = _turn(named, _TURNS[up])
     else:
-        named = _turned(named, _TURNS[_axis_up(named, marker_set)])
+        named = _turn(named, _TURNS[_axis_up(named, marker_set)])
     return _on_floor(named, marker_set.subset(named.names)) if up == "feet" else named
 
 
@@ -81,7 +81,7 @@ def _by_place(take: MarkerTake, marker_set: MarkerSet, axes: Sequence[str]) -> M
     problem: TakeError | None = None
     for axis in axes:
         try:
-            named = name_trajectories(_turned(take, _TURNS[axis]), marker_set)
+            named = name_trajectories(_turn(take, _TURNS[axis]), marker_set)
         except TakeError as error:
             problem = problem or error
             continue
@@ -111,10 +111,10 @@ def _on_floor(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
     normal = np.linalg.svd(points - middle)[2][2]
     normal = normal if normal[1] > 0.0 else -normal
     turn = rot.to_matrix(rot.between(normal, _UP))
-    return _turned(take, turn, np.array([0.0, -float((turn @ middle)[1]), 0.0]))
+    return _turn(take, turn, np.array([0.0, -float((turn @ middle)[1]), 0.0]))
 
 
-def _turned(take: MarkerTake, turn: Array, shift_m: Array | None = None) -> MarkerTake:
+def _turn(take: MarkerTake, turn: Array, shift_m: Array | None = None) -> MarkerTake:
     """Return a take in a moved world (p to turn p + shift), its cameras too."""
     moved = np.zeros(3) if shift_m is None else shift_m
     single = take.single

@@ -12,7 +12,7 @@ from ..body.standard_skeleton import default_skeleton
 from ..errors import TakeError
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
-from .labeller import Labeller
+from .template_labelling import label_by_template
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -42,7 +42,7 @@ def name_trajectories(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
     votes = np.zeros((count, count))
     chosen = np.unique(np.linspace(0, take.frames - 1, _SAMPLES).astype(int))
     for row in take.positions_m[chosen]:
-        _vote(votes, row, templates, marker_set.names)
+        _vote(votes, row, templates)
     rows, columns = linear_sum_assignment(-votes)
     if np.median(votes[rows, columns]) < _FEWEST_VOTES * len(chosen):
         raise TakeError(
@@ -55,11 +55,11 @@ def name_trajectories(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
     return replace(take, names=marker_set.names, positions_m=take.positions_m[:, order], single=single)
 
 
-def _vote(votes: Array, row: Array, templates: list[Array], names: tuple[str, ...]) -> None:
+def _vote(votes: Array, row: Array, templates: list[Array]) -> None:
     seen = np.flatnonzero(np.isfinite(row).all(axis=1))
     best = np.full(len(seen), -1, dtype=np.int64)
     for template in templates:
-        labels = Labeller(names).label_first(row[seen], template)
+        labels = label_by_template(row[seen], template)
         if np.sum(labels >= 0) > np.sum(best >= 0):
             best = labels
     known = best >= 0

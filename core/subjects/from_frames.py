@@ -9,7 +9,7 @@ from ..body.calibration_poses import POSES
 from ..body.skeleton import Skeleton, marker_positions
 from ..body.standard_skeleton import default_skeleton
 from ..errors import SubjectError
-from ..labelling.labeller import Labeller
+from ..labelling.template_labelling import label_by_template
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_set import MarkerSet
 from .pose_calibration import SubjectCalibration, calibrate_subject
@@ -42,7 +42,7 @@ def subject_from_frames(
     template = marker_positions(skeleton, joints, marker_set.offsets_m, POSES[pose](skeleton), np.zeros(3))
     found = np.full((len(frames), len(marker_set), 3), np.nan)
     for row, frame in zip(found, frames, strict=True):
-        labels = Labeller(marker_set.names).label_first(frame.points_m, template)
+        labels = label_by_template(frame.points_m, template)
         row[labels[labels >= 0]] = frame.points_m[labels >= 0]
     seen = np.all(np.isfinite(found), axis=-1)
     if np.sum(np.any(seen, axis=1)) < min(_FEWEST_FRAMES, len(frames)) or len(frames) == 0:

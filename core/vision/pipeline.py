@@ -13,7 +13,7 @@ from .detection.background import Background, background_from_take, learn_backgr
 from .detection.detector import DetectionSettings, Detector
 from .matching.camera_swap import CameraSwapDetector
 from .matching.point_prediction import PointPredictor
-from .matching.stereo import Matches, StereoMatcher, StereoSettings, unused
+from .matching.stereo import Matches, StereoMatcher, StereoSettings, unused_blobs
 from .matching.time_alignment import TimeAligner
 from .sources.image_set import usable_images
 from .sources.spec import ImageSetLike
@@ -115,7 +115,7 @@ class MarkerPipeline:
         swapped = self._swap_detector.update(blobs, matches)
         single_cameras, single_blobs, single_points = [], [], []
         for camera, coordinates in enumerate(normalised):
-            free = unused(matches.blobs, camera, len(coordinates))
+            free = unused_blobs(matches.blobs, camera, len(coordinates))
             single_cameras.append(np.full(len(free), camera, dtype=np.int64))
             single_blobs.append(free.astype(np.int64))
             single_points.append(coordinates[free])

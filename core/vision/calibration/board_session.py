@@ -79,7 +79,7 @@ class BackgroundCalibration:
         running, self._running = self._running, None
         error = running.exception()
         if error is None:
-            self.result = _checked(running.result())
+            self.result = _check_sides(running.result())
             update_reachable(cameras, self.result.rig, self._board)
         elif not isinstance(error, CalibrationError):
             raise error
@@ -103,7 +103,7 @@ class BackgroundCalibration:
                     f"the board was seen whole and still in {views} places, {MINIMUM_VIEWS} are needed",
                     advice="check its numbers of corners, hold it so that every camera sees it, and give it light",
                 )
-            self.result = _checked(_calibrate(*self._content(cameras)))
+            self.result = _check_sides(_calibrate(*self._content(cameras)))
         return self.result
 
     def _content(
@@ -263,7 +263,7 @@ class BoardSession:
         return self._guide(seen, f"taken, {self._move_it()}", taken=True)
 
 
-def _checked(result: CalibrationResult) -> CalibrationResult:
+def _check_sides(result: CalibrationResult) -> CalibrationResult:
     cameras = result.rig.cameras
     if len(cameras) > 1 and are_sides_exchanged(cameras[0].to_camera(cameras[1].centre_m)):
         raise CalibrationError(

@@ -80,7 +80,7 @@ class BoardWatch:
         still = (
             len(self._past) + 1 >= _LEAST_LOOKS
             and time_s - self._past[0][0] >= STILL_S
-            and all(_moved(then, now) <= limit
+            and all(_motion_px(then, now) <= limit
                     for _, past in self._past
                     for then, now, limit in zip(past, views, limits, strict=True))
         )  # fmt: skip
@@ -88,7 +88,7 @@ class BoardWatch:
         return BoardObservation(views, still)
 
 
-def _moved(then: BoardView | None, now: BoardView | None) -> float:
+def _motion_px(then: BoardView | None, now: BoardView | None) -> float:
     """Return the median motion in pixels between two views, in either numbering."""
     if then is None or now is None:
         return float("inf")

@@ -89,12 +89,12 @@ def adjust(
     """
     cameras = len(start.intrinsics)
     active = np.flatnonzero(np.concatenate((np.tile(free, cameras), np.repeat(np.arange(cameras) > 0, _POSE))))
-    return _minimised(start, observations, active, prior)
+    return _minimise(start, observations, active, prior)
 
 
 def adjust_boards(bundle: Bundle, observations: Sequence[CornerObservation]) -> Bundle:
     """Adjust the boards' poses only, to see how well a calibration explains pictures."""
-    return _minimised(bundle, observations, np.empty(0, dtype=np.int64), None)
+    return _minimise(bundle, observations, np.empty(0, dtype=np.int64), None)
 
 
 def camera_covariance(
@@ -107,7 +107,7 @@ def camera_covariance(
     count = len(bundle.intrinsics)
     active = np.flatnonzero(np.concatenate((np.tile(free, count), np.repeat(np.arange(count) > 0, _POSE))))
     system = _normal_equations(bundle, observations, prior)
-    reduced, _, scale = _reduced(system, active, 0.0)[:3]
+    reduced, _, scale = _reduce(system, active, 0.0)[:3]
     numbers = 2 * sum(len(observation.pixels) for observation in observations)
     variance = system.cost / max(numbers - len(active) - _POSE * len(bundle.boards), 1)
     result = np.zeros((len(system.cameras),) * 2)
@@ -115,13 +115,13 @@ def camera_covariance(
     return result[count * INTRINSICS :, count * INTRINSICS :]
 
 
-def _minimised(
+def _minimise(
     current: Bundle, observations: Sequence[CornerObservation], active: NDArray[np.int64], prior: LensPrior | None
 ) -> Bundle:
     damping = 1e-4
     system = _normal_equations(current, observations, prior)
     for _ in range(_ITERATIONS):
-        candidate = _moved(current, *_step(system, active, damping))
+        candidate = _apply_step(current, *_step(system, active, damping))
         new = _normal_equations(candidate, observations, prior)
         if not new.cost < system.cost:
             damping *= 10.0
@@ -215,7 +215,7 @@ def _normal_equations(bundle: Bundle, observations: Sequence[CornerObservation],
     return _System(cameras, boards, coupling, gradient, boards_gradient, cost)
 
 
-def _reduced(system: _System, active: NDArray[np.int64], damping: float) -> tuple[Array, Array, Array, Array, Array]:
+def _reduce(system: _System, active: NDArray[np.int64], damping: float) -> tuple[Array, Array, Array, Array, Array]:
     """Eliminate the boards (Schur complement).
 
     Returns the scaled matrix and right side of the active unknowns of the cameras, their scale, and the boards' step
@@ -236,14 +236,14 @@ def _reduced(system: _System, active: NDArray[np.int64], damping: float) -> tupl
 
 def _step(system: _System, active: NDArray[np.int64], damping: float) -> tuple[Array, Array]:
     """Return the damped step of cameras (N,) and boards (M, 6)."""
-    reduced, right, scale, by_gradient, by_coupling = _reduced(system, active, damping)
+    reduced, right, scale, by_gradient, by_coupling = _reduce(system, active, damping)
     step = np.zeros(len(system.cameras))
     if len(active):
         step[active] = -scale * np.linalg.lstsq(reduced, right, rcond=None)[0]
     return step, -by_gradient - np.einsum("mia,a->mi", by_coupling, step[active])
 
 
-def _moved(bundle: Bundle, step: Array, boards: Array) -> Bundle:
+def _apply_step(bundle: Bundle, step: Array, boards: Array) -> Bundle:
     count = len(bundle.intrinsics) * INTRINSICS
     return Bundle(
         bundle.intrinsics + step[:count].reshape(-1, INTRINSICS),

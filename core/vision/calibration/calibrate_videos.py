@@ -44,7 +44,7 @@ def calibrate_videos(
     """
     try:
         source = VideoSource(list(videos.values()))
-        cameras, widths = _watched(list(videos), source, board, progress)
+        cameras, widths = _watch_videos(list(videos), source, board, progress)
     except CaptureError as error:
         raise CalibrationError(error.what, where=error.where, advice=error.advice) from error
     for camera in cameras:
@@ -61,7 +61,7 @@ def calibrate_videos(
     )
 
 
-def _watched(
+def _watch_videos(
     names: Sequence[str], source: VideoSource, board: Board, progress: Progress
 ) -> tuple[list[CameraViews], dict[str, list[tuple[float, float]]]]:
     views: dict[str, dict[str, BoardView]] = {name: {} for name in names}

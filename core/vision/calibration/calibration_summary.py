@@ -8,7 +8,7 @@ if TYPE_CHECKING:
 
 
 def calibration_summary(result: "CalibrationResult", square_m: float = 0.0) -> dict[str, Any]:
-    """Return the summary of a calibration; `square_m` is the board's square, 0 if unknown."""
+    """Return a calibration's summary; `square_m` is the board's square, 0 if unknown."""
     summary: dict[str, Any] = {
         "verdict": result.verdict,
         "stereo_rms_px": result.stereo_rms_px,

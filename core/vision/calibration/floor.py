@@ -51,7 +51,7 @@ def rig_on_floor(rig: CameraRig, floor_points_m: ArrayLike, behind_m: float = 0.
     forward /= np.linalg.norm(forward)
     new_from_old = np.stack((np.cross(up, forward), up, forward))
     origin = middle - behind_m * forward - above_m * up
-    cameras = tuple(_moved(camera, new_from_old, origin) for camera in rig.cameras)
+    cameras = tuple(_move_camera(camera, new_from_old, origin) for camera in rig.cameras)
     return CameraRig(cameras, dict(rig.metadata) | {"floor": "y = 0"})
 
 
@@ -97,7 +97,7 @@ def _seen_by_one(camera: Camera, view: BoardView, board: Board) -> Array:
     return np.asarray((local - camera.translation_m) @ camera.rotation)
 
 
-def _moved(camera: Camera, new_from_old: Array, origin: Array) -> Camera:
+def _move_camera(camera: Camera, new_from_old: Array, origin: Array) -> Camera:
     """Return the camera in the world p_new = new_from_old (p_old - origin)."""
     rotation = camera.rotation @ new_from_old.T
     translation = camera.translation_m + camera.rotation @ origin

@@ -83,14 +83,14 @@ def refine_rig(rig: CameraRig, frames: Sequence[Sequence[Float32]]) -> Refinemen
     found = rig
     focal = float(np.mean([camera.focal_px for camera in rig.cameras]))
     for gate in np.radians(_GATES_DEG) * focal:
-        observed, weights, moments = _matched(found, frames, float(gate))
+        observed, weights, moments = _match_markers(found, frames, float(gate))
         if len(observed) < _LEAST_POINTS or len(np.unique(moments)) < _LEAST_FRAMES:
             raise CalibrationError(
                 f"{len(observed)} markers at {len(np.unique(moments))} moments are seen by several cameras; "
                 f"{_LEAST_POINTS} at {_LEAST_FRAMES} are needed",
                 advice="move markers through the whole space before the cameras for half a minute, or calibrate again",
             )
-        found, depth_sigma = _placed(found, observed, weights)
+        found, depth_sigma = _fit_cameras(found, observed, weights)
     return Refinement(
         found,
         _median_px(rig, observed, weights),
@@ -104,7 +104,7 @@ def refine_rig(rig: CameraRig, frames: Sequence[Sequence[Float32]]) -> Refinemen
     )
 
 
-def _matched(rig: CameraRig, frames: Sequence[Sequence[Float32]], gate_px: float) -> tuple[Array, Array, Array]:
+def _match_markers(rig: CameraRig, frames: Sequence[Sequence[Float32]], gate_px: float) -> tuple[Array, Array, Array]:
     """Return matched points (N, C, 2), their weights (N, C) and moments (N,)."""
     matcher = StereoMatcher(rig, StereoSettings(epipolar_px=gate_px))
     observed, weights, moments = [], [], []
@@ -123,44 +123,44 @@ def _matched(rig: CameraRig, frames: Sequence[Sequence[Float32]], gate_px: float
     return np.concatenate(observed), np.concatenate(weights), np.concatenate(moments)
 
 
-def _placed(rig: CameraRig, observed: Array, weights: Array) -> tuple[CameraRig, float]:
+def _fit_cameras(rig: CameraRig, observed: Array, weights: Array) -> tuple[CameraRig, float]:
     """Move all cameras but the first so that rays meet; return rig and depth sigma."""
     seen = weights > 0.0
     usual = np.tile(_USUAL_BUMP, len(rig) - 1)
 
     def residuals(unknown: Array) -> Array:
-        moved = _moved(rig, unknown)
+        moved = _move_cameras(rig, unknown)
         points = triangulate(moved.cameras, observed, weights, 1.0)[0]
         rows = []
         for index, camera in enumerate(moved.cameras):
             local = camera.to_camera(points[seen[:, index]])
             rows.append((local[:, :2] / local[:, 2:] - observed[seen[:, index], index]) * camera.focal_px)
-        errors = _tamed(np.concatenate(rows).ravel() / _ROBUST_PX) * _ROBUST_PX / _SYSTEMATIC_PX
+        errors = _soften(np.concatenate(rows).ravel() / _ROBUST_PX) * _ROBUST_PX / _SYSTEMATIC_PX
         return np.concatenate((errors * np.sqrt(_INDEPENDENT / len(observed)), unknown / usual))
 
     result = least_squares(residuals, np.zeros(len(usual)), bounds=(-10.0 * usual, 10.0 * usual), x_scale=usual)
     covariance = np.linalg.inv(result.jac.T @ result.jac)
-    return _moved(rig, result.x), _depth_sigma(rig, result.x, covariance, observed, weights)
+    return _move_cameras(rig, result.x), _depth_sigma(rig, result.x, covariance, observed, weights)
 
 
 def _depth_sigma(rig: CameraRig, found: Array, covariance: Array, observed: Array, weights: Array) -> float:
-    points = triangulate(_moved(rig, found).cameras, observed, weights, 1.0)[0]
+    points = triangulate(_move_cameras(rig, found).cameras, observed, weights, 1.0)[0]
     far = np.linalg.norm(points - rig.cameras[0].centre_m, axis=1)
     sizes, axes = np.linalg.eigh(covariance)
     squares = 0.0
     for size, axis in zip(sizes, axes.T, strict=True):
         step = 0.1 * np.sqrt(max(size, 0.0))  # a tenth of a deviation: points far off would not move in proportion
-        other = triangulate(_moved(rig, found + step * axis).cameras, observed, weights, 1.0)[0]
+        other = triangulate(_move_cameras(rig, found + step * axis).cameras, observed, weights, 1.0)[0]
         squares += float(np.median(np.linalg.norm(other - points, axis=1) / far / 0.1)) ** 2
     return float(np.sqrt(squares))
 
 
-def _tamed(errors: Array) -> Array:
+def _soften(errors: Array) -> Array:
     """Return errors with soft L1 squares: unchanged when small, roots when large."""
     return np.asarray(np.sign(errors) * np.sqrt(2.0 * (np.sqrt(1.0 + errors**2) - 1.0)))
 
 
-def _moved(rig: CameraRig, unknown: Array) -> CameraRig:
+def _move_cameras(rig: CameraRig, unknown: Array) -> CameraRig:
     """Turn cameras but the first about their centres and move these."""
     first = rig.cameras[0]
     cameras: list[Camera] = [first]

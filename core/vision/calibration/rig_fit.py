@@ -122,7 +122,7 @@ def fit_rig(
     Raises:
         CalibrationError: cameras that did not see the board together, or pictures that do not belong together.
     """
-    starts = _chained(singles, centre)
+    starts = _chain_cameras(singles, centre)
     members = _members(singles, starts, refused, centre)
     prior = lens_prior([camera.image_size for camera in cameras])
     while True:
@@ -194,7 +194,7 @@ def _choose_model(
         limit = _RICHER_MAY_COST * min(held_out.values())
         chosen = next(name for name, error in held_out.items() if error <= limit)
     free = _MODELS[chosen]
-    fitted = adjust(_cleared(bundle, free), observations, free, prior)
+    fitted = adjust(_clear_fixed(bundle, free), observations, free, prior)
     poses = tuple((cv2.Rodrigues(row[:3])[0], row[3:]) for row in fitted.cameras)
     return RigFit(
         fitted.intrinsics,
@@ -204,7 +204,7 @@ def _choose_model(
         tuple(keys),
         chosen,
         rms_by_moment(fitted, observations),
-        _late_s(fitted, observations),
+        _delays_s(fitted, observations),
         _distance_sigma(fitted, camera_covariance(fitted, observations, free, prior)),
     )
 
@@ -223,7 +223,7 @@ def _distances(cameras: Array) -> Array:
     return np.asarray(np.linalg.norm(centres[first] - centres[second], axis=1))
 
 
-def _late_s(bundle: Bundle, observations: Sequence[CornerObservation]) -> Array:
+def _delays_s(bundle: Bundle, observations: Sequence[CornerObservation]) -> Array:
     """Return the median delay (C,) of each camera against the first, NaN if unknown."""
     delays = np.full((len(bundle.boards), len(bundle.intrinsics)), np.nan)
     for observation in observations:
@@ -234,7 +234,7 @@ def _late_s(bundle: Bundle, observations: Sequence[CornerObservation]) -> Array:
     return late - late[0]
 
 
-def _cleared(bundle: Bundle, free: NDArray[np.bool_]) -> Bundle:
+def _clear_fixed(bundle: Bundle, free: NDArray[np.bool_]) -> Bundle:
     return Bundle(np.where(free, bundle.intrinsics, 0.0), bundle.cameras, bundle.boards)
 
 
@@ -247,12 +247,12 @@ def _held_out(
     for fold in range(_FOLDS):
         training = [s for s in observations if s.moment % _FOLDS != fold]
         tests = [s for s in observations if s.moment % _FOLDS == fold]
-        fitted = adjust_boards(adjust(_cleared(bundle, free), training, free, prior), tests)
+        fitted = adjust_boards(adjust(_clear_fixed(bundle, free), training, free, prior), tests)
         squares += [np.sum(residuals(fitted, observation) ** 2, axis=1) for observation in tests]
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 
 
-def _chained(singles: Sequence[SingleCamera], centre: Array | None) -> list[Transform]:
+def _chain_cameras(singles: Sequence[SingleCamera], centre: Array | None) -> list[Transform]:
     """Return camera-from-first of all cameras, chained by most shared views."""
     starts: dict[int, Transform] = {0: (np.eye(3), np.zeros(3))}
     while len(starts) < len(singles):
@@ -287,7 +287,7 @@ def _members(
         seen = [c for c, single in enumerate(singles) if key in single.poses]
         if len(seen) < 2:
             continue
-        rows = [_agreeing(base, seen, key, singles, starts, centre, scale) for base in seen]
+        rows = [_agreeing_cameras(base, seen, key, singles, starts, centre, scale) for base in seen]
         best = max(rows, key=len)
         members[key] = best
         for c in seen:
@@ -297,7 +297,7 @@ def _members(
     return members
 
 
-def _agreeing(
+def _agreeing_cameras(
     base: int,
     seen: Sequence[int],
     key: str,

@@ -148,10 +148,10 @@ class Detector:
         window = self._window(image)
         if window is None:
             self._partly = 0
-            found = self._chosen(self._found(image, self._room))
+            found = self._select(self._found(image, self._room))
         else:
             self._partly += 1
-            found = self._chosen(self._found_within(image, window))
+            found = self._select(self._found_within(image, window))
         self._last = found
         return found
 
@@ -257,7 +257,7 @@ class Detector:
         inside = (radius >= s.minimum_radius_px) & (radius <= s.maximum_radius_px)
         return np.asarray(inside & (table[:, ROUNDNESS] >= s.minimum_roundness))
 
-    def _chosen(self, table: Array) -> Float32:
+    def _select(self, table: Array) -> Float32:
         # sums have no more digits: the equally bright stay in the order of the image's rows
         table = table[np.argsort(-table[:, CONTRAST].round(6), kind="stable")]
         if len(table) == 0:

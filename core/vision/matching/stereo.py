@@ -92,8 +92,8 @@ class StereoMatcher:
         for camera in range(1, cameras):
             table = self._attach(camera, normalised, located[0], table)
             for other in range(camera):
-                free_a = unused(table, other, len(blobs[other]))
-                free_b = unused(table, camera, len(blobs[camera]))
+                free_a = unused_blobs(table, other, len(blobs[other]))
+                free_b = unused_blobs(table, camera, len(blobs[camera]))
                 pairs, located = self._pairs(other, camera, free_a, free_b, blobs, normalised, predicted_m)
                 rows = np.full((len(pairs), cameras), -1, dtype=np.int64)
                 rows[:, other], rows[:, camera] = pairs[:, 0], pairs[:, 1]
@@ -182,7 +182,7 @@ def _choose(cost: Array, rows: IntArray, columns: IntArray, shape: tuple[int, in
     return np.sort(index[assign(table, _NO_MATCH)])
 
 
-def unused(table: IntArray, camera: int, count: int) -> IntArray:
+def unused_blobs(table: IntArray, camera: int, count: int) -> IntArray:
     """Return the blobs of a camera that no row of the table (N, C) holds."""
     free = np.ones(count, dtype=bool)
     free[table[table[:, camera] >= 0, camera]] = False
@@ -195,7 +195,7 @@ def epipolar_distances(a: Camera, b: Camera, x: Array, y: Array) -> Array:
     Hartley and Zisserman, Multiple View Geometry, 11.4.3: first-order distance to the nearest pair that meets in 3D.
     """
     essential = essential_matrix(a, b)
-    xh, yh = _homogeneous(x), _homogeneous(y)
+    xh, yh = homogeneous(x), homogeneous(y)
     lines_b, lines_a = xh @ essential.T, yh @ essential
     value = lines_b @ yh.T
     slope = np.sum(lines_b[:, :2] ** 2, axis=1)[:, None] + np.sum(lines_a[:, :2] ** 2, axis=1)[None]
@@ -210,8 +210,9 @@ def essential_matrix(a: Camera, b: Camera) -> Array:
     return np.asarray(cross @ rotation)
 
 
-def _homogeneous(points: Array) -> Array:
-    return np.concatenate((points, np.ones((len(points), 1))), axis=1)
+def homogeneous(points: Array) -> Array:
+    """Return points (..., 2) with a third coordinate of one."""
+    return np.concatenate((points, np.ones((*points.shape[:-1], 1))), axis=-1)
 
 
 def _dissimilarity(a: Float32, b: Float32) -> Array:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...geometry.camera import Camera, CameraRig
 from ...markers.marker_frame import MarkerFrame
 from .image_tracks import BlobLinker, ImageTracks, image_tracks
-from .stereo import essential_matrix
+from .stereo import essential_matrix, homogeneous
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -109,13 +109,13 @@ class _Pair:
         self._focal_px = 0.5 * (a.focal_px + b.focal_px)
         self._a, self._b = tracks_a, tracks_b
         self._essential = essential_matrix(a, b)
-        self._lines = _homogeneous(tracks_a.points) @ self._essential.T
+        self._lines = homogeneous(tracks_a.points) @ self._essential.T
 
     def _distances(self, offset_s: float, drift: float) -> tuple[Array, IntArray]:
         """Return signed Sampson distances (A, B, F), pixels, and the other's tracks."""
         shift = offset_s + drift * (self.times_s - self._middle_s)
         points, ids = self._b.at(self.times_s - shift)
-        y = _homogeneous(points)
+        y = homogeneous(points)
         value = np.einsum("afi,bfi->abf", self._lines, y)
         back = y @ self._essential
         slope = np.sum(self._lines[..., :2] ** 2, axis=-1)[:, None] + np.sum(back[..., :2] ** 2, axis=-1)[None]
@@ -184,10 +184,6 @@ class _Pair:
         covariance = inverse @ (parts.T @ parts) @ inverse
         sigma = float(np.sqrt(max(covariance[0, 0], inverse[0, 0])))
         return TimeOffset(float(state[0]), float(state[1]), self._middle_s, sigma, int(usable.sum()))
-
-
-def _homogeneous(points: Array) -> Array:
-    return np.concatenate((points, np.ones((*points.shape[:-1], 1))), axis=-1)
 
 
 def estimate_time_offsets(

@@ -9,6 +9,7 @@ from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, Camera
 from perfanim.core.labelling.labeller import Labeller
+from perfanim.core.labelling.template_labelling import label_by_template
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import load_marker_set
 
@@ -35,7 +36,7 @@ def test_first_frame_of_every_prototype_body(pose):
         ghosts = rng.uniform([-1.2, 0.0, -3.6], [1.2, 1.9, -2.4], (200, 3))
         clear = np.linalg.norm(ghosts[:, None] - points[None], axis=2).min(axis=1) > 0.2
         order = rng.permutation(9)
-        labels = Labeller(SET.names).label_first(np.concatenate((points, ghosts[clear][:1]))[order], template)
+        labels = label_by_template(np.concatenate((points, ghosts[clear][:1]))[order], template)
         truth = np.append(shown, -1)[order]
         np.testing.assert_array_equal(labels[truth >= 0], truth[truth >= 0], err_msg=f"body {seed}")
 
@@ -44,13 +45,13 @@ def test_left_and_right_are_told_apart_when_facing_the_cameras():
     """A T pose looks the same from behind: the one that faces the cameras is meant."""
     template = markers_of(default_skeleton(), t_pose)
     points = template + np.array([0.0, 0.9, -3.0])
-    np.testing.assert_array_equal(Labeller(SET.names).label_first(points, template), np.arange(9))
+    np.testing.assert_array_equal(label_by_template(points, template), np.arange(9))
 
 
 def test_no_points_at_all():
     template = markers_of(default_skeleton(), t_pose)
     labeller = Labeller(SET.names, TORSO)
-    assert labeller.label_first(np.empty((0, 3)), template).shape == (0,)
+    assert label_by_template(np.empty((0, 3)), template).shape == (0,)
     assert labeller.label(np.empty((0, 3)), np.empty((0, 3, 3)), template, 1 / 30).shape == (0,)
 
 
@@ -115,7 +116,7 @@ def test_hidden_markers_and_ghosts(body):
         pixels = [np.concatenate((c.project(body[s]), g)) for c, s, g in zip(cameras, shown, ghosts, strict=True)]
         predicted = body + rng.normal(scale=0.01, size=(9, 3))
         labeller = Labeller(SET.names, TORSO)
-        labeller.label_first(body, markers_of(default_skeleton(), standing))
+        labeller.begin(body, label_by_template(body, markers_of(default_skeleton(), standing)))
         found = labeller.label_blobs(frame_of(cameras, pixels), cameras, predicted, 1 / 30)
         for index, rows in enumerate(shown):
             names = np.append(rows, [-1, -1, -1])
@@ -144,7 +145,8 @@ def test_rays_that_do_not_meet_are_not_joined(body):
 
 def test_a_marker_comes_back_after_a_long_time(body):
     labeller = Labeller(SET.names, TORSO)
-    labels = labeller.label_first(body, markers_of(default_skeleton(), standing))
+    labels = label_by_template(body, markers_of(default_skeleton(), standing))
+    labeller.begin(body, labels)
     np.testing.assert_array_equal(labels, np.arange(9))
     hand = SET.names.index("LHAN")
     rest = np.delete(body, hand, axis=0)
@@ -160,7 +162,7 @@ def test_a_marker_comes_back_after_a_long_time(body):
 
 def test_a_ghost_is_not_taken_for_a_hidden_marker_far_away(body):
     labeller = Labeller(SET.names, TORSO)
-    labeller.label_first(body, markers_of(default_skeleton(), standing))
+    labeller.begin(body, label_by_template(body, markers_of(default_skeleton(), standing)))
     points = body.copy()
     points[5] += np.array([0.0, 0.5, 0.0])
     labels = labeller.label(points, np.tile(1e-6 * np.eye(3), (9, 1, 1)), body, 1 / 30)

@@ -6,6 +6,7 @@ from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, Camera
 from perfanim.core.labelling.labeller import Labeller
+from perfanim.core.labelling.template_labelling import label_by_template
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import MarkerSet, load_marker_set
 
@@ -35,7 +36,7 @@ def test_first_frame_is_labelled_with_ghosts_missing_markers_turn_and_size(name,
     points = rot.rotate(yaw, person[shown]) + place + rng.normal(0, 0.01, (len(shown), 3))
     ghosts = rng.uniform([-1.5, 0.0, -3.5], [1.5, 2.0, -2.5], (3, 3))
     order = rng.permutation(len(shown) + 3)
-    labels = Labeller(marker_set.names).label_first(np.concatenate((points, ghosts))[order], template)
+    labels = label_by_template(np.concatenate((points, ghosts))[order], template)
     truth = np.concatenate((shown, [-1, -1, -1]))[order]
     real = truth >= 0
     np.testing.assert_array_equal(labels[real], truth[real])
@@ -44,9 +45,9 @@ def test_first_frame_is_labelled_with_ghosts_missing_markers_turn_and_size(name,
 def test_too_few_points_are_not_labelled():
     marker_set = load_marker_set("boxing")
     template = markers_of(marker_set)
-    assert np.all(Labeller(marker_set.names).label_first(template[:4], template) == -1)
+    assert np.all(label_by_template(template[:4], template) == -1)
     scattered = np.random.default_rng(0).uniform(-4, 4, (9, 3))
-    assert np.all(Labeller(marker_set.names).label_first(scattered, template) == -1)
+    assert np.all(label_by_template(scattered, template) == -1)
 
 
 def moving(template: np.ndarray, time_s: float) -> np.ndarray:
@@ -63,7 +64,7 @@ def test_markers_keep_their_labels_with_occlusion_and_ghosts():
     rng = np.random.default_rng(3)
     labeller = Labeller(marker_set.names, marker_set.torso)
     start = moving(template, 0.0)
-    labeller.label_first(start, template)
+    labeller.begin(start, label_by_template(start, template))
     hidden = np.zeros(len(start), dtype=int)
     wrong = labelled = late = 0
     for frame in range(1, 180):
