@@ -87,7 +87,7 @@ def cut_off() -> list[TakeSummary]:
 
 
 def mark_captured(path: Path | str, filters: Mapping[str, Any], recorded: tuple[int, int] | None = None) -> None:
-    """Note how a capture was filtered, which of its frames were recorded, and that it was put onto a character.
+    """Note the filters and the recorded part of a captured take.
 
     Args:
         path: the take.
@@ -104,7 +104,7 @@ def mark_captured(path: Path | str, filters: Mapping[str, Any], recorded: tuple[
 
 
 def mark_played(path: Path | str, character: str = "") -> None:
-    """Note that a take was put onto a character, so that it is no longer offered for recovery.
+    """Note that a take was put onto a character, and end its recovery offer.
 
     Args:
         path: the take.
@@ -143,7 +143,7 @@ def restore(path: Path) -> None:
 
 
 def in_trash() -> list[Path]:
-    """Return the files in the trash: deleted takes, and damaged files that were recovered."""
+    """Return the files in the trash: deleted takes and recovered files."""
     return [*(folder() / _DELETED).glob(f"*{ENDING}"), *folder().glob(f"*{ENDING}{RECOVERED_SUFFIX}")]
 
 

@@ -14,7 +14,7 @@ from ..character.create_character import find_armature
 from ..character.posing import plan_for
 from ..character.rig import clear_offsets, delta_transforms
 from .keyframes import KeyWriter, bone_path
-from .placement import BLEND_S, Onto, Placement, new_action, put
+from .placement import BLEND_S, Placement, PlacementMode, new_action, place_action
 from .quaternion_curves import keep_in_quaternions
 
 Array = NDArray[np.float64]
@@ -24,7 +24,7 @@ _NEW = Placement()
 
 
 def scene_frames(times_s: ArrayLike, scene: bpy.types.Scene, start_frame: float = 1.0) -> Array:
-    """Return scene frames (fractions allowed) of times (F,) in seconds: the first time falls on `start_frame`."""
+    """Return scene frames of times (F,) in seconds, the first at `start_frame`."""
     times = np.asarray(times_s, dtype=np.float64)
     return start_frame + (times - times[0]) * scene_fps(scene) if len(times) else times
 
@@ -44,15 +44,15 @@ def write_action(
     name: str = "Capture",
     placement: Placement = _NEW,
 ) -> str:
-    """Write poses as a new action of an armature; the action that was there is kept in the file.
+    """Write poses as a new action of an armature; its old action stays in the file.
 
     Args:
-        object_name: an armature object, driven as `plan_for` tells.
+        object_name: an armature object, driven as `plan_for` returns it.
         frames: (F,) scene frame of each pose, strictly increasing, fractions allowed (see `scene_frames`).
         rotations: (F, J, 4) parent-from-joint quaternions relative to rest.
         root_positions_m: (F, 3) root in product space.
         skeleton: the skeleton that the poses are relative to.
-        name: wished name of the action.
+        name: name of the action.
         placement: where it goes, which bones it moves, how many keys it has.
 
     Returns:
@@ -82,7 +82,7 @@ def write_with_plan(
     name: str,
     placement: Placement = _NEW,
 ) -> str:
-    """Write poses by a given retarget plan as a new action; arguments and result otherwise as of `write_action`."""
+    """Write poses by a given retarget plan; otherwise as `write_action`."""
     animation = armature_object.animation_data or armature_object.animation_data_create()
     if animation.use_tweak_mode:
         advice = "leave tweak mode (Tab in the NLA editor)"
@@ -99,7 +99,7 @@ def write_with_plan(
         armature_object.pose.bones[bone_name].rotation_mode = "QUATERNION"
     action = new_action(animation, name, placement.onto)
     quaternions, signs, blend = rot.continuous(pose.rotations), np.ones((2, len(turned))), 0.0
-    if placement.onto is Onto.LAYER:
+    if placement.onto is PlacementMode.LAYER:
         blend = BLEND_S * scene_fps(bpy.context.scene)
         signs = _signs(armature_object, turned, quaternions, frames)
     writer = KeyWriter(armature_object, action, frames, placement.bounds)
@@ -111,20 +111,20 @@ def write_with_plan(
         turns, ways = delta_transforms(armature_object, pose.object_rotation, pose.object_location)
         writer.rotate("delta_rotation_quaternion", _OBJECT_GROUP, rot.continuous(turns))
         writer.move("delta_location", _OBJECT_GROUP, ways)
-    put(animation, action, frames, placement.onto, blend)
+    place_action(animation, action, frames, placement.onto, blend)
     return str(action.name)
 
 
 def write_object_action(
     target: bpy.types.Object, frames: Array, rotations: Array, locations: Array, *, name: str, placement: Placement
 ) -> str:
-    """Write how an object moves as a new action of it; return the action's name.
+    """Write the motion of an object as a new action of it; return the action's name.
 
     Args:
         target: is switched to quaternions.
         frames: (F,) scene frames, strictly increasing.
         rotations, locations: (F, 4), (F, 3) in its parent's space.
-        name: wished name of the action.
+        name: name of the action.
         placement: where it goes and how many keys it has; a strip of an object does not blend.
     """
     animation = target.animation_data or target.animation_data_create()
@@ -133,7 +133,7 @@ def write_object_action(
     writer = KeyWriter(target, action, frames, placement.bounds)
     writer.rotate("rotation_quaternion", _OBJECT_GROUP, rot.continuous(rotations))
     writer.move("location", _OBJECT_GROUP, locations)
-    put(animation, action, frames, placement.onto, blend=0.0)
+    place_action(animation, action, frames, placement.onto, blend=0.0)
     return str(action.name)
 
 
@@ -158,7 +158,7 @@ def _check(frames: Array, rotations: Array, positions: Array, skeleton: Skeleton
 
 
 def _signs(armature_object: bpy.types.Object, turned: dict[str, int], quaternions: Array, frames: Array) -> Array:
-    """Return the signs (2, B) with which the rotations of bones begin and end, nearest to what is played there.
+    """Return signs (2, B) of the first and last rotations, nearest to the animation.
 
     q and -q are the same, but a blend between one and the other goes round.
     """
@@ -171,7 +171,7 @@ def _signs(armature_object: bpy.types.Object, turned: dict[str, int], quaternion
 
 
 def _quaternions_at(armature_object: bpy.types.Object, bones: list[str], frame: float) -> Array:
-    """Return the rotations (B, 4) of bones as they are played at a frame of the scene."""
+    """Return the rotations (B, 4) of bones at a frame of the scene."""
     scene = bpy.context.scene
     before = scene.frame_current_final
     scene.frame_set(int(np.floor(frame)), subframe=frame - np.floor(frame))

@@ -1,4 +1,4 @@
-"""How actions hold their curves, on every supported Blender: on the action up to 4.3, in slots from 4.4.
+"""Curves of actions: on the action up to Blender 4.3, in slots from 4.4.
 
 The one module that knows: `Action.fcurves` is gone in Blender 5.0.
 """
@@ -12,7 +12,7 @@ HAS_SLOTS = bpy.app.version >= (4, 4, 0)
 
 
 def new_channels(action: bpy.types.Action, armature_object: bpy.types.Object) -> Any:
-    """Return what curves of a new action are added to: a slot's channel bag, or before 4.4 the action itself."""
+    """Return a new action's curve container: a slot's channel bag, or the action."""
     if not HAS_SLOTS:
         return action
     slot = action.slots.new(id_type="OBJECT", name=armature_object.name)
@@ -20,7 +20,7 @@ def new_channels(action: bpy.types.Action, armature_object: bpy.types.Object) ->
 
 
 def new_curve(channels: Any, path: str, component: int, group: str) -> bpy.types.FCurve:
-    """Add a curve of one component of a property to what `new_channels` or `channels_of` gave."""
+    """Add the curve of one property component to a curve container."""
     if not HAS_SLOTS:
         return channels.fcurves.new(path, index=component, action_group=group)
     curve = channels.fcurves.new(path, index=component)
@@ -34,7 +34,7 @@ def slot_of(animated: bpy.types.AnimData | bpy.types.NlaStrip) -> Any:
 
 
 def channels_of(action: bpy.types.Action, slot: Any) -> Iterator[Any]:
-    """Yield what holds an action's curves: channel bags of a slot, or before 4.4 the action itself."""
+    """Yield an action's curve containers: channel bags of a slot, or the action."""
     if not HAS_SLOTS:
         yield action
         return
@@ -46,7 +46,7 @@ def channels_of(action: bpy.types.Action, slot: Any) -> Iterator[Any]:
 
 
 def assign(animation: bpy.types.AnimData, action: bpy.types.Action) -> None:
-    """Make an action the one that is played; an earlier one keeps a fake user, so saving does not drop it."""
+    """Make an action the active one; the earlier one gets a fake user and is saved."""
     if animation.action is not None:
         animation.action.use_fake_user = True
     animation.action = action
@@ -55,13 +55,13 @@ def assign(animation: bpy.types.AnimData, action: bpy.types.Action) -> None:
 
 
 def played(armature_object: bpy.types.Object) -> tuple[Any, ...] | None:
-    """Return what an armature plays, for `play`; None without animation."""
+    """Return an armature's animation for `play`, None without any."""
     animation = armature_object.animation_data
     return None if animation is None else (animation.action, slot_of(animation), animation.use_nla)
 
 
 def play(armature_object: bpy.types.Object, before: tuple[Any, ...] | None) -> None:
-    """Let an armature play what `played` returned earlier."""
+    """Restore the animation returned by `played`."""
     if before is None:
         armature_object.animation_data_clear()
         return

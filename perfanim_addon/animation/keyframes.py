@@ -1,4 +1,4 @@
-"""Values of many frames as keyframes: one in every frame, or as few as leave the curve where it was."""
+"""Keyframes of sampled values: one per frame, or reduced within bounds."""
 
 from dataclasses import dataclass
 
@@ -12,13 +12,13 @@ from .channels import new_channels, new_curve
 Array = NDArray[np.float64]
 
 _LINEAR = 1  # Keyframe.interpolation "LINEAR" as foreach_set takes it
-_ALIGNED = 3  # Keyframe.handle_left_type "ALIGNED" likewise
+_ALIGNED = 3  # Keyframe.handle_left_type "ALIGNED"
 _LINEAR_ROTATION_FRAMES = 2.0  # mean key distance up to which straight lines between keys show no corners
 
 
 @dataclass(frozen=True)
 class KeyBounds:
-    """How far curves with fewer keys may stray from what was recorded, in every recorded frame.
+    """Largest errors of reduced curves in any recorded frame.
 
     Args:
         rotation_deg: of each bone, relative to its parent.
@@ -50,7 +50,7 @@ class KeyWriter:
         self._unit_mm = 1000.0 * bpy.context.scene.unit_settings.scale_length * max(scale, 1e-9)
 
     def rotate(self, path: str, group: str, quaternions: Array, signs: ArrayLike = (1.0, 1.0)) -> None:
-        """Add the four curves of a rotation (F, 4), with these signs at its beginning and its end.
+        """Add the four curves of a rotation (F, 4), with signs for its start and end.
 
         Where they differ, the sign changes half way, between two keys that nothing is drawn between.
         """
@@ -98,7 +98,7 @@ def fill(curve: bpy.types.FCurve, frames: Array, values: Array, straight: bool) 
 
 
 def _fill_eased(curve: bpy.types.FCurve, frames: Array, values: Array, steep: Array) -> None:
-    """Set keys with the curve's slope at each; handles reach a third of the way, which makes cubics of the curve."""
+    """Set keys with slopes; handles of a third of the distance make cubics."""
     fill(curve, frames, values, straight=False)
     gaps = np.diff(frames) / 3.0
     before, after = np.append(gaps[:1], gaps), np.append(gaps, gaps[-1:])

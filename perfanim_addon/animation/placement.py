@@ -1,4 +1,4 @@
-"""Where a new action goes: in place of what is played, or as an NLA strip above it."""
+"""Placement of a new action: active action or NLA strip."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -14,20 +14,20 @@ from .keyframes import KeyBounds
 
 Array = NDArray[np.float64]
 
-BLEND_S = 0.25  # in which a layer takes over from what is below it, and hands back
+BLEND_S = 0.25  # blend time of a layer at its start and end
 
 
-class Onto(Enum):
-    """Where the keyframes go."""
+class PlacementMode(Enum):
+    """Destination of keyframes."""
 
-    ACTION = "a new action, which the armature plays from then on"
-    STRIP = "an NLA strip above what the armature plays"
-    LAYER = "an NLA strip that blends in over what the armature plays, and out again"
+    ACTION = "new active action"
+    STRIP = "NLA strip above the present animation"
+    LAYER = "NLA strip that blends in over the present animation and out again"
 
 
 @dataclass(frozen=True)
 class Placement:
-    """How keyframes are put on an armature.
+    """Placement of keyframes on an armature.
 
     Args:
         onto: where they go.
@@ -35,36 +35,38 @@ class Placement:
         bounds: of the reduction; None for a key in every frame.
     """
 
-    onto: Onto = Onto.ACTION
+    onto: PlacementMode = PlacementMode.ACTION
     only: Collection[str] | None = None
     bounds: KeyBounds | None = None
 
 
-def new_action(animation: bpy.types.AnimData, name: str, onto: Onto) -> bpy.types.Action:
-    """Return a new action without curves, for which what is played makes room."""
-    if onto is not Onto.ACTION:
+def new_action(animation: bpy.types.AnimData, name: str, onto: PlacementMode) -> bpy.types.Action:
+    """Return a new action without curves; push the active one down for a strip."""
+    if onto is not PlacementMode.ACTION:
         _push_down(animation)
     action = bpy.data.actions.new(name)
     action.use_fake_user = True
     return action
 
 
-def put(animation: bpy.types.AnimData, action: bpy.types.Action, frames: Array, onto: Onto, blend: float) -> None:
-    """Let an action be played.
+def place_action(
+    animation: bpy.types.AnimData, action: bpy.types.Action, frames: Array, onto: PlacementMode, blend: float
+) -> None:
+    """Make an action active, or add its strip.
 
     Args:
         frames: (F,) where its keys are.
         onto: as of `new_action`.
         blend: frames in which a strip blends in, and out.
     """
-    if onto is Onto.ACTION:
+    if onto is PlacementMode.ACTION:
         assign(animation, action)
     else:
         _add_strip(animation, action, (float(frames[0]), float(frames[-1])), blend)
 
 
 def _push_down(animation: bpy.types.AnimData) -> None:
-    """Make the action that is played a strip of its own, as Blender's Push Down does, below what follows."""
+    """Push the active action down to a strip, as Blender's Push Down does."""
     action = animation.action
     if action is None:
         return
@@ -83,7 +85,7 @@ def _add_strip(
     blend: float,
     slot: Any = None,
 ) -> bpy.types.NlaStrip:
-    """Add an action as a strip on a new track above all others, where its keys are; so long it blends in and out.
+    """Add an action as a strip on a new top track; it blends in and out over `blend`.
 
     Where something lies below, it shows before and after the strip.
     """

@@ -1,4 +1,4 @@
-"""Rotations that an armature plays, as quaternions beside what they are keyed in."""
+"""Quaternion curves beside the Euler or axis-angle curves of an animation."""
 
 from collections.abc import Collection
 from typing import Any
@@ -13,7 +13,7 @@ from .keyframes import bone_path, fill
 
 
 def keep_in_quaternions(armature_object: bpy.types.Object, bones: Collection[str]) -> None:
-    """Give what is played quaternion curves beside others, for bones that are about to be turned by quaternions."""
+    """Add quaternion curves to the animation of bones that switch to quaternions."""
     animation = armature_object.animation_data
     if animation is None:
         return
@@ -31,7 +31,7 @@ def keep_in_quaternions(armature_object: bpy.types.Object, bones: Collection[str
 
 
 def _add_quaternions(channels: Any, known: dict[tuple[str, int], Any], bone: bpy.types.PoseBone) -> None:
-    """Add what a bone's curves in another mode amount to in each frame."""
+    """Add a bone's rotation per frame as quaternion curves."""
     is_axis_angle = bone.rotation_mode == "AXIS_ANGLE"
     channel = "rotation_axis_angle" if is_axis_angle else "rotation_euler"
     path, now = bone_path(bone.name, channel), list(getattr(bone, channel))

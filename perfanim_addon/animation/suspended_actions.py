@@ -1,10 +1,10 @@
-"""Actions that are taken off objects while a capture moves them, so that a change of frame does not overwrite that."""
+"""Actions suspended while a capture moves their objects."""
 
 import bpy
 
 
-class HeldActions:
-    """Takes actions off and gives them back. Only names are held, nothing of Blender's data."""
+class SuspendedActions:
+    """Suspends actions and restores them. Only names are kept, no Blender data."""
 
     def __init__(self) -> None:
         self._held: dict[str, str] = {}

@@ -13,7 +13,7 @@ from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import PerfanimError
 from ...core.geometry import rotations as rot
 from .. import take_library
-from ..animation.suspended_actions import HeldActions
+from ..animation.suspended_actions import SuspendedActions
 from ..jobs import activity
 from ..jobs.job import Job, command
 from ..settings.capture_settings import settings
@@ -49,7 +49,7 @@ class LiveCapture:
         self._python = python
         self._driver: ArmatureDriver | None = None
         self._skeleton: Skeleton | None = None
-        self._held = HeldActions()
+        self._held = SuspendedActions()
         self._others: Others | None = None  # where there are any
         self._take_path = ""
         self._request: dict[str, Any] = {}

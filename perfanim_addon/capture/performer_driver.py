@@ -11,7 +11,7 @@ from ...core.body.scene_pose import ScenePose
 from ...core.body.skeleton import forward_kinematics
 from ...core.markers.subject import Subject
 from ..animation.actions import write_with_plan
-from ..animation.suspended_actions import HeldActions
+from ..animation.suspended_actions import SuspendedActions
 from ..character.create_character import create_character
 from ..character.posing import plan_for
 from ..settings import target_settings
@@ -93,7 +93,7 @@ class PerformerDriver:
     """
 
     def __init__(self, context: bpy.types.Context, subjects: Sequence[Subject], parts: Collection[str]) -> None:
-        self._held = HeldActions()
+        self._held = SuspendedActions()
         self._followers = [_Follower(role, parts, self._held) for role in roles_of(context, subjects)]
 
     @property
@@ -128,7 +128,7 @@ class PerformerDriver:
 class _Follower:
     """A further performer's character while live; what it plays is left to it until the performer is seen."""
 
-    def __init__(self, role: Role, parts: Collection[str], held: HeldActions) -> None:
+    def __init__(self, role: Role, parts: Collection[str], held: SuspendedActions) -> None:
         self.role = role
         self._parts = parts
         self._held = held

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from ...core.body.scene_pose import PropPose, ScenePose
 from ...core.markers.prop import Prop
 from ..animation.actions import write_object_action
-from ..animation.placement import Onto, Placement
-from ..animation.suspended_actions import HeldActions
+from ..animation.placement import Placement, PlacementMode
+from ..animation.suspended_actions import SuspendedActions
 from ..settings import target_settings
 from .capture_space import CaptureSpace
 
@@ -33,7 +33,7 @@ class TargetDriver:
             target_settings.check_object(entry.object)
         self._props = list(props)
         self._names: list[str | None] = [None] * len(props)  # an object is made when its prop is first seen
-        self._held = HeldActions()
+        self._held = SuspendedActions()
 
     def apply(self, context: bpy.types.Context, poses: Sequence[PropPose], room: CaptureSpace) -> None:
         """Move the objects of the props that are found, in the room of the character that the capture drives.
@@ -96,7 +96,9 @@ def write_prop_actions(
         )
         target = bpy.data.objects[target_settings.object_of(context, prop)]
         target_settings.check_object(target)
-        how = Placement(Onto.STRIP if placement.onto is Onto.LAYER else placement.onto, None, placement.bounds)
+        how = Placement(
+            PlacementMode.STRIP if placement.onto is PlacementMode.LAYER else placement.onto, None, placement.bounds
+        )
         written.append(
             write_object_action(target, frames[rows], turns, places, name=f"{name} {prop.name}", placement=how)
         )

@@ -87,7 +87,7 @@ class Job:
             raise message.error()
 
     def take_preview(self) -> NDArray[np.uint8] | None:
-        """Return the newest camera image (height, width, 3), RGB, None if there is no new one."""
+        """Return the newest camera image (height, width, 3), RGB, None without a new one."""
         message, self._preview = self._preview, None
         return None if message is None else message.preview()
 

@@ -150,7 +150,7 @@ class PERFANIM_OT_set_floor(_FloorFinding, bpy.types.Operator):
 
 
 class PERFANIM_OT_set_floor_markers(_FloorFinding, bpy.types.Operator):
-    """Set the floor from three or more markers lying on it. Leave the floor empty until you are asked for them. Their
+    """Set the floor from three or more markers lying on it. Leave the floor empty until the status text says so. Their
     middle becomes the scene's origin"""
 
     bl_idname = "perfanim.set_floor_markers"

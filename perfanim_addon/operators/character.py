@@ -48,7 +48,7 @@ class PERFANIM_OT_add_character(PanelOperator, bpy.types.Operator):
 
 
 def _candidates(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """Return the active armature, or the armature of the active object or its parents, or those of its children.
+    """Return the armature of the active object or its parents, or those below it.
 
     Importers leave a mesh or an empty of the character active.
     """

@@ -1,4 +1,4 @@
-"""Command line of an installed Blender: `blender --background --command perfanim ...`.
+"""Command line of Blender: `blender --background --command perfanim ...`.
 
 Commands run in a process of their own, as the worker does: Blender has loaded numpy's libraries before, set for its
 window.

@@ -1,4 +1,4 @@
-"""Base classes of the operators: when a button is greyed out, and how errors are reported."""
+"""Base classes of the operators: preconditions and error reports."""
 
 import bpy
 
@@ -7,7 +7,7 @@ from ..jobs import activity
 
 
 class CheckedOperator:
-    """Base of operators that check their preconditions and show the first missing one on the greyed button.
+    """Base of operators with preconditions; the disabled button shows the missing one.
 
     Subclasses relax `needs_scene` or `needs_idle`, and name what else is missing in `missing_input`.
     """

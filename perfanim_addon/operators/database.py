@@ -37,7 +37,7 @@ def is_starter_missing(context: bpy.types.Context) -> bool:
 
 
 class SolvingOperator(JobOperator):
-    """Base of jobs that use the motion database; the starter database is built first where it is missing."""
+    """Base of jobs that use the motion database; a missing starter is built first."""
 
     def uses_starter(self, context: bpy.types.Context) -> bool:
         """Return True if the job needs the database of the scene's settings."""

@@ -1,4 +1,4 @@
-"""Operators of long work in the worker process, with progress and without freezing the window."""
+"""Operators of jobs in the worker process."""
 
 import traceback
 from typing import Any

@@ -1,4 +1,4 @@
-"""Operators that write a take's motion onto the character: Put on Character, Recover Take."""
+"""Operators that put takes onto the character."""
 
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ class TakeOperator:
 
 
 def take_motion(context: bpy.types.Context, take: TakeFile) -> TakeMotion:
-    """Return the filtered motion of a take, and the characters that follow its performers."""
+    """Return the filtered motion of a take and the characters of its performers."""
     chosen = FilterSettings.of_table(request.shape(settings(context)))
     poses = filter_take(take, chosen, use_stored=context.scene.perfanim_result.filters == "RECORDED")
     first, *further = take.setup.subjects()
@@ -51,7 +51,7 @@ def character_name(context: bpy.types.Context) -> str:
 
 
 def put_on_character(context: bpy.types.Context, path: Path) -> str:
-    """Write a take onto the chosen armature, or a new character; return the line to show.
+    """Write a take onto the chosen or a new character; return the line to show.
 
     Props and further performers go onto the objects and characters of their targets, or new ones.
     """

@@ -9,7 +9,7 @@ from ..settings.capture_settings import settings
 
 
 class PERFANIM_PT_camera_controls(SidebarPanel, bpy.types.Panel):
-    """Panel of the camera controls, which are stored in the preferences."""
+    """Panel of the camera controls of the preferences."""
 
     bl_label = "Exposure, Gain, Focus"
     bl_parent_id = "PERFANIM_PT_cameras"

@@ -24,7 +24,7 @@ def draw_progress(layout: bpy.types.UILayout, fraction: float, text: str) -> Non
 
 
 def draw_job(layout: bpy.types.UILayout, panel: str) -> None:
-    """Draw the progress of this panel's job, with Cancel and, if it can finish early, Finish Now."""
+    """Draw the progress of this panel's job, with Cancel and Finish Now."""
     job = activity.current()
     if isinstance(job, Job) and job.panel == panel:
         row = layout.row(align=True)

@@ -1,4 +1,4 @@
-"""Panels of the steps before a capture: cameras, markers, performer, database, character."""
+"""Panels of the steps before a capture, and of the capture."""
 
 from collections.abc import Callable
 from typing import Any

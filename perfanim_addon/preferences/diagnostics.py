@@ -1,4 +1,4 @@
-"""What a report about an installation needs; nothing but the standard library."""
+"""Facts for a report about an installation, with the standard library only."""
 
 import importlib
 import importlib.metadata
@@ -15,14 +15,14 @@ tested: list[str] = []  # what the self-test has found, a line each
 
 
 def library_facts(module: str, load: bool = False) -> str:
-    """Return a library's version and folder, or what is wrong with it; `load` also tries whether it can be used."""
+    """Return a library's version and folder, or its error; `load` also imports it."""
     spec = importlib.util.find_spec(module)
     if spec is None:
         return f"{module} missing"
     if load:
         try:
             importlib.import_module(module)
-        except Exception as error:  # whatever a broken library does is what is to be told
+        except Exception as error:  # a broken library may raise anything
             return f"{module} cannot be loaded: {type(error).__name__}: {error}"
     try:
         version = importlib.metadata.version(LIBRARIES[module])
@@ -33,7 +33,7 @@ def library_facts(module: str, load: bool = False) -> str:
 
 
 def lines(blender_version: str, load: bool = False) -> list[str]:
-    """Return the facts, one a line; `load` also tries whether the libraries can be used."""
+    """Return the facts, one a line; `load` also imports the libraries."""
     facts = [
         f"Perfanim {__version__}, Blender {blender_version}, Python {platform.python_version()}",
         platform.platform(),

@@ -6,7 +6,7 @@ from . import diagnostics
 
 
 class PERFANIM_OT_copy_diagnostics(bpy.types.Operator):
-    """Copy versions, folders and what the self-test has found to the clipboard, to be pasted into a report"""
+    """Copy versions, folders and self-test results to the clipboard, for a report"""
 
     bl_idname = "perfanim.copy_diagnostics"
     bl_label = "Copy Diagnostics"
@@ -19,7 +19,7 @@ class PERFANIM_OT_copy_diagnostics(bpy.types.Operator):
 
 
 def draw(layout: bpy.types.UILayout) -> None:
-    """Draw the buttons, and what is known."""
+    """Draw buttons and facts."""
     row = layout.row(align=True)
     if hasattr(bpy.types, "PERFANIM_OT_self_test"):  # not where a library is broken
         row.operator("perfanim.self_test", icon="PLAY")

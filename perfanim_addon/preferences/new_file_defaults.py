@@ -1,4 +1,4 @@
-"""What the preferences say about new files, put into their scenes."""
+"""Defaults of the preferences for the scenes of new files."""
 
 import bpy
 
@@ -8,7 +8,7 @@ from . import preferences
 
 @bpy.app.handlers.persistent
 def _set_up_new_file(*_: object) -> None:
-    """Take marker set and database of the preferences in a file that was never saved, where none has been chosen."""
+    """Set marker set and database of an unsaved file from the preferences, if unset."""
     chosen = preferences.chosen(bpy.context)
     if chosen is None or bpy.data.filepath:
         return

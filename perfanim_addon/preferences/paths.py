@@ -1,4 +1,4 @@
-"""Where the add-on is and where it may write."""
+"""Paths of the add-on and of the user's data."""
 
 import os
 from collections.abc import Sequence
@@ -16,10 +16,10 @@ _PROFILES = ("subjects", "calibrations", "bone_maps")  # lie in folders of these
 
 
 def user_folder(*parts: str) -> Path:
-    """Return a folder of the user's for the add-on's data, made if need be; never the add-on's own folder.
+    """Return a folder for the user's data, created if needed.
 
     The first part is a kind of data. Where the user's choice for it cannot be used, so that nothing is lost, it is
-    what it would be without one; `folder_problem` tells.
+    what it would be without one; `folder_problem` explains.
     """
     base, rest = _chosen(parts)
     if base:
@@ -35,21 +35,21 @@ def user_folder(*parts: str) -> Path:
 
 
 def folder_problem(kind: str) -> str:
-    """Return why the folder that the user chose for takes, databases or profiles cannot be used, "" when it can."""
+    """Return the reason why a chosen folder cannot be used, "" for none."""
     base, _ = _chosen((kind,))
     reason = _make(Path(absolute(base))) if base else ""
     return f"{base} cannot be used ({reason}): the add-on's own folder is used" if reason else ""
 
 
 def _chosen(parts: Sequence[str]) -> tuple[str, Sequence[str]]:
-    """Return the folder that the user chose for a kind of data, "" for none, and what follows it."""
+    """Return the chosen folder for a kind of data ("" for none), and the other parts."""
     kind, rest = ("profiles", parts) if parts[0] in _PROFILES else (parts[0], parts[1:])
     addon = bpy.context.preferences.addons.get(ADDON)
     return (getattr(addon.preferences, CHOSEN_FOLDERS[kind]) if addon and kind in CHOSEN_FOLDERS else ""), rest
 
 
 def _make(folder: Path) -> str:
-    """Make a folder unless it is there; return why it cannot be written to, "" when it can."""
+    """Create a folder; return the reason why it cannot be written to, "" for none."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -58,5 +58,5 @@ def _make(folder: Path) -> str:
 
 
 def absolute(path: str) -> str:
-    """Return a path as typed in Blender ("//" = beside the file) as an absolute one, "" for ""."""
+    """Return a Blender path ("//" = beside the file) as an absolute one, "" for ""."""
     return bpy.path.abspath(path) if path else ""

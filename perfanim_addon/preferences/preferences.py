@@ -1,4 +1,4 @@
-"""Preferences: the sidebar's tab, folders, defaults, the worker, the cameras' exposure, gain and focus, diagnostics."""
+"""Preferences of the add-on."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -23,14 +23,14 @@ def _tab_changed(preferences: "PERFANIM_AP_preferences", context: bpy.types.Cont
 
 
 def _marker_sets(_self: object, _context: object, typed: str) -> Iterator[str]:
-    from ...core.markers.marker_set import marker_set_names  # needs numpy, which may be what is broken
+    from ...core.markers.marker_set import marker_set_names  # needs numpy, which may be broken
 
     return (name for name in marker_set_names() if typed in name)
 
 
 def _folder(name: str, content: str) -> Any:
     return bpy.props.StringProperty(
-        name=name, description=f"Folder for {content}; empty: the add-on's own user folder", subtype="DIR_PATH"
+        name=name, description=f"Folder for {content}; empty for the add-on's user folder", subtype="DIR_PATH"
     )
 
 
@@ -43,16 +43,14 @@ def _number(name: str, description: str, default: float, least: float, most: flo
 
 
 class PERFANIM_PG_camera_controls(bpy.types.PropertyGroup):
-    """What one camera is told, on this computer; kept from session to session."""
+    """Controls of one camera, stored with the preferences."""
 
     exposure_auto: _automatic("exposure")
-    exposure_ms: _number(
-        "Exposure (ms)", "Milliseconds that the shutter is open: 2 to 4 keep fast markers sharp", 4, 0.1, 1000
-    )
+    exposure_ms: _number("Exposure (ms)", "Exposure time: 2 to 4 ms keep fast markers sharp", 4, 0.1, 1000)
     gain_auto: _automatic("gain")
-    gain: _number("Gain", "In the camera's own numbers", 0, 0, 1000)
+    gain: _number("Gain", "In the camera's own units", 0, 0, 1000)
     focus_auto: _automatic("focus")
-    focus: _number("Focus", "In the camera's own numbers; a focus that changes spoils the calibration", 0, 0, 1023)
+    focus: _number("Focus", "In the camera's own units. Changing the focus invalidates the calibration", 0, 0, 1023)
 
 
 class PERFANIM_AP_preferences(bpy.types.AddonPreferences):
@@ -77,32 +75,32 @@ class PERFANIM_AP_preferences(bpy.types.AddonPreferences):
     )
     database: bpy.props.StringProperty(
         name="Database",
-        description="Motion database of new files; empty: the starter motion of the add-on",
+        description="Motion database of new files; empty for the starter database",
         subtype="FILE_PATH",
     )
     method: bpy.props.EnumProperty(
         name="Method",
-        description="How poses are found while capturing; a take can be solved again with any",
+        description="Solver method while capturing; takes can be solved again with another",
         items=[(name, name, _METHOD_TEXTS[name]) for name in METHODS],
         default="best",
     )
     worker_python: bpy.props.StringProperty(
         name="Worker's Python",
-        description="Python program that runs the cameras; leave empty to use Blender's own",
+        description="Python program of the worker; empty for Blender's own",
         subtype="FILE_PATH",
     )
     workers: bpy.props.IntProperty(
         name="Processes",
-        description="How many processes read motion files when a database is imported; 0: one for each core",
+        description="Number of processes that read motion files during Import Motion; 0 for one per core",
         default=0,
         min=0,
         max=64,
     )
     left_camera: bpy.props.PointerProperty(
-        name="Left Camera", description="What the left camera is told", type=PERFANIM_PG_camera_controls
+        name="Left Camera", description="Controls of the left camera", type=PERFANIM_PG_camera_controls
     )
     right_camera: bpy.props.PointerProperty(
-        name="Right Camera", description="What the right camera is told", type=PERFANIM_PG_camera_controls
+        name="Right Camera", description="Controls of the right camera", type=PERFANIM_PG_camera_controls
     )
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -136,23 +134,23 @@ def _section(layout: bpy.types.UILayout, title: str) -> bpy.types.UILayout:
 
 def draw_camera_controls(layout: bpy.types.UILayout, preferences: PERFANIM_AP_preferences) -> None:
     """Draw exposure, gain and focus of both cameras."""
-    for title, told in (("Left Camera", preferences.left_camera), ("Right Camera", preferences.right_camera)):
+    for title, controls in (("Left Camera", preferences.left_camera), ("Right Camera", preferences.right_camera)):
         column = _section(layout, title)
         for name in ("exposure", "gain", "focus"):
             row = column.row()
             value = row.row()
-            value.enabled = not getattr(told, f"{name}_auto")
-            value.prop(told, "exposure_ms" if name == "exposure" else name)
-            row.prop(told, f"{name}_auto", text="Auto")
+            value.enabled = not getattr(controls, f"{name}_auto")
+            value.prop(controls, "exposure_ms" if name == "exposure" else name)
+            row.prop(controls, f"{name}_auto", text="Auto")
 
 
 def camera_controls(context: bpy.types.Context) -> list[dict[str, float | None]]:
-    """Return what the left and the right camera are told, as `core.sources.camera_controls` takes it."""
+    """Return the controls of the left and right camera for the worker."""
     found = chosen(context)
-    return [_told(found.left_camera), _told(found.right_camera)] if found else []
+    return [_controls(found.left_camera), _controls(found.right_camera)] if found else []
 
 
-def _told(camera: PERFANIM_PG_camera_controls) -> dict[str, float | None]:
+def _controls(camera: PERFANIM_PG_camera_controls) -> dict[str, float | None]:
     return {
         "exposure_s": None if camera.exposure_auto else camera.exposure_ms / 1000.0,
         "gain": None if camera.gain_auto else camera.gain,
@@ -173,13 +171,13 @@ def worker_python(context: bpy.types.Context) -> str | None:
 
 
 def method(context: bpy.types.Context) -> str:
-    """Return how poses are found while capturing."""
+    """Return the solver method while capturing."""
     found = chosen(context)
     return found.method if found else METHODS[0]
 
 
 def workers(context: bpy.types.Context) -> int:
-    """Return how many processes read motion files, 0 for one for each core."""
+    """Return the number of processes that read motion files, 0 for one per core."""
     found = chosen(context)
     return found.workers if found else 0
 

@@ -84,7 +84,7 @@ def problem(chosen: Any) -> str:
 
 
 def plan_file(context: bpy.types.Context, chosen: Any) -> Path:
-    """Return the chosen plan, or write one from the settings into the folder of the results.
+    """Return the chosen plan, or write one into the folder of the results.
 
     Recorded takes are solved for their own performer, all others for the chosen performer and markers.
 

@@ -1,4 +1,4 @@
-"""Settings of the capture panels, stored in the scene; with the defaults Start Capture works at once."""
+"""Settings of the capture panels, stored in the scene."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Status of each step before a capture: a line for its panel, and the reason why Start Capture is disabled."""
+"""Status of each step before a capture, for its panel and for Start Capture."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -112,7 +112,7 @@ def worn_subject(settings: Any) -> Subject | PerfanimError:
 
 
 def starter_database_path() -> Path:
-    """Return the file of the starter database in the user's data; one of an old version is used as it is."""
+    """Return the file of the starter database; one with the old suffix stays in use."""
     folder = user_folder("databases")
     old = folder / f"starter{OLD_DATABASE_SUFFIX}"
     new = folder / f"starter{DATABASE_SUFFIX}"
@@ -179,7 +179,7 @@ def devices(settings: Any) -> tuple[int, ...]:
 
 
 def is_one_camera(settings: Any) -> bool:
-    """Return True if the left camera captures alone: no right camera is chosen or calibrated."""
+    """Return True if only the left camera is chosen or calibrated."""
     if settings.source == "SIMULATED" or not has_cameras(settings):
         return False
     if settings.source == "CAMERAS":
@@ -267,5 +267,5 @@ STEPS = (cameras, markers, performer, motion, character)
 
 
 def first_missing_step(settings: Any) -> str:
-    """Return the problem of the first step that is not ready, "" if a capture can start."""
+    """Return the problem of the first step that is not ready, "" for none."""
     return next((state.problem for step in STEPS if not (state := step(settings)).ready), "")

@@ -1,18 +1,18 @@
-"""Settings of the keyframes of takes, stored in the scene: action or strip, first frame, reduction."""
+"""Settings of the keyframes of takes, stored in the scene."""
 
 from typing import Any
 
 import bpy
 
 from ..animation.keyframes import KeyBounds
-from ..animation.placement import Onto, Placement
+from ..animation.placement import Placement, PlacementMode
 from ..preferences.attach_settings import attach_property_group
 
 _ONTO = (
-    (Onto.ACTION.name, "New Action", "Replace the active action, which is kept in the file"),
-    (Onto.STRIP.name, "NLA Strip", "Push the active action down and add a strip above it"),
+    (PlacementMode.ACTION.name, "New Action", "Replace the active action, which is kept in the file"),
+    (PlacementMode.STRIP.name, "NLA Strip", "Push the active action down and add a strip above it"),
     (
-        Onto.LAYER.name,
+        PlacementMode.LAYER.name,
         "Layer",
         "Add a strip that blends in over the present animation and out again",
     ),
@@ -23,7 +23,7 @@ class PERFANIM_PG_result(bpy.types.PropertyGroup):
     """Settings of Put on Character and of captures."""
 
     onto: bpy.props.EnumProperty(
-        name="Insert As", description="Destination of the keyframes", items=_ONTO, default=Onto.ACTION.name
+        name="Insert As", description="Destination of the keyframes", items=_ONTO, default=PlacementMode.ACTION.name
     )
     start: bpy.props.EnumProperty(
         name="Start",
@@ -83,7 +83,7 @@ def placement(
         only: names of the bones that may get keyframes, None for all.
     """
     chosen = context.scene.perfanim_result
-    onto = Onto[chosen.onto]
+    onto = PlacementMode[chosen.onto]
     bounds = KeyBounds(chosen.reduce_deg, chosen.reduce_mm) if chosen.reduce else None
     if armature_object is None:
         return Placement(onto, None, bounds)
@@ -91,8 +91,8 @@ def placement(
         selected = frozenset(bone.name for bone in armature_object.pose.bones if _selected(bone))
         only = selected if only is None else selected & only
     animation = armature_object.animation_data
-    if only is not None and onto is Onto.ACTION and animation is not None and animation.action is not None:
-        onto = Onto.STRIP  # a new action would take the other bones' animation away
+    if only is not None and onto is PlacementMode.ACTION and animation is not None and animation.action is not None:
+        onto = PlacementMode.STRIP  # a new action would take the other bones' animation away
     return Placement(onto, only, bounds)
 
 
@@ -101,7 +101,7 @@ def _selected(bone: bpy.types.PoseBone) -> bool:
 
 
 def start_frame(context: bpy.types.Context) -> float:
-    """Return the scene frame at which a take begins."""
+    """Return the first scene frame of a take."""
     return 1.0 if context.scene.perfanim_result.start == "FIRST" else float(context.scene.frame_current)
 
 

@@ -1,4 +1,4 @@
-"""Additional targets of a capture, stored in the scene: props with objects, performers with characters."""
+"""Additional targets of a capture, stored in the scene: props and performers."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -84,7 +84,7 @@ def found_prop(entry: PERFANIM_PG_target) -> Prop | PerfanimError:
 
 
 def found_subject(entry: PERFANIM_PG_target) -> Subject | PerfanimError:
-    """Return a further performer with all calibrated markers, or the reason why there is none."""
+    """Return a further performer with all calibrated markers, or the error."""
     if entry.subject:
         return readiness.subject(absolute(entry.subject))
     scene, chosen = entry.id_data, entry.id_data.perfanim
@@ -193,7 +193,7 @@ def _of(scene: bpy.types.Scene, name: str) -> Iterator[Any]:
 
 
 def meant_for(scene: bpy.types.Scene, names: Sequence[str]) -> list[int | None]:
-    """Return the target index of each named performer, matched by name, the rest in order; None where there is none."""
+    """Return the target index of each named performer: by name, the rest in order."""
     entries = scene.perfanim_targets.entries
     free = [index for index, entry in enumerate(entries) if entry.kind == "PERFORMER"]
     meant: list[int | None] = []

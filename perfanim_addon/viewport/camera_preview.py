@@ -1,4 +1,4 @@
-"""What the cameras see, shown in a corner of the 3D viewports and, for image editors, as an image of this file.
+"""Camera preview in a corner of the 3D viewports and as an image of the file.
 
 Nothing of Blender's data is kept between two pictures, and nothing is left once it is hidden.
 """
@@ -75,7 +75,7 @@ def _draw() -> None:
     width = min(_WIDTH * scale, _SHARE * (right - left))
     height = width * image.size[1] / image.size[0]
     x, y = left + _MARGIN * scale, _MARGIN * scale
-    # from 5.0 on the viewport does not encode what is drawn into it
+    # from 5.0 on the viewport does not encode colours
     encode = {"is_scene_linear_with_rec709_srgb_target": True} if bpy.app.version >= (5, 0, 0) else {}
     draw_texture_2d(gpu.texture.from_image(image), (x, y), width, height, **encode)
     drawing.text(_state.line, (x, y + height + 0.5 * _TEXT * scale), _TEXT * scale, _WHITE)

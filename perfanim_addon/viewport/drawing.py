@@ -1,4 +1,4 @@
-"""What is drawn over 3D viewports with: text, triangles, and where there is room for them."""
+"""Drawing over 3D viewports: text, triangles, free area."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -19,7 +19,7 @@ def redraw(*kinds: str) -> None:
 
 
 def free(area: bpy.types.Area, region: bpy.types.Region) -> tuple[float, float]:
-    """Return from where to where, in pixels of a viewport's region, no toolbar or sidebar lies over it."""
+    """Return left and right of the region's part without toolbar and sidebar, pixels."""
     left, right = 0.0, float(region.width)
     for other in area.regions:
         if other.type == "TOOLS":
@@ -38,7 +38,7 @@ def text_width(line: str, size: float) -> float:
 
 
 def text(line: str, place: Sequence[float], size: float, colour: Sequence[float]) -> None:
-    """Draw a line of text with a shadow into the region that is being drawn; (0, 0) is its lower left corner."""
+    """Draw a line of text with a shadow; (0, 0) is the region's lower left corner."""
     import blf
 
     blf.size(_FONT, size)
@@ -51,7 +51,7 @@ def text(line: str, place: Sequence[float], size: float, colour: Sequence[float]
 
 
 def triangles(corners: NDArray[np.float64], colours: Sequence[Any]) -> None:
-    """Draw triangles into the region that is being drawn: corners (3 N, 2) in pixels and their colours, RGBA."""
+    """Draw triangles: corners (3 N, 2) in pixels of the region, and colours, RGBA."""
     import gpu
     from gpu_extras.batch import batch_for_shader
 

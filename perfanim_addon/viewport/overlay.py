@@ -1,6 +1,6 @@
-"""The markers and the solved skeleton of a capture, drawn over the 3D viewports while it is live.
+"""Overlay of markers and solved skeleton in the 3D viewports while live.
 
-Nothing is reckoned or kept where it is not switched on, and nothing is left once it is hidden.
+It costs nothing while it is off, and leaves nothing once it is hidden.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -38,7 +38,7 @@ _GREEN = 1 / 3
 
 @dataclass(frozen=True)
 class Scene:
-    """What stays the same in a capture.
+    """Constant parts of a capture.
 
     Args:
         performers: skeleton and names (M) of the markers of each, in the order of a pose's performers.
@@ -52,7 +52,7 @@ class Scene:
 
     @classmethod
     def of(cls, request: Mapping[str, Any], placed: Callable[[Array], Array]) -> "Scene":
-        """Return the scene of a capture by what its worker was asked for.
+        """Return the scene of a capture from its request.
 
         Raises:
             PerfanimError: one of its files is gone or bad.
@@ -76,7 +76,7 @@ _state = _State()
 
 
 def show(scene: Scene | None, pose: ScenePose, parts: frozenset[str]) -> None:
-    """Show a pose until `hide`; `parts` are those of the setting "overlay", none of them hides it."""
+    """Show a pose until `hide`; without `parts` (of the setting "overlay") hide it."""
     if scene is None or not parts:
         hide()
         return
@@ -109,9 +109,9 @@ def _draw() -> None:
     shapes.draw()
     for name, place in names:
         drawing.text(name, place, _NAME * scale, _NAME_COLOUR)
-    told = f"Confidence {pose.performers[0].confidence:.0%}"
-    right = drawing.free(area, region)[1] - drawing.text_width(told, _TEXT * scale)
-    drawing.text(told, (right - _MARGIN * scale, _MARGIN * scale), _TEXT * scale, confidence_colour(pose.performers[0]))
+    text = f"Confidence {pose.performers[0].confidence:.0%}"
+    right = drawing.free(area, region)[1] - drawing.text_width(text, _TEXT * scale)
+    drawing.text(text, (right - _MARGIN * scale, _MARGIN * scale), _TEXT * scale, confidence_colour(pose.performers[0]))
 
 
 def confidence_colour(pose: PerformerPose) -> Colour:
@@ -122,7 +122,7 @@ def confidence_colour(pose: PerformerPose) -> Colour:
 def shapes_of(
     scene: Scene, pose: ScenePose, parts: frozenset[str], on_screen: Projection, scale: float
 ) -> tuple["Shapes", list[tuple[str, Array]]]:
-    """Return what is drawn of a pose, and the names of markers with their places (2,).
+    """Return the shapes of a pose, and the marker names with their positions (2,).
 
     Args:
         scene, pose, parts: as of `show`.
@@ -167,7 +167,7 @@ def _add_markers(
 
 
 def projected(matrix: Array, size: Array, points: Array) -> Array:
-    """Return the places (N, 2) in a region, in pixels, of points (N, 3) of the scene; NaN for those behind the eye.
+    """Return region pixels (N, 2) of scene points (N, 3), NaN behind the viewer.
 
     Args:
         matrix: (4, 4) the view's perspective.
@@ -186,7 +186,7 @@ def coloured(hue: float) -> Colour:
 
 
 class Shapes:
-    """Dots, rings and lines, all of triangles: Blender's graphics backends differ in what else they can do."""
+    """Dots, rings and lines, all of triangles: every graphics backend can draw these."""
 
     def __init__(self) -> None:
         self.corners: list[Array] = []  # (3 N, 2) each

@@ -57,7 +57,7 @@ def test_calibrating_and_capturing_without_leaving_the_sidebar(desktop: Desktop,
     ended = window.wait(lambda s: s["capture"]["activity"] is None, "end of the calibration")
     assert ended["capture"]["messages"]["cameras"].startswith("good")
     assert ended["preview"] == {"shown": False, "image": False}
-    assert click_through(window, "set_floor", "cameras").startswith("the floor is where the board lies")
+    assert click_through(window, "set_floor", "cameras").startswith("floor set at the board")
     time.sleep(1.0)
     desktop.screenshot("newcomer-2-cameras")
     toggle_panel(desktop, window, 0)

@@ -190,7 +190,7 @@ def test_three_cameras_are_calibrated_by_charuco_board_and_floor_markers_and_fol
     choose(window, hand, ("source", "CAMERAS"), ("Simulated Performer", "Cameras"))
     choose(window, hand, ("board_kind", "CHARUCO"), ("Chessboard", "ChArUco"))
     for setting, text, name in (
-        ("Further", "2", "further_devices"),
+        ("Additional", "2", "further_devices"),
         ("Columns", "7", "board_columns"),
         ("Rows", "5", "board_rows"),
         ("Square (mm)", "120", "board_square_mm"),
@@ -213,7 +213,7 @@ def test_three_cameras_are_calibrated_by_charuco_board_and_floor_markers_and_fol
     desktop.screenshot("three-cameras-floor")  # it is soon over
     said = told(window, "cameras")
     hand.shot("on-floor")
-    assert said.startswith("the floor is where the 4 markers lie"), said
+    assert said.startswith("floor set at the 4 markers"), said
     rig = load_rig(window.order("get", name="calibration")["value"])
     for found, true in zip(rig.cameras, default_rig(CAMERAS).cameras, strict=True):
         across = np.linalg.norm((found.centre_m - true.centre_m)[[1]])

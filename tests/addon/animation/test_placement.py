@@ -9,13 +9,13 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.perfanim_addon.animation import actions
 from perfanim.perfanim_addon.animation import placement as action_placement
 from perfanim.perfanim_addon.animation.keyframes import KeyBounds
-from perfanim.perfanim_addon.animation.placement import Onto, Placement
+from perfanim.perfanim_addon.animation.placement import Placement, PlacementMode
 from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver
 from played import curves_of, played_poses
 
 SKELETON = default_skeleton(1.68)
 FLOAT32_DEG = 0.01
-STRIP, LAYER = Placement(Onto.STRIP), Placement(Onto.LAYER)
+STRIP, LAYER = Placement(PlacementMode.STRIP), Placement(PlacementMode.LAYER)
 
 
 @pytest.fixture
@@ -103,7 +103,7 @@ def test_a_layer_that_turns_once_around_blends_back_the_short_way(performer, bou
     around = np.tile(still, (60, 1, 1))
     around[:, 0] = rot.from_rotation_vector(np.linspace(0.0, 2.0 * np.pi, 60)[:, None] * [0.0, 1.0, 0.0])
     write(performer, [1, 90], (np.tile(still, (2, 1, 1)), np.zeros((2, 3))), Placement(), "stand")
-    write(performer, frames, (around, np.zeros((60, 3))), Placement(Onto.LAYER, bounds=bounds), "turn")
+    write(performer, frames, (around, np.zeros((60, 3))), Placement(PlacementMode.LAYER, bounds=bounds), "turn")
     found, _ = played_poses(performer, np.arange(1, 90), SKELETON)
     wanted = np.tile(still, (89, 1, 1))
     wanted[10:70] = around
@@ -117,7 +117,7 @@ def test_only_some_bones_are_moved(performer):
     first, second = swinging(40, 1), swinging(40, 2)
     arm = ["lhumerus", "lradius"]
     write(performer, np.arange(1, 41), first, Placement(), "walk")
-    name = write(performer, np.arange(1, 41), second, Placement(Onto.STRIP, only=arm), "wave")
+    name = write(performer, np.arange(1, 41), second, Placement(PlacementMode.STRIP, only=arm), "wave")
     found, roots = played_poses(performer, np.arange(2, 40), SKELETON)
     np.testing.assert_allclose(roots, first[1][1:-1], atol=1e-5)
     for joint, bone in enumerate(SKELETON.names):
@@ -128,7 +128,9 @@ def test_only_some_bones_are_moved(performer):
     assert set(bpy.data.actions.keys()) == {"walk", name}
 
 
-@pytest.mark.parametrize(("mode", "onto"), [("XYZ", Onto.STRIP), ("ZXY", Onto.LAYER), ("AXIS_ANGLE", Onto.STRIP)])
+@pytest.mark.parametrize(
+    ("mode", "onto"), [("XYZ", PlacementMode.STRIP), ("ZXY", PlacementMode.LAYER), ("AXIS_ANGLE", PlacementMode.STRIP)]
+)
 def test_what_was_keyed_in_other_angles_still_plays(performer, mode, onto):
     obj = bpy.data.objects[performer]
     bone = obj.pose.bones["head"]
