@@ -29,7 +29,6 @@ from ...simulate.studio.rig import default_rig
 from ...simulate.studio.settings import StudioSettings
 from ...simulate.studio.source import SimulatedSource, simulated_source
 from ...solver.settings import SolveSettings
-from ...subjects.from_frames import subject_from_frames
 from ...subjects.from_recording import subject_from_recording
 from ...subjects.prototype_bodies import load_bodies
 from ...vision.pipeline import MarkerPipeline
@@ -103,10 +102,10 @@ def _solved(
     taken: int,
 ) -> list[dict[str, Any]]:
     """Return the errors of every input in the last `taken` frames, so without the calibration poses."""
-    still, start = round(_HELD_S * source.fps), source.frames - taken
+    start = source.frames - taken
     true_subject = Subject("true", source.motion.skeleton, source.subject.marker_set)
     worn, bodies = load_marker_set(MARKER_SET), load_bodies()
-    of_one = subject_from_frames(frames[:still], worn, bodies, "T pose").subject
+    of_one = subject_from_recording(frames[:start], source.fps, worn, bodies, "T pose", ("t",)).subject
     found = subject_from_recording(frames[:start], source.fps, worn, bodies, "all poses", CALIBRATION).subject
     take, _ = simulate_markers(source.motion, true_subject)
     solutions = {

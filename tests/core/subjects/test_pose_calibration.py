@@ -1,17 +1,16 @@
 import numpy as np
 import pytest
-from motion_synthesis.bodies import body, load_bodies
+from motion_synthesis.bodies import body
 from perfanim.core.body.calibration_poses import CALIBRATION, POSES, motorcycle, standing, t_pose
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.skeleton import marker_positions
-from perfanim.core.errors import SubjectError
+from perfanim.core.errors import PerfanimError, SubjectError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import Marker, MarkerSet, load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.simulate.studio.placement import with_poses
-from perfanim.core.subjects.from_frames import subject_from_frames
 from perfanim.core.subjects.from_recording import subject_from_recording
 from perfanim.core.subjects.pose_calibration import (
     calibrate_markers,
@@ -19,6 +18,7 @@ from perfanim.core.subjects.pose_calibration import (
     calibration_points,
     pose_points,
 )
+from perfanim.core.subjects.prototype_bodies import load_bodies
 from perfanim.core.system.assets import SKELETONS
 
 PROTOTYPES = load_bodies(SKELETONS)
@@ -189,10 +189,10 @@ def frames_of(points, count=10, seed=0):
     return result
 
 
-def test_a_subject_from_unlabelled_frames():
+def test_a_subject_from_unlabelled_frames_of_one_pose():
     person = body(1.72, 0.3, 920)
     points = markers_of(person)
-    found = subject_from_frames(frames_of(points), BOXING, PROTOTYPES, "Ann")
+    found = subject_from_recording(frames_of(points, 45), 30.0, BOXING, PROTOTYPES, "Ann", ("t",))
     expected = calibrate_subject(points, BOXING, PROTOTYPES, "Ann")
     assert found.subject.name == "Ann"
     for joint, length in expected.bones_m.items():
@@ -203,24 +203,24 @@ def test_a_subject_from_unlabelled_frames():
 
 def test_frames_that_do_not_show_the_pose_are_refused():
     points = markers_of(PROTOTYPES[8])
-    with pytest.raises(SubjectError, match="not recognised: 4 points were seen for the 9 markers of the set 'boxing'"):
-        subject_from_frames([MarkerFrame(i, i / 30, f.points_m[:4], f.covariances_m2[:4]) for i, f in
-                             enumerate(frames_of(points))], BOXING, PROTOTYPES, "Ann")  # fmt: skip
-    with pytest.raises(SubjectError, match="not recognised: 0 points"):
-        subject_from_frames([], BOXING, PROTOTYPES, "Ann")
+    few = [MarkerFrame(i, i / 30, f.points_m[:4], f.covariances_m2[:4]) for i, f in enumerate(frames_of(points, 45))]
+    with pytest.raises(PerfanimError):
+        subject_from_recording(few, 30.0, BOXING, PROTOTYPES, "Ann", ("t",))
+    with pytest.raises(PerfanimError):
+        subject_from_recording([], 30.0, BOXING, PROTOTYPES, "Ann", ("t",))
     with pytest.raises(SubjectError, match="no calibration pose 'yoga'"):
-        subject_from_frames(frames_of(points), BOXING, PROTOTYPES, "Ann", "yoga")
+        subject_from_recording(frames_of(points, 45), 30.0, BOXING, PROTOTYPES, "Ann", ("yoga",))
 
 
-def test_a_hand_that_waves_is_told():
+def test_a_hand_that_waves_makes_no_held_pose():
     points = markers_of(PROTOTYPES[8])
     frames = []
-    for number in range(20):
+    for number in range(45):
         moved = points.copy()
-        moved[BOXING.names.index("LHAN"), 1] += 0.15 * np.sin(number)
+        moved[BOXING.names.index("LHAN"), 1] += 0.15 * np.sin(0.3 * number)
         frames += frames_of(moved, 1, number)
-    with pytest.raises(SubjectError, match="Ann: LHAN moved during the calibration pose; hold it still"):
-        subject_from_frames(frames, BOXING, PROTOTYPES, "Ann")
+    with pytest.raises(SubjectError, match="never still for 1.0 s"):
+        subject_from_recording(frames, 30.0, BOXING, PROTOTYPES, "Ann", ("t",))
 
 
 def test_hanging_arms_are_no_t_pose():
