@@ -219,7 +219,7 @@ def test_a_hand_that_waves_makes_no_held_pose():
         moved = points.copy()
         moved[BOXING.names.index("LHAN"), 1] += 0.15 * np.sin(0.3 * number)
         frames += frames_of(moved, 1, number)
-    with pytest.raises(SubjectError, match="never still for 1.0 s"):
+    with pytest.raises(SubjectError, match=r"never still for 1\.0 s"):
         subject_from_recording(frames, 30.0, BOXING, PROTOTYPES, "Ann", ("t",))
 
 
