@@ -16,7 +16,7 @@ _ARMS_AWAY_RAD, _HANDS_FORWARD_RAD = np.radians(15.0), np.radians(45.0)
 
 
 def t_pose(skeleton: Skeleton) -> Array:
-    """Return local rotations (J, 4) of a person standing upright, arms out to the sides, facing +z.
+    """Return local rotations (J, 4) of a person in a T pose, facing +z.
 
     The rest pose spreads the legs; a standing person's thighs and shanks hang straight down.
     """
@@ -29,7 +29,7 @@ def t_pose(skeleton: Skeleton) -> Array:
 
 
 def standing(skeleton: Skeleton) -> Array:
-    """Return local rotations (J, 4) of a person standing upright with the arms hanging."""
+    """Return local rotations (J, 4) of a person standing with the arms hanging."""
     result = t_pose(skeleton)
     for side in "lr":
         humerus = skeleton.index(f"{side}humerus")
@@ -38,7 +38,7 @@ def standing(skeleton: Skeleton) -> Array:
 
 
 def hanging(skeleton: Skeleton) -> Array:
-    """Return local rotations (J, 4) of a person standing upright, arms straight down and a little away from the body.
+    """Return local rotations (J, 4) of a person in an I pose, arms close to the body.
 
     The backs of the hands look half forward, so that cameras in front see markers on them.
     """
@@ -52,11 +52,11 @@ def hanging(skeleton: Skeleton) -> Array:
 
 
 def motorcycle(skeleton: Skeleton) -> Array:
-    """Return local rotations (J, 4) of a person as on a motorcycle: knees bent, arms stretched forward, palms down.
+    """Return local rotations (J, 4) of a motorcyclist: arms forward, palms down.
 
     The feet stay flat below the hips and the trunk upright; the hands are at the height of the chest, below the line
-    from the cameras to the shoulders. The arms are straight because a stretched limb is the only one whose joint angle
-    a performer takes exactly: how far a bent elbow's hand is away tells little of the arm.
+    from the cameras to the shoulders. The arms are straight because a stretched limb is the only one with a joint angle
+    that performers meet exactly: the distance of a bent elbow's hand says little of the arm.
     """
     result = t_pose(skeleton)
     for side, outward in (("l", 1.0), ("r", -1.0)):
@@ -89,7 +89,7 @@ INSTRUCTIONS = {
 
 
 def _upright(bone_m: Array) -> Array:
-    """Return the turn in the frontal plane that lets a bone hang straight down as seen from the front."""
+    """Return the turn in the frontal plane that makes a bone hang straight down."""
     return rot.between([bone_m[0], bone_m[1], 0.0], [0.0, -1.0, 0.0])
 
 

@@ -1,6 +1,6 @@
-"""Feet that stand are held in place: contacts found in the poses, legs bent to the held feet, poses one after another.
+"""Foot lock: standing feet are found and the legs bent to hold them.
 
-What is held is the ball of the foot (the toes' joint), as the heel is lifted long before a step ends. The way from the
+The ball of the foot is held (the toes' joint), as the heel is lifted long before a step ends. The way from the
 pose's ball to the held one is added to the ankle, and hip and knee are turned to reach it in the plane of the leg (a
 chain of two bones in closed form, by the law of cosines); the foot keeps its direction in the room. On release that way
 fades out, so nothing jumps.
@@ -33,12 +33,12 @@ _LOWER_M = 0.02  # a foot must be lower than the held one by this to take its pl
 _FADE_S = 0.12
 _STRETCH = 0.995  # of the leg, up to which it may be straightened: near a straight knee millimetres turn it by degrees
 _KNEE_AXIS = np.array([1.0, 0.0, 0.0])  # of a straight leg: to the performer's left in the rest pose
-_PAUSE_S = 0.25  # after so long without a pose everything begins anew
-_LOWEST_PERCENT = 5.0  # of a motion's frames, that tells the floor: single frames are noise
+_PAUSE_S = 0.25  # after so long without a pose everything starts over
+_LOWEST_PERCENT = 5.0  # of a motion's frames, taken as the floor: single frames are noise
 
 
 def floor_of(rig: CameraRig | None) -> float | None:
-    """Return the height of the floor in the world of a calibration, None where it does not know the floor."""
+    """Return the floor's height in a calibration's world, None if unknown."""
     return 0.0 if rig is not None and rig.metadata.get("floor") else None
 
 
@@ -61,7 +61,7 @@ def with_feet_held(motion: Motion, mode: str, floor_m: float | None) -> Motion:
 
 
 def _standing_heights(skeleton: Skeleton) -> tuple[float, float]:
-    """Return how high the balls of the left and the right foot are above the floor when somebody stands."""
+    """Return the heights of a standing person's left and right ball of the foot."""
     heights = forward_kinematics(skeleton, standing(skeleton), np.zeros(3))[0][:, 1]
     found = []
     for side in "lr":
@@ -84,7 +84,7 @@ class _Foot:
     offset_m: Array = field(default_factory=lambda: np.zeros(3))
 
     def forget(self) -> None:
-        """Begin anew."""
+        """Start over."""
         self.past, self.anchor_m, self.offset_m = [], None, np.zeros(3)
 
 
@@ -115,7 +115,7 @@ class FootLock:
         self._time_s = -np.inf
 
     def step(self, time_s: float, rotations: Array, root_position_m: Array) -> Array:
-        """Return the rotations (J, 4) of the next pose with its feet held; `time_s` ascends."""
+        """Return the next pose's rotations (J, 4) with held feet; `time_s` ascends."""
         if self.mode == "off":
             return rotations
         passed_s = time_s - self._time_s
@@ -146,12 +146,12 @@ class FootLock:
         return min(height for _, height in self._lowest)
 
     def _carrying(self, heights: list[float]) -> _Foot:
-        """Return the lower foot; one that is held stays it until the other is clearly lower."""
+        """Return the lower foot; a held one remains until the other is clearly lower."""
         bonus = [_LOWER_M if foot.anchor_m is not None else 0.0 for foot in self._feet]
         return self._feet[int(np.argmin(np.subtract(heights, bonus)))]
 
     def _hold(self, foot: _Foot, time_s: float, passed_s: float, ball: Array, height: float, glides: bool) -> None:
-        """Plant or release a foot by what its ball does, and find how far it is to be moved."""
+        """Plant or release a foot by its ball's motion, and set its offset."""
         foot.past = [(t, p) for t, p in foot.past if time_s - t <= _WINDOW_S + 1e-6]
         foot.past.append((time_s, ball))
         (since_s, before) = foot.past[0]
@@ -175,7 +175,7 @@ class FootLock:
         foot.offset_m = foot.offset_m * np.exp(-passed_s / _FADE_S)
 
     def _reach(self, foot: _Foot, rotations: Array, positions: Array, world: Array) -> None:
-        """Turn hip, knee and ankle so that the ankle moves by the foot's offset; `rotations` is changed."""
+        """Turn hip, knee and ankle in `rotations`: the ankle moves by its offset."""
         hip, knee, ankle = positions[foot.femur], positions[foot.tibia], positions[foot.foot]
         femur, tibia = reach_with_two_bones(
             (hip, knee, ankle),

@@ -1,4 +1,4 @@
-"""Frames and axes in which the joint angles of the product's skeleton are measured: those of the CMU database.
+"""Frames and axes of the standard skeleton's joint angles: the CMU database's.
 
 The frames stand in the ASF files of that database, the same for all its subjects.
 """
@@ -31,7 +31,7 @@ _LEFT: dict[str, tuple[tuple[float, float, float], str]] = {
 
 
 def angle_frame(name: str) -> tuple[Array, str]:
-    """Return the (4,) rest-from-angle-frame quaternion and the angle order of a joint of the product's skeleton."""
+    """Return a joint's rest-from-angle-frame quaternion (4,) and angle order."""
     degrees, order = _LEFT.get(name[1:], ((0.0, 0.0, 0.0), _MIDDLE_ORDER)) if name[:1] in "lr" else ((0.0,) * 3, "ZYX")
     mirror = np.array([1.0, 1.0, 1.0] if name.startswith("l") else [1.0, -1.0, -1.0])
     x, y, z = np.radians(np.array(degrees) * mirror)
@@ -39,7 +39,7 @@ def angle_frame(name: str) -> tuple[Array, str]:
 
 
 def with_angle_frames(skeleton: Skeleton) -> Skeleton:
-    """Return the skeleton with the angle frames of the joints that carry the product's names."""
+    """Return the skeleton with the angle frames of the standard skeleton's joints."""
     axes = skeleton.angle_axes.copy()
     orders = list(skeleton.angle_orders)
     for joint, name in enumerate(skeleton.names):

@@ -1,7 +1,7 @@
-"""Few keyframes for a curve that stands in every frame, with a bound on what is lost.
+"""Keyframe reduction of densely sampled curves within an error bound.
 
 Between two keys a curve is the cubic with the recorded values and slopes at both (Hermite's), which animation programs
-draw as a Bezier curve whose handles reach a third of the way. Where it strays from the record by more than the bound,
+draw as a Bezier curve with handles that reach a third of the way. Where it strays from the record by more than the bound,
 a key is set at the worst frame, and so on in both halves (Douglas and Peucker 1973, for polylines); slopes come from
 the record, so no key changes what others have settled.
 """
@@ -18,7 +18,7 @@ IntArray = NDArray[np.int64]
 
 
 def rotation_keys(frames: ArrayLike, quaternions: ArrayLike, bound_rad: float) -> IntArray:
-    """Return which frames (K,) need a key for a rotation to stay within an angle of the record in all of them.
+    """Return the frames (K,) that keep a rotation within an angle of the record.
 
     Args:
         frames: (F,) times, strictly increasing.
@@ -34,7 +34,7 @@ def rotation_keys(frames: ArrayLike, quaternions: ArrayLike, bound_rad: float) -
 
 
 def location_keys(frames: ArrayLike, points: ArrayLike, bound: float) -> IntArray:
-    """Return which frames (K,) need a key for points (F, 3) to stay within a distance of the record in all of them."""
+    """Return the frames (K,) that keep points (F, 3) within a distance."""
     return _keys(frames, points, lambda curve, record: np.linalg.norm(curve - record, axis=-1), bound)
 
 

@@ -1,4 +1,4 @@
-"""Mirrored copies: the same motion with left and right swapped, by the plane x = 0.
+"""Mirrored motion: left and right swapped by the plane x = 0.
 
 In the rest pose all joint axes are the world's, so the mirror image of a rotation is the one of the other side's joint
 with the axis reflected: (w, x, y, z) becomes (w, x, -y, -z). Points and offsets change the sign of x.
@@ -21,7 +21,7 @@ _SIDES = {"left": "right", "right": "left"}
 
 
 def mirrored_rotations(rotations: NDArray[Any]) -> NDArray[Any]:
-    """Return the mirror image of rotations (..., J, 4) of the product's joints, the root's world-from-root included."""
+    """Return the mirror image of rotations (..., J, 4), the root's included."""
     return rotations[..., _OTHER_SIDE, :] * _QUATERNION_SIGNS
 
 
@@ -31,7 +31,7 @@ def mirrored_points(points_m: NDArray[Any]) -> NDArray[Any]:
 
 
 def mirrored_skeleton(skeleton: Skeleton) -> Skeleton:
-    """Return the body with the product's joints whose left side is this one's right."""
+    """Return the mirror image of a body."""
     return replace(
         skeleton,
         offsets_m=mirrored_points(skeleton.offsets_m[_OTHER_SIDE]),
@@ -42,5 +42,5 @@ def mirrored_skeleton(skeleton: Skeleton) -> Skeleton:
 
 
 def mirrored_behaviour(behaviour: str) -> str:
-    """Return the name of what is done the other way round: "walk-turn-left" becomes "walk-turn-right"."""
+    """Return the mirrored name: "walk-turn-left" -> "walk-turn-right"."""
     return re.sub(r"(?<![a-z])(left|right)(?![a-z])", lambda match: _SIDES[match[1]], behaviour)

@@ -1,4 +1,4 @@
-"""A full-body motion: rotations of all joints and the root's path at a steady rate."""
+"""A full-body motion: joint rotations and root path at a steady rate."""
 
 from dataclasses import dataclass, replace
 
@@ -17,7 +17,7 @@ class Motion:
     """Poses of one skeleton.
 
     Args:
-        name: what it is called (clip or file name).
+        name: clip or file name.
         fps: frames per second.
         skeleton: the body it belongs to.
         rotations: (F, J, 4) parent-from-joint quaternions relative to rest; the root's is world-from-root.
@@ -63,7 +63,7 @@ def sliced(motion: Motion, start: int, stop: int) -> Motion:
 
 
 def resampled(motion: Motion, fps: float) -> Motion:
-    """Return the motion at another rate: rotations on the shortest arc, positions linearly between frames."""
+    """Return the motion at another rate, interpolated between frames."""
     if motion.fps == fps or motion.frames == 1:
         return replace(motion, fps=fps)
     count = int(np.floor(motion.duration_s * fps + 1e-6)) + 1

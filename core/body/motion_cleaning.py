@@ -1,14 +1,14 @@
-"""Defects of recorded motion: where a body moves as none can, and what is done about it.
+"""Defects of recorded motion: detection, repair and removal.
 
 A capture system that confuses markers, or a solver that finds the other of two solutions, makes a joint jump between
-two frames and, mostly, back some frames later. What tells a jump from a fast motion is that the frames before and
+two frames and, mostly, back some frames later. Unlike in a fast motion, the frames before and
 after show nothing of it: a joint that stands still, turns by e between two frames and stands still again has to speed
 up for half of the time between them and to brake for the other half, which takes an acceleration of 4 e / dt^2. So the
 step of every joint is compared with the steps beside it, and is a jump where it differs from both by more than the
 strongest accelerations of athletes allow (`_ANGULAR_ACCELERATION`, `_ROOT_ACCELERATION`), or where the speed itself is
 above theirs. At high rates these limits come below the noise of solved recordings, so there are least steps as well.
 
-What is done, per defect:
+Treatment of each defect:
 
 - A root jump leaves the poses on both sides as they are, but speed and place are wrong at the jump: the clip is cut
   there, and goes on as another clip.
@@ -67,9 +67,9 @@ class Defect:
     """One defect of a file.
 
     Args:
-        kind: what it is ("limb pop of lfoot").
+        kind: its name ("limb pop of lfoot").
         first, last: frames of the file, counted from 1; 0 when it is not about frames.
-        done: what was done about it ("kept", "cut out", ...).
+        done: its treatment ("kept", "cut out", ...).
     """
 
     kind: str
@@ -80,14 +80,14 @@ class Defect:
 
 @dataclass(frozen=True)
 class Cleaned:
-    """Unbroken parts of a motion, each with its first frame counted from 0, and the defects found."""
+    """Unbroken parts of a motion with their first frames, and its defects."""
 
     parts: tuple[tuple[int, Motion], ...]
     defects: tuple[Defect, ...]
 
 
 def clean(motion: Motion, angle_jumps: BoolArray) -> Cleaned:
-    """Return the sound parts of a motion on the product's joints, all its numbers finite.
+    """Return the sound parts of a motion of the standard skeleton's joints.
 
     Args:
         motion: at the rate it was recorded with.
@@ -114,7 +114,7 @@ def clean(motion: Motion, angle_jumps: BoolArray) -> Cleaned:
 
 
 def _isolated(steps: Array) -> Array:
-    """Return (F - 1, ...) by how much each step (F - 1, ..., D) differs from the one beside it that is more like it.
+    """Return (F - 1, ...) how far each step differs from its more similar neighbour.
 
     The first and the last step have only one beside them; as that may be the jump, the one after it counts as well.
     """
@@ -151,7 +151,7 @@ def _root_jumps(motion: Motion) -> BoolArray:
 
 
 def _pops(jumps: BoolArray, apart: Apart, start: int, longest: int) -> tuple[BoolArray, list[int]]:
-    """Return (F,) true in pops, from a jump to the one back, and the jumps that belong to none.
+    """Return (F,) true in pops, from a jump to the one back, and the lone jumps.
 
     A pop lasts at most `longest` frames, and shorter than what goes before or comes after; the frame after it is nearer
     to the one before it than either is to the pop. What leads back may take some frames more.
@@ -190,7 +190,7 @@ def _pops(jumps: BoolArray, apart: Apart, start: int, longest: int) -> tuple[Boo
 
 
 def _with_short_pieces(popped: BoolArray, lone: Sequence[int], start: int, longest: int) -> BoolArray:
-    """Return the pops together with the pieces of at most `longest` frames between lone jumps, or one and an end."""
+    """Return the pops and the short parts between lone jumps, or one and an end."""
     result = popped.copy()
     edges = [start, *lone, len(popped)]
     for first, stop in pairwise(edges):
@@ -200,7 +200,7 @@ def _with_short_pieces(popped: BoolArray, lone: Sequence[int], start: int, longe
 
 
 def _ranges(flags: BoolArray) -> list[tuple[int, int]]:
-    """Return the ranges [first, stop) in which flags are set."""
+    """Return the ranges [first, stop) of set flags."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
     return [(int(first), int(stop)) for first, stop in zip(edges[::2], edges[1::2], strict=True)]
 
@@ -213,7 +213,7 @@ def _turned(motion: Motion, joint: int) -> Apart:
 
 
 def _ends_repaired(motion: Motion, jumps: BoolArray, start: int, defects: list[Defect]) -> Motion:
-    """Return the motion with the short flips of hands, fingers, thumbs and toes bridged."""
+    """Return the motion with short flips of hands, fingers and toes bridged."""
     longest = int(_LONGEST_POP_S * motion.fps)
     rotations = motion.rotations.copy()
     for joint in np.flatnonzero(_ENDS & np.any(jumps, axis=0)):
@@ -234,7 +234,7 @@ def _ends_repaired(motion: Motion, jumps: BoolArray, start: int, defects: list[D
 
 
 def _bridge(rotations: Array, first: int, stop: int, start: int) -> Array:
-    """Return the rotations (stop - first, 4) between the frames beside a run; at an end, that of the one there is."""
+    """Return the rotations (stop - first, 4) that bridge a run between its neighbours."""
     if first == start:
         return np.tile(rotations[stop], (stop - first, 1))
     if stop == len(rotations):
@@ -279,7 +279,7 @@ def _kind(limbs: BoolArray, moved: BoolArray, edges: list[int]) -> str:
 
 
 def _starts_with_added_pose(motion: Motion) -> bool:
-    """Tell whether the first frame is a T or A pose that both arms leave at once, and the second one is not on its way.
+    """Tell whether the first frame is a T or A pose left by both arms at once.
 
     Arms that stand cannot turn by 25 degrees until the next frame and stand again, at 60 frames per second or more.
     At 30 they could, but nobody moves so who holds a T pose.

@@ -1,4 +1,4 @@
-"""How far a motion is from the truth: joint rotations, joint angles, positions, bone directions, jitter, foot skate."""
+"""Errors of a motion against the truth: angles, positions, jitter, foot skate."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -32,7 +32,7 @@ class _Pair:
 
 @dataclass(frozen=True)
 class _Errors:
-    """Errors of every frame: joints (F, J) including the root, angles (F, A) of the other joints."""
+    """Errors of every frame: joints (F, J) with the root, joint angles (F, A)."""
 
     rotation_deg: Array
     angle_deg: Array
@@ -51,7 +51,7 @@ def evaluate(motion: Motion, truth: Motion, skeleton: Skeleton | None = None) ->
     joints that both have by name.
 
     Args:
-        motion: what was solved.
+        motion: the solved one.
         truth: what it should be.
         skeleton: gives the frames and axes of the joint angles; default the truth's, or the CMU database's when the
             truth has none of its own.
@@ -120,7 +120,7 @@ def _aligned(motion: Motion, truth: Motion) -> _Pair:
 
 
 def _with_joints(motion: Motion, names: list[str]) -> Motion:
-    """Return the motion with only these joints, those left out held at rest relative to their parent."""
+    """Return the motion with only these joints, the others held at rest."""
     old = motion.skeleton
     if list(old.names) == names:
         return motion
@@ -181,7 +181,7 @@ def _errors(pair: _Pair, angles: Skeleton, estimated: tuple[Array, Array], true:
 
 
 def _bone_directions(skeleton: Skeleton) -> Array:
-    """Return (J, 3) unit rest directions from each joint to the end of its bone (up where a bone has no length)."""
+    """Return (J, 3) unit rest directions of the bones, up where one has no length."""
     length = np.linalg.norm(skeleton.tips_m, axis=-1, keepdims=True)
     return np.where(length > 1e-6, skeleton.tips_m / np.maximum(length, 1e-6), np.array([0.0, 1.0, 0.0]))
 
@@ -191,7 +191,7 @@ def _angles_between(a: Array, b: Array) -> Array:
 
 
 def angle_errors_deg(skeleton: Skeleton, mine: Array, theirs: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Return (F, A) absolute differences, degrees, of all joint angles but the root's, and (A,) their joints.
+    """Return (F, A) angle differences without the root's, degrees, and (A,) joints.
 
     Args:
         skeleton: gives the axes of the joint angles.
@@ -231,7 +231,7 @@ def _jitter_ratio(estimated: Array, true: Array) -> float:
 
 
 def _foot_skate(truth: Motion, estimated: Array, true: Array) -> tuple[float, float]:
-    """Return the mean horizontal toe speeds, cm/s, of both motions while the true toes stand on the floor."""
+    """Return both motions' mean toe speeds, cm/s, while the true toes stand."""
     feet = [truth.skeleton.names.index(name) for name in _FOOT_JOINTS if name in truth.skeleton.names]
     if not feet or len(true) < 2:
         return float("nan"), float("nan")

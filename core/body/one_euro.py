@@ -1,7 +1,7 @@
 """Trembling taken out of poses as they come, for a delay that is chosen.
 
 The one-euro filter (Casiez, Roussel and Vogel, "1 euro filter: a simple speed-based low-pass filter for noisy input in
-interactive systems", CHI 2012): a low-pass of first order whose cutoff rises with the speed, so that what is still is
+interactive systems", CHI 2012): a low-pass of first order whose cutoff rises with the speed, so that a still pose is
 calmed and what moves fast comes hardly later.
 """
 
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 _HZ_PER_RAD_S = 1.0
 _HZ_PER_M_S = 4.0
 _SPEED_HZ = 2.0  # cutoff of the speeds
-_PAUSE_S = 0.25  # after so long without a pose it begins anew
+_PAUSE_S = 0.25  # after so long without a pose it starts over
 
 
 class PoseSmoother:
@@ -30,7 +30,7 @@ class PoseSmoother:
         self._last: tuple[float, Array, Array] | None = None
 
     def step(self, time_s: float, rotations: Array, root_position_m: Array) -> tuple[Array, Array]:
-        """Return the smoothed rotations (J, 4) and root position (3,) of the next pose; times ascend."""
+        """Return the next pose's smoothed rotations (J, 4) and root (3,); times ascend."""
         last = self._last
         if self.delay_s <= 0.0 or last is None or not 0.0 < time_s - last[0] < _PAUSE_S:
             self._last = time_s, rotations, root_position_m
@@ -54,5 +54,5 @@ class PoseSmoother:
 
 
 def _share(cutoff_hz: Array | float, passed_s: float) -> Array:
-    """Return how much of the way to the new value a low-pass of first order goes in a time."""
+    """Return the first-order low-pass's share of the way to a new value."""
     return np.asarray(1.0 - np.exp(-2.0 * np.pi * np.asarray(cutoff_hz) * passed_s))

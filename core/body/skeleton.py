@@ -73,7 +73,7 @@ class Skeleton:
 
     @cached_property
     def levels(self) -> tuple[IntArray, ...]:
-        """Joint indices by depth below the root, root excluded: joints of one level can be computed together."""
+        """Joint indices by depth below the root, for computation level by level."""
         depth = np.zeros(len(self), dtype=np.int64)
         for joint in range(1, len(self)):
             depth[joint] = depth[self.parents[joint]] + 1
@@ -81,7 +81,7 @@ class Skeleton:
 
     @cached_property
     def leaps(self) -> tuple[tuple[IntArray, IntArray], ...]:
-        """Joints and what is 1, 2, 4, ... bones above them, for as long as there is any.
+        """Joints and their ancestors 1, 2, 4, ... bones above, while there are any.
 
         What each joint does relative to its parent becomes what it does in the world by as many products as this has
         entries: after each, every joint's is relative to twice as far up.
@@ -136,7 +136,7 @@ def forward_kinematics(skeleton: Skeleton, rotations: ArrayLike, root_position_m
 
 
 def forward_kinematics_matrices(skeleton: Skeleton, matrices: Array, root_position_m: ArrayLike) -> tuple[Array, Array]:
-    """Return joint origins (..., J, 3) and world-from-joint matrices (..., J, 3, 3) from local matrices (..., J, 3, 3).
+    """Return joint origins (..., J, 3) and world matrices from local matrices.
 
     The same as `forward_kinematics`, cheaper where matrices are at hand (the solver's inner loop).
     """
@@ -153,7 +153,7 @@ def forward_kinematics_matrices(skeleton: Skeleton, matrices: Array, root_positi
 def marker_positions(
     skeleton: Skeleton, joints: ArrayLike, offsets_m: ArrayLike, rotations: ArrayLike, root_position_m: ArrayLike
 ) -> Array:
-    """Return the world positions (..., M, 3) of markers fixed to joints (Eq. 1 of Chai and Hodgins 2005).
+    """Return world positions (..., M, 3) of markers (Chai and Hodgins 2005, Eq. 1).
 
     Args:
         joints: (M,) index of the joint that carries each marker.
@@ -166,7 +166,7 @@ def marker_positions(
 
 
 def marker_jacobian(skeleton: Skeleton, joints: IntArray, markers_m: Array, positions_m: Array, axes: Array) -> Array:
-    """Return d marker / d (root translation, joint coordinates), (M, 3, 3 + 3 J), twin of `marker_positions`.
+    """Return d marker / d (root, joint coordinates), (M, 3, 3 + 3 J).
 
     A coordinate of joint k turns what it carries about axis a through the joint's origin p_k: a x (m - p_k); zero
     where k does not carry the marker.
@@ -175,7 +175,7 @@ def marker_jacobian(skeleton: Skeleton, joints: IntArray, markers_m: Array, posi
         joints: (M,) carrying joints.
         markers_m: (M, 3) marker positions of this pose.
         positions_m: (J, 3) of `forward_kinematics_matrices`.
-        axes: (J, 3, 3) whose columns are the axes in the world; for rotations varied on their right, R_k exp(d_k),
+        axes: (J, 3, 3) with the axes in the world as columns; for rotations varied on their right, R_k exp(d_k),
             these are the world matrices of `forward_kinematics_matrices`.
     """
     carried, carriers = np.nonzero(skeleton.is_ancestor[joints])  # a few of all pairs
@@ -192,7 +192,7 @@ def marker_jacobian(skeleton: Skeleton, joints: IntArray, markers_m: Array, posi
 
 
 def joint_angles(skeleton: Skeleton, rotations: ArrayLike) -> list[Array]:
-    """Return, per joint, the angles (..., n) about the axes of its `angle_orders` in its `angle_axes` frame, radians.
+    """Return each joint's angles (..., n), radians, in its `angle_orders`.
 
     A joint with fewer than three axes is decomposed about all three; only its own axes are returned.
     """
@@ -207,7 +207,7 @@ def joint_angles(skeleton: Skeleton, rotations: ArrayLike) -> list[Array]:
 
 
 def _completed(order: str) -> str:
-    """Return a three-axis order that keeps the given axes in their sequence, in the ASF manner where it is free."""
+    """Return a three-axis order that keeps the given axes in their sequence."""
     for full in ("ZYX", "XYZ", "ZXY", "XZY", "YXZ", "YZX"):
         rest = iter(full)
         if all(axis in rest for axis in order):

@@ -1,4 +1,4 @@
-"""Motion as a file holds it: any joint names, any rest pose, before it is mapped onto the product's skeleton."""
+"""Motion as a file holds it, with any joint names and any rest pose."""
 
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -16,7 +16,7 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class SourceMotion:
-    """A hierarchy of joints and its motion, metres and Y up; in the zero pose all joints' axes are the world's.
+    """A hierarchy of joints and its motion, metres, Y up; zero pose in world axes.
 
     Args:
         name: clip or file name.
@@ -27,13 +27,13 @@ class SourceMotion:
         offsets_m: (J, 3) joint origin relative to its parent's in the zero pose.
         tips_m: (J, 3) end of the bone relative to the joint's origin; zero when the file does not say.
         rotations: (F, J, 4) parent-from-joint quaternions; NaN where the file has no number.
-        translations_m: joint index -> (F, 3) position relative to the parent, for the root and for every joint whose
+        translations_m: joint index -> (F, 3) position relative to the parent, for the root and for each joint if its
             position channels move it; other joints stay at their offset.
         euler_orders: (J) rotation channels in the file's order, e.g. "ZXY"; "" for a joint that has none.
         metres_per_unit: length of the file's unit.
         angle_jumps: (F,) true where a rotation channel is more than 150 degrees from that of the frame before, which
             the rotation itself need not be; left out for none.
-        notes: what was tolerated while reading.
+        notes: oddities tolerated while reading.
     """
 
     name: str
@@ -75,7 +75,7 @@ class SourceMotion:
 
 
 def source_kinematics(source: SourceMotion) -> tuple[Array, Array]:
-    """Return world positions (F, J, 3) and world-from-joint quaternions (F, J, 4) of a file's joints."""
+    """Return positions (F, J, 3) and orientations (F, J, 4) of a file's joints."""
     local = np.tile(source.offsets_m, (source.frames, 1, 1))
     for joint, path in source.translations_m.items():
         local[:, joint] = path
@@ -93,7 +93,7 @@ def source_kinematics(source: SourceMotion) -> tuple[Array, Array]:
 
 @lru_cache(maxsize=64)
 def _levels(parents: tuple[int, ...]) -> tuple[IntArray, ...]:
-    """Return the joints by their depth, the root first: those of one level can be computed together."""
+    """Return the joints by depth, the root first, for computation level by level."""
     depth: list[int] = []
     for parent in parents:
         depth.append(depth[parent] + 1 if parent >= 0 else 0)
@@ -101,7 +101,7 @@ def _levels(parents: tuple[int, ...]) -> tuple[IntArray, ...]:
 
 
 def zero_pose_positions(parents: IntArray, offsets_m: Array) -> Array:
-    """Return joint positions (J, 3) with all rotations zero and the root at the origin."""
+    """Return joint positions (J, 3) without rotations, the root at the origin."""
     positions = np.zeros((len(parents), 3))
     for joint, parent in enumerate(parents):
         if parent >= 0:

@@ -1,4 +1,4 @@
-"""The product's own skeleton: the joints of the CMU Motion Capture Database in their T rest pose.
+"""The standard skeleton: the CMU database's joints in their T rest pose.
 
 The rest pose has the arms along +-x with the palms down and the legs spread by 20 degrees, as in that database, so
 its motion needs no conversion. The joints without degrees of freedom (lhipjoint, rhipjoint) are part of the offsets.
@@ -53,13 +53,13 @@ SPINE_JOINTS: tuple[str, ...] = ("lowerback", "upperback", "thorax", "lowerneck"
 
 
 def mirrored_name(name: str) -> str:
-    """Return the joint of the other side ("lfemur" -> "rfemur"); joints of the middle are their own mirror image."""
+    """Return the other side's joint ("lfemur" -> "rfemur"); middle ones stay."""
     other = {"l": "r", "r": "l"}.get(name[0], "") + name[1:]
     return other if other in JOINT_NAMES else name
 
 
 def default_skeleton(height_m: float = DEFAULT_HEIGHT_M) -> Skeleton:
-    """Return the product's skeleton for a person of the given height (head to sole), evenly scaled, in metres."""
+    """Return the standard skeleton at a height (head to sole), in metres."""
     parts = {name: _joint_of(name) for name in JOINT_NAMES}
     scale = height_m / _REFERENCE_HEIGHT_M
     return Skeleton(
@@ -81,7 +81,7 @@ def _joint_of(name: str) -> tuple[str, Array, Array]:
 
 
 def scaled(skeleton: Skeleton, factors: Array | float) -> Skeleton:
-    """Return the skeleton with each joint's offset and tip multiplied by `factors` (one for all, or one per joint)."""
+    """Return the skeleton with offsets and tips multiplied by factors."""
     per_joint = np.broadcast_to(np.asarray(factors, dtype=np.float64), (len(skeleton),))[:, None]
     return Skeleton(
         names=skeleton.names,

@@ -1,4 +1,4 @@
-"""Pinhole cameras with lens distortion (OpenCV's model and frame) and rigs of them."""
+"""Pinhole cameras with lens distortion (OpenCV's model), and rigs of them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -24,7 +24,7 @@ class Camera:
     """One calibrated camera.
 
     Args:
-        name: what it is called.
+        name: for messages.
         image_size: (width, height), pixels.
         matrix: (3, 3) intrinsics, pixels; pixel centres lie at whole numbers.
         distortion: (5,) k1, k2, p1, p2, k3 as in OpenCV.
@@ -70,7 +70,7 @@ class Camera:
         return np.asarray(np.asarray(points_m, dtype=np.float64) @ self.rotation.T + self.translation_m)
 
     def project(self, points_m: ArrayLike) -> Array:
-        """Return the pixels (..., 2) of world points (..., 3); NaN for points behind the camera."""
+        """Return pixels (..., 2) of world points (..., 3); NaN behind the camera."""
         local = self.to_camera(points_m)
         depth = np.where(local[..., 2:] > 1e-9, local[..., 2:], np.nan)
         return self.to_pixels(local[..., :2] / depth)
@@ -86,7 +86,7 @@ class Camera:
         return _undistort(p, *_intrinsics(self))
 
     def rays(self, normalised: ArrayLike) -> Array:
-        """Return unit directions (..., 3) in the world of undistorted normalised coordinates (..., 2)."""
+        """Return unit world directions (..., 3) of normalised coordinates (..., 2)."""
         n = np.asarray(normalised, dtype=np.float64)
         local = np.concatenate((n, np.ones((*n.shape[:-1], 1))), axis=-1)
         local /= np.linalg.norm(local, axis=-1, keepdims=True)
@@ -94,12 +94,12 @@ class Camera:
 
     @property
     def focal_px(self) -> float:
-        """Mean focal length in pixels: one pixel is about 1 / focal_px in normalised coordinates."""
+        """Mean focal length in pixels: the inverse of a pixel's normalised size."""
         return float(0.5 * (self.matrix[0, 0] + self.matrix[1, 1]))
 
 
 def undistort_all(cameras: Sequence[Camera], pixels: Sequence[Array]) -> list[Array]:
-    """Return the undistorted normalised coordinates (n, 2) of each camera's pixels (n, 2), as `Camera.undistort`.
+    """Return each camera's undistorted normalised coordinates (n, 2) of its pixels.
 
     For the few markers of some images this takes as long as for those of one.
     """
@@ -139,7 +139,7 @@ def _undistort(pixels: Array, intrinsics: Array, distortion: Array) -> Array:
 
 
 def _distort(normalised: Array, distortion: Array) -> Array:
-    """Apply radial and tangential distortion (Brown 1966, as in OpenCV) to normalised coordinates (..., 2)."""
+    """Apply radial and tangential distortion (Brown 1966) to normalised points."""
     x, y, _, _ = _distorted(normalised[..., 0], normalised[..., 1], distortion)
     return np.stack((x, y), axis=-1)
 

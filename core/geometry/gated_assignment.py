@@ -1,4 +1,4 @@
-"""One-to-one assignment in which no pair may cost more than a gate."""
+"""One-to-one assignment with a largest cost per pair."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

@@ -1,4 +1,4 @@
-"""In which ways points can be the markers of a rigid thing, by the distances between them, which never change."""
+"""Matching of points to a rigid marker pattern by their distances."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ def match_rigid_pattern(
     fewest: int,
     allowed: NDArray[np.bool_] | None = None,
 ) -> IntArray:
-    """Return the ways (H, M) in which points are markers, -1 for a marker without a point; those with most come first.
+    """Return (H, M) point indices of the markers, -1 for none; fullest first.
 
     Args:
         points_m: (N, 3).
@@ -49,7 +49,7 @@ def match_rigid_pattern(
 
 
 def fit_rigid(markers_m: Array, points_m: Array) -> tuple[Array, Array, float]:
-    """Return the rotation (3, 3) and shift (3,) that lay markers (N, 3) on points (N, 3), and the RMS distance left."""
+    """Fit markers (N, 3) rigidly to points (N, 3)."""
     turn, shift = kabsch(markers_m, points_m)
     off = points_m - transform(turn, shift, markers_m)
     return turn, shift, float(np.sqrt(np.mean(np.sum(off * off, axis=1))))

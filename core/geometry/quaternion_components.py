@@ -1,4 +1,4 @@
-"""Vectors and quaternions as tuples of components, each a number or an array of frames.
+"""Vectors and quaternions as tuples of numbers or of arrays of frames.
 
 A few rotations of one frame take numpy longer to dispatch than to compute: with plain numbers the same formulas are
 ten times as fast, and a live character is posed in every tick. With arrays (F,) they do all frames at once.
@@ -18,7 +18,7 @@ _TINY = 1e-18
 
 
 def components(array: Array) -> Any:
-    """Return the components of one vector or quaternion (n,) as numbers, of many (F, n) as arrays (F,)."""
+    """Return components as numbers of (n,), as arrays (F,) of (F, n)."""
     return tuple(array.tolist()) if array.ndim == 1 else tuple(np.moveaxis(array, -1, 0))
 
 
@@ -101,6 +101,6 @@ def unit_quaternion(q: Quaternion) -> Quaternion:
 
 
 def shortest_turn(a: Vector, b: Vector) -> Quaternion:
-    """Return the shortest rotation of one direction onto another, both of unit length and not opposite."""
+    """Return the shortest rotation between unit directions, not opposite ones."""
     x, y, z = cross(a, b)
     return unit_quaternion((1.0 + dot(a, b), x, y, z))

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 def save_rig(rig: CameraRig, path: str | Path) -> None:
-    """Write the rig in anipose's layout: one table a camera, rotation as a rotation vector."""
+    """Write the rig in anipose's layout, rotations as rotation vectors."""
     write_toml(path, rig_tables(rig))
 
 
@@ -38,11 +38,11 @@ def rig_tables(rig: CameraRig) -> dict[str, Any]:
 
 
 def load_rig(path: str | Path) -> CameraRig:
-    """Return a rig from a calibration file: anipose's layout (`cam_N` tables), caliscope's TOML, or Qualisys' XML.
+    """Return the rig of a calibration file: anipose, caliscope or Qualisys.
 
     Files of other programs are brought to metres and to a world with y up. In anipose's layout a file without
     `metadata.length_unit` is of another program: there anipose writes the unit of its board, millimetres, and a
-    baseline above 10 tells so.
+    baseline above 10 shows it.
 
     Raises:
         FormatError: the file cannot be read, or is no TOML.
@@ -58,7 +58,7 @@ def load_rig(path: str | Path) -> CameraRig:
 
 
 def rig_from(tables: Mapping[str, Any], where: str) -> CameraRig:
-    """Return the rig of tables in anipose's layout, `rig_tables`' inverse; errors as in `load_rig`."""
+    """Return the rig of anipose tables; inverse of `rig_tables`."""
     keys = [key for key in sorted(tables, key=_camera_order) if key.startswith("cam_")]
     rows = [{"name": key} | tables[key] if isinstance(tables[key], Mapping) else tables[key] for key in keys]
     cameras = _cameras_from(rows, where)
@@ -117,7 +117,7 @@ def _camera_from(row: Mapping[str, Any], where: str) -> Camera:
 
 
 def _nearest_rotation(matrix: Array) -> Array:
-    """Return the rotation nearest to a matrix (3, 3) that is almost one; others as they are."""
+    """Return the rotation nearest to an almost orthogonal matrix (3, 3)."""
     if not 1e-9 < np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-3:
         return matrix
     u, _, vt = np.linalg.svd(matrix)

@@ -1,4 +1,4 @@
-"""Camera calibrations of other programs, brought into tables as our own files have: metres, OpenCV's frame.
+"""Camera calibrations of other programs, converted to metres and OpenCV's frame.
 
 - caliscope: TOML with a table [cameras.N] each, in metres, camera-from-world as a matrix or a rotation vector;
   cameras that were not placed have "null" there.
@@ -101,7 +101,7 @@ def _numbers(camera: ElementTree.Element, tag: str, names: tuple[str, ...], plac
 
 
 def level_from_world(rotations: Array) -> Array:
-    """Return (3, 3) the turn that makes y the upward axis of a world, from camera-from-world rotations (C, 3, 3).
+    """Return the turn (3, 3) that makes y the upward axis of a world.
 
     Programs differ in which axis of their world points up (down, for one that has the first camera's frame). The
     cameras tell: most are held upright. Where they do not agree the world stays as it is.

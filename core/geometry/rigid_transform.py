@@ -7,7 +7,7 @@ Array = NDArray[np.float64]
 
 
 def kabsch(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None) -> tuple[Array, Array]:
-    """Return (R (3,3), t (3,)) that minimise sum w |target - (R source + t)|^2 (Kabsch 1976).
+    """Return R, t that minimise sum w |target - (R source + t)|^2 (Kabsch 1976).
 
     Args:
         source, target: (N, 3) points, N >= 3 and not all on a line for a unique rotation.

@@ -1,4 +1,4 @@
-"""Unit quaternions over arrays `[..., 4]`, scalar first (w, x, y, z), and their other forms.
+"""Unit quaternions `[..., 4]`, scalar first (w, x, y, z), and their other forms.
 
 A quaternion `a_from_b` turns vectors: v_a = rotate(a_from_b, v_b). Angles are radians.
 """
@@ -91,7 +91,7 @@ def to_rotation_vector(quaternions: ArrayLike) -> Array:
 
 
 def from_matrix(matrices: ArrayLike) -> Array:
-    """Return the quaternions of rotation matrices `[..., 3, 3]` (largest-component method)."""
+    """Return quaternions of rotation matrices (largest-component method)."""
     m = np.asarray(matrices, dtype=np.float64)
     xx, yy, zz = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
     sx, sy, sz = m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]
@@ -134,7 +134,7 @@ def to_matrix(quaternions: ArrayLike) -> Array:
 
 
 def from_euler(angles: ArrayLike, order: str) -> Array:
-    """Return rotations from angles `[..., n]` about the axes of `order`: "ZXY" means Rz @ Rx @ Ry."""
+    """Return rotations from angles `[..., n]`: "ZXY" means Rz @ Rx @ Ry."""
     a = np.asarray(angles, dtype=np.float64)
     result = identity(a.shape[:-1])
     for i, axis in enumerate(order.upper()):
@@ -162,7 +162,7 @@ def to_euler(quaternions: ArrayLike, order: str) -> Array:
 
 
 def between(sources: ArrayLike, targets: ArrayLike) -> Array:
-    """Return the shortest rotations that turn the directions `sources` into `targets` (`[..., 3]`, any length)."""
+    """Return the shortest rotations between directions `[..., 3]` of any length."""
     a = np.asarray(sources, dtype=np.float64)
     b = np.asarray(targets, dtype=np.float64)
     a = a / np.linalg.norm(a, axis=-1, keepdims=True)
@@ -180,14 +180,14 @@ def angle_between(left: ArrayLike, right: ArrayLike) -> Array:
 
 
 def slerp(start: ArrayLike, end: ArrayLike, fraction: ArrayLike) -> Array:
-    """Return rotations on the shortest arc from `start` (0) to `end` (1); `fraction` has the leading shape."""
+    """Return rotations on the shortest arc from `start` (0) to `end` (1)."""
     a = np.asarray(start, dtype=np.float64)
     t = np.asarray(fraction, dtype=np.float64)[..., None]
     return multiply(a, from_rotation_vector(t * to_rotation_vector(multiply(conjugate(a), end))))
 
 
 def mean(quaternions: ArrayLike, weights: ArrayLike | None = None) -> Array:
-    """Return the mean of `[N, ..., 4]` over the first axis (largest eigenvector of q q^T summed, Markley 2007)."""
+    """Return the mean over the first axis (Markley 2007)."""
     q = np.asarray(quaternions, dtype=np.float64)
     w = np.ones(len(q)) if weights is None else np.asarray(weights, dtype=np.float64)
     outer = np.einsum("n,n...i,n...j->...ij", w, q, q)
@@ -197,7 +197,7 @@ def mean(quaternions: ArrayLike, weights: ArrayLike | None = None) -> Array:
 
 
 def continuous(quaternions: ArrayLike) -> Array:
-    """Return `[F, ..., 4]` with signs chosen so that neighbouring frames lie in one hemisphere."""
+    """Return `[F, ..., 4]` with neighbouring frames in one hemisphere."""
     q = np.array(quaternions, dtype=np.float64)
     if len(q) > 1:
         flips = np.where(np.sum(q[1:] * q[:-1], axis=-1) < 0.0, -1.0, 1.0)
@@ -206,7 +206,7 @@ def continuous(quaternions: ArrayLike) -> Array:
 
 
 def swing_twist(quaternions: ArrayLike, axis: ArrayLike) -> tuple[Array, Array]:
-    """Split rotations into (swing, twist) with q = swing * twist and the twist about the unit `axis`."""
+    """Split q into (swing, twist), q = swing * twist, twist about the unit `axis`."""
     q = np.asarray(quaternions, dtype=np.float64)
     n = np.asarray(axis, dtype=np.float64)
     along = np.sum(q[..., 1:] * n, axis=-1, keepdims=True)

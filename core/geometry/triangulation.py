@@ -16,7 +16,7 @@ _SMALL_STEP_M = 1e-7
 def triangulate(
     cameras: Sequence[Camera], normalised: Array, weights: Array, pixel_sigma: float, start_m: Array | None = None
 ) -> tuple[Array, Array, Array]:
-    """Return points (N, 3), covariances (N, 3, 3) and reprojection errors (N, C) in pixels.
+    """Return points (N, 3), covariances (N, 3, 3), pixel errors (N, C).
 
     The point minimises the reprojection error (Hartley and Zisserman, Multiple View Geometry, 12.3): linear start,
     then Gauss-Newton.

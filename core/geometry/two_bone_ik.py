@@ -21,7 +21,7 @@ def triangle_angle(near: ArrayLike, side: ArrayLike, opposite: ArrayLike) -> Arr
 def reach_with_two_bones(
     points: tuple[Array, Array, Array], rotations: tuple[Array, Array], target: Array, hinge: Array, straightest: float
 ) -> tuple[Array, Array]:
-    """Return world rotations (4,) of two bones with which their end lies at a target.
+    """Return world rotations (4,) of two bones that put their end at a target.
 
     Args:
         points: (3,) each: start of the first bone, joint between them, end of the second.

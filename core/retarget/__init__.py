@@ -1,1 +1,1 @@
-"""Motion of the product's skeleton on any humanoid armature: which bone is which joint, and how it must turn."""
+"""Retargeting: bone maps of humanoid armatures, and motion onto them."""

@@ -1,4 +1,4 @@
-"""What of an armature matters for finding its joints and posing it, as plain arrays."""
+"""Rest pose of an armature, as plain arrays."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,7 +14,7 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class ArmatureRest:
-    """Bones in their rest pose, parents before their children, in the armature's own space and unit, whatever its axes.
+    """Bones at rest, parents first, in the armature's own space and unit.
 
     Args:
         names: (B) bone names, unique.
@@ -75,7 +75,7 @@ class ArmatureRest:
         return found
 
     def mover(self, bone: int) -> int:
-        """Return the bone whose location moves a bone: itself, or the nearest above that is not held by its parent."""
+        """Return the nearest bone, itself included, with a location of its own."""
         return next(above for above in self.line(bone) if not self.connected[above] or self.parents[above] < 0)
 
     def is_above(self, upper: int, lower: int) -> bool:
@@ -83,11 +83,11 @@ class ArmatureRest:
         return upper in self.line(lower)
 
     def shared_ancestor(self, bones: list[int]) -> int:
-        """Return the lowest bone that is above all the given ones (or one of them), -1 if there is none."""
+        """Return the lowest bone above (or among) all the given ones, -1 if none."""
         lines = [self.line(bone) for bone in bones]
         return next((bone for bone in lines[0] if all(bone in line for line in lines[1:])), -1)
 
     def path(self, upper: int, lower: int) -> list[int]:
-        """Return the bones from `upper` down to `lower`, both included; empty if `upper` is not above `lower`."""
+        """Return the bones from `upper` down to `lower`, empty if it is not above."""
         line = self.line(lower)
         return line[: line.index(upper) + 1][::-1] if upper in line else []

@@ -1,4 +1,4 @@
-"""Which bone of an armature is which joint of the product's skeleton: by a preset, by names, by shape, and checked.
+"""Bone map of an armature: by a preset, by names or by shape, and checked.
 
 Names decide where they tell all of a limb and agree with the hierarchy; else the limb's shape does. The trunk and the
 neck go by the hierarchy between hips, arms and head, as rigs have any number of bones there. Each joint comes with
@@ -41,7 +41,7 @@ class State(Enum):
 
 @dataclass(frozen=True)
 class JointMatch:
-    """The bone of one joint: "" when missing; the reason is a few words for the user, "" when there is none to give."""
+    """Bone of one joint, "" when missing, and the reason for the user."""
 
     bone: str
     state: State
@@ -50,10 +50,10 @@ class JointMatch:
 
 @dataclass(frozen=True)
 class BoneMap:
-    """A bone for each of the product's joints that the armature has.
+    """A bone for each of the standard skeleton's joints that the armature has.
 
     Args:
-        matches: for every name of `JOINT_NAMES` what was found.
+        matches: for every name of `JOINT_NAMES` the match.
         origin: where the map comes from: a preset's name, "names", "names and shape", "shape".
     """
 
@@ -89,7 +89,7 @@ def find_bone_map(rest: ArmatureRest, presets: Mapping[str, Mapping[str, str]] |
         presets: name -> joint -> bone; one that fits entirely comes before everything else.
 
     Raises:
-        CharacterError: it is no biped, with the reason; or arms, legs and hips cannot be told.
+        CharacterError: it is no biped, with the reason; or arms, legs and hips are not found.
     """
     for name, preset in (presets or {}).items():
         if (bones := _fitting(rest, preset)) is not None:
@@ -143,7 +143,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _fitting(rest: ArmatureRest, preset: Mapping[str, str]) -> dict[str, str] | None:
-    """Return a preset's bones by their names in this armature (whatever namespace stands before), None if it lacks one.
+    """Return a preset's bones in this armature, None if it lacks one.
 
     Fingers, thumbs and toes may be absent: they are often left out of a rig.
     """
@@ -159,7 +159,7 @@ def _fitting(rest: ArmatureRest, preset: Mapping[str, str]) -> dict[str, str] | 
 
 
 def _by_names(rest: ArmatureRest) -> tuple[dict[str, int], dict[str, bool]]:
-    """Return joints told by names, and for each limb ("lleg", ...) whether the names tell all that is needed of it."""
+    """Return joints found by names, and for each limb ("lleg", ...) completeness."""
     parsed = [parse_bone_name(name) for name in rest.names]
     depth = np.array([len(rest.line(bone)) for bone in range(len(rest))])
     used = [bone for bone in range(len(rest)) if not parsed[bone].helper]
@@ -192,8 +192,8 @@ def _by_names(rest: ArmatureRest) -> tuple[dict[str, int], dict[str, bool]]:
             limb["humerus"] = limb.pop("clavicle")
         limb |= _numbered_fingers(rest, side)
         for name, needed in (("leg", _LEG), ("arm", _ARM)):
-            told = all(joint in limb for joint in needed)
-            by_name[side + name] = told and all(rest.is_above(limb[a], limb[b]) for a, b in pairwise(needed))
+            complete = all(joint in limb for joint in needed)
+            by_name[side + name] = complete and all(rest.is_above(limb[a], limb[b]) for a, b in pairwise(needed))
         found |= {side + joint: bone for joint, bone in limb.items()}
     head = first(HEAD_WORDS, "", set())
     if head >= 0:
@@ -202,7 +202,7 @@ def _by_names(rest: ArmatureRest) -> tuple[dict[str, int], dict[str, bool]]:
 
 
 def _numbered_fingers(rest: ArmatureRest, side: str) -> dict[str, int]:
-    """Return thumb and middle finger where all five are called finger and a number: finger3-1, Finger2."""
+    """Return thumb and middle finger of numbered ones: finger3-1, Finger2."""
     bases: dict[int, int] = {}
     for bone, name in enumerate(rest.names):
         parsed = parse_bone_name(name)
@@ -213,8 +213,8 @@ def _numbered_fingers(rest: ArmatureRest, side: str) -> dict[str, int]:
 
 
 def _fill_limbs(rest: ArmatureRest, found: dict[str, int], by_name: dict[str, bool], limbs: Limbs) -> None:
-    """Take the limbs that the names do not tell from the shape; hands and toes with them."""
-    for kind, chains, told, joints in (
+    """Take limbs without complete names from the shape; hands and toes with them."""
+    for kind, chains, find_joints, joints in (
         ("leg", limbs.legs, leg_joints, ("femur", "tibia", "foot", "toes")),
         ("arm", limbs.arms, arm_joints, ("clavicle", "humerus", "radius", "wrist", "hand", "fingers", "thumb")),
     ):
@@ -223,11 +223,11 @@ def _fill_limbs(rest: ArmatureRest, found: dict[str, int], by_name: dict[str, bo
         for side in "lr":
             for joint in joints:
                 found.pop(side + joint, None)
-            found |= {side + joint: bone for joint, bone in told(rest, chains[side]).items()}
+            found |= {side + joint: bone for joint, bone in find_joints(rest, chains[side]).items()}
 
 
 def _shift_if_named_by_ends(rest: ArmatureRest, found: dict[str, int]) -> None:
-    """Move each limb one bone outwards where bones are called by the joint at their end: both thighs begin at once."""
+    """Move limbs one bone outwards in rigs with bones named by their end joints."""
     size = float(np.max(np.ptp(rest.heads, axis=0)))
     chains: tuple[tuple[str, ...], ...] = (
         ("femur", "tibia", "foot", "toes"),
@@ -248,7 +248,7 @@ def _shift_if_named_by_ends(rest: ArmatureRest, found: dict[str, int]) -> None:
 
 
 def _find_trunk(rest: ArmatureRest, found: dict[str, int]) -> None:
-    """Set root, thorax, back, neck and head by the hierarchy between legs, arms and head."""
+    """Set root, thorax, back, neck and head by the hierarchy."""
     arms = [found.get(side + "clavicle", found[side + "humerus"]) for side in "lr"]
     thorax = rest.shared_ancestor(arms)
     legs = [found[side + "femur"] for side in "lr"]
@@ -278,7 +278,7 @@ def _find_trunk(rest: ArmatureRest, found: dict[str, int]) -> None:
 
 
 def _by_share(rest: ArmatureRest, root: int, trunk: list[int]) -> dict[str, int]:
-    """Return the bones of a trunk below its last that are nearest to where the lower and the upper back begin."""
+    """Return the trunk's bones nearest to the starts of lower and upper back."""
     way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(rest.heads[[root, *trunk]], axis=0), axis=1))))
     shares = dict(zip(trunk, way[1:] / max(float(way[-1]), 1e-9), strict=True))
     free = trunk[:-1]
@@ -295,7 +295,7 @@ def _by_share(rest: ArmatureRest, root: int, trunk: list[int]) -> dict[str, int]
 
 
 def _topmost(rest: ArmatureRest, top: int, arms: set[int]) -> int:
-    """Return the last bone of the chain that goes up from the thorax between the arms, -1 without one."""
+    """Return the last bone of the chain up between the arms, -1 without one."""
     bone, found = top, -1
     while True:
         children = [
@@ -325,7 +325,7 @@ def _axes(rest: ArmatureRest, found: Mapping[str, int]) -> tuple[Array, Array]:
 
 
 def _swap_if_feet_say_so(rest: ArmatureRest, found: dict[str, int]) -> bool:
-    """Swap the sides where the feet point backwards: such a rig is named as its viewer sees it."""
+    """Swap the sides of rigs named as their viewer sees them: feet point backwards."""
     up, left = _axes(rest, found)
     front = np.cross(left, up)
     agreement = []

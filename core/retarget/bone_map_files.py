@@ -1,4 +1,4 @@
-"""Bone maps as files that can be shared: a name and, for each joint, a bone (TOML).
+"""Bone maps as files to share: a name and a bone for each joint (TOML).
 
     name = "My rig"
 
@@ -6,7 +6,7 @@
     root = "Hips"
     lfemur = "Thigh_L"
 
-Shipped ones exist only for rigs whose names alone would mislead; all others are found by `bone_map.find_bone_map`.
+Shipped ones exist only for rigs with misleading names; all others are found by `bone_map.find_bone_map`.
 """
 
 from pathlib import Path
@@ -45,7 +45,7 @@ def write_bone_map(path: Path | str, name: str, bones: dict[str, str]) -> None:
 
 
 def preset_paths(user_folder: Path | None = None) -> dict[str, Path]:
-    """Return name -> file of the shipped presets and those in the user's folder, which come first."""
+    """Return name -> file of the user's and the shipped presets."""
     folders = [folder for folder in (user_folder, BONE_MAPS) if folder is not None and folder.is_dir()]
     found: dict[str, Path] = {}
     for folder in folders:
@@ -55,7 +55,7 @@ def preset_paths(user_folder: Path | None = None) -> dict[str, Path]:
 
 
 def read_presets(user_folder: Path | None = None) -> dict[str, dict[str, str]]:
-    """Return name -> joint -> bone of all presets; a file of the user's that is damaged is left out."""
+    """Return name -> joint -> bone of all readable presets."""
     found = {}
     for name, path in preset_paths(user_folder).items():
         try:

@@ -1,4 +1,4 @@
-"""What the names of bones say: side, words and number, whatever the rig's prefixes and ways of writing.
+"""Parser of bone names: side, words and numbers in any rig's spelling.
 
 Covers the names of Mixamo, Rigify (metarig, deform bones), MakeHuman and MPFB, Unreal, VRM and VRoid, Rokoko, the CMU
 database, 3ds Max Biped, Valve, DAZ, Poser and most rigs that are named in English.
@@ -49,7 +49,7 @@ NECK_WORDS = ("neck", "lowerneck", "upperneck", "cervical")
 
 @dataclass(frozen=True)
 class BoneName:
-    """What a bone's name says.
+    """Parsed name of a bone.
 
     Args:
         side: "l", "r", or "" for the middle.
@@ -66,14 +66,14 @@ class BoneName:
 
 @lru_cache(maxsize=8192)
 def parse_bone_name(name: str) -> BoneName:
-    """Return what a bone's name says: "mixamorig:LeftUpLeg" -> left, "upleg"."""
+    """Parse a bone's name: "mixamorig:LeftUpLeg" -> left, "upleg"."""
     words = [word.lower() for word in _WORDS.findall(re.split(r"[:|]", name)[-1])]
     numbers = tuple(
         int(word) for before, word in zip(["", *words], words, strict=False) if word.isdigit() and before != "bip"
     )
     sides = [_SIDES[word] for word in words if word in _SIDES]
-    told = [word for word in words if word not in _SIDES and word not in _DROPPED and not word.isdigit()]
-    joined = "".join(told)
+    said = [word for word in words if word not in _SIDES and word not in _DROPPED and not word.isdigit()]
+    joined = "".join(said)
     known = {word for aliases in LIMB_WORDS.values() for word in aliases}
     if not sides and joined[:1] in ("l", "r") and joined[1:] in known:  # CMU and Poser: lfemur, rshldr
         sides, joined = [joined[0]], joined[1:]

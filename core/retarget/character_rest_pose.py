@@ -1,4 +1,4 @@
-"""How a character's rest pose lies in the product's: which way it faces, how large it is, how its limbs are held.
+"""Alignment of a character's rest pose: facing, size, limbs.
 
 Trunk, collars, neck and head are upright in any rest pose and soles lie flat, so they keep the character's own shape;
 feet are only turned about the vertical until they point as in the product's rest pose. Legs and arms are turned the
@@ -20,7 +20,7 @@ from .bone_names import parse_bone_name
 from .file_rest_pose import BONE_ENDS
 from .limb_detection import cosine
 
-# A rig whose rest pose stands within this angle of an axis-aligned frame is taken to be meant that way: its own lean
+# A rig that stands at rest within this angle of an axis-aligned frame is taken to be meant that way: its own lean
 # (hips before or behind the head) is posture and no turn of the rig.
 _SNAP_RADIANS = np.radians(25.0)
 _PALM_MOST = np.radians(110.0)  # a palm further off than this is not believed
@@ -67,7 +67,7 @@ def align_character(
         same_body: the character has the performer's proportions: hands follow the forearms, feet keep their direction.
 
     Raises:
-        CharacterError: its left and right cannot be told, or the legs have no length.
+        CharacterError: its left and right are unclear, or the legs have no length.
     """
     left = sum(rest.heads[joints["l" + name]] - rest.heads[joints["r" + name]] for name in ("femur", "humerus"))
     middles = [0.5 * (rest.heads[joints["l" + name]] + rest.heads[joints["r" + name]]) for name in ("femur", "humerus")]
@@ -80,7 +80,7 @@ def align_character(
 
 
 def facing(left: Array, up: Array) -> Array:
-    """Return the armature-from-product rotation (3, 3) of a rig by the directions to its left and up its trunk.
+    """Return the armature-from-world rotation (3, 3) of a rig.
 
     Raises:
         CharacterError: the directions are one.
@@ -99,7 +99,7 @@ def facing(left: Array, up: Array) -> Array:
 
 
 def _frame(left: Array, up: Array) -> Array:
-    """Return the rotation (3, 3) with columns left, up, forward, `up` kept in direction."""
+    """Return the rotation (3, 3) with columns left, up, forward; `up` is exact."""
     forward = np.cross(left, up)
     forward = forward / np.linalg.norm(forward)
     up = up / np.linalg.norm(up)
@@ -117,7 +117,7 @@ def _axis_aligned_rotations() -> list[Array]:
 
 
 def _leg_lengths(skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str, int]) -> float:
-    """Return armature units per metre: the ratio of leg lengths, so that a step covers a step."""
+    """Return armature units per metre: the ratio of leg lengths."""
     character, own = 0.0, 0.0
     for side, (upper, lower) in product("lr", (("femur", "tibia"), ("tibia", "foot"))):
         if side + upper in joints and side + lower in joints:
@@ -129,7 +129,7 @@ def _leg_lengths(skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str, in
 
 
 def _ground(rest: ArmatureRest, joints: Mapping[str, int], heads: Array) -> float:
-    """Return the height of the ground: the armature's own where the feet are near it, else that of the feet."""
+    """Return the ground's height: the armature's own, else the lowest foot's."""
     feet = [joints[side + name] for side in "lr" for name in ("tibia", "foot", "toes") if side + name in joints]
     lowest = float(np.min(heads[feet, 1]))
     leg = float(np.max(heads[[joints["lfemur"], joints["rfemur"]], 1])) - lowest
@@ -178,7 +178,7 @@ def _wanted(skeleton: Skeleton, name: str, joints: Mapping[str, int]) -> Array:
 def bone_direction(
     name: str, rest: ArmatureRest, joints: Mapping[str, int], heads: Array, tails: Array
 ) -> Array | None:
-    """Return the way from a joint of a limb to the end of its bone in the character's rest pose, None if untold."""
+    """Return the direction of a limb's bone at rest, None if unknown."""
     side, kind, bone = name[0], name[1:], joints[name]
     end = next((joints[side + j] for j in BONE_ENDS[kind] if side + j in joints), None)
     if end is not None:
@@ -192,7 +192,7 @@ def bone_direction(
 
 
 def _heading(skeleton: Skeleton, joints: Mapping[str, int], heads: Array, side: str) -> Array:
-    """Return the turn about the vertical that brings a foot's heading to the product's."""
+    """Return the turn about the vertical to the heading of the performer's foot."""
     if side + "toes" not in joints:
         return rot.identity()
     way = heads[joints[side + "toes"]] - heads[joints[side + "foot"]]
@@ -204,7 +204,7 @@ def _heading(skeleton: Skeleton, joints: Mapping[str, int], heads: Array, side: 
 def _face_palm_down(
     skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str, int], heads: Array, turns: dict[str, Array], side: str
 ) -> None:
-    """Turn the hand about its direction until the thumb's side faces forward, and the forearm half as much."""
+    """Turn the hand until the thumb faces forward, the forearm half as much."""
     hand = side + "hand"
     if hand not in joints:
         return
@@ -225,7 +225,7 @@ def _face_palm_down(
 
 
 def _across_hand(rest: ArmatureRest, joints: Mapping[str, int], heads: Array, side: str) -> Array | None:
-    """Return the direction across the palm towards the thumb, None where no finger tells it."""
+    """Return the direction across the palm to the thumb, None without fingers."""
     index, little = (_knuckle(rest, joints[side + "hand"], side, words) for words in (("index",), ("pinky", "little")))
     if index >= 0 and little >= 0:
         return heads[index] - heads[little]
@@ -235,7 +235,7 @@ def _across_hand(rest: ArmatureRest, joints: Mapping[str, int], heads: Array, si
 
 
 def _knuckle(rest: ArmatureRest, hand: int, side: str, words: tuple[str, ...]) -> int:
-    """Return the first bone below the hand with one of the words in its name, -1 without one."""
+    """Return the first bone below the hand with one of the words, -1 if none."""
     return next(
         (
             bone

@@ -1,4 +1,4 @@
-"""Which bones of a character are turned by a motion, and by which joints."""
+"""Bones of a character turned by a motion, and the joints that turn them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ _FINGERS = ("index", "middle", "ring", "pinky", "little")
 
 @dataclass(frozen=True)
 class DrivenBone:
-    """A bone and what turns it: two joints and how far between them its place is."""
+    """A bone, the two joints that turn it, and its place between them."""
 
     bone: int
     first: int
@@ -27,7 +27,7 @@ class DrivenBone:
 
 
 def root_bone(rest: ArmatureRest, hips: int) -> int:
-    """Return the topmost bone above the hips, -1 without one; in control rigs helpers may stand between them."""
+    """Return the topmost bone above the hips that is no helper, -1 without one."""
     above = [bone for bone in rest.line(hips)[1:] if not parse_bone_name(rest.names[bone]).helper]
     if above:
         return above[-1]
@@ -60,7 +60,7 @@ def driven_bones(
 
 
 def _beside(name: str) -> list[str]:
-    """Return the names that the other fingers or toes have beside one: LeftHandMiddle1 -> LeftHandRing1, ..."""
+    """Return the names of the neighbours: LeftHandMiddle1 -> LeftHandRing1, ..."""
     for word in _FINGERS:
         for spelling in (str, str.capitalize, str.upper):
             if spelling(word) in name:
@@ -73,7 +73,7 @@ def _beside(name: str) -> list[str]:
 
 
 def driven_ancestors(rest: ArmatureRest, order: Sequence[int], ancestors: IntArray | None) -> IntArray:
-    """Return for each driven bone the place of the driven bone whose rotation it follows, -1 without one."""
+    """Return for each driven bone the place of the one it follows, -1 for none."""
     place = {bone: index for index, bone in enumerate(order)}
     follows = np.where(rest.inherits_rotation, rest.parents, -1) if ancestors is None else ancestors
     found = []

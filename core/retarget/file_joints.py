@@ -1,4 +1,4 @@
-"""Which joint of a file is which joint of the product's skeleton, told by names and by the hierarchy.
+"""Joint map of a motion file, by names and hierarchy.
 
 Names are cut into words (CamelCase, separators), prefixes of rigs dropped, and the side found among the words. Limbs
 go by their words; the joints of the trunk and the neck go by their place between the pelvis, the arms and the head,
@@ -47,10 +47,10 @@ _NECK_CHAIN = ("lowerneck", "upperneck")
 
 
 def match_joints(source: SourceMotion) -> dict[str, int]:
-    """Return which joint index of the file is which of the product's joints; joints that it lacks are left out.
+    """Return joint -> joint index in the file, without the joints that it lacks.
 
     Raises:
-        SkeletonError: the hips or a thigh, shank, upper arm or forearm cannot be told.
+        SkeletonError: the hips or a thigh, shank, upper arm or forearm is missing.
     """
     if set(source.names) >= set(JOINT_NAMES):
         return {name: source.names.index(name) for name in JOINT_NAMES}
@@ -79,7 +79,7 @@ def match_joints(source: SourceMotion) -> dict[str, int]:
 
 
 def _by_words(names: Sequence[str]) -> tuple[dict[tuple[str, str], int], dict[str, int]]:
-    """Return joints by (side, words without side) and, for joints of the middle, by words; the first of each wins."""
+    """Return joints by (side, words), and those of the middle by words."""
     sided: dict[tuple[str, str], int] = {}
     middle: dict[str, int] = {}
     for index, name in enumerate(names):
@@ -93,7 +93,7 @@ def _by_words(names: Sequence[str]) -> tuple[dict[tuple[str, str], int], dict[st
 
 @lru_cache(maxsize=4096)  # files of one data set share their names
 def split_name(name: str) -> tuple[str, str]:
-    """Return ("l", "r" or "", the words run together in lower case): "mixamorig:LeftUpLeg" -> ("l", "upleg")."""
+    """Return side and joined words: "mixamorig:LeftUpLeg" -> ("l", "upleg")."""
     bare = _PREFIX.sub("", re.split(r"[:|]", name)[-1])
     words = [word.lower() for word in _WORDS.findall(bare)]
     side = next((_SIDES[word] for word in words if word in _SIDES), "")
@@ -146,7 +146,7 @@ def _shares(positions: NDArray[np.float64], chain: list[int]) -> list[float]:
 
 
 def _assign(names: Sequence[str], joints: list[int], shares: list[float], wanted: dict[str, float]) -> dict[str, int]:
-    """Return the assignment of joints to names in order that leaves the least distance along the chain."""
+    """Return the ordered assignment with the least distance along the chain."""
     if len(joints) >= len(names):
         picks = [(i, j) for i in range(len(joints)) for j in range(i + 1, len(joints))]
         best = min(picks, key=lambda p: sum(abs(shares[i] - wanted[n]) for i, n in zip(p, names, strict=True)))

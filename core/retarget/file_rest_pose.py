@@ -1,6 +1,6 @@
-"""How the axes of a file's joints lie when its body stands in the product's rest pose.
+"""Joint axes of a file's body in the standard skeleton's rest pose.
 
-The rest pose of most files is a T or A pose whose joint axes are the world's. Some put all bones along one axis, so
+The rest pose of most files is a T or A pose with the world's joint axes. Some put all bones along one axis, so
 that their zero pose is no pose of a body at all: for those the axes in the T pose are known from the convention
 (`AxisRig`). Trunk, collars, neck and head are upright in any such pose and feet stand flat, so they keep their
 attitude, whatever way their bones point; legs and arms are turned the shortest way until their bones point as in the
@@ -44,7 +44,7 @@ _UPRIGHT = 0.35  # share of the body's length by which head, hips and feet must 
 
 @dataclass(frozen=True)
 class AxisRig:
-    """A convention of joint axes: joint -> directions of the local X and Y axes in a T pose with the palms down."""
+    """A convention of joint axes: local X and Y of each joint in a T pose."""
 
     axes: Mapping[str, tuple[tuple[float, float, float], tuple[float, float, float]]]
 
@@ -82,7 +82,7 @@ BONES_ALONG_X = AxisRig(
 
 @dataclass(frozen=True)
 class RestAlignment:
-    """For each joint found, by the product's name: source-joint-from-product-joint quaternion (4,)."""
+    """Source-joint-from-world quaternion (4,) of each joint in the rest pose."""
 
     source_from_world: dict[str, Array]
 
@@ -126,7 +126,7 @@ def _align_zero_pose(
 
 
 def _is_body(positions: Array, found: Mapping[str, int]) -> bool:
-    """Tell whether the pose stands upright, legs below, arms on their sides or hanging."""
+    """Tell whether the pose stands upright with arms out or hanging."""
     up, left, front = _body_axes(positions, found)
     if not np.all(np.isfinite(np.stack((up, left, front)))):
         return False
@@ -193,7 +193,7 @@ def _from_rig(parents: IntArray, offsets_m: Array, found: Mapping[str, int], rig
 
 
 def _has_bones_along_x(parents: IntArray, offsets_m: Array, found: Mapping[str, int]) -> bool:
-    """Tell whether the limbs' bones lie along +X on the left side and along -X on the right one."""
+    """Tell whether the limbs lie along +X on the left and -X on the right."""
     for side, sign in (("l", 1.0), ("r", -1.0)):
         for bone, end in (("femur", "tibia"), ("tibia", "foot"), ("humerus", "radius"), ("radius", "hand")):
             if side + end not in found:
@@ -210,7 +210,7 @@ def _bone_end(name: str, found: Mapping[str, int]) -> str | None:
 
 
 def _aligned(orientations: dict[str, Array], bones: dict[str, Array]) -> RestAlignment:
-    """Turn each joint from its orientation in the file's T or A pose to that in the product's rest pose."""
+    """Turn each joint from the file's T or A pose to the standard rest pose."""
     default = default_skeleton()
     turns: dict[str, Array] = {}  # product rest from pose, by joint
     rolls: dict[str, Array] = {}  # the same with the elbow's hinge in place
@@ -237,7 +237,7 @@ def _inherited_turn(name: str, turns: Mapping[str, Array], parents: NDArray[np.i
 
 
 def _hinge_roll(name: str, turn: Array) -> Array:
-    """Return the turn about the arm that brings the elbow's hinge to the product's: it is vertical in a T pose."""
+    """Return the turn about the arm that brings the elbow's hinge into place."""
     if name[1:] not in _HINGED:
         return rot.identity()
     side = 1.0 if name[0] == "l" else -1.0

@@ -1,6 +1,6 @@
-"""What other programs call the joints of a body.
+"""Names of the joints in other programs.
 
-Each naming has a name for all of the product's joints. A joint between two of the target's bones (the twist of the
+Each naming has a name for all of the standard skeleton's joints. A joint between two of the target's bones (the twist of the
 forearm, the second joint of the neck) has a name in its manner, so that what looks for the target's bones finds these
 and passes over that.
 """
@@ -12,13 +12,13 @@ from ..body.motion import Motion
 from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import SettingsError
 
-OWN = "cmu"  # the product's joints have the names of the CMU Motion Capture Database
+OWN = "cmu"  # the standard skeleton's joints have the names of the CMU Motion Capture Database
 
 _SIDE_WORDS = {"l": "left", "r": "right"}
 
 
 def _named(middle: Mapping[str, str], limbs: Mapping[str, str], sides: Mapping[str, str]) -> dict[str, str]:
-    """Return joint -> name; `{side}` in the names of limbs is replaced by `sides` of "l" and "r"."""
+    """Return joint -> name, `{side}` in limbs' names replaced by `sides`."""
     sided = {key + joint: name.format(side=sides[key]) for key in "lr" for joint, name in limbs.items()}
     found = {**middle, **sided}
     return {joint: found[joint] for joint in JOINT_NAMES}
@@ -26,7 +26,7 @@ def _named(middle: Mapping[str, str], limbs: Mapping[str, str], sides: Mapping[s
 
 NAMINGS: dict[str, dict[str, str]] = {
     OWN: {name: name for name in JOINT_NAMES},
-    # the mannequin of Unreal Engine 5, whose five spine bones bend as three
+    # the mannequin of Unreal Engine 5, with five spine bones that bend as three
     "unreal": _named(
         {
             "root": "pelvis", "lowerback": "spine_01", "upperback": "spine_03", "thorax": "spine_05",
@@ -80,7 +80,7 @@ def naming_of(name: str) -> dict[str, str]:
 
 
 def renamed(motion: Motion, naming: str) -> Motion:
-    """Return a motion of the product's joints under another naming's names; all else is the same."""
+    """Return a motion with its joints renamed."""
     names = naming_of(naming)
     skeleton = motion.skeleton
     return replace(motion, skeleton=replace(skeleton, names=tuple(names[name] for name in skeleton.names)))

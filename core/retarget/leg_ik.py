@@ -21,7 +21,7 @@ _HINGE = 0.05  # weight of the knee's axis against the plane in which it is bent
 
 @dataclass(frozen=True)
 class _Leg:
-    """Indices and lengths of a leg; vectors in world axes, in the performer's metres; `own` is the performer's."""
+    """Indices and lengths of a leg; `own` is the performer's, all in its metres."""
 
     joints: tuple[int, ...]
     places: tuple[int, int]
@@ -40,7 +40,7 @@ class _Leg:
 
 @dataclass(frozen=True)
 class _Step:
-    """Rotations and directions of the performer's thigh and shank, and the target of the character's ankle."""
+    """Rotations of the performer's leg, and the target of the character's ankle."""
 
     upper: c.Quaternion
     lower: c.Quaternion
@@ -51,7 +51,7 @@ class _Step:
 
 @dataclass(frozen=True)
 class LegPlan:
-    """Both legs of a character and its hips; vectors in world axes, in the performer's metres.
+    """Both legs of a character and its hips, in the performer's metres.
 
     Args:
         hips_to_middle: from the hips' head to the middle between the thighs.
@@ -97,7 +97,7 @@ def plan_legs(
 def _plan_leg(
     skeleton: Skeleton, alignment: RestAlignment, joints: Mapping[str, int], places: Mapping[int, int], side: str
 ) -> tuple[_Leg, float]:
-    """Return a leg, and the height by which it raises the hips."""
+    """Return a leg, and its contribution to the height of the hips."""
     heads = alignment.heads_m
     middle = 0.5 * (heads[joints["lfemur"]] + heads[joints["rfemur"]])
     thigh, shank, own_ball = (skeleton.offsets_m[skeleton.index(side + n)] for n in ("tibia", "foot", "toes"))
@@ -129,7 +129,7 @@ def _plan_leg(
 
 
 def bend_legs(plan: LegPlan, world: Array, root: c.Quaternion, position: c.Vector, turned: Array) -> c.Vector:
-    """Turn thighs and shanks in `turned`, and return the hips' position in the performer's metres.
+    """Turn thighs and shanks in `turned`, and return the hips' position in metres.
 
     Args:
         plan: of the character's legs.
@@ -159,7 +159,7 @@ def _step(leg: _Leg, world: Array, root: c.Quaternion, position: c.Vector) -> _S
 
 
 def _lowering(legs: Sequence[_Leg], reaches: Sequence[c.Vector]) -> c.Part:
-    """Return the lowering of the hips, in metres, that lets the legs reach their feet; raised legs do not count.
+    """Return the lowering of the hips, metres, that lets standing legs reach.
 
     Args:
         reaches: from each hip to the target of its ankle.

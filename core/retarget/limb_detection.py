@@ -1,4 +1,4 @@
-"""Limbs of an armature told by its shape alone: two symmetric pairs of chains on a trunk, whatever they are called."""
+"""Limbs of an armature by its shape: two symmetric pairs of chains."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -18,7 +18,7 @@ _UPRIGHT = np.cos(np.radians(50.0))  # between the trunk and the way from the fe
 
 @dataclass(frozen=True)
 class Limbs:
-    """Chains of bones (indices, from the trunk outwards): sides "l" and "r" of legs and arms."""
+    """Chains of bones from the trunk outwards, by side, of legs and arms."""
 
     legs: dict[str, list[int]]
     arms: dict[str, list[int]]
@@ -69,7 +69,7 @@ def _pairs(rest: ArmatureRest) -> list[tuple[list[int], list[int]]]:
 
 
 def _main_chain(rest: ArmatureRest, bone: int, reach: Array) -> list[int]:
-    """Return the bones from one outwards along its longest branch, up to where a hand spreads into fingers."""
+    """Return the longest branch below a bone, up to a hand with fingers."""
     chain = [bone]
     while True:
         children = [child for child in rest.children[chain[-1]] if not parse_bone_name(rest.names[child]).helper]
@@ -80,14 +80,14 @@ def _main_chain(rest: ArmatureRest, bone: int, reach: Array) -> list[int]:
 
 
 def _uprightness(rest: ArmatureRest, legs: tuple[list[int], list[int]], arms: tuple[list[int], list[int]]) -> float:
-    """Return the mean cosine between the legs' way up and the way from the legs to the arms."""
+    """Return the mean cosine between the legs and the line from legs to arms."""
     hips, shoulders = (np.mean([rest.heads[chain[0]] for chain in pair], axis=0) for pair in (legs, arms))
     ways = [rest.heads[chain[0]] - rest.heads[chain[-1]] for chain in legs]
     return float(np.mean([cosine(way, shoulders - hips) for way in ways]))
 
 
 def check_upright(score: float) -> None:
-    """Raise CharacterError unless the cosine between trunk and legs is that of somebody who stands on two feet."""
+    """Raise CharacterError unless trunk and legs form one upright line."""
     if score < _UPRIGHT:
         angle = np.degrees(np.arccos(np.clip(score, -1.0, 1.0)))
         raise CharacterError(
@@ -103,7 +103,7 @@ def cosine(a: Array, b: Array) -> float:
 
 
 def _left(rest: ArmatureRest, legs: tuple[list[int], list[int]], arms: tuple[list[int], list[int]]) -> Array:
-    """Return the direction to the character's left: by the names, else by the way its feet point."""
+    """Return the direction to the character's left: by names, else by its feet."""
     across = np.zeros(3)
     for a, b in (legs, arms):
         way = rest.heads[a[-1]] - rest.heads[b[-1]]
@@ -124,7 +124,7 @@ def _by_side(rest: ArmatureRest, pair: tuple[list[int], list[int]], left: Array)
 
 
 def leg_joints(rest: ArmatureRest, chain: list[int]) -> dict[str, int]:
-    """Return femur, tibia, foot and toes of a leg's chain; fewer where it is too short."""
+    """Return femur, tibia, foot and toes of a leg's chain, as many as fit."""
     chain = _without_short_start(rest, chain)
     down = rest.heads[chain[-1]] - rest.heads[chain[0]]
     ankle = _evenly_bent(rest, chain)
@@ -143,14 +143,14 @@ def leg_joints(rest: ArmatureRest, chain: list[int]) -> dict[str, int]:
 
 
 def _evenly_bent(rest: ArmatureRest, chain: list[int]) -> int:
-    """Return the place in the chain of the ankle above which some joint, the knee, is nearest to half of the way."""
+    """Return the ankle's place in the chain: a knee lies halfway above it."""
     way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(rest.heads[chain], axis=0), axis=1))))
     uneven = {place: float(np.min(np.abs(way[1:place] / way[place] - 0.5))) for place in range(2, len(chain))}
     return min(uneven, key=lambda place: uneven[place], default=len(chain) - 1)
 
 
 def arm_joints(rest: ArmatureRest, chain: list[int]) -> dict[str, int]:
-    """Return clavicle, humerus, radius and hand of an arm's chain; fewer where it is too short."""
+    """Return clavicle, humerus, radius and hand of an arm's chain."""
     rest_of_arm = _without_short_start(rest, chain) if len(chain) > 3 else chain
     names = {"clavicle": chain[0]} if rest_of_arm[0] != chain[0] else {}
     if not names and len(chain) >= 4:
@@ -172,6 +172,6 @@ def _without_short_start(rest: ArmatureRest, chain: list[int]) -> list[int]:
 
 
 def _middle(rest: ArmatureRest, chain: list[int]) -> int:
-    """Return the bone between the ends whose head is nearest to half of the way: knee or elbow."""
+    """Return the bone nearest to the middle of the chain: knee or elbow."""
     way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(rest.heads[chain], axis=0), axis=1))))
     return chain[1 + int(np.argmin(np.abs(way[1:-1] - 0.5 * way[-1])))]

@@ -1,4 +1,4 @@
-"""Retargeting: the performer's motion on a character with other bones and proportions.
+"""Retargeting of a performer's motion to a character with other proportions.
 
 A plan is made once per character; each pose is then turned by it alone, without memory of earlier poses.
 
@@ -59,7 +59,7 @@ class CharacterPose:
 
 @dataclass(frozen=True)
 class _Blend:
-    """Joints whose orientations turn each driven bone: the first, or a share of the way to the second."""
+    """Joints that turn each driven bone: the first, or a share towards the second."""
 
     first: IntArray
     second: IntArray
@@ -69,7 +69,7 @@ class _Blend:
 
 @dataclass(frozen=True)
 class _RootBone:
-    """Rest frame of the root bone in the armature's space; `moves_hips` where the hips are connected up to it."""
+    """Rest frame of the root bone; `moves_hips`: the hips are connected up to it."""
 
     head: Array
     location_axes: Array
@@ -96,7 +96,7 @@ class _Carriers:
 
 @dataclass(frozen=True)
 class RetargetPlan:
-    """Retargeting from one performer to one character, made by `plan_retarget` and used by `apply_plan`.
+    """Retargeting from one performer to one character, used by `apply_plan`.
 
     Args:
         skeleton: the performer's.
@@ -141,7 +141,7 @@ def plan_retarget(
         rest: the character's armature.
         bone_map: the bone of each joint.
         root_motion: a root bone is the topmost bone above the hips; without one the hips carry the character.
-        ancestors: (B,) for each bone the bone whose rotation it follows, -1 for none; where constraints let it follow
+        ancestors: (B,) for each bone the bone that turns it, -1 for none; where constraints let it follow
             another than its parent. By default the parents.
         same_body: the character has the performer's proportions: legs are not bent, hands and feet keep their shape.
 
@@ -219,7 +219,7 @@ def _blend(driven: Sequence[DrivenBone]) -> _Blend:
 
 
 def _follows_joints(skeleton: Skeleton, blend: _Blend, ancestors: IntArray) -> bool:
-    """Tell whether each bone follows the bone of its joint's parent, and stands for one joint only."""
+    """Tell whether each bone stands for one joint and follows its parent's bone."""
     above = np.where(ancestors >= 0, blend.first[ancestors], -1)
     return len(blend.between) == 0 and bool(np.array_equal(above, skeleton.parents[blend.first]))
 
@@ -227,7 +227,7 @@ def _follows_joints(skeleton: Skeleton, blend: _Blend, ancestors: IntArray) -> b
 def _bone_maps(
     rest: ArmatureRest, alignment: RestAlignment, driven: Sequence[DrivenBone], ancestors: IntArray
 ) -> Array:
-    """Return (N, 4, 4): the bone's quaternion = map @ quaternion of its joint relative to its ancestor's.
+    """Return (N, 4, 4): bone rotation = map @ joint relative to its ancestor.
 
     A bone stands at D C in the performer's axes, with D the rotation of its joint and C = A R, the alignment A of its
     rest pose and its rest axes R. Blender wants R^-1 R_p (D_p C_p)^-1 (D C), with p the ancestor:
@@ -247,7 +247,7 @@ def _bone_maps(
 def _forearms(
     skeleton: Skeleton, joints: Mapping[str, int], places: Mapping[int, int]
 ) -> tuple[tuple[int, int, c.Vector], ...]:
-    """Return places of forearm and hand, and the forearm's direction, of each arm without a wrist bone."""
+    """Return place, hand's place and direction of forearms without wrist bones."""
     found = []
     for side in "lr":
         if side + "wrist" not in joints and {side + "radius", side + "hand"} <= joints.keys():
@@ -269,7 +269,7 @@ def _carriers(rest: ArmatureRest, hips: int, place: int, root: int) -> _Carriers
 
 
 def _world_rotations(plan: RetargetPlan, local: Array) -> Array:
-    """Return (..., J, 4) world-from-joint quaternions: products along stretches of the hierarchy that double."""
+    """Return (..., J, 4) world rotations by products along doubling stretches."""
     matrices = np.empty((*local.shape[:-2], len(plan.skeleton) + 1, 4, 4))
     np.multiply(local[..., _LEFT_INDEX], _LEFT_SIGN, out=matrices[..., :-1, :, :])
     matrices[..., -1, :, :] = np.eye(4)
@@ -288,7 +288,7 @@ def _turned_bones(blend: _Blend, world: Array) -> Array:
 
 
 def _blender_rotations(plan: RetargetPlan, turned: Array, heading: Array | None) -> Array:
-    """Return (..., N, 4) bone rotations relative to rest; the hips' relative to the heading if there is one."""
+    """Return (..., N, 4) bone rotations from rest, the hips' from the heading."""
     above = turned[..., plan.ancestors, :]
     above[..., plan.ancestors < 0, :] = _IDENTITY
     if heading is not None:
@@ -330,7 +330,7 @@ def _move_root_bone(plan: RetargetPlan, root: _RootBone, bones: Array, hips: Arr
 
 
 def _split_travel(plan: RetargetPlan, hips: Array, turn: Array) -> tuple[Array, Array]:
-    """Return the travel (..., 3) along the floor, and the rest of the hips' motion from their rest position."""
+    """Split the hips' motion into travel along the floor and the remainder."""
     head, up = plan.carriers.hips_head, plan.alignment.armature_from_world[:, 1]
     way = hips - rot.rotate(turn, head)
     carried = way - (way @ up)[..., None] * up  # the vertical part is left to the hips
@@ -338,7 +338,7 @@ def _split_travel(plan: RetargetPlan, hips: Array, turn: Array) -> tuple[Array, 
 
 
 def _turn_forearm(turned: Array, forearm: int, hand: int, way: c.Vector) -> None:
-    """Turn a forearm by half its hand's twist: without a wrist bone the skin would be wrung at one place."""
+    """Turn a forearm by half its hand's twist, to spread it over the skin."""
     turn = c.components(turned[..., forearm, :])
     w, x, y, z = c.multiply(c.conjugate(turn), c.components(turned[..., hand, :]))
     along = x * way[0] + y * way[1] + z * way[2]
@@ -350,7 +350,7 @@ def _turn_forearm(turned: Array, forearm: int, hand: int, way: c.Vector) -> None
 
 
 def _between(first: Array, second: Array, share: Array) -> Array:
-    """Return rotations a share of the way between two (normalised sum: never far from the arc for a spine's turns)."""
+    """Return rotations a share of the way between two, by normalised sums."""
     sign = np.where(np.sum(first * second, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
     mixed = (1.0 - share) * first + share * sign * second
     return mixed / np.sqrt(np.sum(mixed * mixed, axis=-1, keepdims=True))
@@ -368,7 +368,7 @@ def _in_axes(quaternions: Array, matrix: Array) -> Array:
 
 
 def _jumps(parents: IntArray) -> list[IntArray]:
-    """Return for doubling distances the joint that far above each; past the root, and for it, the last place.
+    """Return each joint's ancestors at doubling distances, the last place past it.
 
     With M_j a joint's own rotation, M_j <- M_above(j) M_j for each in turn makes M_j the product along its whole line.
     """

@@ -1,6 +1,6 @@
-"""Motion of any skeleton, expressed on the product's joints with the source's own bone lengths.
+"""Motion of any skeleton, converted to the standard skeleton's joints.
 
-Each joint found keeps its place and its orientation in the world; only the axes in which the orientation is told
+Each joint found keeps its place and its orientation in the world; only the axes in which the orientation is expressed
 change, to the product's rest pose. So the positions of the joints found stay as they are, exactly, as long as no joint
 of the file between them is left out. What the file lacks stands still, but for one thing: where a file has one joint
 for the wrist, the twist of the forearm and of the hand goes to `wrist`, as in the CMU database, where elbows only bend.
@@ -49,10 +49,10 @@ def _with_offsets(offsets_m: Array, tips_m: Array) -> Skeleton:
 def map_motion(source: SourceMotion) -> Motion:
     """Return the motion on the product's 29 joints with the bone lengths of the file.
 
-    Files with the product's joints and hierarchy, under any names that it writes, are taken as they are.
+    Files with the standard skeleton's joints and hierarchy, under any names that it writes, are taken as they are.
 
     Raises:
-        SkeletonError: joints that are needed cannot be told, or the rest pose cannot.
+        SkeletonError: needed joints are missing, or the rest pose is unknown.
     """
     written = _with_own_names(source)
     if written is not None and _has_product_parents(written):
@@ -71,7 +71,7 @@ def map_motion(source: SourceMotion) -> Motion:
 
 
 def _with_own_names(source: SourceMotion) -> SourceMotion | None:
-    """Return a file with the product's joints under the product's names, None for one with other joints."""
+    """Return a file under standard joint names, None for one with other joints."""
     for naming in NAMINGS.values():
         if set(source.names) == set(naming.values()):
             own = {theirs: ours for ours, theirs in naming.items()}
@@ -89,7 +89,7 @@ def _has_product_parents(source: SourceMotion) -> bool:
 
 
 def _renamed(source: SourceMotion) -> Motion:
-    """Return the motion of a file that already has the product's joints: reordered, nothing computed."""
+    """Return the motion of a file with the standard joints, only reordered."""
     order = [source.names.index(name) for name in JOINT_NAMES]
     offsets = source.offsets_m[order].copy()
     offsets[0] = 0.0
@@ -100,7 +100,7 @@ def _renamed(source: SourceMotion) -> Motion:
 
 
 def _tips(offsets: Array, known: Mapping[str, Array], default: Skeleton) -> Array:
-    """Return the bones' ends: as known, else the child joint that ends the bone in the default skeleton."""
+    """Return the bones' ends: as known, else the child joint at the bone's end."""
     tips = default.tips_m.copy()
     tips[0] = 0.0
     for joint, child in _bone_ends().items():
@@ -122,7 +122,7 @@ def _bone_ends() -> dict[int, int]:
 
 
 def _y_up(positions: Array, world: Array, found: Mapping[str, int]) -> tuple[Array, Array]:
-    """Turn a file whose bodies stand along z."""
+    """Turn a file with bodies along z."""
     head = found.get("head", found["lhumerus"])
     along = np.median(
         positions[:, head] - 0.5 * (positions[:, found["ltibia"]] + positions[:, found["rtibia"]]), axis=0
@@ -144,7 +144,7 @@ def _local_rotations(world: Mapping[str, Array], parents: NDArray[np.int64], fra
 
 
 def _move_twist_to_wrist(rotations: Array, skeleton: Skeleton, side: str) -> None:
-    """Give the turn about the forearm, of forearm and hand together, to the wrist; positions do not change."""
+    """Move the twist of forearm and hand to the wrist; positions do not change."""
     radius, wrist, hand = (skeleton.index(side + name) for name in ("radius", "wrist", "hand"))
     axis = skeleton.offsets_m[wrist] / max(float(np.linalg.norm(skeleton.offsets_m[wrist])), 1e-9)
     swing, twist = rot.swing_twist(rotations[:, radius], axis)
@@ -181,7 +181,7 @@ def _skeleton(
     lengths = {name: float(np.linalg.norm(link)) for name, (_, link) in links.items()}
     scale = sum(lengths[name] for name in _SIZED) / _default_size()
     offsets = scale * default.offsets_m
-    placed: set[int] = set()  # thumb and hand both hang on a wrist that files lack: the hand, which comes first, tells
+    placed: set[int] = set()  # thumb and hand both hang on a wrist that files lack: the hand comes first and decides
     for name, (between, link) in links.items():
         path = [default.index(joint) for joint in (*between, name)]
         usual = np.linalg.norm(np.sum(default.offsets_m[path], axis=0))
@@ -196,7 +196,7 @@ def _skeleton(
 
 
 def _missing_between(name: str, found: Mapping[str, int], default: Skeleton) -> list[str]:
-    """Return the product's joints between a joint and the next one above that the file has, from above."""
+    """Return the joints missing in the file above a joint, from above."""
     missing: list[str] = []
     joint = int(default.parents[default.index(name)])
     while JOINT_NAMES[joint] not in found:
@@ -208,7 +208,7 @@ def _missing_between(name: str, found: Mapping[str, int], default: Skeleton) -> 
 def _known_tips(
     source: SourceMotion, found: Mapping[str, int], alignment: Mapping[str, Array], scale: float
 ) -> dict[str, Array]:
-    """Return the ends of the outermost bones: the file's own, else the default's by size."""
+    """Return the ends of the outermost bones: the file's, else scaled defaults."""
     default = _default()
     tips = {}
     for joint, name in enumerate(JOINT_NAMES):

@@ -1,4 +1,4 @@
-"""Parts of the body that a capture moves: which bones of an armature belong to them."""
+"""Parts of the body for a capture, and the bones that belong to them."""
 
 from collections.abc import Collection
 
@@ -25,7 +25,7 @@ _PART_OF = {joint: part for part, joints in _MIDDLE.items() for joint in joints}
 def bones_of_parts(
     armature_object: bpy.types.Object, plan: RetargetPlan, parts: Collection[str]
 ) -> frozenset[str] | None:
-    """Return the bones that are moved when only some parts of the body are; None when all are.
+    """Return the bones moved with only some parts of the body, None for all.
 
     A bone that stands for no joint belongs to the part of the next one above it that does; those above all to the hips.
 
@@ -34,7 +34,7 @@ def bones_of_parts(
         parts: of `PARTS`.
 
     Raises:
-        CharacterError: its bone map cannot be told.
+        CharacterError: no bone map is found.
     """
     if set(parts) >= set(PARTS):
         return None

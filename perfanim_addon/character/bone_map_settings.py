@@ -1,4 +1,4 @@
-"""The bone map that is kept with an armature object: one entry for each of the product's joints, and root motion."""
+"""Bone map stored with an armature object: a bone per joint, and root motion."""
 
 from typing import Any
 
@@ -39,7 +39,7 @@ _ROOT_MOTIONS = (
 
 
 def joint_label(joint: str) -> str:
-    """Return what a joint is called in the panel: "lfemur" -> "Thigh L"."""
+    """Return a joint's label in the panel: "lfemur" -> "Thigh L"."""
     return JOINT_LABELS[joint] if joint in JOINT_LABELS else f"{JOINT_LABELS[joint[1:]]} {joint[0].upper()}"
 
 
@@ -68,7 +68,7 @@ class PERFANIM_PG_character(bpy.types.PropertyGroup):
     joints: bpy.props.CollectionProperty(
         name="Joints", description="Which bone stands for which joint", type=PERFANIM_PG_joint
     )
-    active: bpy.props.IntProperty(name="Joint", description="Joint whose bone is chosen")
+    active: bpy.props.IntProperty(name="Joint", description="Joint to choose a bone for")
     origin: bpy.props.StringProperty(name="Origin", description="How the bones were found")
     problem: bpy.props.StringProperty(name="Problem", description="Why the armature cannot be driven")
     filling: bpy.props.BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
@@ -107,7 +107,7 @@ def clear_map(armature_object: bpy.types.Object) -> None:
 
 
 def check_kept_map(armature_object: bpy.types.Object) -> None:
-    """Tell the state of each joint of the kept map anew, and what makes it unusable."""
+    """Check the stored map again: the state of each joint, or the problem."""
     kept = armature_object.perfanim_character
     bones = {entry.name: entry.bone for entry in kept.joints if entry.bone}
     try:
@@ -117,7 +117,7 @@ def check_kept_map(armature_object: bpy.types.Object) -> None:
 
 
 def stored_map(armature_object: bpy.types.Object) -> BoneMap | None:
-    """Return the map kept with an armature, None if there is none (or the add-on is not registered).
+    """Return the map stored with an armature, None without one.
 
     Raises:
         CharacterError: it is kept, but cannot be used, with the reason.
@@ -143,7 +143,7 @@ def stored_map(armature_object: bpy.types.Object) -> BoneMap | None:
 
 
 def stored_root_motion(armature_object: bpy.types.Object) -> RootMotion:
-    """Return what carries a character through the room."""
+    """Return the carrier of a character's travel."""
     kept = getattr(armature_object, "perfanim_character", None)
     return RootMotion.HIPS if kept is None else RootMotion[kept.root_motion]
 

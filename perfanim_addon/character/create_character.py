@@ -1,4 +1,4 @@
-"""Characters: armatures with the product's joint names as bones, made here or picked by the user."""
+"""Characters: armatures with the standard skeleton's joints as bones."""
 
 import bpy
 import numpy as np
@@ -18,14 +18,14 @@ _FORWARD_BONES = ("foot", "toes")
 
 
 def create_character(context: bpy.types.Context, skeleton: Skeleton, name: str = "Performer") -> str:
-    """Add an armature with the skeleton's joints as bones and a humanoid mesh that it deforms.
+    """Add an armature of the skeleton's joints, and a humanoid mesh on it.
 
     The armature stands at the scene's origin in the product's T pose, soles on the floor, facing -Y. Bones rotate by
     quaternions. Needs object mode or an object to leave it from; the new armature becomes the active object.
 
     Args:
-        skeleton: the product's joints with the proportions that the character takes.
-        name: wished name of the armature object; the mesh is called "<name> body".
+        skeleton: the standard skeleton's joints with the proportions that the character takes.
+        name: preferred name of the armature object; the mesh is called "<name> body".
 
     Returns:
         The armature object's name (Blender may append ".001").
@@ -92,7 +92,7 @@ def _long_enough(tip: Array, fallback: Array) -> Array:
 
 
 def find_armature(object_name: str) -> bpy.types.Object:
-    """Return the armature object of that name; CharacterError if there is none (deleted, renamed, not an armature)."""
+    """Return the armature object of a name; CharacterError without one."""
     obj = bpy.data.objects.get(object_name)
     if obj is None:
         raise CharacterError(
@@ -106,5 +106,5 @@ def find_armature(object_name: str) -> bpy.types.Object:
 
 
 def check_armature(armature_object: bpy.types.Object) -> list[str]:
-    """Return the product's joint names for which the armature has no bone: empty when it can be driven."""
+    """Return the standard joints without a bone in the armature."""
     return [name for name in JOINT_NAMES if name not in armature_object.data.bones]

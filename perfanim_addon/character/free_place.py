@@ -19,7 +19,7 @@ _VIEW_DISTANCE_M = 7.0  # a performer who walks to and fro stays in the picture
 
 
 def free_place(context: bpy.types.Context) -> Vector:
-    """Return the place nearest to the scene's origin where nothing visible stands, the origin if there is none."""
+    """Return the free position nearest to the scene's origin."""
     boxes = list(_boxes(context))
     for x in _PLACES_M:
         low, high = np.array([x - _REACH_M, -_REACH_M, _LOW_M]), np.array([x + _REACH_M, _REACH_M, _HEIGHT_M])
@@ -29,7 +29,7 @@ def free_place(context: bpy.types.Context) -> Vector:
 
 
 def _boxes(context: bpy.types.Context) -> Iterator[tuple[Array, Array]]:
-    """Yield the lowest and highest corner of each visible solid object, in the world's axes."""
+    """Yield lowest and highest world corners of each visible solid object."""
     context.view_layer.update()
     for obj in context.view_layer.objects:
         if obj.type in _SOLID and obj.visible_get():
@@ -38,7 +38,7 @@ def _boxes(context: bpy.types.Context) -> Iterator[tuple[Array, Array]]:
 
 
 def look_at(context: bpy.types.Context, place: Vector) -> None:
-    """Bring a character at a place into the middle of the 3D view that was clicked in, unless a camera looks."""
+    """Centre the clicked 3D view on a place, unless it looks through a camera."""
     area = context.area
     if area is None or area.type != "VIEW_3D":
         return

@@ -1,4 +1,4 @@
-"""Retarget plans of Blender's armatures: direct for the add-on's own characters, by a bone map for others."""
+"""Retarget plans of Blender's armatures."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -24,10 +24,10 @@ PRESETS_FOLDER = "bone_maps"  # of the user's
 
 
 def find_map(armature_object: bpy.types.Object, presets_folder: Path | None = None) -> BoneMap:
-    """Return the bone map of an armature, found anew; presets are the shipped ones and those in a folder.
+    """Find the bone map of an armature, with shipped presets and a folder's.
 
     Raises:
-        CharacterError: it is no biped, or the map cannot be told.
+        CharacterError: it is no biped, or no map is found.
     """
     try:
         return find_bone_map(read_armature_rest(armature_object), read_presets(presets_folder))
@@ -36,7 +36,7 @@ def find_map(armature_object: bpy.types.Object, presets_folder: Path | None = No
 
 
 def fill_map(armature_object: bpy.types.Object) -> None:
-    """Find the bone map of an armature and keep it with it, or why there is none; the product's names need none.
+    """Find and store the bone map of an armature, or the problem.
 
     A usable map that is kept already stays: it may have been chosen by hand.
     """
@@ -54,7 +54,7 @@ def fill_map(armature_object: bpy.types.Object) -> None:
 
 
 def map_problem(armature_object: bpy.types.Object) -> str:
-    """Return why an armature cannot be driven by what is kept with it, "" when it can; quick enough for drawing."""
+    """Return the problem of driving an armature, "" without one; quick."""
     if armature_object.library is not None:
         return f"it is linked from another file; {_LINKED}"
     return _problem(armature_object, stored_map) or _problem(armature_object, check_scale)
@@ -69,7 +69,7 @@ def _problem(armature_object: bpy.types.Object, check: Callable[[bpy.types.Objec
 
 
 def _has_proportions(rest: ArmatureRest, skeleton: Skeleton) -> bool:
-    """Tell whether an armature has the joints' names and a performer's legs: then the feet need no care."""
+    """Tell whether an armature has the joints' names and a performer's legs."""
     if not set(JOINT_NAMES) <= rest.index.keys():
         return False
     heads = rest.heads[[rest.index[name] for name in skeleton.names]]
@@ -81,7 +81,7 @@ def _has_proportions(rest: ArmatureRest, skeleton: Skeleton) -> bool:
 
 
 def plan_for(armature_object: bpy.types.Object, skeleton: Skeleton) -> RetargetPlan:
-    """Plan the retargeting onto an armature: by its stored map, by the joints' names, or by a map found now.
+    """Plan the retargeting onto an armature: by stored map, by names, or found.
 
     Raises:
         CharacterError: it cannot be driven, with the reason.
@@ -105,7 +105,7 @@ def bones_of(armature_object: bpy.types.Object) -> dict[str, str]:
     """Return joint -> bone of an armature, as `plan_for` finds them.
 
     Raises:
-        CharacterError: they cannot be told, with the reason.
+        CharacterError: no bone map is found, with the reason.
     """
     kept = stored_map(armature_object)
     if kept is None and not check_armature(armature_object):
@@ -116,7 +116,7 @@ def bones_of(armature_object: bpy.types.Object) -> dict[str, str]:
 def plan_with_map(
     armature_object: bpy.types.Object, skeleton: Skeleton, bone_map: BoneMap, root_motion: RootMotion
 ) -> RetargetPlan:
-    """Return the retargeting onto an armature by a map; inverse kinematics is switched off.
+    """Plan the retargeting onto an armature by a map; switch off its IK.
 
     Raises:
         CharacterError: the armature is stretched or mirrored, constraints hold one of the bones, or the rest pose
@@ -135,7 +135,7 @@ def plan_with_map(
 
 
 def _rest_between(armature_object: bpy.types.Object, hips: str, driven: Sequence[str]) -> None:
-    """Bring bones between driven ones to rest: what an earlier action left there would turn all that hangs on them."""
+    """Reset bones between driven ones, posed by earlier actions."""
     bones, taken = armature_object.pose.bones, set(driven)
     above = {parent.name for name in driven for parent in bones[name].parent_recursive} - taken
     carriers = {parent.name for parent in bones[hips].parent_recursive}  # they place the character

@@ -1,4 +1,4 @@
-"""A simple object for a prop that has none: a shaft along it, an arm to each marker beside it, the markers as balls."""
+"""Placeholder object of a prop: a shaft, arms to the markers, markers as balls."""
 
 import bpy
 import numpy as np
@@ -16,7 +16,7 @@ _BALL_RINGS = (-0.9, -0.45, 0.0, 0.45, 0.9)  # sines of the heights
 
 
 def add_prop_object(context: bpy.types.Context, prop: Prop) -> bpy.types.Object:
-    """Add a mesh object of a prop at the scene's origin, its y along the object's Z, and return it."""
+    """Add and return a mesh of a prop at the scene's origin, its y along Z."""
     places = prop.positions_m
     low, high = float(places[:, 1].min()), float(places[:, 1].max())
     parts = [_rod(np.array([0.0, low, 0.0]), np.array([0.0, high, 0.0]), _SHAFT_M)]

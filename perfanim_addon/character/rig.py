@@ -1,4 +1,4 @@
-"""An armature of Blender's as the retargeting sees it: its rest pose, and what really turns its bones.
+"""Blender's armatures as retargeting needs them: rest pose and real ancestry.
 
 In control rigs a bone may follow another than its parent, through constraints. That is not guessed but tried: one
 bone after the other is turned, and which of the others went along is seen.
@@ -24,7 +24,7 @@ _FOLLOW_SWITCHES = ("neck_follow", "head_follow")  # 1: the neck goes along with
 _TRIED = Quaternion((0.3, 0.8, -0.5), 0.7)
 _SAME_RADIANS = 0.02
 _SAME_SCALE = 0.01  # up to which a limb may change its length in the scene while it turns
-_APPLY = "apply its scale (Object > Apply > Scale), and that of what it is parented to"
+_APPLY = "apply its scale (Object > Apply > Scale), and that of its parent"
 
 
 def read_armature_rest(armature_object: bpy.types.Object) -> ArmatureRest:
@@ -50,7 +50,7 @@ def read_armature_rest(armature_object: bpy.types.Object) -> ArmatureRest:
 
 
 def check_scale(armature_object: bpy.types.Object) -> None:
-    """Refuse an armature that stands in the scene so that motion would look wrong on it.
+    """Refuse an armature that the scene shows stretched or mirrored.
 
     Bones turn in the armature's own space. Where the scene shows that stretched along one axis more than along another,
     by its own scale or a parent's, limbs would change their lengths as they turn; where it shows it mirrored, the
@@ -71,13 +71,13 @@ def check_scale(armature_object: bpy.types.Object) -> None:
 
 
 def clear_offsets(armature_object: bpy.types.Object, turned: Iterable[str], moved: Iterable[str]) -> None:
-    """Bring scale and location of bones that are turned to rest, as an earlier animation may have left them elsewhere.
+    """Reset scale and location of turned bones after an earlier animation.
 
     A joint out of its place, or a limb of another length, would carry all that hangs on it away.
 
     Args:
         turned: names of bones.
-        moved: those of them whose location is set with the motion.
+        moved: those with a location set with the motion.
     """
     kept = set(moved)
     for name in turned:
@@ -88,7 +88,7 @@ def clear_offsets(armature_object: bpy.types.Object, turned: Iterable[str], move
 
 
 def switch_to_fk(armature_object: bpy.types.Object, bones: Sequence[str]) -> None:
-    """Let a rig follow the rotations of the given bones, so that nothing pulls against them.
+    """Let a rig follow the rotations of the given bones.
 
     Rigify's switches go to forward kinematics, and inverse kinematics that ends in one of the bones is muted.
     """
@@ -115,7 +115,7 @@ def is_constrained(armature_object: bpy.types.Object, bones: Sequence[str]) -> b
 
 
 def followed_bones(context: bpy.types.Context, armature_object: bpy.types.Object, bones: Sequence[str]) -> IntArray:
-    """Return for each bone of the armature (B,) the one of `bones` whose rotation it follows, -1 for none.
+    """Return for each bone (B,) the one of `bones` that turns it, -1 for none.
 
     Only those in `bones`, parents before their children, have one. The pose is as before afterwards.
 
@@ -174,7 +174,7 @@ def _turns(context: bpy.types.Context, armature_object: bpy.types.Object, bones:
 def delta_transforms(
     armature_object: bpy.types.Object, rotations: ArrayLike, locations: ArrayLike
 ) -> tuple[Array, Array]:
-    """Return delta rotations (..., 4) and delta locations (..., 3) that move an object in its own space.
+    """Return delta rotations and locations that move an object in its own space.
 
     The object is switched to quaternions, in which Blender turns it by delta · rotation and adds the locations.
 

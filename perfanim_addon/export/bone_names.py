@@ -13,13 +13,13 @@ _PASSING = "perfanim renaming {}"  # so that no bone meets another's name on the
 
 @contextmanager
 def named_for(armature_object: bpy.types.Object, bones: Mapping[str, str], naming: str) -> Iterator[None]:
-    """Give bones the names that another program knows them by, and their own back afterwards.
+    """Rename bones for another program, and restore their names afterwards.
 
     Blender takes vertex groups, animation and constraints along. A bone that stands for no joint and has a name that
     one of these needs gets "_" behind it meanwhile.
 
     Args:
-        armature_object: whose bones they are.
+        armature_object: owner of the bones.
         bones: joint -> bone.
         naming: of `core.formats.naming.NAMINGS`.
 

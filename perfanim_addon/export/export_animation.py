@@ -1,4 +1,4 @@
-"""A take on a character as a file for other programs, through Blender's own exporters."""
+"""Export of an animated character through Blender's own exporters."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
@@ -33,7 +33,7 @@ class Form:
 
     Args:
         meshes: whether FBX and glTF hold the meshes that the armature deforms.
-        naming: of `core.formats.naming.NAMINGS`, whose names the bones have that stand for joints; "" for their own.
+        naming: of `joint_naming.NAMINGS`, for bones that stand for joints; "" keeps their names.
         scale: units of a BVH file in one of the scene's: 100 for centimetres.
     """
 
@@ -54,12 +54,12 @@ def export_poses(
     fps: float,
     form: Form,
 ) -> int:
-    """Write poses on an armature to a file; scene and armature are afterwards as before. Return the frames written.
+    """Write poses on an armature to a file; return the number of frames.
 
     The file has a whole number of frames a second, the one nearest to `fps`.
 
     Args:
-        object_name: an armature, driven as `plan_for` tells.
+        object_name: an armature, driven by `plan_for`.
         target: file to write.
         kind: of `ENDINGS`.
         times_s: (F,) strictly increasing; the first becomes the file's beginning.
@@ -92,7 +92,7 @@ def write_played(
     bones: Mapping[str, str],
     form: Form,
 ) -> None:
-    """Write what an armature plays from the scene's first frame to its last; what is selected is not kept.
+    """Write an armature's animation over the scene's frame range.
 
     BVH has y up and the scene's units and the armature where it stands in the scene; FBX and glTF are as Blender writes
     them by default.
@@ -171,7 +171,7 @@ def _use_alone(armature_object: bpy.types.Object) -> None:
 
 
 def _select(context: bpy.types.Context, armature_object: bpy.types.Object, meshes: bool) -> None:
-    """Select what goes into the file."""
+    """Select the objects of the file."""
     if not armature_object.visible_get():
         raise CharacterError(
             "is hidden", where=armature_object.name, advice="show it: exporters pass hidden objects over"
@@ -221,7 +221,7 @@ _OBJECT_PLACE = ("rotation_mode", "delta_location", "delta_rotation_quaternion",
 
 
 def _pose_state(armature_object: bpy.types.Object) -> tuple[Any, ...]:
-    """Return what driving changes: what is played, the bones' pose and switches, muted constraints, the object."""
+    """Return the state that driving changes."""
     bones = [
         (bone.name, bone.rotation_mode, bone.matrix_basis.copy(), _switches(bone), [c.mute for c in bone.constraints])
         for bone in armature_object.pose.bones

@@ -1,4 +1,4 @@
-"""A motion as a Blender file: character, action, floor, light and camera; run headless with the `bpy` wheel.
+"""A motion as a Blender file; run headless with the `bpy` wheel.
 
     python -m perfanim.perfanim_addon.export.export_blend MOTION.bvh OUT.blend [--render OUT.png] [--frame N]
 
@@ -36,10 +36,10 @@ _FLOOR_PERCENTILE = 2.0  # of the toes' heights: single outliers and short dips 
 
 
 def export_motion(motion: Motion, target: Path, *, still: Path | None = None, frame: int | None = None) -> None:
-    """Replace the open scene by one that shows a motion, save it, and render a picture if wanted.
+    """Replace the open scene by one of a motion, save it, render a picture.
 
     Args:
-        motion: motion of the product's joints.
+        motion: motion of the standard skeleton's joints.
         target: the .blend file to write.
         still: picture (.png) of one frame, rendered by Cycles on the processor.
         frame: the frame of the picture, counted from 1; the middle one if None.
@@ -70,7 +70,7 @@ def write_scene(path: Path) -> None:
 
 
 def build_scene(motion: Motion) -> str:
-    """Add character, action, floor, light and camera to the current scene; return the armature's name."""
+    """Add character, action, floor, light and camera; return the armature's name."""
     scene = bpy.context.scene
     scene.render.fps = max(1, round(motion.fps))
     scene.render.fps_base = scene.render.fps / motion.fps
@@ -87,7 +87,7 @@ def build_scene(motion: Motion) -> str:
 
 
 def add_stage(scene: bpy.types.Scene, points: Array, floor: float) -> None:
-    """Add floor, light and a camera that sees all points (N, 3) of a performance on a floor of this height."""
+    """Add floor, light and a camera that shows all points (N, 3)."""
     low, high = points.min(axis=0), points.max(axis=0)
     low[2] = floor
     _add_floor(low, high, floor)
@@ -128,7 +128,7 @@ def _add_lights(scene: bpy.types.Scene, centre: Array, floor: float) -> None:
 
 
 def _add_camera(scene: bpy.types.Scene, joints: Array, centre: Array) -> None:
-    """Add a camera half to the performer's left that sees every joint of the whole motion."""
+    """Add a camera half to the performer's left that shows the whole motion."""
     camera = bpy.data.cameras.new("Camera")
     camera.lens = _LENS_MM
     camera_object = bpy.data.objects.new("Camera", camera)
@@ -143,7 +143,7 @@ def _add_camera(scene: bpy.types.Scene, joints: Array, centre: Array) -> None:
 
 
 def _fitting_distance(camera: bpy.types.Camera, points: Array, towards: Array) -> float:
-    """Return how far off a camera in the direction `towards` sees all points (N, 3) in an upright picture."""
+    """Return the distance of an upright camera that shows all points (N, 3)."""
     across = np.cross([0.0, 0.0, 1.0], towards)
     across /= np.linalg.norm(across)
     narrow = _LENS_MM / (0.5 * camera.sensor_width * min(_STILL_PIXELS) / max(_STILL_PIXELS))

@@ -1,4 +1,4 @@
-"""A motion onto the character of a file, run headless with the `bpy` wheel; `perfanim retarget` starts it.
+"""Motion onto the character of a file, for `perfanim retarget`; runs headless.
 
     python -m perfanim.perfanim_addon.export.retarget_file MOTION CHARACTER OUT [--map NAME_OR_FILE] [...]
 
@@ -50,13 +50,13 @@ def retarget_file(
     frame: int | None = None,
     form: Form | None = None,
 ) -> dict[str, Any]:
-    """Open a character, give it a motion as a new action, save scene or character; return what was done.
+    """Give the character of a file a motion, and save it; return a report.
 
-    A .blend keeps its scene and its rate, without what is added for the picture; another file's character gets a
+    A .blend keeps its scene and its rate, without the additions for the picture; another file's character gets a
     scene of its own with floor, light and camera, at the motion's rate.
 
     Args:
-        motion: motion of the product's joints.
+        motion: motion of the standard skeleton's joints.
         character: .blend, .glb, .gltf, .vrm or .fbx file.
         target: the file to write: .blend, or for other programs .fbx, .glb or .bvh.
         preset: name of a shipped bone map, or a file; None to find it.
@@ -107,7 +107,7 @@ def retarget_file(
 def _performed(
     armature_object: bpy.types.Object, bone_map: BoneMap, motion: Motion, root_motion: RootMotion
 ) -> tuple[RetargetPlan, Array]:
-    """Let a character play a motion, and the scene last as long; return how it is posed and the frames (F,)."""
+    """Let a character play a motion; return its plan and the frames (F,)."""
     scene = bpy.context.scene
     release_pose(armature_object)
     bpy.context.view_layer.update()  # the place in the scene of what an importer has parented
@@ -119,7 +119,7 @@ def _performed(
 
 
 def _map_facts(bone_map: BoneMap) -> dict[str, Any]:
-    """Return what is told of a bone map."""
+    """Return the report on a bone map."""
     unmapped, doubtful = (
         {joint: bone_map.matches[joint].reason for joint in bone_map.of_state(state)}
         for state in (State.MISSING, State.DOUBTFUL)
@@ -165,7 +165,7 @@ def _run(character: Path, read: Callable[[], object]) -> None:
 
 
 def _humanoid(character: Path, preset: str | None) -> tuple[bpy.types.Object, BoneMap]:
-    """Return the armature that moves most meshes among those that are humanoids, and its map."""
+    """Return the humanoid armature that moves most meshes, and its map."""
     armatures = [obj for obj in bpy.context.scene.objects if obj.type == "ARMATURE"]
     if not armatures:
         raise CharacterError("there is no armature in it", where=str(character), advice="give a rigged character")
@@ -188,7 +188,7 @@ def _humanoid(character: Path, preset: str | None) -> tuple[bpy.types.Object, Bo
 
 
 def release_pose(armature_object: bpy.types.Object) -> None:
-    """Take off what else poses the armature, kept in the file, and bring all bones to rest."""
+    """Detach other animation of the armature, kept in the file, and reset bones."""
     animation = armature_object.animation_data
     if animation is not None:
         if animation.action is not None:
@@ -221,7 +221,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--root-motion", choices=[kind.name.lower() for kind in RootMotion], default="hips")
     parser.add_argument("--render", type=Path, metavar="OUT.png", help="also render one frame to this picture")
     parser.add_argument("--frame", type=int, help="frame of the picture, counted from 1 (default: the middle one)")
-    parser.add_argument("--naming", default="", help="whose names the bones get in a file for other programs")
+    parser.add_argument("--naming", default="", help="naming of the bones in a file for other programs")
     given = parser.parse_args(arguments)
     try:
         done = retarget_file(
