@@ -42,7 +42,7 @@ def floor_of(rig: CameraRig | None) -> float | None:
     return 0.0 if rig is not None and rig.metadata.get("floor") else None
 
 
-def with_feet_held(motion: Motion, mode: str, floor_m: float | None) -> Motion:
+def hold_feet(motion: Motion, mode: str, floor_m: float | None) -> Motion:
     """Return a motion with its feet held; arguments and errors as of `FootLock`.
 
     Without a known floor it is taken to be where the lower foot most often stands.

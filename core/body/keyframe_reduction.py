@@ -1,7 +1,7 @@
 """Keyframe reduction of densely sampled curves within an error bound.
 
 Between two keys a curve is the cubic with the recorded values and slopes at both (Hermite's), which animation programs
-draw as a Bezier curve with handles that reach a third of the way. Where it strays from the record by more than the bound,
+draw as a Bezier curve with handles that reach a third of the way. Where it leaves the record by more than the bound,
 a key is set at the worst frame, and so on in both halves (Douglas and Peucker 1973, for polylines); slopes come from
 the record, so no key changes what others have settled.
 """

@@ -79,14 +79,14 @@ class Defect:
 
 
 @dataclass(frozen=True)
-class Cleaned:
+class CleanedMotion:
     """Unbroken parts of a motion with their first frames, and its defects."""
 
     parts: tuple[tuple[int, Motion], ...]
     defects: tuple[Defect, ...]
 
 
-def clean(motion: Motion, angle_jumps: BoolArray) -> Cleaned:
+def clean_motion(motion: Motion, angle_jumps: BoolArray) -> CleanedMotion:
     """Return the sound parts of a motion of the standard skeleton's joints.
 
     Args:
@@ -110,7 +110,7 @@ def clean(motion: Motion, angle_jumps: BoolArray) -> Cleaned:
         defects.append(Defect(kind, int(at[0]) + 1, int(at[-1]) + 1, "kept"))
     motion = _ends_repaired(motion, jumps, start, defects)
     parts = _sound_parts(motion, jumps, moved, start, defects)
-    return Cleaned(tuple(parts), tuple(sorted(defects, key=lambda defect: defect.first)))
+    return CleanedMotion(tuple(parts), tuple(sorted(defects, key=lambda defect: defect.first)))
 
 
 def _isolated(steps: Array) -> Array:

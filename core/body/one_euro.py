@@ -1,8 +1,8 @@
-"""Trembling taken out of poses as they come, for a delay that is chosen.
+"""One-euro filter of poses: removes jitter at the cost of a chosen delay.
 
 The one-euro filter (Casiez, Roussel and Vogel, "1 euro filter: a simple speed-based low-pass filter for noisy input in
-interactive systems", CHI 2012): a low-pass of first order whose cutoff rises with the speed, so that a still pose is
-calmed and what moves fast comes hardly later.
+interactive systems", CHI 2012): a first-order low-pass with a cutoff that rises with the speed, so that a still pose is
+calmed and fast motion is hardly delayed.
 """
 
 import numpy as np

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..body.motion import resampled
-from ..body.motion_cleaning import Defect, clean
+from ..body.motion_cleaning import Defect, clean_motion
 from ..body.skeleton import Skeleton
 from ..errors import DatabaseError, PerfanimError
 from ..formats.motion.motion_sources import MotionFile
@@ -154,7 +154,7 @@ def read_file(path: str, skeleton: str, name: str, fps: float, shortest: int) ->
         return ReadFile((), (), reason, int(line[1]) if line else 0)
     clips, rows = [], [_row(defect, 0) for defect in read.defects]
     for part in read.parts:
-        cleaned = clean(part.motion, part.angle_jumps)
+        cleaned = clean_motion(part.motion, part.angle_jumps)
         rows += [_row(defect, part.first_frame) for defect in cleaned.defects]
         for start, sound in cleaned.parts:
             motion = resampled(sound, fps)

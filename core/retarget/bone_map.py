@@ -15,7 +15,7 @@ import numpy as np
 from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import CharacterError
 from .armature_rest import ArmatureRest, Array
-from .bone_names import HEAD_WORDS, HIPS_WORDS, LIMB_WORDS, parse_bone_name
+from .bone_name_parser import HEAD_WORDS, HIPS_WORDS, LIMB_WORDS, parse_bone_name
 from .limb_detection import Limbs, arm_joints, check_upright, cosine, find_limbs, leg_joints
 
 NEEDED = ("root", "lfemur", "rfemur", "lhumerus", "rhumerus")  # without these nobody knows how the character stands
@@ -31,7 +31,7 @@ _ONE_PLACE = 0.02  # of the body's size: bones that begin closer than this begin
 _FEET_TELL = 0.5  # cosine between the feet and the front that the names give, from which the feet contradict them
 
 
-class State(Enum):
+class MatchState(Enum):
     """How sure a joint's bone is."""
 
     MAPPED = "mapped"
@@ -44,7 +44,7 @@ class JointMatch:
     """Bone of one joint, "" when missing, and the reason for the user."""
 
     bone: str
-    state: State
+    state: MatchState
     reason: str = ""
 
 
@@ -65,20 +65,20 @@ class BoneMap:
         """Joint -> bone of all joints that have one."""
         return {joint: match.bone for joint, match in self.matches.items() if match.bone}
 
-    def of_state(self, state: State) -> list[str]:
+    def of_state(self, state: MatchState) -> list[str]:
         """Return the joints of a state."""
         return [joint for joint, match in self.matches.items() if match.state is state]
 
     @property
     def complete(self) -> bool:
         """Whether all joints that a humanoid has are mapped and none is doubtful."""
-        expected = all(self.matches[joint].state is State.MAPPED for joint in EXPECTED)
-        return expected and not self.of_state(State.DOUBTFUL)
+        expected = all(self.matches[joint].state is MatchState.MAPPED for joint in EXPECTED)
+        return expected and not self.of_state(MatchState.DOUBTFUL)
 
 
 def identity_bone_map() -> BoneMap:
     """Return the map of an armature with the joints' own names."""
-    return BoneMap({joint: JointMatch(joint, State.MAPPED) for joint in JOINT_NAMES}, "names")
+    return BoneMap({joint: JointMatch(joint, MatchState.MAPPED) for joint in JOINT_NAMES}, "names")
 
 
 def find_bone_map(rest: ArmatureRest, presets: Mapping[str, Mapping[str, str]] | None = None) -> BoneMap:
@@ -129,12 +129,12 @@ def checked_map(rest: ArmatureRest, bones: Mapping[str, str], origin: str, swapp
     matches = {}
     for joint in JOINT_NAMES:
         if joint not in found:
-            matches[joint] = JointMatch("", State.MISSING, _why_missing(joint, found))
+            matches[joint] = JointMatch("", MatchState.MISSING, _why_missing(joint, found))
         elif joint in doubts:
-            matches[joint] = JointMatch(bones[joint], State.DOUBTFUL, doubts[joint])
+            matches[joint] = JointMatch(bones[joint], MatchState.DOUBTFUL, doubts[joint])
         else:
             side = "named for the other side; its feet tell which way it faces" if swapped and joint[0] in "lr" else ""
-            matches[joint] = JointMatch(bones[joint], State.MAPPED, side if joint[1:] in LIMB_WORDS else "")
+            matches[joint] = JointMatch(bones[joint], MatchState.MAPPED, side if joint[1:] in LIMB_WORDS else "")
     return BoneMap(matches, origin)
 
 

@@ -65,7 +65,7 @@ def read_presets(user_folder: Path | None = None) -> dict[str, dict[str, str]]:
     return found
 
 
-def named_bone_map(name_or_file: str) -> dict[str, str]:
+def load_bone_map(name_or_file: str) -> dict[str, str]:
     """Return joint -> bone of a shipped preset or of a file.
 
     Raises:

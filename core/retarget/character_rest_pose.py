@@ -16,7 +16,7 @@ from ..body.skeleton import Skeleton
 from ..errors import CharacterError
 from ..geometry import rotations as rot
 from .armature_rest import ArmatureRest, Array
-from .bone_names import parse_bone_name
+from .bone_name_parser import parse_bone_name
 from .file_rest_pose import BONE_ENDS
 from .limb_detection import cosine
 

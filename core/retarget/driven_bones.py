@@ -9,7 +9,7 @@ import numpy as np
 from ..body.skeleton import Skeleton
 from ..geometry import rotations as rot
 from .armature_rest import ArmatureRest, Array, IntArray
-from .bone_names import parse_bone_name
+from .bone_name_parser import parse_bone_name
 
 _CHAINS = (("root", "lowerback", "upperback", "thorax"), ("thorax", "lowerneck", "upperneck", "head"))
 _FINGERS = ("index", "middle", "ring", "pinky", "little")

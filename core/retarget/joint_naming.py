@@ -1,8 +1,8 @@
 """Names of the joints in other programs.
 
-Each naming has a name for all of the standard skeleton's joints. A joint between two of the target's bones (the twist of the
-forearm, the second joint of the neck) has a name in its manner, so that what looks for the target's bones finds these
-and passes over that.
+Each naming has a name for all of the standard skeleton's joints. A joint between two of the target's bones (the twist
+of the forearm, the second joint of the neck) has a name in its manner: programs in search of the target's bones find
+these and pass over that one.
 """
 
 from collections.abc import Mapping
@@ -79,8 +79,8 @@ def naming_of(name: str) -> dict[str, str]:
     return NAMINGS[name]
 
 
-def renamed(motion: Motion, naming: str) -> Motion:
-    """Return a motion with its joints renamed."""
+def rename_joints(motion: Motion, naming: str) -> Motion:
+    """Return a motion with its joints rename_joints."""
     names = naming_of(naming)
     skeleton = motion.skeleton
     return replace(motion, skeleton=replace(skeleton, names=tuple(names[name] for name in skeleton.names)))

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..errors import CharacterError
 from .armature_rest import ArmatureRest, Array
-from .bone_names import parse_bone_name
+from .bone_name_parser import parse_bone_name
 
 _LONG_LIMB = 0.2  # of the armature's greatest extent: the least length of an arm or leg
 _ALIKE = 0.15  # relative difference of length up to which two chains are a pair

@@ -46,7 +46,7 @@ def _with_offsets(offsets_m: Array, tips_m: Array) -> Skeleton:
     return replace(_default(), offsets_m=offsets_m, tips_m=tips_m)
 
 
-def map_motion(source: SourceMotion) -> Motion:
+def to_standard_skeleton(source: SourceMotion) -> Motion:
     """Return the motion on the product's 29 joints with the bone lengths of the file.
 
     Files with the standard skeleton's joints and hierarchy, under any names that it writes, are taken as they are.

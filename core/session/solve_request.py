@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..body.foot_lock import floor_of, with_feet_held
+from ..body.foot_lock import floor_of, hold_feet
 from ..body.motion import Motion
 from ..body.skeleton import marker_positions
 from ..database.store import Database, identity
@@ -91,7 +91,7 @@ class MotionOutput:
         path: a motion, or a recorded take with the new poses.
         units, naming, rate_hz: as of `write_motion`.
         smooth_hz: low-pass of labelled markers before and of motion after; None for none.
-        feet: mode of `with_feet_held`.
+        feet: mode of `hold_feet`.
     """
 
     path: str
@@ -118,7 +118,7 @@ class MotionOutput:
             motions = [smooth_motion(motion, self.smooth_hz) for motion in motions]
         if self.feet != "off":
             height_m = floor_m()
-            motions = [with_feet_held(motion, self.feet, height_m) for motion in motions]
+            motions = [hold_feet(motion, self.feet, height_m) for motion in motions]
         if not self.is_take:
             outs = [self.path, *(performer["out"] for performer in facts.get("performers", ()))]
             for motion, out in zip(motions, outs, strict=True):

@@ -15,7 +15,7 @@ from ...core.markers.prop import Prop
 from ...core.session.pose_filters import FilterSettings, filter_poses
 from ..animation.actions import scene_frames, write_action
 from ..character.create_character import create_character, find_armature
-from ..character.free_place import free_place, look_at
+from ..character.free_place import find_free_position, look_at
 from ..character.posing import plan_for
 from ..settings.capture_settings import settings
 from ..settings.result_settings import placement
@@ -122,7 +122,7 @@ def increasing(times_s: Array) -> Array:
 
 def add_character(context: bpy.types.Context, skeleton: Skeleton) -> str:
     """Add a character of these proportions in a free position, choose it, show it, return its name."""
-    place = free_place(context)
+    place = find_free_position(context)
     name = create_character(context, skeleton)
     character = bpy.data.objects[name]
     character.location = place

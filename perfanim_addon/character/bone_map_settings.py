@@ -6,7 +6,7 @@ import bpy
 
 from ...core.body.standard_skeleton import JOINT_NAMES
 from ...core.errors import CharacterError
-from ...core.retarget.bone_map import BoneMap, JointMatch, State, checked_map
+from ...core.retarget.bone_map import BoneMap, JointMatch, MatchState, checked_map
 from ...core.retarget.retargeter import RootMotion
 from ..preferences.attach_settings import attach_property_group
 from .rig import read_armature_rest
@@ -58,7 +58,7 @@ class PERFANIM_PG_joint(bpy.types.PropertyGroup):
         description="Bone that stands for this joint; empty: none",
         update=_edited,
     )
-    state: bpy.props.StringProperty(name="State", description="How sure it is that this bone stands for the joint")
+    state: bpy.props.StringProperty(name="MatchState", description="How sure it is that this bone stands for the joint")
     reason: bpy.props.StringProperty(name="Reason", description="Why the bone is doubtful or missing")
 
 
@@ -94,7 +94,7 @@ def store_map(armature_object: bpy.types.Object, found: BoneMap) -> None:
 
 def store_problem(armature_object: bpy.types.Object, problem: str) -> None:
     """Keep an empty map, to be filled by hand, and why none was found."""
-    missing = {joint: JointMatch("", State.MISSING) for joint in JOINT_NAMES}
+    missing = {joint: JointMatch("", MatchState.MISSING) for joint in JOINT_NAMES}
     store_map(armature_object, BoneMap(missing, ""))
     armature_object.perfanim_character.problem = problem
 
@@ -138,7 +138,7 @@ def stored_map(armature_object: bpy.types.Object) -> BoneMap | None:
             where=armature_object.name,
             advice="click Find Bones under Character",
         )
-    matches = {e.name: JointMatch(e.bone, State(e.state), e.reason) for e in kept.joints}
+    matches = {e.name: JointMatch(e.bone, MatchState(e.state), e.reason) for e in kept.joints}
     return BoneMap(matches, kept.origin)
 
 

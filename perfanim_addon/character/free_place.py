@@ -18,7 +18,7 @@ _VIEW_HEIGHT_M = 0.95
 _VIEW_DISTANCE_M = 7.0  # a performer who walks to and fro stays in the picture
 
 
-def free_place(context: bpy.types.Context) -> Vector:
+def find_free_position(context: bpy.types.Context) -> Vector:
     """Return the free position nearest to the scene's origin."""
     boxes = list(_boxes(context))
     for x in _PLACES_M:

@@ -12,7 +12,7 @@ _PASSING = "perfanim renaming {}"  # so that no bone meets another's name on the
 
 
 @contextmanager
-def named_for(armature_object: bpy.types.Object, bones: Mapping[str, str], naming: str) -> Iterator[None]:
+def exported_bone_names(armature_object: bpy.types.Object, bones: Mapping[str, str], naming: str) -> Iterator[None]:
     """Rename bones for another program, and restore their names afterwards.
 
     Blender takes vertex groups, animation and constraints along. A bone that stands for no joint and has a name that

@@ -18,7 +18,7 @@ from ..animation.actions import scene_frames, write_action
 from ..animation.channels import play, played
 from ..character.create_character import find_armature
 from ..character.posing import bones_of
-from .bone_names import named_for
+from .bone_names import exported_bone_names
 
 Array = NDArray[np.float64]
 
@@ -42,17 +42,23 @@ class Form:
     scale: float = 1.0
 
 
+@dataclass(frozen=True)
+class TimedPoses:
+    """Poses of a performer at their times.
+
+    Args:
+        times_s: (F,) strictly increasing; the first becomes the file's beginning.
+        rotations, root_positions_m, skeleton: as `write_action` takes them.
+    """
+
+    times_s: Array
+    rotations: Array
+    root_positions_m: Array
+    skeleton: Skeleton
+
+
 def export_poses(
-    context: bpy.types.Context,
-    object_name: str,
-    target: Path,
-    kind: str,
-    times_s: Array,
-    rotations: Array,
-    root_positions_m: Array,
-    skeleton: Skeleton,
-    fps: float,
-    form: Form,
+    context: bpy.types.Context, object_name: str, target: Path, kind: str, poses: TimedPoses, fps: float, form: Form
 ) -> int:
     """Write poses on an armature to a file; return the number of frames.
 
@@ -62,9 +68,8 @@ def export_poses(
         object_name: an armature, driven by `plan_for`.
         target: file to write.
         kind: of `ENDINGS`.
-        times_s: (F,) strictly increasing; the first becomes the file's beginning.
-        rotations, root_positions_m, skeleton: as `write_action` takes them.
-        fps: rate of the file; between poses Blender's curves tell.
+        poses: to write.
+        fps: rate of the file; between poses Blender's curves are sampled.
         form: how it is written.
 
     Raises:
@@ -75,9 +80,10 @@ def export_poses(
     with _lent(context, armature_object):
         scene = context.scene
         scene.render.fps, scene.render.fps_base = max(1, round(fps)), 1.0
-        frames = scene_frames(times_s, scene)
+        frames = scene_frames(poses.times_s, scene)
         _use_alone(armature_object)
-        write_action(object_name, frames, rotations, root_positions_m, skeleton, name=target.stem)
+        motion = poses.rotations, poses.root_positions_m, poses.skeleton
+        write_action(object_name, frames, *motion, name=target.stem)
         scene.frame_start, scene.frame_end = 1, max(1, int(np.floor(frames[-1] + 1e-3)))
         bones = bones_of(armature_object) if form.naming else {}
         write_played(context, armature_object, target, kind, bones, form)
@@ -109,7 +115,7 @@ def write_played(
     """
     scene = context.scene
     _select(context, armature_object, form.meshes and kind != "BVH")
-    names = named_for(armature_object, bones, form.naming) if form.naming else nullcontext()
+    names = exported_bone_names(armature_object, bones, form.naming) if form.naming else nullcontext()
     with names, atomic_path(target) as temporary:
         _run(target, kind, temporary, (scene.frame_start, scene.frame_end))
         if kind == "BVH":

@@ -12,6 +12,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,8 @@ from numpy.typing import NDArray
 from ...core.body.motion import Motion
 from ...core.errors import CharacterError, FormatError, PerfanimError
 from ...core.formats.motion.read_motion import read_motion
-from ...core.retarget.bone_map import BoneMap, State, checked_map
-from ...core.retarget.bone_map_files import named_bone_map
+from ...core.retarget.bone_map import BoneMap, MatchState, checked_map
+from ...core.retarget.bone_map_files import load_bone_map
 from ...core.retarget.retargeter import RetargetPlan, RootMotion
 from ...core.system.files import atomic_path
 from ..animation.actions import scene_frames, write_with_plan
@@ -39,6 +40,14 @@ _GLTF = (".glb", ".gltf", ".vrm")
 _KINDS = {ending: kind for kind, ending in ENDINGS.items()}
 
 
+@dataclass(frozen=True)
+class Picture:
+    """A picture (.png) of one frame, counted from 1; the middle one if None."""
+
+    path: Path | None
+    frame: int | None = None
+
+
 def retarget_file(
     motion: Motion,
     character: Path,
@@ -46,8 +55,7 @@ def retarget_file(
     *,
     preset: str | None = None,
     root_motion: RootMotion = RootMotion.HIPS,
-    still: Path | None = None,
-    frame: int | None = None,
+    picture: Picture | None = None,
     form: Form | None = None,
 ) -> dict[str, Any]:
     """Give the character of a file a motion, and save it; return a report.
@@ -61,17 +69,14 @@ def retarget_file(
         target: the file to write: .blend, or for other programs .fbx, .glb or .bvh.
         preset: name of a shipped bone map, or a file; None to find it.
         root_motion: what carries the character through the room.
-        still: picture (.png) of one frame.
-        frame: the frame of the picture, counted from 1; the middle one if None.
+        picture: to render.
         form: how a file for other programs is written.
 
     Raises:
         CharacterError: there is no humanoid in the file, or it cannot be driven.
         FormatError: a file cannot be read or written.
     """
-    shown = (motion.frames + 1) // 2 if frame is None else frame
-    if not 1 <= shown <= motion.frames:
-        raise CharacterError(f"frame {shown} is outside 1 to {motion.frames}", where=motion.name)
+    shown = _shown_frame(motion, picture)
     is_own_scene = character.suffix.lower() == ".blend"
     _open(character)
     scene = bpy.context.scene
@@ -89,12 +94,12 @@ def retarget_file(
         scene.frame_set(1)
         if temporary is not None:
             write_scene(temporary)
-        if still is not None:
+        if picture is not None and picture.path is not None:
             if is_own_scene and scene.camera is None:
                 _add_stage(scene, armature_object, bone_map)
             set_up_rendering(scene)
             scene.frame_set(int(frames[shown - 1]))
-            render(scene, still)
+            render(scene, picture.path)
     return _map_facts(bone_map) | {
         "armature": armature_object.name,
         "root_motion": plan.root_motion.value,
@@ -102,6 +107,15 @@ def retarget_file(
         "frames": motion.frames,
         "out": str(target),
     }
+
+
+def _shown_frame(motion: Motion, picture: Picture | None) -> int:
+    """Return the frame of the picture, counted from 1."""
+    if picture is None or picture.frame is None:
+        return (motion.frames + 1) // 2
+    if not 1 <= picture.frame <= motion.frames:
+        raise CharacterError(f"frame {picture.frame} is outside 1 to {motion.frames}", where=motion.name)
+    return picture.frame
 
 
 def _performed(
@@ -122,7 +136,7 @@ def _map_facts(bone_map: BoneMap) -> dict[str, Any]:
     """Return the report on a bone map."""
     unmapped, doubtful = (
         {joint: bone_map.matches[joint].reason for joint in bone_map.of_state(state)}
-        for state in (State.MISSING, State.DOUBTFUL)
+        for state in (MatchState.MISSING, MatchState.DOUBTFUL)
     )
     return {
         "mapped": bone_map.bones,
@@ -180,7 +194,7 @@ def _humanoid(character: Path, preset: str | None) -> tuple[bpy.types.Object, Bo
             if preset is None:
                 return armature_object, find_map(armature_object)
             rest = read_armature_rest(armature_object)
-            return armature_object, checked_map(rest, named_bone_map(preset), Path(preset).stem)
+            return armature_object, checked_map(rest, load_bone_map(preset), Path(preset).stem)
         except CharacterError as error:
             first = first or CharacterError(error.what, where=str(character), advice=error.advice)
     assert first is not None  # noqa: S101 - there is an armature, and it was refused
@@ -230,8 +244,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             given.out,
             preset=given.map,
             root_motion=RootMotion[given.root_motion.upper()],
-            still=given.render,
-            frame=given.frame,
+            picture=Picture(given.render, given.frame),
             form=Form(naming=given.naming),
         )
     except PerfanimError as error:

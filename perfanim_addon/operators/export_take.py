@@ -13,7 +13,7 @@ from ...core.markers.frame_rate import frame_rate
 from ...core.retarget.joint_naming import OWN
 from .. import take_library
 from ..capture.write_take import add_character, increasing, pose_arrays
-from ..export.export_animation import ENDINGS, Form, export_poses
+from ..export.export_animation import ENDINGS, Form, TimedPoses, export_poses
 from ..panels.takes import KEY as PANEL
 from ..preferences.paths import absolute
 from .common import PanelOperator, report_error
@@ -143,8 +143,8 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
         times_s, rotations, positions = pose_arrays(poses, index)
         numbers = np.array([pose.number for pose in poses])
         fps = self.rate or (frame_rate(times_s, numbers) if len(times_s) > 1 else 1.0)
-        arrays = (increasing(times_s), rotations, positions, subject.skeleton, fps)
-        count = export_poses(context, armature, target, self.kind, *arrays, Form(self.meshes, naming, self.scale))
+        timed = TimedPoses(increasing(times_s), rotations, positions, subject.skeleton)
+        count = export_poses(context, armature, target, self.kind, timed, fps, Form(self.meshes, naming, self.scale))
         return f"{count} frames of {title} on {armature} in {target}"
 
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from ...core.retarget.bone_map import EXPECTED, State
+from ...core.retarget.bone_map import EXPECTED, MatchState
 from ...core.retarget.bone_map_files import preset_paths
 from ..character.bone_map_settings import joint_label
 from ..character.create_character import check_armature
@@ -13,7 +13,7 @@ from ..preferences.paths import user_folder
 from ..settings.capture_settings import settings
 
 _SHOWN = "perfanim_armature"  # context member for the buttons and the menu
-_ICONS = {State.MAPPED.value: "CHECKMARK", State.DOUBTFUL.value: "QUESTION"}
+_ICONS = {MatchState.MAPPED.value: "CHECKMARK", MatchState.DOUBTFUL.value: "QUESTION"}
 
 
 class PERFANIM_UL_joints(bpy.types.UIList):
@@ -34,7 +34,7 @@ class PERFANIM_UL_joints(bpy.types.UIList):
         """Draw a joint."""
         needed = item.name in EXPECTED
         row = layout.row(align=True)
-        row.alert = item.state == State.DOUBTFUL.value or (needed and item.state == State.MISSING.value)
+        row.alert = item.state == MatchState.DOUBTFUL.value or (needed and item.state == MatchState.MISSING.value)
         split = row.split(factor=0.36, align=True)
         split.label(text=joint_label(item.name), icon=_ICONS.get(item.state, "ERROR" if needed else "RADIOBUT_OFF"))
         split.prop_search(item, "bone", data.id_data.data, "bones", text="")

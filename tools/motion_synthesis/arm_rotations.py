@@ -8,9 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from perfanim.core.geometry import rotations as rot
-
-from .curves import Array
-from .proportions import about, outward
+from perfanim.tools.motion_synthesis.curves import Array
+from perfanim.tools.motion_synthesis.proportions import about, outward
 
 # share of the limb's length up to which it reaches exactly, and that it never passes: a limb that snaps straight
 # has infinite joint speed and no defined plane

@@ -13,7 +13,7 @@ from ...body.skeleton import Skeleton
 from ...body.source_motion import frame_range, source_of_motion
 from ...body.standard_skeleton import JOINT_NAMES
 from ...errors import FormatError
-from ...retarget.to_standard_skeleton import map_motion
+from ...retarget.to_standard_skeleton import to_standard_skeleton
 from ...system.files import read_bytes
 from .amc import CMU_FPS, amc_motion, parse_amc_values
 from .asf import AsfFile, read_asf, read_asf_file
@@ -86,7 +86,7 @@ def read_motion_parts(path: Path, skeleton: Path | None = None, name: str = "") 
     parts = []
     for start, stop in ranges:
         part = source if stop - start == source.frames else frame_range(source, start, stop)
-        parts.append(MotionPart(map_motion(part), start, part.angle_jumps))
+        parts.append(MotionPart(to_standard_skeleton(part), start, part.angle_jumps))
     return MotionParts(tuple(parts), (*defects, *gaps))
 
 
@@ -122,7 +122,7 @@ def _read_amc(path: Path, skeleton: Path | None, name: str) -> MotionParts:
     for start, stop in ranges:
         motion = amc_motion(replace(table, values=table.values[start:stop]), asf, CMU_FPS, name)
         if motion.skeleton.names != JOINT_NAMES:
-            motion = map_motion(source_of_motion(motion, str(path)))
+            motion = to_standard_skeleton(source_of_motion(motion, str(path)))
         parts.append(MotionPart(motion, start, jumps[start:stop]))
     return MotionParts(tuple(parts), tuple(gaps))
 
@@ -147,4 +147,4 @@ def read_skeleton(path: Path | str) -> Skeleton:
     rest = np.zeros((1, len(skeleton), 4))
     rest[..., 0] = 1.0
     still = Motion(Path(path).stem, 1.0, skeleton, rest, np.zeros((1, 3)))
-    return map_motion(source_of_motion(still, str(path))).skeleton
+    return to_standard_skeleton(source_of_motion(still, str(path))).skeleton

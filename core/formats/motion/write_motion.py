@@ -4,7 +4,7 @@ from pathlib import Path
 
 from ...body.motion import Motion, resampled
 from ...errors import FormatError
-from ...retarget.joint_naming import OWN, renamed
+from ...retarget.joint_naming import OWN, rename_joints
 from .angles_csv import write_angles_csv
 from .bvh import write_bvh
 from .vrma import write_vrma
@@ -35,9 +35,9 @@ def write_motion(
     name = Path(path).name.lower()
     written = motion if rate is None else resampled(motion, rate)
     if name.endswith(BVH):
-        write_bvh(renamed(written, naming), path, units)
+        write_bvh(rename_joints(written, naming), path, units)
     elif name.endswith(ANGLES):
-        write_angles_csv(renamed(written, naming), path)
+        write_angles_csv(rename_joints(written, naming), path)
     elif name.endswith(VRMA):
         write_vrma(written, path)
     else:

@@ -19,7 +19,7 @@ from ...errors import TakeError
 from ...geometry import rotations as rot
 from ...retarget.file_joints import match_joints
 from ...retarget.file_rest_pose import align_rest
-from ...retarget.to_standard_skeleton import map_motion
+from ...retarget.to_standard_skeleton import to_standard_skeleton
 
 Array = NDArray[np.float64]
 
@@ -122,7 +122,7 @@ def motion_of_bones(poses: BonePoses, name: str, fps: float) -> Motion:
     if np.max(np.abs(offsets)) < _NO_LENGTH_M:
         joints = [JOINT_NAMES.index(BONES[bone][0]) for bone in poses.names]
         offsets = _t_pose_offsets(default_skeleton(), joints, _parents(poses.names))
-    return map_motion(_source(name, fps, poses.names, offsets, poses.rotations, poses.positions_m[:, 0]))
+    return to_standard_skeleton(_source(name, fps, poses.names, offsets, poses.rotations, poses.positions_m[:, 0]))
 
 
 def _t_pose_offsets(skeleton: Skeleton, joints: list[int], parents: NDArray[np.int64]) -> Array:

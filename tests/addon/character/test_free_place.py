@@ -14,7 +14,7 @@ def stage(addon: ModuleType, extension: str) -> Any:
 
 
 def place(stage: Any) -> list[float]:
-    return list(stage.free_place(bpy.context))
+    return list(stage.find_free_position(bpy.context))
 
 
 def test_an_empty_scene_has_the_character_at_its_origin(stage: Any) -> None:

@@ -15,7 +15,7 @@ from perfanim.core.retarget.joint_naming import NAMINGS
 from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon.animation import actions
 from perfanim.perfanim_addon.character import create_character
-from perfanim.perfanim_addon.export.export_animation import ENDINGS, Form, export_poses
+from perfanim.perfanim_addon.export.export_animation import ENDINGS, Form, TimedPoses, export_poses
 from played import curves_of
 
 SAME_M = 0.001
@@ -34,8 +34,8 @@ def performer(addon: object, motion: Motion) -> str:
 
 def export(performer: str, target: Path, kind: str, motion: Motion, **form: Any) -> int:
     times_s = np.arange(motion.frames) / motion.fps
-    poses = (times_s, motion.rotations, motion.root_positions_m, motion.skeleton)
-    return export_poses(bpy.context, performer, target, kind, *poses, motion.fps, Form(**form))
+    poses = TimedPoses(times_s, motion.rotations, motion.root_positions_m, motion.skeleton)
+    return export_poses(bpy.context, performer, target, kind, poses, motion.fps, Form(**form))
 
 
 def import_again(path: Path, kind: str) -> bpy.types.Object:
@@ -102,9 +102,9 @@ def test_joints_have_another_programs_names_and_are_where_they_were(performer, m
     groups = [group.name for group in mesh.vertex_groups]
     target = tmp_path / f"run{ENDINGS[kind]}"
     times_s = np.arange(motion.frames) / motion.fps
-    poses = (times_s, motion.rotations, motion.root_positions_m, motion.skeleton)
+    poses = TimedPoses(times_s, motion.rotations, motion.root_positions_m, motion.skeleton)
     form = Form(naming=naming, scale=100.0)
-    count = export_poses(bpy.context, performer, target, kind, *poses, motion.fps / 2, form)
+    count = export_poses(bpy.context, performer, target, kind, poses, motion.fps / 2, form)
     assert count == motion.frames // 2
     assert [bone.name for bone in obj.data.bones] == before
     assert [group.name for group in mesh.vertex_groups] == groups

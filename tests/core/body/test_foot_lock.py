@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from motion_synthesis import perform
-from perfanim.core.body.foot_lock import FootLock, floor_of, with_feet_held
+from perfanim.core.body.foot_lock import FootLock, floor_of, hold_feet
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.body.skeleton import forward_kinematics
@@ -38,7 +38,7 @@ def balls(motion: Motion) -> np.ndarray:
 def test_standing_feet_stay_and_the_body_hardly_changes(walk: Motion, swaying: Motion) -> None:
     before = evaluate(swaying, walk)
     for floor_m in (0.0, None):
-        held = with_feet_held(swaying, "auto", floor_m)
+        held = hold_feet(swaying, "auto", floor_m)
         after = evaluate(held, walk)
         # a sway of 2 cm at 2.4 rad/s is 5 cm/s
         assert before["foot_skate_cm_s"] > 3.0
@@ -67,7 +67,7 @@ def test_without_a_floor_the_lowest_foot_tells_it(walk: Motion, swaying: Motion)
 
 
 def test_nothing_jumps_when_a_foot_is_held_or_let_go(walk: Motion, swaying: Motion) -> None:
-    held = with_feet_held(swaying, "auto", 0.0)
+    held = hold_feet(swaying, "auto", 0.0)
     # what is added to the ball of the foot changes by what the ball moves while held, at most 0.4 m/s, and when it is
     # let go by 5 cm that fade out in 0.12 s, at most 0.42 m/s
     added = balls(held) - balls(swaying)
@@ -88,7 +88,7 @@ def knees_deg(motion: Motion) -> np.ndarray:
 
 
 def test_a_knee_is_not_pulled_straight(walk: Motion, swaying: Motion) -> None:
-    before, after = knees_deg(swaying), knees_deg(with_feet_held(swaying, "always", 0.0))
+    before, after = knees_deg(swaying), knees_deg(hold_feet(swaying, "always", 0.0))
     # a leg stretched to 0.995 of its length has a knee of 11.5 degrees; one that was straighter may be so still
     assert np.all(after >= np.minimum(before, 11.0) - 1e-6)
     assert np.any(np.abs(after - before) > 1.0)
@@ -102,14 +102,14 @@ def test_a_gliding_foot_is_held_only_always(walk: Motion) -> None:
     )  # 0.25 m/s: too fast to stand
     speeds = {}
     for mode in ("auto", "always"):
-        path = balls(with_feet_held(still, mode, 0.0))
+        path = balls(hold_feet(still, mode, 0.0))
         speeds[mode] = np.linalg.norm(np.diff(path, axis=0), axis=-1).min(axis=1)[:10].mean() * 60
     assert speeds["auto"] == pytest.approx(0.25, abs=1e-6)
     assert speeds["always"] < 0.01
 
 
 def test_off_is_nothing_at_all_and_other_words_are_refused(walk: Motion) -> None:
-    assert with_feet_held(walk, "off", 0.0) is walk
+    assert hold_feet(walk, "off", 0.0) is walk
     pose = walk.rotations[0]
     assert FootLock(walk.skeleton, "off").step(0.0, pose, walk.root_positions_m[0]) is pose
     with pytest.raises(SettingsError, match="off, auto, always"):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from perfanim.core.body.calibration_poses import t_pose
 from perfanim.core.body.motion import Motion, resampled
-from perfanim.core.body.motion_cleaning import Cleaned, clean
+from perfanim.core.body.motion_cleaning import CleanedMotion, clean_motion
 from perfanim.core.body.standard_skeleton import JOINT_NAMES
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
@@ -17,13 +17,13 @@ RATES = (30.0, 60.0, 120.0)
 AT = 40  # frame of the fault
 
 
-def cleaned(motion: Motion, jumps: tuple[int, ...] = ()) -> Cleaned:
+def cleaned(motion: Motion, jumps: tuple[int, ...] = ()) -> CleanedMotion:
     flags = np.zeros(motion.frames, dtype=bool)
     flags[list(jumps)] = True
-    return clean(motion, flags)
+    return clean_motion(motion, flags)
 
 
-def rows(result: Cleaned) -> list[tuple[str, int, int, str]]:
+def rows(result: CleanedMotion) -> list[tuple[str, int, int, str]]:
     return [(defect.kind, defect.first, defect.last, defect.done) for defect in result.defects]
 
 
@@ -47,7 +47,7 @@ def moved(motion: Motion, frames: slice, metres: float) -> Motion:
     return replace(motion, root_positions_m=positions)
 
 
-def assert_parts(result: Cleaned, motion: Motion, ranges: list[tuple[int, int]]) -> None:
+def assert_parts(result: CleanedMotion, motion: Motion, ranges: list[tuple[int, int]]) -> None:
     assert [(first, first + part.frames) for first, part in result.parts] == ranges
     for first, part in result.parts:
         np.testing.assert_array_equal(part.rotations, motion.rotations[first : first + part.frames])

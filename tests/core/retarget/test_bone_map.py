@@ -8,7 +8,7 @@ import pytest
 from figures import PLAIN, armature, figure
 from perfanim.core.errors import CharacterError
 from perfanim.core.retarget.armature_rest import ArmatureRest
-from perfanim.core.retarget.bone_map import State, checked_map, find_bone_map
+from perfanim.core.retarget.bone_map import MatchState, checked_map, find_bone_map
 from perfanim.core.retarget.bone_map_files import read_presets
 
 SPINE = ("root", "lowerback", "upperback", "thorax", "lowerneck", "head")
@@ -159,10 +159,10 @@ def test_doubtful_joints_say_why() -> None:
     names, wanted = named("unreal")
     rest = figure(names)
     twice = checked_map(rest, wanted | {"lhand": "lowerarm_l"}, "chosen by hand")
-    assert twice.matches["lhand"].state is State.DOUBTFUL
+    assert twice.matches["lhand"].state is MatchState.DOUBTFUL
     assert "lradius" in twice.matches["lhand"].reason
     crossed = checked_map(rest, wanted | {"lfoot": "foot_r", "rfoot": "foot_l"}, "chosen by hand")
-    assert {crossed.matches[side + "foot"].state for side in "lr"} == {State.DOUBTFUL}
+    assert {crossed.matches[side + "foot"].state for side in "lr"} == {MatchState.DOUBTFUL}
     assert not crossed.complete
     with pytest.raises(CharacterError, match="no bone nose"):
         checked_map(rest, wanted | {"head": "nose"}, "chosen by hand")

@@ -9,7 +9,7 @@ from perfanim.core.formats.motion.bvh import read_bvh, write_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.formats.vmc.humanoid import BONES
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.retarget.joint_naming import NAMINGS, naming_of, renamed
+from perfanim.core.retarget.joint_naming import NAMINGS, naming_of, rename_joints
 
 
 @pytest.mark.parametrize("naming", NAMINGS)
@@ -32,7 +32,7 @@ def test_vrm_names_are_its_bones(tmp_path):
 @pytest.mark.parametrize("units", ["m", "cm"])
 def test_a_file_has_the_names_and_is_read_as_the_same_motion(truth, tmp_path, naming, units):
     path = tmp_path / "walk.bvh"
-    write_bvh(renamed(truth, naming), path, units)
+    write_bvh(rename_joints(truth, naming), path, units)
     assert set(read_bvh(path).names) == set(NAMINGS[naming].values())
     again = read_motion(path)
     assert again.skeleton.names == JOINT_NAMES
@@ -44,7 +44,7 @@ def test_a_file_has_the_names_and_is_read_as_the_same_motion(truth, tmp_path, na
 def test_a_body_of_that_program_with_all_the_names_is_not_taken_for_the_products(truth, tmp_path):
     """Unreal's mannequin has the twist bone beside the hand, not above it."""
     path = tmp_path / "walk.bvh"
-    write_bvh(renamed(truth, "unreal"), path)
+    write_bvh(rename_joints(truth, "unreal"), path)
     text = path.read_text()
     for side in "lr":
         text = text.replace(f"JOINT hand_{side}\n", "JOINT swapped\n")

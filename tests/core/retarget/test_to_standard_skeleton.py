@@ -15,7 +15,7 @@ from perfanim.core.formats.motion.bvh import read_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.retarget.file_joints import match_joints, split_name
-from perfanim.core.retarget.to_standard_skeleton import map_motion
+from perfanim.core.retarget.to_standard_skeleton import to_standard_skeleton
 
 Array = NDArray[np.float64]
 
@@ -139,7 +139,7 @@ def test_joints_are_told_by_their_names(names: dict[str, str]) -> None:
 def test_positions_and_rotations_come_back(names: dict[str, str], turns: dict[str, Array]) -> None:
     motion = moving()
     source = as_source(motion, names, turns, extra_root=True)
-    mapped = map_motion(source)
+    mapped = to_standard_skeleton(source)
     expected = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
     positions, world = forward_kinematics(mapped.skeleton, mapped.rotations, mapped.root_positions_m)
     for name in names:
@@ -151,7 +151,7 @@ def test_positions_and_rotations_come_back(names: dict[str, str], turns: dict[st
 
 def test_mapping_the_own_skeleton_changes_nothing() -> None:
     motion = moving()
-    mapped = map_motion(as_source(motion, {name: name for name in JOINT_NAMES}))
+    mapped = to_standard_skeleton(as_source(motion, {name: name for name in JOINT_NAMES}))
     np.testing.assert_allclose(mapped.rotations, motion.rotations, atol=1e-14)
     np.testing.assert_allclose(mapped.skeleton.offsets_m, motion.skeleton.offsets_m, atol=1e-12)
 
@@ -161,7 +161,7 @@ def test_a_body_that_faces_elsewhere_in_its_rest_pose(turn: float) -> None:
     about_up = rot.from_rotation_vector(np.array([0.0, np.pi * turn, 0.0]))
     motion = moving()
     turns = {name: rot.multiply(about_up, t_pose_turns().get(name, rot.identity())) for name in JOINT_NAMES}
-    mapped = map_motion(as_source(motion, MIXAMO, turns))
+    mapped = to_standard_skeleton(as_source(motion, MIXAMO, turns))
     world = forward_kinematics(mapped.skeleton, mapped.rotations, mapped.root_positions_m)[1]
     expected = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)[1]
     for name in MIXAMO:
@@ -179,7 +179,7 @@ def test_z_up_files_are_turned_upright() -> None:
     tipped = SourceMotion(
         **{**upright.__dict__, "rotations": rotations, "translations_m": {0: path}}  # type: ignore[arg-type]
     )
-    mapped, expected = map_motion(tipped), map_motion(upright)
+    mapped, expected = to_standard_skeleton(tipped), to_standard_skeleton(upright)
     assert rot.angle_between(mapped.rotations, expected.rotations).max() < 1e-6
     np.testing.assert_allclose(mapped.root_positions_m, expected.root_positions_m, atol=1e-9)
 
@@ -191,7 +191,7 @@ def test_forearm_twist_goes_to_the_wrist() -> None:
     rotations[:, wrist] = rot.from_rotation_vector(np.outer(np.linspace(-1.0, 1.0, motion.frames), [1.0, 0.0, 0.0]))
     rotations[:, hand] = rot.from_rotation_vector(np.outer(np.linspace(-0.5, 0.5, motion.frames), [0.0, 0.0, 1.0]))
     twisted = Motion("twisted", 60.0, motion.skeleton, rotations, motion.root_positions_m)
-    mapped = map_motion(as_source(twisted, MIXAMO, t_pose_turns()))
+    mapped = to_standard_skeleton(as_source(twisted, MIXAMO, t_pose_turns()))
     assert np.degrees(rot.angle_between(mapped.rotations[:, wrist], rotations[:, wrist])).max() < 0.5
     assert np.degrees(rot.angle_between(mapped.rotations[:, hand], rotations[:, hand])).max() < 0.5
 
@@ -199,7 +199,7 @@ def test_forearm_twist_goes_to_the_wrist() -> None:
 def test_a_skeleton_without_arms_is_refused() -> None:
     names = {name: other for name, other in MIXAMO.items() if name[1:] not in ("humerus", "radius")}
     with pytest.raises(SkeletonError, match="lradius, rradius"):
-        map_motion(as_source(moving(2), names))
+        to_standard_skeleton(as_source(moving(2), names))
 
 
 def test_a_zero_pose_that_is_no_body_is_refused() -> None:
@@ -215,7 +215,7 @@ def test_a_zero_pose_that_is_no_body_is_refused() -> None:
             "rfemur": lying["lfemur"],
             "root": rot.conjugate(lying["lfemur"]),
         }
-        map_motion(as_source(bent, MIXAMO, {**turns, "thorax": lying["lfemur"]}))
+        to_standard_skeleton(as_source(bent, MIXAMO, {**turns, "thorax": lying["lfemur"]}))
 
 
 @pytest.mark.parametrize(
@@ -246,7 +246,7 @@ def test_bandai_clips(bandai_dir: Path) -> None:
     flexion, feet, palms = [], [], []
     for path in paths:
         source = read_bvh(path)
-        mapped = map_motion(source)
+        mapped = to_standard_skeleton(source)
         found = match_joints(source)
         assert len(found) == 21
         positions, world = forward_kinematics(mapped.skeleton, mapped.rotations, mapped.root_positions_m)

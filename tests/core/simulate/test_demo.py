@@ -9,7 +9,7 @@ import pytest
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.cli.main import main
 from perfanim.core.formats.motion.bvh import read_bvh
-from perfanim.core.retarget.to_standard_skeleton import map_motion
+from perfanim.core.retarget.to_standard_skeleton import to_standard_skeleton
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def test_is_near_the_truth(report):
 
 
 def test_limbs_bend_the_right_way_and_feet_stay_at_the_floor(report):
-    motion = map_motion(read_bvh(Path(report["outputs"]["motion"])))
+    motion = to_standard_skeleton(read_bvh(Path(report["outputs"]["motion"])))
     positions, _ = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
     index = motion.skeleton.index
     for side in "lr":

@@ -8,7 +8,7 @@ from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import FormatError
 from perfanim.core.formats.motion.bvh import UNITS, read_bvh, write_bvh
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.retarget.to_standard_skeleton import map_motion
+from perfanim.core.retarget.to_standard_skeleton import to_standard_skeleton
 
 SMALL = """HIERARCHY
 ROOT mixamorig:Hips
@@ -53,7 +53,7 @@ def random_motion(frames: int = 40, seed: int = 3) -> Motion:
 def test_round_trip(tmp_path: Path, units: str) -> None:
     motion = random_motion()
     write_bvh(motion, tmp_path / "a.bvh", units)
-    again = map_motion(read_bvh(tmp_path / "a.bvh"))
+    again = to_standard_skeleton(read_bvh(tmp_path / "a.bvh"))
     assert again.skeleton.names == motion.skeleton.names
     assert np.degrees(rot.angle_between(again.rotations, motion.rotations)).max() < 1e-4
     assert np.abs(again.root_positions_m - motion.root_positions_m).max() < 1e-6
@@ -67,7 +67,7 @@ def test_gimbal_lock_round_trip(tmp_path: Path) -> None:
     rotations = motion.rotations.copy()
     rotations[:, 5] = rot.from_euler(np.array([0.3, 0.5 * np.pi, -0.4]), "ZXY")
     write_bvh(Motion("lock", 30.0, motion.skeleton, rotations, motion.root_positions_m), tmp_path / "a.bvh")
-    again = map_motion(read_bvh(tmp_path / "a.bvh"))
+    again = to_standard_skeleton(read_bvh(tmp_path / "a.bvh"))
     assert np.degrees(rot.angle_between(again.rotations, rotations)).max() < 1e-4
 
 
