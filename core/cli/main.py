@@ -211,7 +211,7 @@ def summary_text(summary: dict[str, Any]) -> str:
             lines.append(f"{label}: " + ", ".join(f"{k} {_short(v)}" for k, v in list(value.items())[:40]))
         elif isinstance(value, list) and value and all(isinstance(row, dict) for row in value):
             lines.append(f"{label}: {len(value)}")
-            lines += _rows([", ".join(_named(key, item) for key, item in row.items() if item) for row in value])
+            lines += _rows([", ".join(_row_value(key, item) for key, item in row.items() if item) for row in value])
         elif isinstance(value, list):
             lines.append(f"{label}: {len(value)}" if len(value) > 12 else f"{label}: {', '.join(map(_short, value))}")
         else:
@@ -224,7 +224,7 @@ def _rows(rows: list[str]) -> list[str]:
     return [*shown, f"  and {len(rows) - _MOST_ROWS} more, see --json"] if len(rows) > _MOST_ROWS else shown
 
 
-def _named(key: str, value: Any) -> str:
+def _row_value(key: str, value: Any) -> str:
     """Return a value of a row; a number with a fraction gets its name."""
     return f"{key.replace('_', ' ')} {_short(value)}" if isinstance(value, float) else str(value)
 

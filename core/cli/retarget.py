@@ -87,7 +87,7 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
 
 def check_blender(blender: str | None) -> None:
     """Raise CharacterError when the Blender named, or else bpy, is missing."""
-    blender = _named(blender)
+    blender = _chosen_blender(blender)
     if blender is None and importlib.util.find_spec("bpy") is None:
         raise CharacterError(
             "Blender's Python module is not here", advice="pip install bpy, of the same Python, or name a --blender"
@@ -96,13 +96,13 @@ def check_blender(blender: str | None) -> None:
         raise CharacterError("is no program", where=blender, advice="name the file of Blender's program")
 
 
-def _named(blender: str | None) -> str | None:
+def _chosen_blender(blender: str | None) -> str | None:
     return blender or os.environ.get(BLENDER_VARIABLE) or None
 
 
 def _command(blender: str | None, arguments: Sequence[str]) -> list[str]:
     """Return the command line that retargets."""
-    blender = _named(blender)
+    blender = _chosen_blender(blender)
     if blender is None:
         package = (__package__ or "").rpartition(".core.")[0]
         return [sys.executable, "-m", f"{package}.perfanim_addon.export.retarget_file", *arguments]

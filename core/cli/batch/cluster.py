@@ -3,7 +3,7 @@
 from collections.abc import Callable, Generator, Sequence
 
 from ...errors import SettingsError
-from .take_record import Record, Task, failed
+from .take_record import Record, Task, failed_record
 
 _CONNECT_S = 30.0
 
@@ -41,4 +41,4 @@ def on_cluster(address: str, serve: Callable[[str], str], tasks: Sequence[Task])
                 yield Record.of_text(future.result())
             else:
                 why = repr(future.exception()) if future.status == "error" else future.status
-                yield failed(futures[future].take, f"the cluster did not do it: {why}")
+                yield failed_record(futures[future].take, f"the cluster did not do it: {why}")

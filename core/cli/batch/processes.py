@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Sequence
 
 from ...system.json_process import JsonProcess
-from .take_record import Record, Task, failed
+from .take_record import Record, Task, failed_record
 
 # sums of several threads differ in their last bits, and the results of a batch must not
 _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
@@ -96,7 +96,8 @@ class _Worker:
             return Record.of_text(self._running_process().ask(task.text()))
         except BrokenPipeError:
             self.close()
-            return failed(task.take, "its process ended without a message: too little memory, or a library crashed")
+            reason = "its process ended without a message: too little memory, or a library crashed"
+            return failed_record(task.take, reason)
 
     def kill(self) -> None:
         """End the process for good, from another thread than `run`."""

@@ -73,7 +73,7 @@ def quality_figures(solved: "SolvedTake") -> dict[str, float | int | None]:
         "unsolved": float(np.mean(is_unsolved(poses))),
         "foot_skate_cm_s": foot_skate_cm_s(motion),
     }
-    return {name: _rounded(value) for name, value in figures.items()}
+    return {name: _round(value) for name, value in figures.items()}
 
 
 def is_unsolved(poses: Sequence[PerformerPose]) -> NDArray[np.bool_]:
@@ -136,7 +136,7 @@ def _longest_run(hidden: NDArray[np.bool_]) -> int:
     return longest
 
 
-def _rounded(value: float | int) -> float | int | None:
+def _round(value: float | int) -> float | int | None:
     if isinstance(value, int):
         return value
     return round(value, _DIGITS) if np.isfinite(value) else None

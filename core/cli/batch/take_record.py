@@ -101,7 +101,7 @@ def stored_record(name: str, out: Path) -> Record | None:
         return None
 
 
-def failed(take: TakePlan, reason: str) -> Record:
+def failed_record(take: TakePlan, reason: str) -> Record:
     """Return the record of a take that failed; the next run tries it again."""
     return Record(take.name, take.source, take.digest, BAD, (reason,), is_kept=False)
 

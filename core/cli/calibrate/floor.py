@@ -47,7 +47,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ...vision.calibration.floor_markers import scaled_to
 
     rig = load_rig(args.cameras)
-    watch = _watched(args, rig, progress)
+    watch = _watch(args, rig, progress)
     if watch.points_m is None:
         raise CalibrationError(
             "no markers lie still on the floor for a second", where=str(args.left), advice=watch.advice
@@ -61,7 +61,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     return {"markers": len(points_m), "scale": scale, "camera_heights_mm": heights_mm, "out": str(args.out)}
 
 
-def _watched(args: argparse.Namespace, rig: Any, progress: Progress) -> Any:
+def _watch(args: argparse.Namespace, rig: Any, progress: Progress) -> Any:
     from ...vision.calibration.floor_markers import FloorWatch
     from ...vision.detection.detector import DetectionSettings
     from ...vision.pipeline import MarkerPipeline, PipelineSettings

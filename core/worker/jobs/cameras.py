@@ -62,7 +62,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
             for warning in getattr(source, "warnings", ()):
                 channel.send_warning(warning)
             remaining = _remaining(request, source)
-            images = _Images(channel.stop_requested, remaining if is_live(request) else _paced(remaining))
+            images = _Images(channel.stop_requested, remaining if is_live(request) else _pace(remaining))
             preview = PreviewSender(request, channel)
             thresholds = [detector.threshold for detector in pipeline.detectors]
             for stamp_s, frame in live_frames(images, pipeline, channel.send_warning, exact=is_simulated(request)):
@@ -166,17 +166,17 @@ def _rig(request: Mapping[str, Any], source: ImageSource) -> CameraRig:
 def _learn(pipeline: MarkerPipeline, source: Any, kind: str, seconds: float, channel: Channel) -> None:
     """Learn the backgrounds as the kind of source allows."""
     if kind == "simulated":
-        pipeline.learn_empty(_reported(source.background_frames(_EMPTY_FRAMES), _EMPTY_FRAMES, "", channel))
+        pipeline.learn_empty(_report_learning(source.background_frames(_EMPTY_FRAMES), _EMPTY_FRAMES, "", channel))
     elif kind == "cameras":
         count = max(2, round(seconds * source.fps))
-        pipeline.learn_empty(_reported(source.samples(count), count, ": stay out of sight", channel))
+        pipeline.learn_empty(_report_learning(source.samples(count), count, ": stay out of sight", channel))
     else:
-        moments = list(_reported(source.samples(_SPREAD_FRAMES), _SPREAD_FRAMES, "", channel))
+        moments = list(_report_learning(source.samples(_SPREAD_FRAMES), _SPREAD_FRAMES, "", channel))
         if moments:  # a stream cannot be read beforehand
             pipeline.learn_from_take(moments)
 
 
-def _reported(
+def _report_learning(
     moments: Iterator[tuple[Image, ...]], count: int, hint: str, channel: Channel
 ) -> Iterator[tuple[Image, ...]]:
     for number, images in enumerate(islice(moments, count)):
@@ -186,7 +186,7 @@ def _reported(
         yield images
 
 
-def _paced(source: Iterable[ImageSetLike]) -> Iterator[ImageSetLike]:
+def _pace(source: Iterable[ImageSetLike]) -> Iterator[ImageSetLike]:
     """Yield the images of a source that can wait, no faster than they were taken.
 
     Nothing is left out: on a machine that is too slow the performer moves slowly, instead of jumping.

@@ -11,7 +11,7 @@ from dataclasses import replace
 import pytest
 from perfanim.core.cli.batch.plan import plan_of
 from perfanim.core.cli.batch.run import run_batch
-from perfanim.core.cli.batch.take_record import BAD, DOUBTFUL, GOOD, failed
+from perfanim.core.cli.batch.take_record import BAD, DOUBTFUL, GOOD, failed_record
 from perfanim.core.errors import FormatError, SettingsError
 from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.formats.motion.read_motion import read_motion
@@ -69,7 +69,7 @@ def test_only_what_has_changed_is_done_again(finished, inputs, tmp_path):
 
     def noted(tasks):
         took.extend(task.take.name for task in tasks)
-        yield from (failed(task.take, "is not done here") for task in tasks)
+        yield from (failed_record(task.take, "is not done here") for task in tasks)
 
     run(elsewhere.plan(), out, noted)
     assert took == []
