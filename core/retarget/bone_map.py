@@ -1,8 +1,7 @@
 """Bone map of an armature: by a preset, by names or by shape, and checked.
 
-Names decide where they tell all of a limb and agree with the hierarchy; else the limb's shape does. The trunk and the
-neck go by the hierarchy between hips, arms and head, as rigs have any number of bones there. Each joint comes with
-how sure it is and why.
+Complete names that agree with the hierarchy decide, else the limb's shape. Trunk and neck go by the hierarchy between
+hips, arms and head, as rigs have any number of bones there. Each joint has its certainty and the reason.
 """
 
 from collections.abc import Mapping, Sequence

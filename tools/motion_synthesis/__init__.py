@@ -1,6 +1,6 @@
 """A simulated performer: full-body motion from a model of how people move, without any recorded data."""
 
-from perfanim.tools.motion_synthesis.performance import BEHAVIOURS, demo_performance, perform, performance
-from perfanim.tools.motion_synthesis.style import STYLES, Style, style_named
+from .performance import BEHAVIOURS, demo_performance, perform, performance
+from .style import STYLES, Style, style_named
 
 __all__ = ["BEHAVIOURS", "STYLES", "Style", "demo_performance", "perform", "performance", "style_named"]

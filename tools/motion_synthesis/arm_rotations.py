@@ -8,8 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from perfanim.core.geometry import rotations as rot
-from perfanim.tools.motion_synthesis.curves import Array
-from perfanim.tools.motion_synthesis.proportions import about, outward
+from perfanim.core.geometry.two_bone_ik import triangle_angle
+
+from .curves import Array
+from .proportions import about, outward
 
 # share of the limb's length up to which it reaches exactly, and that it never passes: a limb that snaps straight
 # has infinite joint speed and no defined plane
@@ -64,8 +66,8 @@ def two_bones(
     reach = np.maximum(reach, 1.02 * abs(first - second) + 1e-6)
     along = line / distance[:, None]
     hinge = unit(hinge_hint - np.sum(hinge_hint * along, axis=1, keepdims=True) * along)
-    at_start = np.arccos(np.clip((first**2 + reach**2 - second**2) / (2.0 * first * reach), -1.0, 1.0))
-    inside = np.arccos(np.clip((first**2 + second**2 - reach**2) / (2.0 * first * second), -1.0, 1.0))
+    at_start = triangle_angle(first, reach, second)
+    inside = triangle_angle(first, second, reach)
     # the first bone turns against the flexion, the second follows with it
     bone = np.cos(at_start)[:, None] * along - np.sin(at_start)[:, None] * np.cross(hinge, along)
     return TwoBones(frame_from(rest[0], rest[1], bone, hinge), np.pi - inside)

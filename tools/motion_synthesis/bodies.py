@@ -9,7 +9,8 @@ from perfanim.core.body.skeleton import Skeleton
 from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton, scaled
 from perfanim.core.errors import SettingsError
 from perfanim.core.system.files import atomic_path
-from perfanim.tools.motion_synthesis.proportions import Body
+
+from .proportions import Body
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from perfanim.tools.motion_synthesis.curves import Array
-from perfanim.tools.motion_synthesis.proportions import outward
-from perfanim.tools.motion_synthesis.timeline import Score
+
+from .curves import Array
+from .proportions import outward
+from .timeline import Score
 
 _LEG_M = 0.85
 _COMBINATIONS: tuple[tuple[str, ...], ...] = (

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 from perfanim.core.geometry import rotations as rot
-from perfanim.tools.motion_synthesis.curves import Array, ease
-from perfanim.tools.motion_synthesis.proportions import Sole, about
+
+from .curves import Array, ease
+from .proportions import Sole, about
 
 HELD_S = 0.35
 _UPRIGHT = (0.05, 0.97)  # share of a swing between which the foot travels: it goes straight up and down at its ends

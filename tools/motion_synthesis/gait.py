@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from perfanim.tools.motion_synthesis.curves import Track
-from perfanim.tools.motion_synthesis.feet import Placement
-from perfanim.tools.motion_synthesis.proportions import GRAVITY_M_S2, SIDES, outward
-from perfanim.tools.motion_synthesis.timeline import STANDING_HEIGHT, Score
+
+from .curves import Track
+from .feet import Placement
+from .proportions import GRAVITY_M_S2, SIDES, outward
+from .timeline import STANDING_HEIGHT, Score
 
 
 @dataclass(frozen=True)

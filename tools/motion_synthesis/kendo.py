@@ -4,8 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
-from perfanim.tools.motion_synthesis.proportions import SIDES
-from perfanim.tools.motion_synthesis.timeline import STANDING_HEIGHT, Score
+
+from .proportions import SIDES
+from .timeline import STANDING_HEIGHT, Score
 
 _LEG_M = 0.85
 _LEAVE_S = 1.4  # what putting the sword away takes

@@ -2,10 +2,11 @@
 
 import numpy as np
 from numpy.typing import ArrayLike
-from perfanim.tools.motion_synthesis.feet import HELD_S, Placement
-from perfanim.tools.motion_synthesis.gait import fly_high
-from perfanim.tools.motion_synthesis.proportions import GRAVITY_M_S2, SIDES, outward, turned
-from perfanim.tools.motion_synthesis.timeline import STANDING_HEIGHT, Score
+
+from .feet import HELD_S, Placement
+from .gait import fly_high
+from .proportions import GRAVITY_M_S2, SIDES, outward, turned
+from .timeline import STANDING_HEIGHT, Score
 
 _OFF_TOES = 1.030  # root height at take-off, share of standing on flat feet: legs straight, heels up
 _ON_TOES = 1.010

@@ -16,9 +16,10 @@ from perfanim.core.errors import PerfanimError
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.simulate.performance import BEHAVIOURS, DEMO, METRES_A_STEP, RADIANS_A_STEP, T_POSE_S
-from perfanim.tools.motion_synthesis.bodies import body, prototype_bodies, save_bodies
-from perfanim.tools.motion_synthesis.performance import ARMS_DOWN_S, DEMO_STREAM, demo_performance, perform, performance
-from perfanim.tools.motion_synthesis.style import STYLES
+
+from .bodies import body, prototype_bodies, save_bodies
+from .performance import ARMS_DOWN_S, DEMO_STREAM, demo_performance, perform, performance
+from .style import STYLES
 
 FPS = 60.0
 _CLIP_S = 5.4

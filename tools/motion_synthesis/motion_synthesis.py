@@ -4,23 +4,14 @@ import numpy as np
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.standard_skeleton import SPINE_JOINTS
 from perfanim.core.geometry import rotations as rot
-from perfanim.tools.motion_synthesis.arm_rotations import (
-    ARM_REACH,
-    arm_rest,
-    elbow,
-    forearm_and_hand,
-    hanging_arm,
-    leg_rest,
-    limited,
-    two_bones,
-    unit,
-)
-from perfanim.tools.motion_synthesis.curves import Array, ease, pendulum_filtered, smoothed, wander
-from perfanim.tools.motion_synthesis.feet import FootSamples, foot_pose, toe_bend
-from perfanim.tools.motion_synthesis.proportions import GRAVITY_M_S2, SIDES, about, outward, turned
-from perfanim.tools.motion_synthesis.sword import gripping
-from perfanim.tools.motion_synthesis.timeline import Score
 from scipy.ndimage import maximum_filter1d
+
+from .arm_rotations import ARM_REACH, arm_rest, elbow, forearm_and_hand, hanging_arm, leg_rest, limited, two_bones, unit
+from .curves import Array, ease, pendulum_filtered, smoothed, wander
+from .feet import FootSamples, foot_pose, toe_bend
+from .proportions import GRAVITY_M_S2, SIDES, about, outward, turned
+from .sword import gripping
+from .timeline import Score
 
 _GRID_HZ = 240.0
 _REACH = 0.997  # of the leg's length: knees keep a little bend

@@ -9,15 +9,16 @@ from perfanim.core.body.skeleton import Skeleton
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import SettingsError
 from perfanim.core.simulate.performance import T_POSE_S
-from perfanim.tools.motion_synthesis.bodies import body
-from perfanim.tools.motion_synthesis.boxing import box
-from perfanim.tools.motion_synthesis.kendo import fence
-from perfanim.tools.motion_synthesis.leaping import hop, jump
-from perfanim.tools.motion_synthesis.motion_synthesis import staged
-from perfanim.tools.motion_synthesis.proportions import SIDES, Body
-from perfanim.tools.motion_synthesis.style import Style
-from perfanim.tools.motion_synthesis.timeline import STANDING_HEIGHT, Score
-from perfanim.tools.motion_synthesis.walking import run, walk
+
+from .bodies import body
+from .boxing import box
+from .kendo import fence
+from .leaping import hop, jump
+from .motion_synthesis import staged
+from .proportions import SIDES, Body
+from .style import Style
+from .timeline import STANDING_HEIGHT, Score
+from .walking import run, walk
 
 BEHAVIOURS: dict[str, Callable[[Score, float], None]] = {
     "walking": walk,

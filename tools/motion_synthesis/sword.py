@@ -1,9 +1,10 @@
 """A two-handed sword: how the hands hold it."""
 
 import numpy as np
-from perfanim.tools.motion_synthesis.arm_rotations import frame_from
-from perfanim.tools.motion_synthesis.curves import Array
-from perfanim.tools.motion_synthesis.proportions import Body, outward
+
+from .arm_rotations import frame_from
+from .curves import Array
+from .proportions import Body, outward
 
 _FISTS_APART_M = 0.21  # middles of the two fists along the grip, for an arm of 0.585 m
 _ARM_M = 0.585

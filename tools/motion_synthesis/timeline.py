@@ -8,11 +8,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
-from perfanim.tools.motion_synthesis.arm_rotations import frame_from, unit
-from perfanim.tools.motion_synthesis.curves import Array, Track
-from perfanim.tools.motion_synthesis.feet import FootPath, Placement, Swing
-from perfanim.tools.motion_synthesis.proportions import SIDES, Body, outward, turned
-from perfanim.tools.motion_synthesis.style import Style
+
+from .arm_rotations import frame_from, unit
+from .curves import Array, Track
+from .feet import FootPath, Placement, Swing
+from .proportions import SIDES, Body, outward, turned
+from .style import Style
 
 # Controls of the whole body: their sizes and values at ease; angles in radians, lengths in metres.
 #   heading        direction that the body faces (0 is +z, towards the cameras)

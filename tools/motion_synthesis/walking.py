@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from perfanim.tools.motion_synthesis.curves import Track
-from perfanim.tools.motion_synthesis.gait import RUN, WALK, stepped, styled
-from perfanim.tools.motion_synthesis.timeline import Score
+
+from .curves import Track
+from .gait import RUN, WALK, stepped, styled
+from .timeline import Score
 
 _ROOM_X_M, _ROOM_Z_M = 0.55, 0.95  # half the space the performer keeps to
 _SPEED_UP_S = 0.9
