@@ -1,9 +1,9 @@
-"""A body, where its markers sit and how it stood, fitted together to the markers of one or several held poses.
+"""Fit of a body and its marker offsets to the markers of held poses.
 
 The body is a mixture of prototype bodies, as in section 4.2 of Chai and Hodgins 2005, with what bodies of one size
 differ in besides; the left and the right side have mixtures of their own. Nobody holds a pose exactly or places a
-marker exactly, so joint angles and offsets are unknown too, each within what is usual: the fit is the most probable
-body (Gauss-Newton on all unknowns at once), and the curvature there tells how well these poses determine it.
+marker exactly, so joint angles and offsets are unknown too, each within its usual range: the fit is the most probable
+body (Gauss-Newton on all unknowns at once), and the curvature there shows how well these poses determine it.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,7 +28,7 @@ _CONVERGED = 1e-3  # of a standard deviation
 _MOST_HALVINGS = 5
 _LEAST_VARIANCE_M = 1e-3  # of a direction in which prototypes differ: below, it is left out
 
-# standard deviations of what is not known
+# standard deviations of the unknowns
 _SEEN_M = 0.002  # of a marker, measurement and skin together
 _OFFSET_M, _UNKNOWN_OFFSET_M = 0.010, 0.030  # of a marker about its usual place, and about its joint where it has none
 _SIDE_SHARE = 0.25  # of the mixture, by which a side differs from the body's middle
@@ -70,7 +70,7 @@ def fit_body(points_m: Array, marker_set: MarkerSet, prototypes: Sequence[Skelet
     Args:
         points_m: (N, M, 3) markers of each pose in any world, NaN where unseen; at least three torso markers of each.
         marker_set: its joints, and its usual offsets where it has them.
-        prototypes: bodies of many sizes with the product's joints; a single one is taken as known.
+        prototypes: bodies of many sizes with the standard skeleton's joints; a single one is taken as known.
         poses: N poses, of which the first has the trunk just so.
     """
     body = _BodyPrior(prototypes)
@@ -79,7 +79,7 @@ def fit_body(points_m: Array, marker_set: MarkerSet, prototypes: Sequence[Skelet
 
 
 class _BodyPrior:
-    """Bodies as mean and directions, each with a coefficient of standard deviation one."""
+    """Bodies as a mean and directions with coefficients of unit deviation."""
 
     def __init__(self, prototypes: Sequence[Skeleton]) -> None:
         self.like = prototypes[0]
@@ -101,7 +101,7 @@ class _BodyPrior:
         return Skeleton(like.names, like.parents, shape[:, :3], shape[:, 3:], like.angle_axes, like.angle_orders)
 
     def _mixed(self, shapes: Array) -> Array:
-        """Return the directions in which prototypes differ: mixtures of them have no others."""
+        """Return the directions of difference between prototypes."""
         count = len(shapes)
         _, spread, axes = np.linalg.svd((shapes - self.mean).reshape(count, -1), full_matrices=False)
         deviations = spread / np.sqrt(count - 1)
@@ -109,7 +109,7 @@ class _BodyPrior:
         return (deviations[kept, None] * axes[kept]).reshape(-1, *self.mean.shape)
 
     def _own(self) -> Array:
-        """Return what prototypes, all of one shape, lack: joints that lie elsewhere, segments that are longer."""
+        """Return further differences of bodies: joint places and segment lengths."""
         result = []
         for joint, sigma in _PLACES_M.items():
             for axis in np.eye(3):
@@ -124,7 +124,7 @@ class _BodyPrior:
         return np.array(result)
 
     def _moved(self, joint: str, change_m: Array) -> Array:
-        """Return the change of shape (J, 6) that moves a joint, and with it the end of the bone to it."""
+        """Return the change of shape (J, 6) that moves a joint and the bone to it."""
         result = np.zeros_like(self.mean)
         result[self.like.index(joint), :3] = change_m
         if joint[1:] in _PARENTS:
@@ -138,7 +138,7 @@ def _with_sides(left: Array, right: Array) -> list[Array]:
 
 
 class _HeldPose:
-    """A pose as it is asked for, and the angles by which somebody may miss it.
+    """A calibration pose with the angles of error around it.
 
     The feet stand flat on the floor however the legs are bent, so their orientation is given against the root's.
     """
@@ -152,7 +152,7 @@ class _HeldPose:
         self.turns, self.sigmas_rad = self._angles(skeleton, first)
 
     def _angles(self, skeleton: Skeleton, first: bool) -> tuple[Array, Array]:
-        """Return rotation vectors (A, J, 3) of a unit of each angle, and its standard deviation (A)."""
+        """Return unit rotation vectors (A, J, 3) and deviations (A,) of the angles."""
         rows: list[tuple[tuple[str, ...], Array, float]] = []
         axes = dict(zip("xyz", np.eye(3), strict=True))
         for side in "lr":
@@ -172,7 +172,7 @@ class _HeldPose:
         return turns, np.radians([sigma for _, _, sigma in rows])
 
     def local(self, angles_rad: Array, skeleton: Skeleton) -> Array:
-        """Return local rotations (..., J, 4) with the root at rest, for angles (..., A) added to the pose."""
+        """Return local rotations (..., J, 4) for angles (..., A) added to the pose."""
         turn = rot.from_rotation_vector(np.tensordot(angles_rad, self.turns, 1))
         result = rot.multiply(np.broadcast_to(self.asked, turn.shape), turn)
         for foot in self.feet:
@@ -182,7 +182,7 @@ class _HeldPose:
         return result
 
     def astray(self, angles_rad: Array, skeleton: Skeleton) -> dict[str, float]:
-        """Return by what angle each limb's first joint is turned away from the pose."""
+        """Return the angle between each limb's first joint and the pose."""
         vectors = np.tensordot(angles_rad, self.turns, 1)
         joints = [side + joint for side in "lr" for joint in ("humerus", "femur")]
         return {joint: float(np.linalg.norm(vectors[skeleton.index(joint)])) for joint in joints}
@@ -190,7 +190,7 @@ class _HeldPose:
 
 @dataclass
 class _State:
-    """All unknowns: body and offsets in standard deviations, angles, and where each pose stands."""
+    """Unknowns of the fit: body, offsets, angles, and the place of each pose."""
 
     body: Array
     offsets: Array
@@ -212,7 +212,7 @@ class _Fit:
         self.carried[:, 0] = 0.0
 
     def solved(self) -> BodyFit:
-        """Return the fit from the middle body in the poses as they are asked for."""
+        """Return the fit from the middle body in the exact poses."""
         state = self._start()
         cost = self._cost(state)
         for _ in range(_ROUNDS):
@@ -247,7 +247,7 @@ class _Fit:
         return _State(body, offsets, angles, matrices, places)
 
     def _markers(self, held: _HeldPose, angles: Array, skeleton: Skeleton, offsets: Array) -> tuple[Array, Array]:
-        """Return markers (..., M, 3) and joint orientations (..., J, 4) in the root's frame."""
+        """Return markers (..., M, 3) and joint orientations in the root's frame."""
         positions, world = forward_kinematics(skeleton, held.local(angles, skeleton), np.zeros(3))
         return positions[..., self.joints, :] + rot.rotate(world[..., self.joints, :], offsets), world
 
@@ -284,7 +284,10 @@ class _Fit:
         return normal, gradient
 
     def _columns(self, state: _State, i: int, skeleton: Skeleton, offsets: Array) -> tuple[Array, Array]:
-        """Return d error / d (body, offsets, angles, root's turn and place) of a pose, and the error; seen markers."""
+        """Return Jacobian and error of a pose's seen markers.
+
+        Columns: body, offsets, angles, the root's turn and place.
+        """
         held, count = self.held[i], len(self.joints)
         angles = len(held.turns)
         tried = state.angles[i] + np.concatenate((np.zeros((1, angles)), _STEP_RAD * np.eye(angles)))
@@ -343,5 +346,5 @@ class _Fit:
 
 
 def usual_offsets(marker_set: MarkerSet) -> Array:
-    """Return usual offsets (M, 3); zero, on the joint itself, where the set names none."""
+    """Return usual offsets (M, 3), zero (on the joint) where the set has none."""
     return np.array([marker.offset_m or (0.0, 0.0, 0.0) for marker in marker_set.markers])

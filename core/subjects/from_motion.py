@@ -1,9 +1,9 @@
-"""A person's skeleton and marker offsets from motion alone, for takes without a calibration pose.
+"""Skeleton and marker offsets of a performer from motion alone.
 
 Poses and body are found in turn: the solver completes the poses for the body known so far, then bone lengths and
 marker offsets are fitted to all frames at once. With the joint rotations fixed the markers are linear in both, so the
 fit is one ridge regression about the usual proportions and offsets (cf. the attachment phase of O'Brien et al. 2000,
-whose joint centres are linear in the same way).
+where joint centres are linear in the same way).
 """
 
 from collections.abc import Callable
@@ -66,13 +66,13 @@ def subject_from_motion(
     database: Database,
     progress: Callable[[float, str], None] = lambda fraction, text: None,
 ) -> MotionFit:
-    """Return the subject whose bones and offsets explain a take best.
+    """Return the subject with the bones and offsets that explain a take best.
 
     Args:
         take: labelled; nobody need stand still in it.
         start: first guess of the body with the usual offsets, to which the result is drawn.
         database: motion of the kind that the take shows.
-        progress: told how far it is.
+        progress: called with the share done and a text.
 
     Raises:
         SubjectError: too few frames could be explained.
@@ -92,7 +92,7 @@ def subject_from_motion(
 
 
 def _refusal(used: int, torso: Array, name: str) -> SubjectError:
-    """Return what is wrong with a take of which no more than `used` frames fit; torso markers (F, T, 3)."""
+    """Return the error for a take with only `used` frames that fit."""
     shown = int(np.sum(np.sum(np.isfinite(torso[..., 0]), axis=1) >= _TORSO))
     if shown < _FEWEST_FRAMES:
         advice = "check them in the program that the take is from"
@@ -122,16 +122,16 @@ def _observed(take: MarkerTake, marker_set: MarkerSet) -> Array:
 
 
 def _poses(take: MarkerTake, subject: Subject, database: Database) -> tuple[Array, NDArray[np.bool_]]:
-    """Return joint rotations (F, J, 4) and which frames were solved well."""
+    """Return joint rotations (F, J, 4) and a mask of well solved frames."""
     session = Session(subject, database, settings=SolveSettings())
     poses = [session.step(frame) for frame in take_frames(take, subject.marker_set)]
-    # the median: a marker on a wand is as far from its usual place as no body explains, which is what is to be found
+    # the median: a marker on a wand is as far from its usual place as no body explains, and just that is to be found
     good = np.array([_median_m(pose) < _LARGE_M and pose.confidence > 0.0 for pose in poses])
     return np.array([pose.rotations for pose in poses]), good
 
 
 def _fitted(rotations: Array, observed: Array, start: Subject) -> Subject:
-    """Return the subject of least marker error under given rotations (F, J, 4), drawn to the start."""
+    """Return the subject of least marker error under rotations (F, J, 4)."""
     by_part, by_offset, modelled = _linear_model(rotations, start)
     count, markers = observed.shape[:2]
     seen = np.all(np.isfinite(observed), axis=-1)
@@ -149,7 +149,7 @@ def _fitted(rotations: Array, observed: Array, start: Subject) -> Subject:
 
 
 def _less_mean(values: Array, seen: NDArray[np.bool_]) -> Array:
-    """Return values (F, M, ...) less their mean over the frame's seen markers, 0 at the others."""
+    """Return values (F, M, ...) less the mean of the seen markers, 0 elsewhere."""
     shown = seen.reshape(*seen.shape, *[1] * (values.ndim - 2))
     share = np.maximum(shown.sum(axis=1, keepdims=True), 1)
     mean = np.sum(values, axis=1, where=shown, keepdims=True) / share
@@ -157,7 +157,7 @@ def _less_mean(values: Array, seen: NDArray[np.bool_]) -> Array:
 
 
 def _linear_model(rotations: Array, subject: Subject) -> tuple[Array, Array, Array]:
-    """Return d marker / d part sizes (F, M, 3, P), d marker / d offsets (F, M, 3, 3 M), and the markers (F, M, 3)."""
+    """Return the derivatives by part sizes and offsets, and the markers (F, M, 3)."""
     skeleton, joints = subject.skeleton, subject.marker_set.joint_indices(subject.skeleton)
     positions, world = forward_kinematics(skeleton, rotations, np.zeros(3))
     parts = _part_of_joint(skeleton)
@@ -176,7 +176,7 @@ def _linear_model(rotations: Array, subject: Subject) -> tuple[Array, Array, Arr
 
 
 def _part_of_joint(skeleton: Skeleton) -> NDArray[np.int64]:
-    """Return (J,) which part's size a joint's offset from its parent belongs to; -1 for the root."""
+    """Return (J,) the part of each joint's offset from its parent; -1 for the root."""
     result = np.full(len(skeleton), -1, dtype=np.int64)
     for number, members in enumerate(_PARTS.values()):
         for joint, name in enumerate(skeleton.names):
@@ -186,7 +186,7 @@ def _part_of_joint(skeleton: Skeleton) -> NDArray[np.int64]:
 
 
 def _prior(parts: int, markers: int) -> Array:
-    """Return the inverse covariance of (part sizes, offsets): parts grow together, each a little by itself."""
+    """Return the inverse covariance of part sizes and offsets."""
     covariance = np.full((parts, parts), _SIZE_SIGMA**2) + _PART_SIGMA**2 * np.eye(parts)
     result = np.zeros((parts + 3 * markers, parts + 3 * markers))
     result[:parts, :parts] = np.linalg.inv(covariance)
@@ -212,7 +212,7 @@ def _sized(skeleton: Skeleton, parts: Array) -> Skeleton:
 
 
 def _median_m(pose: PerformerPose) -> float:
-    """Return the median distance between the markers on the pose and where they were seen, NaN when none was."""
+    """Return the median distance between solved and observed markers, or NaN."""
     distances = np.linalg.norm(pose.observed_m - pose.markers_m, axis=1)
     seen = np.isfinite(distances)
     return float(np.median(distances[seen])) if np.any(seen) else float("nan")

@@ -1,4 +1,4 @@
-"""A subject from a recording, not labelled yet, in which several calibration poses are held."""
+"""Subject from an unlabelled recording of held calibration poses."""
 
 from collections.abc import Sequence
 
@@ -18,7 +18,7 @@ def subject_from_recording(
     name: str,
     poses: Sequence[str],
 ) -> SubjectCalibration:
-    """Return the subject who holds several poses, each for a second, somewhere in the frames.
+    """Return the subject of frames with held calibration poses.
 
     Args:
         frames: marker frames of steady rate with located points.

@@ -1,8 +1,8 @@
-"""A person's skeleton and marker offsets from the markers of held calibration poses (section 4.2 of the paper).
+"""Skeleton and marker offsets from held calibration poses (section 4.2).
 
 Skeleton: a mixture of prototype bodies that shows the seen markers in these poses (see `subject_fit`). The left side,
 with the middle of the body, and the right side are measured apart. Offsets: the seen marker relative to its joint, in
-the joint's axes. One pose tells where limbs end, not where they begin: arms that are stretched out, forward and down
+the joint's axes. One pose shows where limbs end, not where they begin: arms that are stretched out, forward and down
 tell the shoulder from the arm.
 """
 
@@ -69,7 +69,7 @@ class SubjectCalibration:
 def calibration_points(
     take: MarkerTake, marker_set: MarkerSet, seconds: float = 1.0, frames: slice = slice(None)
 ) -> Array:
-    """Return the median positions (M, 3) of the set's markers while the performer first stands still.
+    """Return the median markers (M, 3) of the first moment of standing still.
 
     Markers that are not seen then are NaN.
 
@@ -87,7 +87,7 @@ def calibration_points(
 
 
 def pose_points(take: MarkerTake, marker_set: MarkerSet, poses: Sequence[str], seconds: float = 1.0) -> Array:
-    """Return the median positions (N, M, 3) of the set's markers while each of the poses is held.
+    """Return the median markers (N, M, 3) of each held pose.
 
     Of the moments in which the performer stands still and like the pose, the stillest counts.
 
@@ -127,7 +127,7 @@ def pose_points(take: MarkerTake, marker_set: MarkerSet, poses: Sequence[str], s
 
 
 def _stillest(moments: list[tuple[float, float, Array]]) -> Array:
-    """Return the points of the stillest of the moments (distance, spread, points) that are about as close to a pose.
+    """Return the points of the stillest moment (distance, spread, points).
 
     The closest may still be on the way into the pose.
     """
@@ -166,7 +166,7 @@ def _median(positions: Array, window: slice) -> Array:
 
 
 def _distance(points: Array, template: Array) -> float:
-    """Return the RMS distance of seen points (M, 3) from a template laid over them."""
+    """Return the RMS distance of seen points (M, 3) from a template fitted to them."""
     seen = np.isfinite(points[:, 0])
     if seen.sum() < 3:
         return np.inf
@@ -176,7 +176,7 @@ def _distance(points: Array, template: Array) -> float:
 
 
 def _still(positions: Array, fps: float, seconds: float) -> Iterator[slice]:
-    """Yield, in order, windows in which every marker that is seen stays still; SubjectError where there is none."""
+    """Yield windows with still markers, in order; SubjectError without any."""
     length = min(max(2, round(seconds * fps)), len(positions))
     some = seen_at_all = False
     for start in range(0, len(positions) - length + 1, max(1, length // 4)):
@@ -209,7 +209,7 @@ def calibrate_subject(
     Args:
         points_m: (N, M, 3), or (M, 3) of one pose, seen markers in the world, NaN where unseen.
         marker_set: its joints, and its usual offsets where it has them.
-        prototypes: bodies of many sizes with the product's joints.
+        prototypes: bodies of many sizes with the standard skeleton's joints.
         name: of the person.
         poses: N of `POSES`, the T pose without any; the first says what an upright trunk is.
 
@@ -246,7 +246,7 @@ def calibrate_subject(
 def calibrate_markers(
     points_m: Array, marker_set: MarkerSet, known: Subject, name: str, *poses: str
 ) -> SubjectCalibration:
-    """Return a known person with other markers: what is needed after one has been moved, added or taken off.
+    """Return a known performer with moved, added or removed markers.
 
     The bones stay. Markers that the person wore before help, where they were, to find the pose that is held.
 
@@ -283,12 +283,12 @@ def _check_seen(seen: NDArray[np.bool_], marker_set: MarkerSet, name: str) -> No
 
 
 def _check_limbs(fit: BodyFit, poses: Sequence[str]) -> None:
-    """Refuse a pose whose limbs are elsewhere than the calibration pose has them."""
+    """Refuse a pose with limbs elsewhere than the calibration pose has them."""
     for limb, off_deg, pose in _astray(fit, poses):
         if off_deg > _FARTHEST_SWING_DEG:
             raise SubjectError(
                 f"{limb} is {off_deg:.0f} degrees away from where {_HELD_AS[pose]} has it",
-                advice="take the pose that is asked for, or name the one that was taken",
+                advice="take this pose, or name the one that was taken",
             )
 
 
@@ -303,7 +303,7 @@ def _astray(fit: BodyFit, poses: Sequence[str]) -> list[tuple[str, float, str]]:
 
 
 def _shown(fit: BodyFit, points: Array, marker_set: MarkerSet) -> tuple[Array, Array]:
-    """Return the markers (N, M, 3) at their usual places on the body, and the offsets (M, 3) where they were seen."""
+    """Return the usual markers (N, M, 3) and the observed offsets (M, 3)."""
     joints = marker_set.joint_indices(fit.skeleton)
     positions, world = forward_kinematics(fit.skeleton, fit.rotations, fit.root_positions_m)
     shown = positions[:, joints] + rot.rotate(world[:, joints], usual_offsets(marker_set))
@@ -312,7 +312,7 @@ def _shown(fit: BodyFit, points: Array, marker_set: MarkerSet) -> tuple[Array, A
 
 
 def _hidden(seen: NDArray[np.bool_], marker_set: MarkerSet, poses: Sequence[str]) -> tuple[str, ...]:
-    """Return which markers which poses did not show: what they were to tell stays open."""
+    """Return advice on the markers hidden in each pose."""
     return tuple(
         f"the marker of the {text} was not seen in {_HELD_AS[pose]}: hold it so that both cameras see all markers"
         for pose, shown in zip(poses, seen, strict=True)
@@ -322,7 +322,7 @@ def _hidden(seen: NDArray[np.bool_], marker_set: MarkerSet, poses: Sequence[str]
 
 
 def _advice(fit: BodyFit, poses: Sequence[str], residual_m: float, markers_m: dict[str, float]) -> tuple[str, ...]:
-    """Return what would make the calibration better, most important first."""
+    """Return advice on the calibration, most important first."""
     advice = []
     if residual_m > _DOUBTFUL_M:
         advice.append(
@@ -338,7 +338,7 @@ def _advice(fit: BodyFit, poses: Sequence[str], residual_m: float, markers_m: di
     missing = [name for name in CALIBRATION if name not in poses]
     if shoulder_m > _OPEN_M and missing:
         advice.append(
-            f"shoulders are known to {1e3 * shoulder_m:.0f} mm only, arms likewise: hold these poses as well: "
+            f"shoulders are known to {1e3 * shoulder_m:.0f} mm only, and so are arms: hold these poses as well: "
             + ", ".join(_HELD_AS[name] for name in missing)
         )
     advice += [

@@ -1,4 +1,4 @@
-"""A prop measured from a take in which it is moved about, or lies still: its markers are those that stay together."""
+"""Measurement of a prop from a take: the markers that stay together."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 _RIGID_M = 0.003  # by which the distance between two of a prop's markers may vary: median deviation
 _FEWEST_FRAMES = 10  # that show two markers together, before their distance is believed
 _ROUNDS = 5
-_POOR_M = 0.002  # residual from which a prop is told to bend, or to be seen badly
+_POOR_M = 0.002  # residual from which a prop is reported as bending or badly seen
 
 
 @dataclass(frozen=True)
@@ -40,16 +40,16 @@ class PropCalibration:
 
 
 def calibrate_prop(take: MarkerTake, name: str, markers: Sequence[str] = ()) -> PropCalibration:
-    """Return the prop whose markers keep their distances from each other all through a take.
+    """Return the prop of the markers at constant distances from each other.
 
     Args:
-        take: a prop alone before the cameras, lying or moved; what moves beside it is left out, but what is held with
+        take: a prop alone before the cameras, lying or moved; what moves beside it is left out, but objects held with
             it is not.
         name: of the prop.
         markers: names of its markers in the take; empty: the largest group that stays together.
 
     Raises:
-        PropError: there are no three such markers, or they cannot be told from each other (see `Prop`).
+        PropError: there are no three such markers, or they cannot be distinguished (see `Prop`).
     """
     unknown = [marker for marker in markers if marker not in take.names]
     if unknown:
@@ -79,7 +79,7 @@ def calibrate_prop(take: MarkerTake, name: str, markers: Sequence[str] = ()) -> 
 
 
 def _largest_group(take: MarkerTake) -> list[int]:
-    """Return the markers of the largest group in which each keeps its distance from every other."""
+    """Return the markers of the largest group at constant distances."""
     count = len(take.names)
     rigid = np.zeros((count, count), dtype=bool)
     for first, second in combinations(range(count), 2):
@@ -96,13 +96,13 @@ def _largest_group(take: MarkerTake) -> list[int]:
             advice="record the prop alone, lying before the cameras or moved slowly",
         )
     if len(groups) > 1 and len(groups[-2]) == len(groups[-1]):
-        told = " or ".join(", ".join(take.names[index] for index in sorted(group)) for group in groups[-2:])
-        raise PropError(f"may be {told}", where=take.name, advice="name its markers with --markers")
+        choices = " or ".join(", ".join(take.names[index] for index in sorted(group)) for group in groups[-2:])
+        raise PropError(f"may be {choices}", where=take.name, advice="name its markers with --markers")
     return sorted(groups[-1])
 
 
 def _groups(joined: NDArray[np.bool_]) -> list[set[int]]:
-    """Return all largest groups (cliques) in which every two are joined (N, N), by Bron and Kerbosch's search."""
+    """Return all largest cliques of joined pairs (N, N), by Bron and Kerbosch."""
     found: list[set[int]] = []
 
     def grow(group: set[int], candidates: set[int], excluded: set[int]) -> None:
@@ -121,9 +121,9 @@ def _groups(joined: NDArray[np.bool_]) -> list[set[int]]:
 
 
 def _mean_shape(positions_m: Array, where: str) -> tuple[Array, float, int]:
-    """Return the shape (M, 3) that fits all frames (F, M, 3) best, the RMS distance left, and how many frames count.
+    """Return the shape (M, 3) that fits all frames (F, M, 3) best.
 
-    The shape is laid on each frame and drawn to the mean of what the frames show, in turn; frames that it fits badly,
+    The shape is fitted to each frame and drawn to the mean of what the frames show, in turn; frames that it fits badly,
     where a marker was taken for another, are left out.
     """
     seen = np.all(np.isfinite(positions_m), axis=2)

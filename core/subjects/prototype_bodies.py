@@ -1,4 +1,4 @@
-"""Prototype bodies: skeletons that a subject's measurement interpolates (assets/skeletons.json)."""
+"""Prototype bodies that measured subjects interpolate (assets/skeletons.json)."""
 
 import json
 from pathlib import Path
