@@ -38,9 +38,9 @@ ROOT_M = 0.3  # a quarter of what two performers are apart: nobody is taken for 
 def request_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     folder = tmp_path_factory.mktemp("chain")
     write_bvh(perform("walking", 4.0), folder / "walk.bvh")
-    build_database([str(folder / "walk.bvh")], folder / "walk.perfdb", BuildSettings(fps=60.0))
+    build_database([str(folder / "walk.bvh")], folder / "walk.pfdb", BuildSettings(fps=60.0))
     save_subject(Subject("Sim", default_skeleton(1.75), load_marker_set("boxing")), folder / "sim.toml")
-    return {"subject": str(folder / "sim.toml"), "database": str(folder / "walk.perfdb")}
+    return {"subject": str(folder / "sim.toml"), "database": str(folder / "walk.pfdb")}
 
 
 def request(files: dict[str, str], **source: Any) -> dict[str, Any]:
@@ -197,9 +197,9 @@ def test_the_simulated_performer_waits_for_who_watches(request_files: dict[str, 
 
 
 def test_bad_requests_are_errors_in_plain_words(request_files: dict[str, str], tmp_path: Path) -> None:
-    missing = str(tmp_path / "none.perfdb")
+    missing = str(tmp_path / "none.pfdb")
     bad = {
-        "none.perfdb": {**request(request_files), "database": missing},
+        "none.pfdb": {**request(request_files), "database": missing},
         "unknown setting": request(request_files, speed=3),
         "unknown behaviour": request(request_files, behaviour="flying"),
     }

@@ -27,12 +27,12 @@ def test_one_camera_starts_in_the_t_pose_and_follows(tmp_path: Path) -> None:
     write_bvh(
         performance([("walking", 4.0)], seed=5), tmp_path / "walk.bvh"
     )  # begins in a T pose, as the performer does
-    build_database([str(tmp_path / "walk.bvh")], tmp_path / "walk.perfdb", BuildSettings(fps=60.0))
+    build_database([str(tmp_path / "walk.bvh")], tmp_path / "walk.pfdb", BuildSettings(fps=60.0))
     request = {
         "job": "capture",
         "cameras": {"source": {**performer, "cameras": 1}, "rig": str(tmp_path / "left.toml"), "threshold": None},
         "subject": str(tmp_path / "performer.toml"),
-        "database": str(tmp_path / "walk.perfdb"),
+        "database": str(tmp_path / "walk.pfdb"),
     }
     client, poses = WorkerClient(request), []
     limit = time.monotonic() + PATIENCE_S
