@@ -71,7 +71,7 @@ def test_cameras_are_calibrated_from_board_pictures(part: Any, extension: str, t
     chosen.board_columns, chosen.board_rows = DEFAULT_BOARD.columns, DEFAULT_BOARD.rows
     chosen.board_square_mm = DEFAULT_BOARD.square_m * 1000
     errors = sys.modules[f"{extension}.core.errors"]
-    with pytest.raises(errors.CalibrationError, match="is no folder"):
+    with pytest.raises(errors.CalibrationError, match="is not a folder"):
         operator.arguments(SimpleNamespace(), bpy.context)
     for picture in board_pictures(Renderer(default_rig()), DEFAULT_BOARD, 8):
         for side, image in zip(("left", "right"), picture.images, strict=True):
@@ -107,7 +107,7 @@ def test_the_board_is_watched_with_all_chosen_cameras(part: Any, extension: str)
     chosen.further_devices = "4, 2"
     assert operator.request(SimpleNamespace(), bpy.context)["source"]["devices"] == [0, 1, 4, 2]
     errors = sys.modules[f"{extension}.core.errors"]
-    for chosen.further_devices, problem in (("two", "no device numbers"), ("2 1", "chosen twice")):
+    for chosen.further_devices, problem in (("two", "not device numbers"), ("2 1", "chosen twice")):
         with pytest.raises(errors.CaptureError, match=problem):
             operator.request(SimpleNamespace(), bpy.context)
     chosen.right_device, chosen.board_timed, chosen.board_every_s = -1, True, 4.0
@@ -162,7 +162,7 @@ def test_a_newcomer_calibrates_everything_in_the_sidebar(part: Any, monkeypatch:
     assert part("capture.request").cameras(chosen)["rig"] == chosen.calibration
 
     text = run_job(part, cameras.PERFANIM_OT_set_floor, SimpleNamespace())
-    assert text == "the floor is where the board lies, the origin in its middle"
+    assert text == "floor set at the board, origin at its middle"
     found = load_rig(chosen.calibration)
     _, before_m = board_on_floor()
     # corners known to 0.1 px are 1 mm off in depth; over 54 of them on 0.64 m x 0.4 m the floor tilts by 1 mrad,
@@ -171,7 +171,7 @@ def test_a_newcomer_calibrates_everything_in_the_sidebar(part: Any, monkeypatch:
         assert camera.centre_m == pytest.approx(other.centre_m - [0.0, 0.0, before_m], abs=0.015)
 
     text = run_job(part, cameras.PERFANIM_OT_set_floor_markers, SimpleNamespace())
-    assert text == "the floor is where the 4 markers lie, the origin in their middle"
+    assert text == "floor set at the 4 markers, origin at their middle"
     # centres known to 0.05 px are 1 mm off in depth; over four on 1 m x 0.6 m that is 6 mm at the cameras; times five
     for camera, other in zip(load_rig(chosen.calibration).cameras, true.cameras, strict=True):
         assert camera.centre_m[1] == pytest.approx(other.centre_m[1], abs=0.03)
