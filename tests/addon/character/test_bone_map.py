@@ -48,7 +48,7 @@ def test_use_active_finds_the_armature_of_what_an_importer_leaves_active(mixamo_
     second = bpy.data.objects.new("Second", hero.data)
     bpy.context.scene.collection.objects.link(second)
     second.parent, layer.objects.active = group, group
-    with pytest.raises(RuntimeError, match="2 armatures hang on Group"):
+    with pytest.raises(RuntimeError, match="Group has 2 armatures"):
         bpy.ops.perfanim.use_active_armature()
 
 
