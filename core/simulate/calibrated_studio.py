@@ -1,4 +1,4 @@
-"""The simulated cameras set up as a user sets up real ones: calibrated from pictures of a board, floor included."""
+"""Calibrate the simulated cameras as a user calibrates real ones, floor included."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ _BOARD_VIEWS = 24
 
 
 def calibrate_studio(source: SimulatedSource) -> CalibrationResult:
-    """Return the cameras calibrated from pictures of the board as the simulated cameras take them."""
+    """Return the cameras calibrated from their pictures of the board."""
     board = DEFAULT_BOARD
     names = [camera.name for camera in source.rig.cameras]
     views: list[dict[str, Any]] = [{} for _ in names]
@@ -33,7 +33,7 @@ def calibrate_studio(source: SimulatedSource) -> CalibrationResult:
 
 
 def studio_on_floor(rig: CameraRig, source: SimulatedSource) -> CameraRig:
-    """Return the cameras with the world on the floor, where the board lies in one picture of each.
+    """Return the cameras with the world on the floor, from one board picture each.
 
     Raises:
         CaptureError: a camera does not show the board.

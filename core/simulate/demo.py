@@ -1,4 +1,4 @@
-"""The main job from end to end on what is embedded: simulated performer, cameras, calibration, tracking, solve, report.
+"""Demo: simulated performer, cameras, calibration, tracking, solve and report.
 
 Nothing of the truth is used but to measure the result, and the true cameras only to bring both into one world for it.
 """
@@ -67,7 +67,7 @@ _HELD_S = 1.0
 
 @dataclass(frozen=True)
 class Recording:
-    """What the cameras' side made of the performance."""
+    """Marker frames and images that the cameras made of the performance."""
 
     source: SimulatedSource
     rig: CameraRig
@@ -82,7 +82,7 @@ def run_demo(out: Path, seconds: float, progress: Progress) -> dict[str, Any]:
     Args:
         out: folder for motion, preview, calibration, subject and database.
         seconds: length of the performance.
-        progress: told how far it is.
+        progress: called with a fraction and a text.
 
     Returns:
         The report: figures, timings and the files written.
@@ -109,7 +109,7 @@ def run_demo(out: Path, seconds: float, progress: Progress) -> dict[str, Any]:
     poses, solve_seconds = _solve(recording, subject, database, progress)
     solved = motion_of(poses, subject, "demo", source.fps)
     truth = sliced(source.motion, 0, len(poses))
-    outputs = _write(out, recording, rig, subject, solved, truth, poses, progress)
+    outputs = _write(out, recording, subject, solved, truth, poses, progress)
     total = recording.seconds + float(np.sum(solve_seconds))
     performance, true_performance = (sliced(motion, before, len(poses)) for motion in (solved, truth))
     return _figures(evaluate(performance, true_performance), poses[before:], solve_seconds) | {
@@ -122,7 +122,7 @@ def run_demo(out: Path, seconds: float, progress: Progress) -> dict[str, Any]:
 
 
 def embedded_database(path: Path, progress: Progress) -> Database:
-    """Return the database of the embedded motion, built anew at `path` (about a second)."""
+    """Build the embedded motion's database at `path` (about a second); return it."""
     progress(0.0, "building the embedded motion database")
     build_database([MOTION], path)
     return open_database(path)
@@ -182,14 +182,13 @@ def _figures(measures: dict[str, Any], poses: list[PerformerPose], seconds: Arra
 def _write(
     out: Path,
     recording: Recording,
-    rig: CameraRig,
     subject: Subject,
     solved: Motion,
     truth: Motion,
     poses: list[PerformerPose],
     progress: Progress,
 ) -> dict[str, str]:
-    """Write motion, calibration and preview; return what is where."""
+    """Write motion, calibration and preview; return their paths."""
     files = {
         "motion": out / "demo.bvh",
         "truth": out / "truth.bvh",
@@ -200,7 +199,7 @@ def _write(
     }
     write_bvh(solved, files["motion"])
     write_bvh(truth, files["truth"])
-    save_rig(rig, files["cameras"])
+    save_rig(recording.rig, files["cameras"])
     save_subject(subject, files["subject"])
     numbers = sorted(recording.pictures)
     shown = set(numbers[:: max(1, len(numbers) // _SHEET_PICTURES)][:_SHEET_PICTURES])
@@ -220,7 +219,7 @@ def _write(
 
 
 def _previews(recording: Recording, subject: Subject, truth: Motion, poses: list[PerformerPose]) -> Iterator[Image]:
-    """Yield, for each shown frame, the left camera with what it found beside the solved character."""
+    """Yield the left camera's picture, detections drawn, beside the solved character."""
     camera = preview_camera(np.array([pose.root_position_m for pose in poses]))
     stage = floor_image(camera)
     solved_painter = CharacterPainter(camera, subject.skeleton)

@@ -16,11 +16,11 @@ _MEAN_GAP_S = 0.15  # how long a lost marker stays lost on average
 def simulate_markers(
     motion: Motion, markers: MarkerSet | Subject, noise_mm: float = 0.0, dropout: float = 0.0, seed: int = 0
 ) -> tuple[MarkerTake, Motion]:
-    """Return what an ideal marker system would have recorded of a motion, disturbed as asked, and the truth.
+    """Return the marker take of an ideal system, disturbed as asked, and its truth.
 
     Args:
         motion: on a skeleton with the joints that carry the markers.
-        markers: marker set with offsets, or a subject (whose offsets are taken; bones are the motion's).
+        markers: marker set with offsets, or a subject; bones are the motion's.
         noise_mm: standard deviation of Gaussian noise on each coordinate.
         dropout: share of marker positions that are missing, in gaps of 0.15 s on average.
         seed: of the noise and the gaps.
@@ -47,7 +47,7 @@ def simulate_markers(
 
 
 def _gaps(generator: np.random.Generator, frames: int, markers: int, dropout: float, fps: float) -> NDArray[np.bool_]:
-    """Return (F, M) where a marker is missing: a two-state chain whose long-run share is `dropout`."""
+    """Return (F, M) bool: missing markers, from a two-state chain of share `dropout`."""
     mean_gap = max(_MEAN_GAP_S * fps, 1.0)
     come_back = 1.0 / mean_gap
     get_lost = min(come_back * dropout / (1.0 - dropout), 1.0)

@@ -84,7 +84,7 @@ def performance(
 
 
 def with_return(motion: Motion) -> Motion:
-    """Return the motion with a smooth way back from its last pose to its first, so that it can start again."""
+    """Return the motion with a smooth way back to its first pose, so it can repeat."""
     steps = max(round(_RETURN_S * motion.fps), 1)
     f = np.arange(1, steps) / steps
     ease = f * f * (3.0 - 2.0 * f)
@@ -102,7 +102,7 @@ def with_return(motion: Motion) -> Motion:
 
 
 def _lasting(motion: Motion, start: int, seconds: float) -> Motion:
-    """Return the motion cut, or its part from frame `start` on repeated, to last so long."""
+    """Return the motion cut, or repeated from frame `start` on, to last `seconds`."""
     if seconds < _LEAST_S:
         raise SettingsError(f"a performance of {seconds:.1f} s is too short", advice=f"give {_LEAST_S:.0f} s or more")
     frames = round(seconds * motion.fps) + 1

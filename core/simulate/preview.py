@@ -1,4 +1,4 @@
-"""Pictures and videos of the result without Blender: a shaded figure on a floor, detections on camera images.
+"""Pictures and videos without Blender: shaded figure, detections on images.
 
 Images are uint8 BGR and are drawn into in place; poses are as in `forward_kinematics`, world metres, floor y = 0.
 """
@@ -33,7 +33,7 @@ _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 @dataclass(frozen=True)
 class CharacterStyle:
-    """How a character is drawn: BGR colours 0-255 of its trunk, left and right limbs and head; opacity 0..1."""
+    """Colours (BGR, 0-255) of a drawn character's parts, and its opacity (0..1)."""
 
     trunk: tuple[float, float, float] = (186.0, 190.0, 196.0)
     left: tuple[float, float, float] = (206.0, 158.0, 96.0)
@@ -60,7 +60,7 @@ class CharacterPainter:
         self._colours = _colours(self.body, style)
 
     def draw(self, image: Image, rotations: ArrayLike, root_position_m: ArrayLike) -> None:
-        """Draw a pose, (J, 4) rotations and (3,) root position, with its shadow on the floor."""
+        """Draw a pose, rotations (J, 4) and root (3,), with its shadow on the floor."""
         cones = self.body.cones(np.asarray(rotations, dtype=np.float64), np.asarray(root_position_m, dtype=np.float64))
         if self.style.shadow:
             _draw_shadow(image, self.camera, self.body, cones.starts, cones.ends)
@@ -68,7 +68,7 @@ class CharacterPainter:
 
 
 def preview_camera(root_positions_m: ArrayLike, size: tuple[int, int] = (640, 480)) -> Camera:
-    """Return a virtual camera that sees a whole motion from the front and a little from the side.
+    """Return a virtual camera that sees a whole motion from the front and one side.
 
     Args:
         root_positions_m: (F, 3) path of the root; the camera frames it with room for a body about it.
@@ -89,7 +89,7 @@ def preview_camera(root_positions_m: ArrayLike, size: tuple[int, int] = (640, 48
 
 
 def floor_image(camera: Camera) -> Image:
-    """Return an empty stage: a floor y = 0 with lines every half metre that fades into the backdrop."""
+    """Return an empty stage: a floor y = 0 with lines every half metre."""
     width, height = camera.image_size
     grid = undistorted_grid(camera, np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
     rays = camera.rays(grid)
@@ -108,7 +108,10 @@ def floor_image(camera: Camera) -> Image:
 
 
 def brightened(image: Image, gamma: float = 0.55) -> Image:
-    """Return a camera's image with its dark parts lifted for looking at: cameras of markers are set to see little."""
+    """Return a camera's image with its dark parts lifted.
+
+    Marker cameras are set to show little besides the markers.
+    """
     table = np.rint(255.0 * (np.arange(256) / 255.0) ** gamma).astype(np.uint8)
     return np.asarray(cv2.LUT(image, table), dtype=np.uint8)
 
@@ -119,7 +122,7 @@ def draw_detections(
     names: Sequence[str] = (),
     colour: tuple[float, float, float] = (90.0, 230.0, 120.0),
 ) -> None:
-    """Ring blobs in a camera's image: (N, 2) centres in pixels (NaN: none), and their names if given."""
+    """Ring blobs in an image: centres (N, 2) in pixels (NaN: none), with their names."""
     for i, (x, y) in enumerate(np.asarray(pixels, dtype=np.float64).reshape(-1, 2)):
         if not (np.isfinite(x) and np.isfinite(y)):
             continue
@@ -131,14 +134,14 @@ def draw_detections(
 
 
 def draw_caption(image: Image, text: str, detail: str = "") -> None:
-    """Write what the picture shows into its upper left corner, with a smaller line below."""
+    """Write a title into the picture's upper left corner, with a smaller line below."""
     _write(image, text, (12, 24), 0.55, (244.0, 244.0, 244.0))
     if detail:
         _write(image, detail, (12, 44), 0.42, (214.0, 214.0, 214.0))
 
 
 def side_by_side(*images: Image) -> Image:
-    """Return images of any size next to each other at the height of the first, with thin gaps."""
+    """Return images side by side at the height of the first, with thin gaps."""
     height = images[0].shape[0]
     row: list[Image] = []
     for image in images:
@@ -150,12 +153,15 @@ def side_by_side(*images: Image) -> Image:
 
 
 def write_preview_video(path: str | Path, frames: Iterable[Image], fps: float) -> int:
-    """Write images as an MP4 video that common players open; returns how many images. CaptureError if it fails."""
+    """Write images as an MP4 that common players open; return their number.
+
+    Raises CaptureError if no video can be written.
+    """
     return write_video(path, frames, fps)
 
 
 def write_contact_sheet(path: str | Path, frames: Sequence[Image], columns: int = 4, width: int = 1600) -> None:
-    """Write pictures in rows as one image file (PNG or JPEG by its name), `width` pixels wide.
+    """Write pictures in rows as one image file (PNG or JPEG), `width` pixels wide.
 
     Raises:
         CaptureError: no pictures, or the file cannot be written.
@@ -190,12 +196,12 @@ def _colours(body: Body, style: CharacterStyle) -> Array:
 
 
 def _draw_shadow(image: Image, camera: Camera, body: Body, starts: Array, ends: Array) -> None:
-    """Darken the floor where the body keeps the light off, and more where it nearly touches the floor."""
+    """Darken the floor below the body, most where the body nearly touches it."""
     mask = np.zeros(image.shape[:2], dtype=np.uint8)
     contact = np.zeros_like(mask)
-    _fill_floor(mask, camera, body, starts, ends, _LIGHT_SLOPE, 150.0)
+    _fill(mask, _floor_outlines(camera, body, starts, ends, _LIGHT_SLOPE), 150.0)
     near = np.minimum(starts[:, 1] - body.start_radii_m, ends[:, 1] - body.end_radii_m) < 0.05
-    _fill_floor(contact, camera, body, starts, ends, np.zeros(2), 190.0, near)
+    _fill(contact, _floor_outlines(camera, body, starts, ends, np.zeros(2))[near], 190.0)
     left, top, width, height = cv2.boundingRect(cv2.max(mask, contact))
     if width == 0:
         return
@@ -205,22 +211,17 @@ def _draw_shadow(image: Image, camera: Camera, body: Body, starts: Array, ends: 
     image[part] = np.rint(image[part] * (1.0 - (soft * np.float32(0.62 / 255.0))[..., None])).astype(np.uint8)
 
 
-def _fill_floor(
-    mask: Image,
-    camera: Camera,
-    body: Body,
-    starts: Array,
-    ends: Array,
-    slope: Array,
-    value: float,
-    chosen: NDArray[np.bool_] | None = None,
-) -> None:
-    """Fill the shadows on the floor of the chosen cones when light falls along `slope`."""
+def _floor_outlines(camera: Camera, body: Body, starts: Array, ends: Array, slope: Array) -> Array:
+    """Return the cones' shadows on the floor (P, K, 2), pixels, for light that falls along `slope`."""
     a, b = (ends_[:, [0, 2]] + np.maximum(ends_[:, 1:2], 0.0) * slope for ends_ in (starts, ends))
     flat = outlines(a, b, body.start_radii_m, body.end_radii_m)
-    corners = camera.project(np.stack((flat[..., 0], np.zeros(flat.shape[:2]), flat[..., 1]), axis=-1))
-    for part, polygon in enumerate(corners):
-        if (chosen is None or chosen[part]) and np.all(np.isfinite(polygon)):
+    return camera.project(np.stack((flat[..., 0], np.zeros(flat.shape[:2]), flat[..., 1]), axis=-1))
+
+
+def _fill(mask: Image, polygons: Array, value: float) -> None:
+    """Fill polygons (P, K, 2), pixels; those with points behind the camera are left out."""
+    for polygon in polygons:
+        if np.all(np.isfinite(polygon)):
             limited = np.clip(polygon, -4000.0, 4000.0)
             cv2.fillConvexPoly(mask, np.rint(limited * 16).astype(np.int32), (value,), cv2.LINE_AA, 4)
 

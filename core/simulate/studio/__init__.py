@@ -1,1 +1,1 @@
-"""The simulated studio: cameras, body, room, boards and the images that they give, with all truth."""
+"""Simulated studio: cameras, body, room, boards, their images and all truth."""

@@ -51,7 +51,7 @@ class BoardPose:
 
 @dataclass(frozen=True)
 class BoardPicture:
-    """One position of the board: an image per camera and the true corners (C, K, 2) in pixels."""
+    """One position of the board: image per camera, true corners (C, K, 2) in pixels."""
 
     number: int
     pose: BoardPose
@@ -60,7 +60,7 @@ class BoardPicture:
 
 
 def board_poses(rig: CameraRig, board: Board, count: int = 24, seed: int = 0) -> tuple[BoardPose, ...]:
-    """Return positions of the board that all cameras see whole and that fill their images, well tilted.
+    """Return well tilted board positions that all cameras see whole.
 
     They are picked one by one from random candidates: always the one that covers most of the images' parts that
     are covered least so far.
@@ -91,7 +91,7 @@ def board_poses(rig: CameraRig, board: Board, count: int = 24, seed: int = 0) ->
 def board_pictures(
     renderer: Renderer, board: Board = DEFAULT_BOARD, count: int = 24, seed: int = 0
 ) -> Iterator[BoardPicture]:
-    """Yield pictures of the board held before the renderer's cameras, `count` positions, with the true corners."""
+    """Yield `count` pictures of the board before the cameras, with the true corners."""
     for number, pose in enumerate(board_poses(renderer.rig, board, count, seed)):
         images = []
         for i, camera in enumerate(renderer.rig.cameras):
@@ -104,13 +104,13 @@ def board_pictures(
 
 
 def board_on_floor(board: Board = DEFAULT_BOARD) -> tuple[BoardPose, float]:
-    """Return where a board lies on the floor before the performer, and how far its middle is before the origin (m)."""
+    """Return the pose of a board on the floor and its distance to the origin, metres."""
     flat = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     return BoardPose(flat, [0.0, 0.0, _BEFORE_PERFORMER_M] - flat @ board.points_m.mean(axis=0)), _BEFORE_PERFORMER_M
 
 
 class CarriedBoard:
-    """A board that somebody carries from place to place and holds still in each, as a source of images.
+    """Image source of a board that is carried about and held still in each place.
 
     Args:
         renderer: the cameras.
@@ -167,7 +167,7 @@ def _between(start: BoardPose, end: BoardPose, f: float) -> BoardPose:
 
 
 def draw_board(image: Image, camera: Camera, board: Board, pose: BoardPose, samples: int = _SAMPLES) -> None:
-    """Draw a board into a camera's image, in place: bent by the lens, anti-aliased, a little blurred.
+    """Draw a board into an image, in place: bent by the lens, anti-aliased, blurred.
 
     `samples` is how many a pixel is the mean of each way.
     """
@@ -196,7 +196,7 @@ def _fine(start: int, stop: int, samples: int) -> Array:
 
 
 def _pattern(board: Board, x: Array, y: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Whether there is paper, and whether it is dark, at board positions (metres), 0 or 1."""
+    """Return paper (0 or 1) and darkness (0 or 1) at board positions, metres."""
     column, row = x / board.square_m, y / board.square_m
     columns, rows = board.corner_grid
     rim = 1.0 + _MARGIN
@@ -229,7 +229,7 @@ def _outline(board: Board) -> Array:
 
 
 def _focus(rig: CameraRig) -> Array:
-    """The point nearest to all optical axes: what the cameras look at."""
+    """Return the point nearest to all optical axes."""
     normal, right = np.zeros((3, 3)), np.zeros(3)
     for camera in rig.cameras:
         across = np.eye(3) - np.outer(camera.rotation[2], camera.rotation[2])
@@ -241,7 +241,7 @@ def _focus(rig: CameraRig) -> Array:
 
 
 def _candidate(rig: CameraRig, board: Board, focus: Array, rng: np.random.Generator) -> BoardPose:
-    """A random place between the cameras and what they look at, with the board turned roughly to the cameras."""
+    """Return a random board pose before the cameras, turned roughly towards them."""
     middle = np.mean([camera.centre_m for camera in rig.cameras], axis=0)
     place = focus + rng.uniform(-0.05, 0.62) * (middle - focus) + rng.uniform(-1.0, 1.0, 3) * (1.3, 1.0, 0.2)
     # board axes: x right, y down as the cameras see it, so its normal points away from them
@@ -253,7 +253,7 @@ def _candidate(rig: CameraRig, board: Board, focus: Array, rng: np.random.Genera
 
 
 def _covered(rig: CameraRig, board: Board, pose: BoardPose) -> Array | None:
-    """Which parts of all images the corners lie in (0 or 1), or None when a camera does not see the whole board."""
+    """Return the image parts (0 or 1) that the corners reach; None unless all see all."""
     cells = []
     rim, corners = pose.points(_outline(board)), pose.points(board.points_m)
     for camera in rig.cameras:

@@ -1,4 +1,4 @@
-"""The performer's body: round cones on the joints of a skeleton, with usual adult proportions.
+"""Body of the performer: round cones on a skeleton, with usual adult proportions.
 
 It is drawn by the studio and by the preview, and it hides markers from the cameras.
 """
@@ -100,7 +100,7 @@ class Body:
         return tuple(np.array([i for i, name in enumerate(names) if name == limb]) for limb in sorted(set(names)))
 
     def posed(self, rotations: Array, root_position_m: Array) -> tuple[Array, Array]:
-        """Return the world positions (..., P, 3) of the axes' starts and ends for (..., J, 4) rotations."""
+        """Return the axes' world starts and ends (..., P, 3) for rotations (..., J, 4)."""
         positions, world = forward_kinematics(self.skeleton, rotations, root_position_m)
         origin, turn = positions[..., self.joints, :], world[..., self.joints, :]
         return origin + rot.rotate(turn, self.starts_m), origin + rot.rotate(turn, self.ends_m)
@@ -116,7 +116,7 @@ class Body:
 
 
 def make_body(skeleton: Skeleton) -> Body:
-    """Return the body of a skeleton: limbs as long as its bones, as thick as its size and an adult's build say.
+    """Return the body of a skeleton: limbs with its lengths and an adult's girths.
 
     Joints that the product does not know get a thin cone along their bone.
     """
@@ -140,7 +140,7 @@ def make_body(skeleton: Skeleton) -> Body:
 
 
 def with_sticks(body: Body, joints: NDArray[np.int64], offsets_m: Array) -> Body:
-    """Return the body holding a stick to every marker that is far from it, as to the tip of a sword.
+    """Return the body with a stick to every marker far from it, such as a sword's tip.
 
     joints (M,) carry the markers at offsets_m (M, 3) in their axes, metres.
     """
@@ -165,7 +165,7 @@ def with_sticks(body: Body, joints: NDArray[np.int64], offsets_m: Array) -> Body
 
 
 def _parts_of(name: str) -> list[tuple[_Part, Array]]:
-    """The cones of a joint with the mirror factors that put them on its side."""
+    """Return the cones of a joint, and factors that mirror them to its side."""
     left, right = np.array([1.0, 1.0, 1.0]), np.array([-1.0, 1.0, 1.0])
     if name in _MIDDLE or name in _PAIRED:
         paired = [(part, side) for part in _PAIRED.get(name, ()) for side in (left, right)]
@@ -189,7 +189,7 @@ def _limb(joint: str) -> str:
 
 
 def _size(skeleton: Skeleton) -> float:
-    """Size relative to the product's default skeleton: ratio of the bone lengths that both have."""
+    """Return the mean ratio of the bone lengths to the default skeleton's."""
     reference = default_skeleton()
     common = [name for name in skeleton.names if name in reference.names]
     if not common:

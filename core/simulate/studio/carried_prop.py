@@ -1,4 +1,4 @@
-"""A prop in the simulated performer's right hand: its markers, what it looks like, and where it truly is."""
+"""Prop in the simulated performer's right hand: markers, shape and true pose."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Carried:
     """A prop that is fixed to a joint.
 
     Args:
-        prop: what is carried.
+        prop: its definition.
         rotation: (4,) joint-from-prop quaternion.
         position_m: (3,) the prop's origin in the joint's axes.
     """
@@ -44,7 +44,7 @@ class Carried:
         return self.position_m + rot.rotate(self.rotation, self.prop.positions_m)
 
     def true_poses(self, motion: Motion) -> tuple[Array, Array]:
-        """Return world-from-prop quaternions (F, 4) and origins (F, 3) of the prop along a motion."""
+        """Return quaternions (F, 4) and origins (F, 3), world from prop, along a motion."""
         joint = motion.skeleton.index(HAND)
         places, turns = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
         hand = turns[:, joint]
@@ -60,7 +60,7 @@ def in_hand(prop: Prop) -> Carried:
 
 
 def with_prop(body: Body, skeleton: Skeleton, carried: Carried) -> Body:
-    """Return the body holding the prop: a shaft along its y axis, with an arm to each marker beside it."""
+    """Return the body with the prop: a shaft along y, an arm to each marker beside it."""
     places = carried.prop.positions_m
     low, high = float(places[:, 1].min()), float(places[:, 1].max())
     starts, ends = [np.array([0.0, low, 0.0])], [np.array([0.0, high, 0.0])]

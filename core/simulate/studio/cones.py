@@ -1,4 +1,4 @@
-"""Round cones: the solid swept by a sphere whose radius changes linearly along a segment.
+"""Round cones: spheres swept along segments while their radius changes linearly.
 
 Every limb of the simulated body is one. The same intersection serves the occlusion of markers and the
 preview's pictures. Points are world metres.
@@ -18,7 +18,7 @@ _TINY = 1e-12
 
 @dataclass(frozen=True)
 class RoundCones:
-    """P round cones: starts (P, 3) and ends (P, 3) of the axes, radii (P,) at each; all metres."""
+    """P round cones: axes' starts and ends (P, 3), radii (P,) at each, metres."""
 
     starts: Array
     ends: Array
@@ -60,7 +60,7 @@ def first_hits(origin: Array, directions: Array, cones: RoundCones, scale: Array
 
 
 def _envelope(dw: Array, dq: Array, c0: Array, k: Array, spread: Array) -> tuple[Array, Array]:
-    """First root of the envelope's quadratic and the place along the axis (0..1 is on the segment)."""
+    """Return the first root of the envelope's quadratic and its place along the axis."""
     a = 1.0 - dw * dw / spread
     b = dq - k * dw / spread
     c = c0 - k * k / spread
@@ -81,7 +81,7 @@ def _sphere(dq: Array, c: Array) -> Array:
 
 
 def axis_distances(points: Array, cones: RoundCones) -> tuple[Array, Array]:
-    """Distance of points (N, 3) to each axis segment and the cone's radius at the nearest place, both (N, P)."""
+    """Return distances (N, P) of points to the axes, and the cones' radii there."""
     axis = cones.ends - cones.starts
     length2 = np.maximum(np.sum(axis * axis, axis=-1), _TINY)
     offset = points[:, None, :] - cones.starts
@@ -93,7 +93,7 @@ def axis_distances(points: Array, cones: RoundCones) -> tuple[Array, Array]:
 
 
 def visible(origin: Array, points: Array, cones: RoundCones, margin_m: float) -> NDArray[np.bool_]:
-    """Which points (N, 3) are seen from origin (3,) past the cones, (N,).
+    """Return (N,) bool: points (N, 3) seen from `origin` (3,) past the cones.
 
     A point that lies in or on a cone is a marker worn on that limb (or on one that the limb touches): the
     cone is made thinner, for this point only, until the point stands `margin_m` off its surface. So a

@@ -1,4 +1,4 @@
-"""Bright discs drawn through a lens with a little blur, so that their centres stand where they are said to be.
+"""Bright discs drawn through a lens with a little blur, centred exactly.
 
 A sharp disc a few pixels wide, sampled by square pixels, has a centroid that is off by up to 0.02 pixels; a real
 lens never is that sharp. The disc is therefore covered exactly on a finer grid, then blurred and summed into pixels.
@@ -19,7 +19,7 @@ _CELLS = 4  # cells to a pixel in x, covered exactly
 
 
 def disc_light(centres: Array, radius: float, blur_px: float) -> tuple[int, int, Array]:
-    """Light of a disc in the pixels that it reaches: (left, top, shares (height, width) from 0 to 1).
+    """Return a disc's light in its pixels: left, top, shares (height, width).
 
     centres: (S, 2) pixels (x, y) that the centre passes during the exposure, averaged; pixel centres lie at whole
     numbers. radius and blur_px (sigma of the lens) in pixels.
@@ -45,7 +45,7 @@ def _margin(blur_px: float) -> int:
 
 @lru_cache(maxsize=256)
 def _gather(pixels: int, cells: int, blur_px: float) -> Array:
-    """Weights (pixels and margins, cells): share of a cell's light that the lens sends to each pixel."""
+    """Return weights (pixels and margins, cells): light of each cell in each pixel."""
     margin = _margin(blur_px)
     place = -0.5 + (np.arange(pixels * cells) + 0.5) / cells
     offset = place - np.arange(-margin, pixels + margin)[:, None]

@@ -1,4 +1,4 @@
-"""A whole simulated recording as files: videos, background, board pictures, and all truth."""
+"""Write a simulated recording: videos, background, board pictures and all truth."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _BOARD_SHARE, _BACKGROUND_SHARE = 0.15, 0.05  # of the work, for the progress sh
 
 @dataclass(frozen=True)
 class RecordingFiles:
-    """What a recording holds besides the performance: background frames, board positions, and the videos' codec."""
+    """Contents of a recording beside the performance: background, board, codec."""
 
     background_frames: int = 60
     board_views: int = 24
@@ -74,7 +74,7 @@ def export_recording(
 
 @contextmanager
 def _new_folder(target: Path) -> Iterator[Path]:
-    """Yield a temporary folder beside `target` that takes its place at the end, or is removed on error."""
+    """Yield a temporary folder that replaces `target` at the end, or goes on an error."""
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise CaptureError("exists and is not an empty folder", where=str(target), advice="give a new folder")
     try:

@@ -1,4 +1,4 @@
-"""The body as smooth shaded solid: every pixel's ray is cut with the round cones, which melt into each other."""
+"""Body as a smooth shaded solid: rays cut with round cones that melt together."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _GROUND = np.array([0.15, 0.17, 0.19], dtype=np.float32)
 
 @dataclass(frozen=True)
 class _Hit:
-    """Where one cone is hit: flat places in the ray grid (n,), distances (n,), normals (n, 3); colour (3,)."""
+    """Hits of one cone: places in the ray grid (n,), distances, normals, colour."""
 
     places: NDArray[np.int64]
     distance: Array32
@@ -94,7 +94,7 @@ class FigurePainter:
         return _Hit(places, distance, normals, colour)
 
     def _windows(self, cones: RoundCones) -> list[tuple[int, slice, slice]]:
-        """Cones before the camera, each with the rows and columns of the ray grid that can hit it."""
+        """Return the cones before the camera with the grid's rows and columns they cover."""
         ends = np.stack((cones.starts, cones.ends), axis=1)
         radii = np.stack((cones.start_radii, cones.end_radii), axis=1)
         depth = self.camera.to_camera(ends)[..., 2]
@@ -109,7 +109,10 @@ class FigurePainter:
 
 
 def _cut(rays: Array32, q: Array, w: Array, r0: float, growth: float) -> tuple[Array32, Array32]:
-    """Distances of one cone's first hits along rays and the place along its axis, 0..1; see `cones.first_hits`."""
+    """Return distances to one cone's first hits and places along its axis (0..1).
+
+    See `cones.first_hits`.
+    """
     dw, dq = rays @ w.astype(np.float32), rays @ q.astype(np.float32)
     spread = max(float(w @ w) - growth * growth, 1e-9)
     k, qq, qw = float(q @ w) + growth * r0, float(q @ q), float(q @ w)
@@ -133,7 +136,10 @@ def _ball(dq: Array32, c: float) -> Array32:
 
 
 def _melted(hits: list[_Hit], places: int) -> tuple[NDArray[np.int64], Array32, Array32]:
-    """Covered places (n,), normals and colours (n, 3) of the nearest surface, blended with what is close behind it."""
+    """Return covered places (n,), normals and colours (n, 3) of the nearest surfaces.
+
+    Surfaces close behind are blended in.
+    """
     nearest = np.full(places, np.inf, dtype=np.float32)
     for hit in hits:
         nearest[hit.places] = np.minimum(nearest[hit.places], hit.distance)
@@ -155,7 +161,7 @@ def _melted(hits: list[_Hit], places: int) -> tuple[NDArray[np.int64], Array32, 
 
 
 def _shaded(normals: Array32, base: Array32, rays: Array32) -> Array32:
-    """Colour of a matt surface under a warm key light, a cool fill light and the sky, with a soft gloss and rim."""
+    """Return the colour of a matt surface under a key light, a fill light and the sky."""
     key = np.clip((normals @ _KEY + 0.12) / 1.12, 0.0, 1.0)[..., None]
     fill = np.clip(normals @ _FILL, 0.0, 1.0)[..., None]
     up = (0.5 + 0.5 * normals[..., 1])[..., None]

@@ -1,4 +1,4 @@
-"""What stands before the cameras at any moment: the body and its markers along a motion."""
+"""Body and markers before the cameras at any moment of a motion."""
 
 from __future__ import annotations
 
@@ -58,14 +58,14 @@ class Performance:
         return self.motion.frames
 
     def cones_at(self, time_s: float) -> RoundCones:
-        """Return the performer's body at a time from the first frame, seconds; outside the motion it stands still."""
+        """Return the performer's body at a time, seconds; still outside the motion."""
         return self.body.placed(
             _sampled(self.starts_m, self.fps, np.array([time_s]))[0],
             _sampled(self.ends_m, self.fps, np.array([time_s]))[0],
         )
 
     def markers_at(self, times_s: ArrayLike) -> Array:
-        """Return everybody's marker centres (N, M, 3) at N times from the first frame, seconds."""
+        """Return all performers' marker centres (N, M, 3) at N times, seconds."""
         times = np.asarray(times_s, dtype=np.float64)
         own = _sampled(self.markers_m, self.fps, times)
         return np.concatenate((own, *(one.markers_at(times) for one in self.partners)), axis=1)
@@ -99,7 +99,7 @@ def make_performance(
 
 
 def _sampled(values: Array, fps: float, times_s: Array) -> Array:
-    """Values (F, ...) at any times, on the Catmull-Rom curve through the frames; the ends are held."""
+    """Return values (F, ...) at any times by a Catmull-Rom curve; the ends are held."""
     last = len(values) - 1
     place = np.clip(times_s * fps, 0.0, last)
     nearest = np.round(place)

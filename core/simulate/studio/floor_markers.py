@@ -1,4 +1,4 @@
-"""Markers that lie on the floor before the simulated cameras, as a source of images."""
+"""Image source of markers that lie on the floor before the simulated cameras."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SECONDS = 3.0
 
 
 class FloorMarkers:
-    """Four markers on the floor before where the performer stands, seen by all cameras; nobody is there.
+    """Four markers on the floor that all cameras see; nobody stands there.
 
     Args:
         rig: the true cameras.

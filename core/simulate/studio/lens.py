@@ -14,7 +14,9 @@ _STEP_PX = 8.0
 
 
 def undistorted_grid(camera: Camera, xs: Array, ys: Array) -> Array:
-    """Return the undistorted normalised coordinates (len(ys), len(xs), 2) of a grid of pixels, rising xs and ys.
+    """Return undistorted coordinates (len(ys), len(xs), 2) of a grid of pixels.
+
+    Both `xs` and `ys` rise.
 
     The lens bends smoothly, so it is inverted on every eighth pixel and a cubic spline goes through these: exact to
     about 1e-5 pixels, and many times faster than inverting it at every pixel.

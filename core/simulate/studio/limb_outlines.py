@@ -1,4 +1,4 @@
-"""The body drawn fast: every round cone is a few nested outlines, brighter towards the light."""
+"""Body drawn fast: nested outlines of each cone, brighter towards the light."""
 
 from __future__ import annotations
 
@@ -29,7 +29,10 @@ COLOURS: dict[str, tuple[float, float, float]] = {
 
 
 def outlines(a: Array, b: Array, ra: Array, rb: Array) -> Array:
-    """Outline (N, K, 2) of the hull of two circles each: centres (N, 2), radii (N,), pixels."""
+    """Return outlines (N, K, 2), pixels, around two circles each.
+
+    Centres (N, 2) and radii (N,) are in pixels.
+    """
     axis = b - a
     length = np.maximum(np.hypot(axis[:, 0], axis[:, 1]), 1e-9)
     heading = np.arctan2(axis[:, 1], axis[:, 0])[:, None]
@@ -43,7 +46,7 @@ def outlines(a: Array, b: Array, ra: Array, rb: Array) -> Array:
 
 
 def draw_body(image: Image, camera: Camera, body: Body, cones: RoundCones, light: float = 1.0) -> None:
-    """Draw the body into a camera's image, in place, under a share of the full light: far limbs first."""
+    """Draw the body into an image, in place, far limbs first."""
     materials, groups = body.materials, body.limbs
     ends = np.concatenate((cones.starts, cones.ends))
     depth = camera.to_camera(ends)[:, 2]

@@ -19,7 +19,7 @@ ARRIVAL_S = 1.0  # time from a pose to the next, or to the motion's first
 
 
 def on_stage(motion: Motion) -> Motion:
-    """Return the motion turned to face the cameras (+z) on the whole, its path centred, its lowest sole on y = 0."""
+    """Return the motion facing the cameras (+z), centred, its lowest sole on y = 0."""
     forward = rot.rotate(motion.rotations[:, 0], np.array([0.0, 0.0, 1.0])).mean(axis=0)
     turn = rot.from_rotation_vector(np.array([0.0, -np.arctan2(forward[0], forward[2]), 0.0]))
     rotations = motion.rotations.copy()
@@ -31,7 +31,7 @@ def on_stage(motion: Motion) -> Motion:
 
 
 def on_treadmill(motion: Motion) -> Motion:
-    """Return the motion without its mean horizontal speed, as on a treadmill: the path stays before the cameras."""
+    """Return the motion without its mean horizontal speed, as on a treadmill."""
     drift = motion.root_positions_m[-1] - motion.root_positions_m[0]
     drift[1] = 0.0
     passed = np.linspace(0.0, 1.0, motion.frames)[:, None]
@@ -39,12 +39,14 @@ def on_treadmill(motion: Motion) -> Motion:
 
 
 def with_t_pose(motion: Motion, seconds: float) -> Motion:
-    """Return the motion with a T pose of the given length before it, and a second to get from it into the motion."""
+    """Return the motion with a T pose and a second of transition before it."""
     return with_poses(motion, ("t",), seconds)
 
 
 def with_poses(motion: Motion, poses: Sequence[str], seconds: float) -> Motion:
-    """Return the motion with poses of `POSES` before it, each held for the given time and a second before the next.
+    """Return the motion with poses of `POSES` held before it.
+
+    Each is held for the given time; a second lies between it and the next.
 
     They face the cameras (+z), however the motion begins: who stands sideways hides a shoulder.
     """
@@ -63,7 +65,7 @@ def with_poses(motion: Motion, poses: Sequence[str], seconds: float) -> Motion:
 
 
 def _between(start: tuple[Array, Array], end: tuple[Array, Array], fps: float) -> tuple[Array, Array]:
-    """Return the frames, rotations (F, J, 4) and root positions (F, 3), that lead from one pose to another."""
+    """Return the frames, (F, J, 4) and (F, 3), that lead from one pose to another."""
     steps = max(round(ARRIVAL_S * fps), 1)
     f = np.arange(1, steps) / steps
     ease = f * f * (3.0 - 2.0 * f)
@@ -75,7 +77,7 @@ def _between(start: tuple[Array, Array], end: tuple[Array, Array], fps: float) -
 
 
 def lowest_point_m(motion: Motion) -> float:
-    """Return the height of the lowest point of the body in all frames: the floor, if the feet ever touch it."""
+    """Return the height of the body's lowest point in all frames."""
     body = make_body(motion.skeleton)
     starts, ends = body.posed(motion.rotations, motion.root_positions_m)
     return float(min((starts[..., 1] - body.start_radii_m).min(), (ends[..., 1] - body.end_radii_m).min()))

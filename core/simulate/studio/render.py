@@ -1,4 +1,4 @@
-"""The simulated cameras take images: room, body, markers, blur, noise; and the truth about each of them."""
+"""Images of the simulated cameras: room, body, markers, noise, and their truth."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MAX_BLUR_STEPS = 24
 
 @dataclass(frozen=True)
 class FrameTruth:
-    """What one set of images really shows.
+    """Truth of one set of images.
 
     Args:
         number: frame number.
@@ -60,7 +60,7 @@ class StudioFrame:
 
 @dataclass(frozen=True)
 class _Sight:
-    """The markers in one image: pixels (M, S, 2) along the exposure, centres (M, 2), radii, depth and seen (M,)."""
+    """Markers in one image: path (M, S, 2), centres (M, 2), radii, depth, seen (M,)."""
 
     paths: Array
     centres: Array
@@ -95,7 +95,7 @@ class Renderer:
         self._noise = _noise_tables(rig, self.settings)
 
     def background(self, number: int) -> tuple[Image, ...]:
-        """Return the empty room with fresh noise, one image per camera, for frame `number` of the background."""
+        """Return images of the empty room with fresh noise, one per camera."""
         images = tuple(image.copy() for image in self._empty)
         for i, image in enumerate(images):
             self.add_noise(image, i, -1 - number)
@@ -110,7 +110,7 @@ class Renderer:
         return self._lit[camera].copy()
 
     def render(self, performance: Performance, time_s: float, number: int) -> StudioFrame:
-        """Return the images of all cameras at a time of the performance (seconds), with the truth.
+        """Return the images of all cameras at a time, seconds, with their truth.
 
         The same number and seed give the same noise.
         """
@@ -196,7 +196,7 @@ class Renderer:
         return _Sight(paths, centres, radii, depth, seen)
 
     def _smeared(self, camera: Camera, performance: Performance, middles: Array) -> Array:
-        """Pixels (M, S, 2) at S moments of the exposure: two to a pixel of the longest smear."""
+        """Return pixels (M, S, 2) at S moments of the exposure, two to a smeared pixel."""
         half = 0.5 * self.settings.exposure_s
         ends = camera.project(_own_times(performance, middles[:, None] + np.array([-half, half])))
         longest = float(np.nanmax(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=-1), initial=0.0))
@@ -252,19 +252,19 @@ def _inside(camera: Camera, pixels: Array) -> NDArray[np.bool_]:
 
 
 def _behind_another(centres: Array, radii: Array, depth: Array) -> NDArray[np.bool_]:
-    """Which markers have their centre behind the ball of a nearer marker, (M,)."""
+    """Return (M,) bool: markers with their centre behind a nearer marker's ball."""
     apart = np.linalg.norm(np.nan_to_num(centres)[:, None] - np.nan_to_num(centres), axis=-1)
     return np.asarray(np.any((apart < radii) & (depth < depth[:, None]), axis=1))
 
 
 def _views(rig: CameraRig, boxes: tuple[Box, ...]) -> tuple[RoomView, ...]:
-    """Return the room as each camera sees it, drawn side by side: nothing else takes longer before the first image."""
+    """Draw the room for all cameras in parallel, the slowest part before the start."""
     with ThreadPoolExecutor(len(rig)) as pool:
         return tuple(pool.map(view_room, rig.cameras, repeat(boxes)))
 
 
 def _noise_tables(rig: CameraRig, settings: StudioSettings) -> tuple[Image, Image] | None:
-    """What noise adds and what it takes away, larger than the largest image."""
+    """Return noise to add and to subtract, larger than the largest image."""
     if settings.noise_sigma == 0.0:
         return None
     rng = np.random.default_rng([settings.seed, 3])

@@ -29,7 +29,10 @@ _LENSES: tuple[tuple[float, float, float, float, tuple[float, ...]], ...] = (
 
 
 def looking_at(position_m: ArrayLike, target_m: ArrayLike) -> Array:
-    """Return camera-from-world (3, 3) of a level camera at a position that looks at a target (not straight down)."""
+    """Return camera-from-world (3, 3) of a level camera that looks at a target.
+
+    The target must not lie straight below or above.
+    """
     position = np.asarray(position_m, dtype=np.float64)
     forward = np.asarray(target_m, dtype=np.float64) - position
     forward = forward / np.linalg.norm(forward)
@@ -39,7 +42,7 @@ def looking_at(position_m: ArrayLike, target_m: ArrayLike) -> Array:
 
 
 def default_rig(cameras: int = 2, level: bool = False) -> CameraRig:
-    """Return the simulated rig: 640x480 cameras 1.8 m apart, 3.3 m before the performer, about 1.4 m high.
+    """Return the simulated rig: 640x480, 1.8 m apart, 3.3 m away, 1.4 m high.
 
     The performer stands at the world's origin on the floor y = 0 and faces +z, where the cameras are. Two are named
     "left" and "right" as they see it; more stand on a circle about the performer. Neighbours stand at different

@@ -1,4 +1,4 @@
-"""The room behind the performer: walls, floor, furniture and lamps, seen exactly through each camera's lens."""
+"""Room behind the performer, seen exactly through each camera's lens."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Image = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Box:
-    """A box with its edges along the axes: corners in metres, BGR colour 0-255, whether it shines."""
+    """Box with edges along the axes: corners in metres, BGR colour, shining or not."""
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]
@@ -70,13 +70,13 @@ MOVED_OBJECT = Box((-1.95, 0.0, -1.9), (-1.5, 0.62, -1.5), (96, 70, 130))
 
 @dataclass(frozen=True)
 class RoomView:
-    """The room in one camera: what the room's light shows and what shines itself, (height, width, 3) grey levels."""
+    """Room in one camera: lit and shining parts, (height, width, 3) grey levels."""
 
     lit: Array
     shine: Array
 
     def image(self, light: float) -> Image:
-        """Return the picture without noise, uint8 BGR; `light` is the share of the full light that the lens gets."""
+        """Return the picture without noise, uint8 BGR, under a share of the full light."""
         picture: Image = np.clip(np.rint(light * self.lit + self.shine), 0, 255).astype(np.uint8)
         return picture
 
@@ -122,7 +122,7 @@ def _window(camera: Camera, box: Box) -> tuple[slice, slice]:
 
 
 def _exit(origin: Array, rays: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Distance at which rays leave the room from inside, and the axis of the wall they meet."""
+    """Return the rays' distance to the room's walls from inside, and the wall's axis."""
     safe = np.where(np.abs(rays) < 1e-12, 1e-12, rays)
     wall = np.where(safe > 0.0, np.array(_ROOM_HIGH), np.array(_ROOM_LOW))
     distances = (wall - origin) / safe
@@ -131,7 +131,7 @@ def _exit(origin: Array, rays: Array) -> tuple[Array, NDArray[np.int64]]:
 
 
 def _entry(origin: Array, rays: Array, box: Box) -> tuple[Array, NDArray[np.int64]]:
-    """Distance at which rays enter a box (infinity: they miss it), and the axis of the face."""
+    """Return the rays' distance to a box (infinity: missed), and the face's axis."""
     safe = np.where(np.abs(rays) < 1e-12, 1e-12, rays)
     a, b = (np.array(box.low) - origin) / safe, (np.array(box.high) - origin) / safe
     near, far = np.minimum(a, b), np.maximum(a, b)
@@ -177,6 +177,6 @@ def _box_colour(box: Box, points: Array, side: NDArray[np.int64]) -> Array:
 
 
 def _scatter(a: Array, b: Array) -> Array:
-    """A number in [0, 1) that looks random for each pair of whole numbers."""
+    """Return a number in [0, 1) that looks random for each pair of whole numbers."""
     value = np.sin(a * 12.9898 + b * 78.233) * 43758.5453
     return np.asarray(value - np.floor(value))

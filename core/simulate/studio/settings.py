@@ -1,4 +1,4 @@
-"""What the simulated cameras and room are like."""
+"""Settings of the simulated cameras and their room."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ...errors import SettingsError
 
 @dataclass(frozen=True)
 class StudioSettings:
-    """How images are taken; the defaults are two good webcams with ring lights in an office.
+    """Settings of the images; by default two good webcams with ring lights.
 
     Retro-reflective markers send the ring light back, so the exposure is short and all else is dim.
 

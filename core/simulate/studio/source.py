@@ -1,10 +1,10 @@
-"""The simulated performer as a source of images, live or as fast as it can be drawn."""
+"""Simulated performer as an image source, live or as fast as it is drawn."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -33,10 +33,12 @@ _RETURN_S = 1.5  # time in which a performer who starts again goes back to the f
 
 
 class SimulatedSource:
-    """Image sets of a performance: iterate to take them; each has number, times_s, images, and its truth.
+    """Image sets of a performance, with their truth.
+
+    Iterate to take them; each has number, times_s and images.
 
     Args:
-        performance: what is performed.
+        performance: body and markers along the motion.
         subject: the performer's true skeleton and marker offsets.
         renderer: the cameras.
         fps: images per second.
@@ -83,7 +85,7 @@ class SimulatedSource:
         return int(np.floor(self.motion.duration_s * self.fps + 1e-6)) + 1
 
     def background_frames(self, count: int) -> Iterator[tuple[Image, ...]]:
-        """Yield images of the empty room, one per camera each time, for learning the background."""
+        """Yield images of the empty room, one per camera, for learning the background."""
         for number in range(count):
             yield self.renderer.background(number)
 
@@ -94,7 +96,7 @@ class SimulatedSource:
         return replace(frame, times_s=tuple(t + offset for t in frame.times_s)) if offset else frame
 
     def truth(self, number: int) -> FrameTruth:
-        """Return what the image set of that number shows."""
+        """Return the truth of the image set of that number."""
         return self.renderer.truth(self.performance, self._time(number), number)
 
     def __iter__(self) -> Iterator[StudioFrame]:
@@ -162,9 +164,16 @@ def open_simulated(spec: Mapping[str, Any]) -> SimulatedSource:
         fps=fps,
         live=live,
         loop=loop,
-        carried=carried,
-        partners=list(zip(others, sets, strict=True)),
+        extras=Extras(carried, tuple(zip(others, sets, strict=True))),
     )
+
+
+@dataclass(frozen=True)
+class Extras:
+    """Prop in the first performer's hand, and motions with marker sets of further performers."""
+
+    prop: Carried | None = None
+    partners: tuple[tuple[Motion, str], ...] = ()
 
 
 def simulated_source(
@@ -175,16 +184,16 @@ def simulated_source(
     fps: float = FPS,
     live: bool = False,
     loop: bool = False,
-    carried: Carried | None = None,
-    partners: Sequence[tuple[Motion, str]] = (),
+    extras: Extras | None = None,
 ) -> SimulatedSource:
-    """Return a source of images of a motion performed with a marker set (name or file; with offsets), and a prop.
+    """Return an image source of a motion performed with a marker set, and a prop.
 
-    `partners` are motions and marker sets of those who perform beside the first.
+    The marker set (name or file) has offsets.
     """
     subject = Subject("simulated performer", motion.skeleton, load_marker_set(marker_set))
-    everybody = [_performed(motion, subject.marker_set, loop, carried)]
-    everybody += [_performed(other, load_marker_set(worn), loop) for other, worn in partners]
+    extras = extras or Extras()
+    everybody = [_performed(motion, subject.marker_set, loop, extras.prop)]
+    everybody += [_performed(other, load_marker_set(worn), loop) for other, worn in extras.partners]
     performance = replace(everybody[0], partners=tuple(everybody[1:]))
     return SimulatedSource(performance, subject, renderer, fps=fps, live=live, loop=loop)
 
@@ -195,7 +204,7 @@ def _performed(motion: Motion, markers: MarkerSet, loop: bool, carried: Carried 
 
 
 def _partner(spec: Mapping[str, Any], table: Mapping[str, Any]) -> dict[str, Any]:
-    """The spec of one who performs beside the first; SettingsError for an unknown key."""
+    """Return the spec of another performer; SettingsError for an unknown key."""
     unknown = sorted(set(table) - {"behaviour", "mirrored", "height_m", "marker_set"})
     if unknown:
         raise SettingsError("unknown setting " + ", ".join(unknown), where="partner of the simulated performer")
@@ -203,12 +212,12 @@ def _partner(spec: Mapping[str, Any], table: Mapping[str, Any]) -> dict[str, Any
 
 
 def _aside(motion: Motion, place_m: float) -> Motion:
-    """The motion moved along x."""
+    """Return the motion moved along x."""
     return replace(motion, root_positions_m=motion.root_positions_m + np.array([place_m, 0.0, 0.0]))
 
 
 def studio_settings(table: Mapping[str, Any]) -> StudioSettings:
-    """Return settings from a table of names and values; SettingsError for an unknown name or a wrong value."""
+    """Return settings from a table; SettingsError for an unknown name or wrong value."""
     try:
         values: dict[str, Any] = {
             key: tuple(value) if isinstance(value, list) else value for key, value in table.items()

@@ -1,4 +1,4 @@
-"""Video files written with what OpenCV's wheels can encode everywhere."""
+"""Video files in codecs that OpenCV's wheels can encode everywhere."""
 
 from __future__ import annotations
 
@@ -55,7 +55,9 @@ def open_video(path: Path, fps: float, size: tuple[int, int], code: str) -> Iter
 
 
 def write_video(path: str | Path, frames: Iterable[Image], fps: float, code: str = SMALL[1]) -> int:
-    """Write images to a video file and return how many; the file appears only when it is whole and opens again.
+    """Write images to a video file; return their number.
+
+    The file appears only when it is whole and opens again.
 
     Raises:
         CaptureError: no images, images of different size, or the file cannot be written.
@@ -76,7 +78,10 @@ def write_video(path: str | Path, frames: Iterable[Image], fps: float, code: str
 
 
 def _check(temporary: Path, target: Path) -> None:
-    """Make sure that what was written is a video: OpenCV's writer does not tell when the disk is full."""
+    """Check that the written file is a video.
+
+    OpenCV's writer reports no full disk.
+    """
     reader = cv2.VideoCapture(str(temporary))
     readable = reader.isOpened() and reader.read()[0]
     reader.release()
