@@ -43,8 +43,8 @@ def calibrate_prop(take: MarkerTake, name: str, markers: Sequence[str] = ()) -> 
     """Return the prop of the markers at constant distances from each other.
 
     Args:
-        take: a prop alone before the cameras, lying or moved; what moves beside it is left out, but objects held with
-            it is not.
+        take: a prop alone before the cameras, lying or moved; other moving markers are left out, unless they move
+            with it.
         name: of the prop.
         markers: names of its markers in the take; empty: the largest group that stays together.
 
