@@ -97,7 +97,7 @@ class CaptureRun:
         self.fraction: float | None = None
         self.poses: list[ScenePose] = []
         self.warnings: list[str] = []
-        self.standing = ""  # a warning that holds until the worker takes it back
+        self.persistent_warning = ""  # a warning that holds until the worker takes it back
         self.error: PerfanimError | None = None
         self.statistics = Statistics()
         self._client = client
@@ -107,16 +107,16 @@ class CaptureRun:
         self._stamp = 0.0
         self._preview: Message | None = None
         self._taken = 0  # poses that came, those that came twice counted
-        self._mending = ""  # until the worker that was started again hands over a pose
+        self._restarting = ""  # until the worker that was started again hands over a pose
         self._last_arrival = self._stop_asked = clock()
 
     @property
     def notice(self) -> str:
         """What is wrong at the moment, in plain words; "" when all is well."""
-        if self._mending:
-            return self._mending
-        if self.standing:
-            return self.standing
+        if self._restarting:
+            return self._restarting
+        if self.persistent_warning:
+            return self.persistent_warning
         silent_s = self._clock() - self._last_arrival
         if self.phase is Phase.RUNNING and silent_s > FREEZE_NOTICE_S:
             return f"no images for {silent_s:.1f} s"
@@ -154,7 +154,7 @@ class CaptureRun:
         return self.poses[-1] if len(self.poses) > before else None
 
     def _on_restart(self, point: RestartPoint, cause: str) -> None:
-        self._mending = f"{cause}: starting it again"
+        self._restarting = f"{cause}: starting it again"
 
     def take_preview(self) -> NDArray[np.uint8] | None:
         """Return the newest picture (height, width, 3), RGB, of what the cameras see; None when there is no new one."""
@@ -215,7 +215,7 @@ class CaptureRun:
     def _warn(self, message: Message) -> None:
         content = message.json()
         if content.get("standing"):
-            self.standing = str(content.get("text", ""))
+            self.persistent_warning = str(content.get("text", ""))
         else:
             self.warnings.append(str(content.get("text", "")))
 
@@ -234,7 +234,7 @@ class CaptureRun:
         figures.confidence = solved.pose.performers[0].confidence
         self._stamp = solved.stamp_s
         self._supervised.note_frame(solved.pose.number, solved.pose.time_s, solved.stamp_s)
-        self._mending = ""
+        self._restarting = ""
         self._last_arrival = self._clock()
         self._arrivals.append(self._last_arrival)
         if self.phase is Phase.STARTING:

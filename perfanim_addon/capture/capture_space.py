@@ -1,10 +1,10 @@
-"""The performers' room in the scene: where what is told in its metres stands beside a character.
+"""Transforms from the capture space (metres) to the scene, relative to a character.
 
-Each character is as large as it is and steps by its own legs, so two of them share no scale in general. The room is
-that of the character that the capture drives. A further character is carried into it: it turns as its performer does,
-and where the performer was first seen it stands where the room has that place; from there on it goes by its own steps,
-and its feet do not slide. Two characters then stand to each other as the performers did, but for the difference of
-their scales times the way from that place.
+Each character has its own size and steps by its own legs, so two of them share no scale in general. The capture space
+is that of the first performer's character. A further character is offset into it: it turns as its performer does, and
+stands at the place of the space where its performer was first seen; from there it goes by its own steps, and its feet
+do not slide. Two characters then stand to each other as the performers did, but for the difference of their scales
+times the distance from that place.
 """
 
 from dataclasses import dataclass
@@ -23,25 +23,25 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RigidOffset:
-    """A rigid motion of the performers' room, after which a character of its own room stands in another's.
+    """Rigid motion from a character's own space into the capture space.
 
     Args:
         turn: (4,) quaternion.
-        shift_m: (3,) added after the turn, metres of the room.
+        shift_m: (3,) added after the turn, metres.
     """
 
     turn: Array
     shift_m: Array
 
-    def moved(self, rotations: ArrayLike, root_positions_m: ArrayLike) -> tuple[Array, Array]:
-        """Return rotations (..., J, 4), of which the root's changes, and root positions (..., 3) of poses carried."""
+    def apply(self, rotations: ArrayLike, root_positions_m: ArrayLike) -> tuple[Array, Array]:
+        """Return rotations (..., J, 4) and root positions (..., 3) of poses with the offset."""
         turned = np.array(rotations, dtype=np.float64)
         turned[..., 0, :] = rot.multiply(self.turn, turned[..., 0, :])
         return turned, rot.rotate(self.turn, np.asarray(root_positions_m, dtype=np.float64)) + self.shift_m
 
 
 class CaptureSpace:
-    """From the performers' room to the scene, as a character stands in it: its step is the performer's.
+    """Capture space as a character stands in the scene: a step of the performer is one of the character.
 
     Args:
         armature_object: the character.
@@ -56,30 +56,30 @@ class CaptureSpace:
         self._origin = np.array(placed.translation)
         self._own = rot.conjugate(rot.from_matrix(BLENDER_FROM_WORLD))
 
-    def brought(self, turns: Array, places_m: Array) -> tuple[Array, Array]:
-        """Return quaternions (..., 4) and locations (..., 3) in the scene of props' turns and places in the world."""
-        return rot.multiply(rot.multiply(self._turn, turns), self._own), self.placed(places_m)
+    def to_scene(self, rotations: Array, positions_m: Array) -> tuple[Array, Array]:
+        """Return quaternions (..., 4) and locations (..., 3) of props in the scene."""
+        return rot.multiply(rot.multiply(self._turn, rotations), self._own), self.points_to_scene(positions_m)
 
-    def placed(self, places_m: Array) -> Array:
-        """Return where places (..., 3) of the world are in the scene."""
-        return places_m @ self._linear.T + self._origin
+    def points_to_scene(self, points_m: Array) -> Array:
+        """Return points (..., 3) of the capture space in the scene."""
+        return points_m @ self._linear.T + self._origin
 
     def put_at_origin(self, target: bpy.types.Object) -> None:
-        """Let an object of the product's own axes stand at the room's origin, in its axes and its scale."""
-        turn, place = self.brought(rot.identity(), np.zeros(3))
+        """Move an object to the origin of the space, in its axes and its scale."""
+        turn, place = self.to_scene(rot.identity(), np.zeros(3))
         target.rotation_mode = "QUATERNION"
         target.rotation_quaternion, target.location = Quaternion(turn), Vector(place)
         target.scale = (float(np.cbrt(abs(np.linalg.det(self._linear)))),) * 3
 
-    def carried_into(self, other: "CaptureSpace", place_m: Array) -> RigidOffset:
-        """Return what brings a character of this room into another's, so that the two agree at a place (3,)."""
+    def offset_into(self, other: "CaptureSpace", place_m: Array) -> RigidOffset:
+        """Return the offset of a character into another's space; the two agree at a place (3,)."""
         turn = rot.multiply(rot.conjugate(self._turn), other._turn)
-        here_m = np.linalg.solve(self._linear, other.placed(place_m) - self._origin)
+        here_m = np.linalg.solve(self._linear, other.points_to_scene(place_m) - self._origin)
         return RigidOffset(turn, here_m - rot.rotate(turn, place_m))
 
 
 def _still_matrix(armature_object: bpy.types.Object) -> Matrix:
-    """Return where an armature stands without its delta transform, which may carry it through the room."""
+    """Return an armature's matrix without its delta transform, which holds its root motion."""
     mode = armature_object.rotation_mode
     if mode == "QUATERNION":
         turn = armature_object.rotation_quaternion

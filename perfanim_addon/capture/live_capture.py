@@ -1,4 +1,4 @@
-"""A capture in Blender: the worker's frames through the session onto an armature, and at the end into an Action."""
+"""Live capture: poses of the worker onto the characters, at the end into actions."""
 
 import contextlib
 from typing import Any
@@ -8,30 +8,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.body.scene_pose import ScenePose
-from ...core.body.skeleton import Skeleton
-from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import PerfanimError
-from ...core.geometry import rotations as rot
 from .. import take_library
-from ..animation.suspended_actions import SuspendedActions
 from ..jobs import activity
 from ..jobs.job import Job, command
 from ..settings.capture_settings import settings
 from ..settings.result_settings import start_frame
 from ..viewport import camera_preview, overlay
 from . import request, sound
-from .armature_driver import ArmatureDriver
 from .capture_run import CaptureRun, Phase
-from .capture_space import CaptureSpace
-from .further_targets import Others
 from .recording import Cue, Recording
-from .write_take import RecordedPart, TakeMotion, add_character, write_take
+from .scene_driver import SceneDriver
+from .write_take import RecordedPart, TakeMotion, write_take
 
 Array = NDArray[np.float64]
 
 
 class LiveCapture:
-    """A capture from the first click on: the starter database if it is not there yet, then the run.
+    """One capture: the starter database if it is missing, then the run.
 
     Only names are held, nothing of Blender's data: undo and file load replace that.
 
@@ -47,10 +41,8 @@ class LiveCapture:
         self.by_button = False
         self._sounds = False
         self._python = python
-        self._driver: ArmatureDriver | None = None
-        self._skeleton: Skeleton | None = None
-        self._held = SuspendedActions()
-        self._others: Others | None = None  # where there are any
+        self._driver: SceneDriver | None = None
+        self._is_shown = False
         self._take_path = ""
         self._request: dict[str, Any] = {}
         self._drawn: overlay.Scene | None = None
@@ -59,7 +51,7 @@ class LiveCapture:
 
     @property
     def line(self) -> str:
-        """What is being done, in a few words."""
+        """Current activity in a few words."""
         if self.run is None:
             return f"{self.job.title}: {self.job.fraction:.0%}" if self.job else "starting"
         recording = self.recording
@@ -75,11 +67,11 @@ class LiveCapture:
         return self.recordings[-1] if self.recordings and not self.recordings[-1].over else None
 
     @property
-    def further(self) -> list[tuple[str, float]]:
-        """The further performers' names, and how sure the newest pose of each is."""
+    def further_performers(self) -> list[tuple[str, float]]:
+        """Name of each performer after the first, and the confidence of the newest pose."""
         newest = self.run.poses[-1].performers[1:] if self.run is not None and self.run.poses else ()
-        roles = self._others.roles if self._others is not None else []
-        return [(role.subject.name, pose.confidence) for role, pose in zip(roles, newest, strict=False)]
+        targets = self._driver.targets[1:] if self._driver is not None else ()
+        return [(target.subject.name, pose.confidence) for target, pose in zip(targets, newest, strict=False)]
 
     def record(self, chosen: Any) -> None:
         """Begin a recording as the settings have it, or end the one that goes on."""
@@ -97,7 +89,9 @@ class LiveCapture:
         return self.run is not None and self.run.phase is Phase.DONE
 
     def tick(self, context: bpy.types.Context) -> bool:
-        """Take what the worker has sent and pose the armature, whether there is a new pose; never waits.
+        """Poll the worker, show its newest pose, and return whether there is one.
+
+        It never waits.
 
         Raises:
             PerfanimError: the preparation failed, a file is bad, or the armature is gone.
@@ -110,23 +104,18 @@ class LiveCapture:
         if picture is not None:
             camera_preview.show(picture, self.run.notice)
         self._record(context, self.run)
-        if pose is None:
+        if pose is None or self._driver is None:
             return False
-        first = pose.performers[0]
-        self._bind(context).apply(first.rotations, first.root_position_m)
-        if self._others is not None:
-            self._others.apply(context, self.run.poses)
-        self._draw(context, pose)
+        self._apply(context, self._driver, self.run)
+        self._draw(context, self._driver, pose)
         self.run.shown()
         return True
 
-    def _draw(self, context: bpy.types.Context, pose: ScenePose) -> None:
-        """Draw over the viewports what is chosen."""
-        chosen = settings(context)
-        parts = frozenset(chosen.overlay)
+    def _draw(self, context: bpy.types.Context, driver: SceneDriver, pose: ScenePose) -> None:
+        """Draw the chosen overlays in the viewports."""
+        parts = frozenset(settings(context).overlay)
         if parts and self._drawn is None:
-            room = CaptureSpace(chosen.armature, self._bind(context).plan)
-            self._drawn = overlay.Scene.of(self._request, lambda places_m: room.brought(rot.identity(), places_m)[1])
+            self._drawn = overlay.Scene.of(self._request, driver.start(context).points_to_scene)
         overlay.show(self._drawn, pose, parts)
 
     def _record(self, context: bpy.types.Context, run: CaptureRun) -> None:
@@ -157,48 +146,34 @@ class LiveCapture:
         self._begin(context)
 
     def _begin(self, context: bpy.types.Context) -> None:
-        """Check the files and the armature, if one is chosen, and start the worker."""
+        """Check the files and the chosen characters, and start the worker."""
         chosen = settings(context)
         setup = request.make(chosen)
-        self._skeleton = setup.skeleton
-        if setup.props or setup.performers:
-            self._others = Others(context, setup.props, setup.performers, chosen.body_parts)
+        self._driver = SceneDriver(context, setup.performers, setup.props, chosen.body_parts)
         self.by_button = chosen.record_by_button
         if not self.by_button:
             self.record(chosen)
         self._sounds = chosen.record_sound
-        if chosen.armature is not None:
-            self._bind(context)
         self._request, self._take_path = setup.request, setup.request["take"]
         self.run = setup.start(self._python)
         if self._stop_asked:
             self.run.stop()
 
-    def _bind(self, context: bpy.types.Context) -> ArmatureDriver:
-        """Return the driver of the chosen armature; without one, a character is made for the first pose.
+    def _apply(self, context: bpy.types.Context, driver: SceneDriver, run: CaptureRun) -> None:
+        """Show the newest pose; new characters are added with the first.
 
         So a camera that does not open leaves the scene as it was.
         """
-        if self._driver is None:
-            chosen, skeleton = settings(context), self._skeleton or default_skeleton()
-            if chosen.armature is None:
-                add_character(context, skeleton)
-            self._driver = ArmatureDriver(chosen.armature.name, skeleton, chosen.body_parts)
-            if self._driver.only is None:
-                self._held.take(chosen.armature)
-            if self._others is not None:
-                self._others.enter(context, chosen.armature, self._driver.plan)
-            others = self._others.roles if self._others is not None else []
-            if any(map(_plays, (chosen.armature, *(role.character() for role in others)))):
+        driver.apply(context, run.poses)
+        if not self._is_shown:
+            self._is_shown = True
+            if any(_is_animated(target.character()) for target in driver.targets):
                 bpy.app.handlers.frame_change_post.append(_after_frame_change)
-        return self._driver
 
-    def pose_again(self) -> None:
-        """Put the newest pose back where an animation has overwritten it."""
+    def reapply_pose(self) -> None:
+        """Put the newest pose back after an animation has overwritten it."""
         if self._driver is not None:
-            self._driver.apply_again()
-        if self._others is not None:
-            self._others.apply_again()
+            self._driver.reapply_pose()
 
     def tune(self, chosen: Any) -> None:
         """Go on with the smoothing and the foot lock of the settings."""
@@ -212,7 +187,7 @@ class LiveCapture:
             self.run.stop()
 
     def close(self) -> None:
-        """Take what has arrived, and end the worker processes."""
+        """Receive the last messages, and end the worker processes."""
         with contextlib.suppress(ValueError):  # it is there only where something else animates the character
             bpy.app.handlers.frame_change_post.remove(_after_frame_change)
         if self.job is not None:
@@ -223,7 +198,7 @@ class LiveCapture:
             take_library.forget()  # this one is there now
 
     def keep(self, context: bpy.types.Context) -> str:
-        """Write each recording as one Action, once; return the line that says so, "" when there is nothing to keep.
+        """Write each recording as one action, once; return a report, "" for no recording.
 
         A frame captured t seconds after the first stands at the start frame + t * the scene's frames per second, so a
         60 Hz capture in a 24 fps scene has keys between the scene's frames and plays at its true speed.
@@ -234,35 +209,31 @@ class LiveCapture:
         return self._kept
 
     def _write(self, context: bpy.types.Context) -> str:
-        all_poses = self.run.poses if self.run else []
-        parts = [(recording, recording.recorded(all_poses)) for recording in self.recordings]
-        parts = [(recording, poses) for recording, poses in parts if poses]
-        self._held.give_back()  # a strip goes above it
-        if self._others is not None:
-            self._others.restore()
-        if not parts or self._skeleton is None or self._driver is None:
+        driver, all_poses = self._driver, self.run.poses if self.run else []
+        parts = [RecordedPart(recording.recorded(all_poses), recording.start_frame) for recording in self.recordings]
+        parts = [part for part in parts if part.poses]
+        if driver is not None:
+            driver.restore_actions()  # a strip goes above them
+        if not parts or driver is None or driver.space is None:
             return ""
-        others = self._others
-        motion = TakeMotion(self._skeleton, others.props if others else (), others.roles if others else (), all_poses)
-        recorded = [RecordedPart(poses, recording.start_frame) for recording, poses in parts]
-        _, actions = write_take(context, motion, recorded, "Capture", self._driver.object_name, self._driver.only)
-        first, last = parts[0][1][0], parts[-1][1][-1]
+        _, actions = write_take(context, TakeMotion(driver.targets, driver.props, all_poses), parts, "Capture")
+        first, last = parts[0].poses[0], parts[-1].poses[-1]
         span = None if (first, last) == (all_poses[0], all_poses[-1]) else (first.number, last.number)
         with contextlib.suppress(PerfanimError):  # there may be no take: its disk is full, its worker was killed
             take_library.mark_captured(self._take_path, request.shape(settings(context)), span)
-        text = f"{sum(len(poses) for _, poses in parts)} frames recorded in {', '.join(actions)}"
-        return f"{text}; {self.run.standing}" if self.run and self.run.standing else text
+        text = f"{sum(len(part.poses) for part in parts)} frames recorded in {', '.join(actions)}"
+        return f"{text}; {self.run.persistent_warning}" if self.run and self.run.persistent_warning else text
 
 
-def _plays(armature: bpy.types.Object | None) -> bool:
-    """Return whether something animates the armature, so that a change of frame overwrites its pose."""
+def _is_animated(armature: bpy.types.Object | None) -> bool:
+    """Return whether an animation overwrites the armature's pose at a change of frame."""
     animation = armature.animation_data if armature is not None else None
     return animation is not None and (animation.action is not None or len(animation.nla_tracks) > 0)
 
 
 def _after_frame_change(*_: object) -> None:
-    """Let the live pose stand over what the timeline plays."""
+    """Keep the live pose while the timeline plays."""
     capture = activity.current()
     if isinstance(capture, LiveCapture):
-        with contextlib.suppress(PerfanimError):  # the next tick tells
-            capture.pose_again()
+        with contextlib.suppress(PerfanimError):  # the next tick reports it
+            capture.reapply_pose()

@@ -1,4 +1,4 @@
-"""From the settings of the panels to what the worker is asked for."""
+"""Build the worker's request from the scene settings."""
 
 import secrets
 import tempfile
@@ -8,7 +8,6 @@ from typing import Any
 
 import bpy
 
-from ...core.body.skeleton import Skeleton
 from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import CaptureError, PerfanimError
 from ...core.geometry.camera import CameraRig
@@ -31,15 +30,13 @@ class Setup:
     """A capture that can be started.
 
     Args:
-        request: what the worker is asked for.
-        skeleton: the performer's, to which the poses are relative.
-        props, performers: that are followed besides, in the order of the poses' props and others.
+        request: to the worker.
+        performers, props: in the order of the poses.
     """
 
     request: dict[str, Any]
-    skeleton: Skeleton
+    performers: tuple[Subject, ...]
     props: tuple[Prop, ...] = ()
-    performers: tuple[Subject, ...] = ()
 
     def start(self, python: str | None) -> CaptureRun:
         """Start the worker; `python` is its interpreter, None for Blender's own."""
@@ -47,7 +44,7 @@ class Setup:
 
 
 def make(settings: Any) -> Setup:
-    """Return what the settings ask for.
+    """Return the capture that the settings describe.
 
     Raises:
         PerfanimError: a file is missing or bad.
@@ -77,11 +74,11 @@ def make(settings: Any) -> Setup:
         "take": str(take_library.new_path()),
         "character": settings.armature.name if settings.armature else "",
     }
-    return _with_targets(Setup(request, subject.skeleton), settings)
+    return _with_targets(Setup(request, (subject,)), settings)
 
 
 def _with_targets(setup: Setup, settings: Any) -> Setup:
-    """Return the set-up with the scene's further targets.
+    """Return the set-up with the scene's additional targets.
 
     The simulated performer carries the first prop, and each further performer is shown by another simulated one.
     """
@@ -100,7 +97,7 @@ def _with_targets(setup: Setup, settings: Any) -> Setup:
         if files:
             shown["partners"] = _partners(settings, len(files))
         request["cameras"] = {**request["cameras"], "source": shown}
-    return Setup(request, setup.skeleton, tuple(props), tuple(performers))
+    return Setup(request, (*setup.performers, *performers), tuple(props))
 
 
 def _performer_file(index: int, subject: Subject) -> str:
@@ -111,18 +108,18 @@ def _performer_file(index: int, subject: Subject) -> str:
 
 
 def _partners(settings: Any, count: int) -> list[dict[str, Any]]:
-    """Return what further simulated performers do, beside the first: something else."""
+    """Return the behaviours of further simulated performers, other than the first one's."""
     doing = [behaviour for behaviour in _PARTNERS if behaviour != settings.behaviour]
     return [{"behaviour": doing[index % len(doing)]} for index in range(count)]
 
 
 def shape(settings: Any) -> dict[str, Any]:
-    """Return how poses are to be shown and baked, as `core.pose_shaping` takes it."""
+    """Return the settings of the pose filter, as `FilterSettings` reads them."""
     return {"smoothing_s": settings.smoothing_ms / 1000.0, "feet": settings.feet}
 
 
 def cameras(settings: Any) -> dict[str, Any]:
-    """Return how images become marker frames, as `core.worker.camera_job` takes it; likewise trackers.
+    """Return the request of the worker's job `cameras` or `trackers`.
 
     Raises:
         PerfanimError: a file is missing or bad.
@@ -152,7 +149,7 @@ def _good(found: Any) -> Any:
 
 
 def source(settings: Any) -> dict[str, Any]:
-    """Return the description of the source, as `core.sources` or, of trackers, `core.worker.tracker_job` takes it.
+    """Return the description of the source of images or trackers.
 
     Raises:
         CaptureError: a file or folder is not there, or device numbers are none.

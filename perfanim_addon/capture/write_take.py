@@ -1,4 +1,4 @@
-"""Write a take's motion as actions: the one function behind the end of a capture and Put on Character."""
+"""Motion of a take written as actions, by the end of a capture and by Put on Character."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,19 +9,18 @@ from numpy.typing import NDArray
 
 from ...core.body.foot_lock import floor_of
 from ...core.body.scene_pose import ScenePose
-from ...core.body.skeleton import Skeleton
 from ...core.formats.take_file.reading import TakeFile
 from ...core.markers.prop import Prop
 from ...core.session.pose_filters import FilterSettings, filter_poses
-from ..animation.actions import scene_frames, write_action
-from ..character.create_character import create_character, find_armature
-from ..character.free_place import find_free_position, look_at
+from ..animation.actions import scene_frames, write_action, write_object_action, write_with_plan
+from ..animation.placement import Placement, PlacementMode
+from ..character.create_character import find_armature
 from ..character.posing import plan_for
+from ..settings import target_settings
 from ..settings.capture_settings import settings
 from ..settings.result_settings import placement
 from .capture_space import CaptureSpace
-from .performer_driver import Role, write_performer_actions
-from .prop_driver import write_prop_actions
+from .performer_targets import PerformerTarget
 
 Array = NDArray[np.float64]
 
@@ -33,27 +32,25 @@ class TakeMotion:
     """Filtered motion of a whole take or capture.
 
     Args:
-        skeleton: the first performer's.
-        props, performers: in the order of the poses' props and others.
+        performers, props: in the order of the poses.
         poses: all of them, also those outside the recorded part: they show where somebody was first seen.
     """
 
-    skeleton: Skeleton
+    performers: Sequence[PerformerTarget]
     props: Sequence[Prop]
-    performers: Sequence[Role]
     poses: Sequence[ScenePose]
 
 
 @dataclass(frozen=True)
 class RecordedPart:
-    """Poses that become keyframes, and the scene frame of the first; the others follow at their times."""
+    """Poses that become keyframes, and the scene frame of the first of them."""
 
     poses: Sequence[ScenePose]
     start_frame: float
 
 
 def filter_take(take: TakeFile, chosen: FilterSettings, use_stored: bool = True) -> list[ScenePose]:
-    """Return all poses of a take, filtered as in its capture; takes without stored settings, by the chosen ones."""
+    """Return all poses of a take, filtered by its stored settings, else by the chosen."""
     stored = take.notes.filters if use_stored else None
     return filter_poses(
         [solved.pose for solved in take.poses],
@@ -64,42 +61,97 @@ def filter_take(take: TakeFile, chosen: FilterSettings, use_stored: bool = True)
 
 
 def write_take(
-    context: bpy.types.Context,
-    motion: TakeMotion,
-    parts: Sequence[RecordedPart],
-    title: str,
-    armature: str,
-    only: frozenset[str] | None = None,
+    context: bpy.types.Context, motion: TakeMotion, parts: Sequence[RecordedPart], title: str
 ) -> tuple[str, list[str]]:
-    """Write parts of a take as actions of the characters and objects; return the character and the actions' names.
+    """Write parts of a take as actions of the characters and objects.
 
     Args:
-        motion: the take.
+        motion: of the take.
         parts: to write, one action each.
         title: of the actions; those of props and further performers add the name.
-        armature: the first performer's character; a new one is added where it is gone.
-        only: bones that get keyframes, None for all; the others keep their animation.
+
+    Returns:
+        The first performer's character, which is added where it is gone, and the actions' names.
 
     Raises:
         CharacterError: a character or object cannot be animated, or there are no poses.
     """
-    if armature not in bpy.data.objects:
-        armature, only = add_character(context, motion.skeleton), None
+    main, *further = motion.performers
+    main = main.ensure_character(context, None)
+    character, skeleton = bpy.data.objects[main.armature], main.subject.skeleton
     frames = [_scene_frames(context, part) for part in parts]
     actions = []
     for part, at in zip(parts, frames, strict=True):
-        how = placement(context, bpy.data.objects[armature], only)
+        how = placement(context, character, main.only)
         arrays = pose_arrays(part.poses)[1:]
-        actions.append(write_action(armature, at, *arrays, motion.skeleton, name=title, placement=how))
+        actions.append(write_action(main.armature, at, *arrays, skeleton, name=title, placement=how))
         if settings(context).extend_scene:
             context.scene.frame_end = max(context.scene.frame_end, int(np.ceil(at[-1])))
-    if motion.props or motion.performers:
-        space = CaptureSpace(find_armature(armature), plan_for(find_armature(armature), motion.skeleton))
+    if motion.props or further:
+        character = find_armature(main.armature)
+        space = CaptureSpace(character, plan_for(character, skeleton))
         for part, at in zip(parts, frames, strict=True):
-            how = placement(context, None)
-            actions += write_prop_actions(context, motion.props, part.poses, at, space, title, how)
-            actions += write_performer_actions(context, motion.performers, motion.poses, part.poses, at, space, title)
-    return armature, actions
+            for index, prop in enumerate(motion.props):
+                actions += _write_prop(context, index, prop, part, at, space, title)
+            for target in further:
+                actions += _write_performer(context, target, motion, part, at, space, title)
+    return main.armature, actions
+
+
+def _write_prop(
+    context: bpy.types.Context,
+    index: int,
+    prop: Prop,
+    part: RecordedPart,
+    frames: Array,
+    space: CaptureSpace,
+    title: str,
+) -> list[str]:
+    """Write the action of the object that follows a prop, with keys where it was found; return the action's name."""
+    rows = [row for row, pose in enumerate(part.poses) if len(pose.props) > index and pose.props[index].found]
+    if not rows:
+        return []
+    found = [part.poses[row].props[index] for row in rows]
+    rotations, locations = space.to_scene(
+        np.array([pose.rotation for pose in found]), np.array([pose.position_m for pose in found])
+    )
+    target = bpy.data.objects[target_settings.object_of(context, prop)]
+    target_settings.check_object(target)
+    chosen = placement(context, None)
+    onto = PlacementMode.STRIP if chosen.onto is PlacementMode.LAYER else chosen.onto
+    how = Placement(onto, None, chosen.bounds)
+    name = f"{title} {prop.name}"
+    return [write_object_action(target, frames[rows], rotations, locations, name=name, placement=how)]
+
+
+def _write_performer(
+    context: bpy.types.Context,
+    target: PerformerTarget,
+    motion: TakeMotion,
+    part: RecordedPart,
+    frames: Array,
+    space: CaptureSpace,
+    title: str,
+) -> list[str]:
+    """Write the action of a further performer's character, from the first pose that shows the performer.
+
+    Returns:
+        The action's name; nothing for a performer who was not seen, or without any selected bone.
+    """
+    first = target.first_seen(part.poses)
+    if first is None:
+        return []
+    is_new = target.character() is None
+    target = target.ensure_character(context, space)
+    character, subject = bpy.data.objects[target.armature], target.subject
+    plan = plan_for(character, subject.skeleton)
+    how = placement(context, None if is_new else character, target.only)
+    if how.only is not None and not how.only & {*plan.bones, *plan.located}:
+        return []
+    _, rotations, roots = pose_arrays(part.poses[first:], target.index)
+    offset = target.offset_into(space, CaptureSpace(character, plan), motion.poses)
+    moved = offset.apply(rotations, roots)
+    return [write_with_plan(character, frames[first:], *moved, plan, name=f"{title} {subject.name}", placement=how)]
 
 
 def _scene_frames(context: bpy.types.Context, part: RecordedPart) -> Array:
@@ -108,24 +160,13 @@ def _scene_frames(context: bpy.types.Context, part: RecordedPart) -> Array:
 
 
 def pose_arrays(poses: Sequence[ScenePose], performer: int = 0) -> tuple[Array, Array, Array]:
-    """Return times (F,) in seconds, rotations (F, J, 4) and root positions (F, 3) in metres of one performer."""
+    """Return times (F,), rotations (F, J, 4) and root positions (F, 3) of a performer."""
     found = [pose.performers[performer] for pose in poses]
     times_s = np.array([pose.time_s for pose in found])
     return times_s, np.stack([p.rotations for p in found]), np.stack([p.root_position_m for p in found])
 
 
 def increasing(times_s: Array) -> Array:
-    """Return times (F,) with those that do not come after their predecessor moved to 0.1 ms behind it."""
+    """Return times (F,), each at least 0.1 ms behind its predecessor."""
     ramp = LEAST_STEP_S * np.arange(len(times_s))
     return np.maximum.accumulate(times_s - ramp) + ramp
-
-
-def add_character(context: bpy.types.Context, skeleton: Skeleton) -> str:
-    """Add a character of these proportions in a free position, choose it, show it, return its name."""
-    place = find_free_position(context)
-    name = create_character(context, skeleton)
-    character = bpy.data.objects[name]
-    character.location = place
-    settings(context).armature = character
-    look_at(context, place)
-    return name

@@ -12,7 +12,7 @@ from ...core.errors import CharacterError, PerfanimError
 from ...core.retarget.bone_map import BoneMap, checked_map
 from ...core.retarget.bone_map_files import preset_paths, read_bone_map, write_bone_map
 from ..capture.armature_driver import ArmatureDriver
-from ..capture.write_take import add_character
+from ..capture.performer_targets import add_character
 from ..character.bone_map_settings import store_map
 from ..character.create_character import check_armature, find_armature
 from ..character.posing import PRESETS_FOLDER, find_map

@@ -12,12 +12,13 @@ from ...core.formats.take_file.reading import read_take_file, summarise
 from ...core.markers.frame_rate import frame_rate
 from ...core.retarget.joint_naming import OWN
 from .. import take_library
-from ..capture.write_take import add_character, increasing, pose_arrays
+from ..capture.performer_targets import add_character
+from ..capture.write_take import increasing, pose_arrays
 from ..export.export_animation import ENDINGS, Form, TimedPoses, export_poses
 from ..panels.takes import KEY as PANEL
 from ..preferences.paths import absolute
 from .common import PanelOperator, report_error
-from .put_on_character import TakeOperator, character_name, recorded_poses, take_motion
+from .put_on_character import TakeOperator, recorded_poses, take_motion
 
 _MOTIONS = {"VRMA": VRMA, "ANGLES": ANGLES}  # written without Blender, and without a character
 _ENDINGS = {**ENDINGS, **_MOTIONS}
@@ -120,14 +121,12 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
         """Write the file."""
         target = Path(absolute(self._with_ending()))
         take = read_take_file(self.path)
-        motion, subjects, armature = take_motion(context, take), take.setup.subjects(), character_name(context)
-        poses, index = recorded_poses(take, motion), self.performer - 1
-        if index >= len(subjects):
-            raise TakeError(f"has {len(subjects)} performers", where=take.notes.name, advice="choose one of them")
-        if index > 0:
-            armature = motion.performers[index - 1].armature
-        subject = subjects[index]
-        title = f"{take.notes.name} ({subject.name})" if len(subjects) > 1 else take.notes.name
+        motion = take_motion(context, take)
+        poses, count, index = recorded_poses(take, motion), len(motion.performers), self.performer - 1
+        if index >= count:
+            raise TakeError(f"has {count} performers", where=take.notes.name, advice="choose one of them")
+        subject, armature = motion.performers[index].subject, motion.performers[index].armature
+        title = f"{take.notes.name} ({subject.name})" if count > 1 else take.notes.name
         naming = "" if self.naming == "OWN" else self.naming
         if self.kind in _MOTIONS:
             from ...core.session.solve_take import resample_uniform

@@ -11,7 +11,7 @@ from ...core.formats.take_file.reading import TakeFile, read_take_file, take_nam
 from ...core.session.pose_filters import FilterSettings
 from .. import take_library
 from ..capture import request
-from ..capture.performer_driver import roles_of
+from ..capture.performer_targets import performer_targets
 from ..capture.write_take import RecordedPart, TakeMotion, filter_take, write_take
 from ..panels.takes import KEY as PANEL
 from ..settings.capture_settings import settings
@@ -32,8 +32,7 @@ def take_motion(context: bpy.types.Context, take: TakeFile) -> TakeMotion:
     """Return the filtered motion of a take and the characters of its performers."""
     chosen = FilterSettings.of_table(request.shape(settings(context)))
     poses = filter_take(take, chosen, use_stored=context.scene.perfanim_result.filters == "RECORDED")
-    first, *further = take.setup.subjects()
-    return TakeMotion(first.skeleton, take.setup.carried_props(), roles_of(context, further), poses)
+    return TakeMotion(performer_targets(context, take.setup.subjects()), take.setup.carried_props(), poses)
 
 
 def recorded_poses(take: TakeFile, motion: TakeMotion) -> list[ScenePose]:
@@ -42,12 +41,6 @@ def recorded_poses(take: TakeFile, motion: TakeMotion) -> list[ScenePose]:
     if not poses:
         raise TakeError("has no solved poses", where=take.notes.name, advice="solve it again")
     return poses
-
-
-def character_name(context: bpy.types.Context) -> str:
-    """Return the name of the chosen armature, "" for none."""
-    armature = settings(context).armature
-    return armature.name if armature else ""
 
 
 def put_on_character(context: bpy.types.Context, path: Path) -> str:
@@ -59,7 +52,7 @@ def put_on_character(context: bpy.types.Context, path: Path) -> str:
     motion = take_motion(context, take)
     poses = recorded_poses(take, motion)
     part = RecordedPart(poses, start_frame(context))
-    name, actions = write_take(context, motion, [part], take.notes.name, character_name(context))
+    name, actions = write_take(context, motion, [part], take.notes.name)
     take_library.mark_played(path, name)
     text, unsolved = f"{len(poses)} frames in {', '.join(actions)} on {name}", take.frame_count - len(take.poses)
     return f"{text}; {unsolved} more frames have no pose: use Solve Again" if unsolved > 0 else text

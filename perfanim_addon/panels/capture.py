@@ -66,7 +66,7 @@ class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
         grid.label(text=f"{figures.lost} dropped")
         grid.label(text=f"{figures.not_shown} not drawn")
         draw_progress(layout, figures.confidence, f"Confidence {figures.confidence:.0%}")
-        for name, confidence in capture.further:
+        for name, confidence in capture.further_performers:
             draw_progress(layout, confidence, f"{name} {confidence:.0%}")
         if figures.waiting > 1:
             layout.label(text=f"Solver {figures.waiting} frames behind", icon="SORTTIME")

@@ -75,7 +75,9 @@ def check_drawn_over(character: Any, drawn: Any) -> None:
 
 def test_stop_before_the_first_frame_leaves_the_old_action(part: Any) -> None:
     live, character = part("capture.live_capture"), part("operators.character")
-    name = live.add_character(bpy.context, character.performer_skeleton(bpy.context.scene.perfanim))
+    name = part("capture.performer_targets").add_character(
+        bpy.context, character.performer_skeleton(bpy.context.scene.perfanim)
+    )
     armature = bpy.data.objects[name]
     old = bpy.data.actions.new("Old")
     armature.animation_data_create().action = old
@@ -119,16 +121,17 @@ def play_worker(part: Any, monkeypatch: pytest.MonkeyPatch, skeleton: Any, rotat
         SimpleNamespace(
             number=n + 5,
             time_s=n / 60,
+            props=(),
             performers=(SimpleNamespace(time_s=n / 60, rotations=turns, root_position_m=root),),
         )
         for n, turns in enumerate(rotations)
     ]
-    run = SimpleNamespace(poses=[], standing="", activity="", take_preview=lambda: None)
+    run = SimpleNamespace(poses=[], persistent_warning="", activity="", take_preview=lambda: None)
     run.tick = lambda: run.poses.append(solved[len(run.poses)]) or run.poses[-1]
     run.shown = run.close = run.stop = lambda: None
-    setup = SimpleNamespace(
-        skeleton=skeleton, props=(), performers=(), request={"take": "a.perftake"}, start=lambda _python: run
-    )
+    performers = (SimpleNamespace(name="Anna", skeleton=skeleton),)
+    asked = {"take": "a.perftake"}
+    setup = SimpleNamespace(performers=performers, props=(), request=asked, start=lambda _python: run)
     monkeypatch.setattr(part("capture.request"), "make", lambda _chosen: setup)
     return run
 
@@ -202,7 +205,7 @@ def test_one_arm_is_captured_while_the_rest_plays_its_own_animation(part: Any, m
     live, running, chosen = part("capture.live_capture"), part("jobs.activity"), bpy.context.scene.perfanim
     bpy.context.scene.render.fps = 60
     skeleton = part("operators.character").performer_skeleton(chosen)
-    name = live.add_character(bpy.context, skeleton)
+    name = part("capture.performer_targets").add_character(bpy.context, skeleton)
     armature = bpy.data.objects[name]
     nod = swing(skeleton, ("head", "lradius", "rradius"), 100)
     still = np.tile([0.0, 1.0, 0.0], (100, 1))
@@ -239,7 +242,7 @@ def test_parts_of_a_foreign_rig_take_the_bones_between(part: Any) -> None:
     posing = part("character.posing")
     parts = part("character.body_parts")
     skeleton = part("operators.character").performer_skeleton(bpy.context.scene.perfanim)
-    armature = bpy.data.objects[part("capture.live_capture").add_character(bpy.context, skeleton)]
+    armature = bpy.data.objects[part("capture.performer_targets").add_character(bpy.context, skeleton)]
     product = posing.plan_for(armature, skeleton)
     assert parts.bones_of_parts(armature, product, parts.PARTS) is None
     by_part = {one: parts.bones_of_parts(armature, product, {one}) for one in parts.PARTS}

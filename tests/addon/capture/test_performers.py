@@ -29,6 +29,7 @@ from played import curves_of, key_times, played_poses
 
 PATIENCE_S = 600.0
 FIRST, SECOND = default_skeleton(1.75), default_skeleton(1.60)
+ANNA = Subject("Anna", FIRST, load_marker_set("boxing"))
 SUBJECTS = (Subject("Ben", SECOND, load_marker_set("boxing")),)
 SEEN = 4  # the pose in which the second performer is first seen
 PLACE_M = 0.05  # of hips, as far as markers lie from the bones; the other performer stands 1.2 m aside
@@ -77,11 +78,11 @@ def play(part: Any, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
     """Start a capture that gets one of the poses at each tick."""
 
     def start(poses: list[Any]) -> Any:
-        run = SimpleNamespace(poses=[], standing="", activity="", take_preview=lambda: None)
+        run = SimpleNamespace(poses=[], persistent_warning="", activity="", take_preview=lambda: None)
         run.tick = lambda: run.poses.append(poses[len(run.poses)]) or run.poses[-1]
         run.shown = run.close = run.stop = lambda: None
         asked = SimpleNamespace(
-            skeleton=FIRST, props=(), performers=SUBJECTS, request={"take": "a.perftake"}, start=lambda _python: run
+            performers=(ANNA, *SUBJECTS), props=(), request={"take": "a.perftake"}, start=lambda _python: run
         )
         monkeypatch.setattr(part("capture.request"), "make", lambda _chosen: asked)
         monkeypatch.setattr(part("take_library"), "mark_captured", lambda *_: None)
@@ -139,7 +140,7 @@ def test_what_the_worker_is_asked_for(part: Any, shown: Any, ben: Any) -> None:
     build_database([str(MOTION / "boxing-01-neutral.bvh")], build_path, BuildSettings(fps=10.0))
     scene.perfanim.database, scene.perfanim.behaviour = build_path, "boxing"
     setup = part("capture.request").make(scene.perfanim)
-    assert [subject.name for subject in setup.performers] == ["Ben"]
+    assert [subject.name for subject in setup.performers[1:]] == ["Ben"]
     assert [part("settings.readiness").subject(path).name for path in setup.request["performers"]] == ["Ben"]
     assert setup.request["cameras"]["source"]["partners"] == [{"behaviour": "kendo"}]
     shown.entries.clear()
@@ -294,9 +295,8 @@ def test_bones_of_another_armature_than_the_first_are_found_and_kept(part: Any, 
 
 def taken(part: Any, name: str) -> Path:
     """A take of the two, 20 frames."""
-    anna = Subject("Anna", FIRST, load_marker_set("boxing"))
     database = {"path": "C:/data/walks.pfdb"}
-    setup = TakeSetup.of(default_rig(), (anna, *SUBJECTS), {"method": "lwr"}, database, {})
+    setup = TakeSetup.of(default_rig(), (ANNA, *SUBJECTS), {"method": "lwr"}, database, {})
     poses = moments(20)
     frames = [(0.0, MarkerFrame(pose.number, pose.time_s)) for pose in poses]
     path = part("take_library").folder() / f"{name}.perftake"

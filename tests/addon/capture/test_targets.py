@@ -141,21 +141,21 @@ def test_a_sword_is_in_the_characters_hand_live_and_in_the_action(part: Any, sho
 
 
 def test_an_objects_own_action_is_given_back_when_nothing_is_kept(part: Any, shown: Any) -> None:
-    driver, prop = part("capture.prop_driver"), load_prop("sword")
-    live, character = part("capture.live_capture"), part("operators.character")
+    prop, character = load_prop("sword"), part("operators.character")
     skeleton = character.performer_skeleton(bpy.context.scene.perfanim)
-    armature = bpy.data.objects[live.add_character(bpy.context, skeleton)]
+    armature = bpy.data.objects[part("capture.performer_targets").add_character(bpy.context, skeleton)]
     entry = shown.entries.add()
     entry.object = cube = bpy.data.objects.new("Cube", None)
     cube.animation_data_create().action = old = bpy.data.actions.new("Old")
     room = part("capture.capture_space").CaptureSpace(armature, part("character.posing").plan_for(armature, skeleton))
-    following = driver.TargetDriver(bpy.context, [prop])
+    held = part("animation.suspended_actions").SuspendedActions()
+    following = part("capture.scene_driver").PropDriver([prop], held)
     following.apply(bpy.context, [PropPose(np.array([1.0, 0, 0, 0]), np.zeros(3))], room)
     assert cube.animation_data.action is old  # not seen yet: it is left alone
     following.apply(bpy.context, [PropPose(np.array([1.0, 0, 0, 0]), np.array([0.0, 1.0, 0.5]), 0.001, 5)], room)
     assert cube.animation_data.action is None
     assert (cube.location - armature.location - Vector((0.0, -0.5, 1.0))).length < 1e-5
-    following.restore()
+    held.give_back()
     assert cube.animation_data.action is old
     bpy.data.objects.remove(cube)
     following.apply(

@@ -70,7 +70,7 @@ def test_trackers_move_the_character_and_a_sender_that_pauses_is_told(part: Any,
             go_on(lambda: "waiting for trackers" in capture.line)
             go_on(lambda: "nothing comes on port" in capture.run.notice)
             go_on(lambda: len(capture.run.poses) >= 40, range(120))
-            go_on(lambda: "no trackers come any more" in capture.run.standing)
+            go_on(lambda: "no trackers come any more" in capture.run.persistent_warning)
             paused = len(capture.run.poses)
             go_on(lambda: len(capture.run.poses) >= paused + 20, range(60, 180))
             armature = chosen.armature

@@ -1,0 +1,108 @@
+"""Performers of a capture or take with the characters that follow them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import bpy
+import numpy as np
+
+from ...core.body.scene_pose import ScenePose
+from ...core.body.skeleton import Skeleton, forward_kinematics
+from ...core.markers.subject import Subject
+from ..character.create_character import create_character
+from ..character.free_place import find_free_position, look_at
+from ..settings import target_settings
+from ..settings.capture_settings import settings
+from .capture_space import CaptureSpace, RigidOffset
+
+
+@dataclass(frozen=True)
+class PerformerTarget:
+    """A performer, and the character that follows.
+
+    Args:
+        subject: of the performer.
+        index: of the performer in the poses. The character of the first one defines the capture space.
+        entry: of the scene's additional targets, None if there is none for this performer.
+        armature: name of the character; "", or that of a deleted one: a new character is added.
+        only: bones that are moved, None for all.
+    """
+
+    subject: Subject
+    index: int
+    entry: int | None = None
+    armature: str = ""
+    only: frozenset[str] | None = None
+
+    def first_seen(self, poses: Sequence[ScenePose]) -> int | None:
+        """Return the row of the first pose that shows the performer, None if none does."""
+        return next((row for row, pose in enumerate(poses) if pose.performers[self.index].confidence > 0.0), None)
+
+    def character(self) -> bpy.types.Object | None:
+        """Return the character, None where there is none (any more)."""
+        found = bpy.data.objects.get(self.armature) if self.armature else None
+        return found if self.index == 0 or _is_in_scene(found) else None
+
+    def ensure_character(self, context: bpy.types.Context, space: CaptureSpace | None) -> "PerformerTarget":
+        """Return the target with a character; add one if it is missing, and choose it in the settings.
+
+        The first performer's stands in a free position, any other at the origin of the capture space and in its scale:
+        both then move as the performers do.
+        """
+        if self.character() is not None:
+            return self
+        if space is None:
+            chosen = settings(context)
+            name = chosen.armature.name if not self.armature and chosen.armature else ""
+            return replace(self, armature=name or add_character(context, self.subject.skeleton), only=None)
+        entries = context.scene.perfanim_targets.entries
+        entry = entries[self.entry] if self.entry is not None and self.entry < len(entries) else None
+        if entry is not None and _is_in_scene(entry.armature):  # it was added meanwhile
+            return replace(self, armature=entry.armature.name, only=None)
+        name = create_character(context, self.subject.skeleton, self.subject.name)
+        space.put_at_origin(bpy.data.objects[name])
+        if entry is not None:
+            entry.armature = bpy.data.objects[name]
+        return replace(self, armature=name, only=None)
+
+    def offset_into(self, space: CaptureSpace, own: CaptureSpace, poses: Sequence[ScenePose]) -> RigidOffset:
+        """Return the offset from the character's own space; the two agree where the performer is first seen."""
+        first = self.first_seen(poses)
+        if first is None:
+            return own.offset_into(space, np.zeros(3))
+        pose = poses[first].performers[self.index]
+        joints, _ = forward_kinematics(self.subject.skeleton, pose.rotations, pose.root_position_m)
+        x, _, z = pose.root_position_m
+        return own.offset_into(space, np.array([x, joints[:, 1].min(), z]))
+
+
+def performer_targets(context: bpy.types.Context, subjects: Sequence[Subject]) -> list[PerformerTarget]:
+    """Return the performers of a take or capture, in their order, with the chosen characters.
+
+    The first one's is chosen in the capture settings, the others' in the list of additional targets.
+    """
+    main = settings(context).armature
+    targets = [PerformerTarget(subjects[0], 0, None, main.name if main else "")]
+    entries = context.scene.perfanim_targets.entries
+    names = [subject.name for subject in subjects[1:]]
+    for index, entry in enumerate(target_settings.meant_for(context.scene, names), 1):
+        chosen = entries[entry].armature if entry is not None else None
+        name = chosen.name if chosen is not None and _is_in_scene(chosen) else ""
+        targets.append(PerformerTarget(subjects[index], index, entry, name))
+    return targets
+
+
+def add_character(context: bpy.types.Context, skeleton: Skeleton) -> str:
+    """Add a character of these proportions in a free position, and choose it; return its name."""
+    place = find_free_position(context)
+    name = create_character(context, skeleton)
+    character = bpy.data.objects[name]
+    character.location = place
+    settings(context).armature = character
+    look_at(context, place)
+    return name
+
+
+def _is_in_scene(armature: bpy.types.Object | None) -> bool:
+    """Return False for a deleted armature, which stays in the file as long as a setting names it."""
+    return armature is not None and bool(armature.users_scene)

@@ -1,0 +1,166 @@
+"""Live motion of all characters and objects that follow the performers and props of a capture."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import bpy
+from mathutils import Quaternion, Vector
+
+from ...core.body.scene_pose import PropPose, ScenePose
+from ...core.markers.prop import Prop
+from ...core.markers.subject import Subject
+from ..animation.suspended_actions import SuspendedActions
+from ..settings import target_settings
+from .armature_driver import ArmatureDriver
+from .capture_space import CaptureSpace, RigidOffset
+from .performer_targets import PerformerTarget, performer_targets
+
+
+class SceneDriver:
+    """Moves characters and objects. Only names are held, nothing of Blender's data.
+
+    Args:
+        performers, props: of the capture, in the order of its poses.
+        parts: of the body that are moved.
+
+    Raises:
+        CharacterError: a chosen object or armature cannot follow.
+    """
+
+    def __init__(
+        self,
+        context: bpy.types.Context,
+        performers: Sequence[Subject],
+        props: Sequence[Prop],
+        parts: Collection[str],
+    ) -> None:
+        for entry in target_settings.of_kind(context.scene, "PROP"):
+            target_settings.check_object(entry.object)
+        self._held = SuspendedActions()
+        self._props = PropDriver(props, self._held)
+        first, *further = performer_targets(context, performers)
+        self._further = [_PerformerDriver(target, parts, self._held) for target in further]
+        self._main = _PerformerDriver(first, parts, self._held)
+        self.space: CaptureSpace | None = None
+        if first.armature:
+            self.start(context)
+
+    @property
+    def targets(self) -> list[PerformerTarget]:
+        """The performers with the characters that follow by now."""
+        return [driver.target for driver in (self._main, *self._further)]
+
+    @property
+    def props(self) -> tuple[Prop, ...]:
+        """The props, in their order."""
+        return self._props.props
+
+    def start(self, context: bpy.types.Context) -> CaptureSpace:
+        """Make the capture space, and the characters that are missing, once; return the space."""
+        if self.space is None:
+            main = self._main.start(context, None)
+            character = bpy.data.objects[main.object_name]
+            self._main.suspend_action(character)
+            self.space = CaptureSpace(character, main.plan)
+            for driver in self._further:
+                driver.start(context, self.space)
+        return self.space
+
+    def apply(self, context: bpy.types.Context, poses: Sequence[ScenePose]) -> None:
+        """Show the last of all poses of the capture so far.
+
+        Raises:
+            CharacterError: the first performer's character is gone; any other target that is gone is left out.
+        """
+        space, pose = self.start(context), poses[-1]
+        self._main.apply(pose, None)
+        self._props.apply(context, pose.props, space)
+        for driver in self._further:
+            driver.apply_offset(poses, space)
+
+    def reapply_pose(self) -> None:
+        """Pose the characters as last, after an animation has overwritten the pose."""
+        for driver in (self._main, *self._further):
+            driver.reapply_pose()
+
+    def restore_actions(self) -> None:
+        """Give objects and characters their suspended actions back."""
+        self._held.give_back()
+
+
+class _PerformerDriver:
+    """Character of one performer; any but the first one's keeps its action until the performer is seen."""
+
+    def __init__(self, target: PerformerTarget, parts: Collection[str], held: SuspendedActions) -> None:
+        self.target = target
+        self._parts = parts
+        self._held = held
+        self._offset: RigidOffset | None = None
+        self._driver = self._bind(target) if target.armature and target.index else None
+
+    def _bind(self, target: PerformerTarget) -> ArmatureDriver:
+        driver = ArmatureDriver(target.armature, target.subject.skeleton, self._parts)
+        self.target = replace(target, only=driver.only)
+        return driver
+
+    def start(self, context: bpy.types.Context, space: CaptureSpace | None) -> ArmatureDriver:
+        if self._driver is None:
+            self._driver = self._bind(self.target.ensure_character(context, space))
+        return self._driver
+
+    def suspend_action(self, character: bpy.types.Object) -> None:
+        if self.target.only is None:
+            self._held.take(character)
+
+    def apply(self, pose: ScenePose, offset: RigidOffset | None) -> None:
+        body = pose.performers[self.target.index]
+        rotations, root_m = body.rotations, body.root_position_m
+        if self._driver is not None:
+            self._driver.apply(*(offset.apply(rotations, root_m) if offset else (rotations, root_m)))
+
+    def apply_offset(self, poses: Sequence[ScenePose], space: CaptureSpace) -> None:
+        character = self.target.character()
+        if character is None or self._driver is None:
+            return
+        if self._offset is None:
+            if self.target.first_seen(poses[-1:]) is None:
+                return
+            self._offset = self.target.offset_into(space, CaptureSpace(character, self._driver.plan), poses)
+            self.suspend_action(character)
+        self.apply(poses[-1], self._offset)
+
+    def reapply_pose(self) -> None:
+        if self._driver is not None and (self.target.index == 0 or self.target.character() is not None):
+            self._driver.apply_again()
+
+
+class PropDriver:
+    """Objects that follow props; an object is made when its prop is first seen.
+
+    Args:
+        props: of the capture, in the order of its poses' props.
+        held: takes the objects' actions.
+    """
+
+    def __init__(self, props: Sequence[Prop], held: SuspendedActions) -> None:
+        self.props = tuple(props)
+        self._names: list[str | None] = [None] * len(props)
+        self._held = held
+
+    def apply(self, context: bpy.types.Context, poses: Sequence[PropPose], space: CaptureSpace) -> None:
+        """Move the objects of the props that are found; a deleted object is left out."""
+        for index, pose in enumerate(poses):
+            if not pose.found:
+                continue
+            target = bpy.data.objects.get(self._names[index] or self._start(context, index))
+            if target is not None:
+                rotation, location = space.to_scene(pose.rotation, pose.position_m)
+                target.rotation_quaternion, target.location = Quaternion(rotation), Vector(location)
+
+    def _start(self, context: bpy.types.Context, index: int) -> str:
+        name = target_settings.object_of(context, self.props[index])
+        target = bpy.data.objects[name]
+        target.rotation_mode = "QUATERNION"
+        self._held.take(target)
+        self._names[index] = name
+        return name
