@@ -42,7 +42,10 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
 
 
 def _write_blend(out: Path, progress: Callable[[float, str], None]) -> Path:
-    """Write the character with its animation, in a process of its own: bpy takes over the one it is loaded into."""
+    """Write the character with its animation, in a separate process.
+
+    bpy takes over its process.
+    """
     progress(0.97, "writing the character")
     target = out / "demo.blend"
     package = __package__.rsplit(".", 2)[0]

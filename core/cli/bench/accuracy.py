@@ -1,4 +1,4 @@
-"""All methods on the same takes and markers, under two conditions: the clip is unseen, or whoever moves is."""
+"""All methods on the same takes, with the clip or its whole subject unseen."""
 
 from pathlib import Path
 from typing import Any
@@ -34,19 +34,11 @@ _UNITS = (
 
 
 def accuracy(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
-    """Solve takes by every method, with the clip out of the database and with all of its subject out of it.
-
-    Args:
-        data: folder that holds `cmu`.
-        out: folder to write to.
-        workers: processes that read motion.
+    """Solve takes by every method without the clip, then without its whole subject.
 
     Returns:
         rows (condition, take, method, frames, errors, share of the nearest neighbour's error), means (the same over
         the takes), databases, outputs.
-
-    Raises:
-        FormatError: the data are not there.
     """
     whole = whole_database(data, out, (CMU,), workers, progress)
     rows: list[dict[str, Any]] = []
@@ -71,7 +63,10 @@ def accuracy(data: Path, out: Path, workers: int, progress: Progress) -> dict[st
 
 
 def _conditions(whole: Database, folder: Path, take: TestTake) -> dict[str, Database]:
-    """Return the database of each condition; without other clips of the subject both are one, which is the second."""
+    """Return the database of each condition.
+
+    If the subject has no other clips both are the same: the second.
+    """
     subject = subject_of(take.trial)
     unseen = without_tests(whole, folder / f"cmu-without-subject-{subject}.pfdb", lambda clip: clip.subject != subject)
     clip_unseen = without_tests(whole, folder / "cmu-without-tests.pfdb")

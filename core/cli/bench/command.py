@@ -33,8 +33,12 @@ def add_parser(subparsers: Any) -> None:
     commands = group.add_subparsers(metavar="WHAT", required=True)
     for name, (bench, text) in _BENCHES.items():
         parser = commands.add_parser(name, help=text)
-        parser.add_argument("--data", required=True, metavar="DIR", help="folder that holds cmu/ and bandai/")
-        parser.add_argument("--out", required=True, metavar="DIR", help="folder to write to; databases are kept there")
+        parser.add_argument(
+            "--data", type=Path, required=bench is not vision, metavar="DIR", help="folder that holds cmu/ and bandai/"
+        )
+        parser.add_argument(
+            "--out", type=Path, required=True, metavar="DIR", help="folder to write to; databases are kept there"
+        )
         parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes that read (default 2)")
         parser.set_defaults(run=_run, bench=bench)
 
@@ -42,4 +46,4 @@ def add_parser(subparsers: Any) -> None:
 def _run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
     if args.workers < 1:
         raise SettingsError(f"--workers {args.workers} is out of range", advice="give 1 or more")
-    return args.bench(Path(args.data), Path(args.out), args.workers, progress)
+    return args.bench(args.data, args.out, args.workers, progress)

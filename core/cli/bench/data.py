@@ -22,10 +22,10 @@ SPLIT, SPLIT_AT = "14_02", 2 / 3  # the first two thirds of this take are in the
 
 @dataclass(frozen=True)
 class TestTake:
-    """A take, or a part of one, that is solved.
+    """A take, or a part of one, to solve.
 
     Args:
-        title: what it is called in tables and plots.
+        title: name in tables and plots.
         trial: name of its file.
         first, last: shares of the take at which the part begins and ends.
     """
@@ -50,7 +50,7 @@ DEVELOPMENT = (
 
 
 def data_folders(data: Path, names: tuple[str, ...]) -> list[Path]:
-    """Return the folders of motion below `data`; FormatError names the one that is missing."""
+    """Return the folders of motion below `data`, or raise FormatError."""
     folders = [data / name for name in names]
     for folder in folders:
         if not folder.is_dir():
@@ -63,7 +63,7 @@ def data_folders(data: Path, names: tuple[str, ...]) -> list[Path]:
 
 
 def read_take(data: Path, take: TestTake, fps: float = FPS) -> Motion:
-    """Return a test take, at the rate of the databases unless told otherwise."""
+    """Return a test take, by default at the rate of the databases."""
     with motion_files(data_folders(data, (CMU,))) as files:
         for file in files:
             if file.stem == take.trial:
@@ -73,7 +73,7 @@ def read_take(data: Path, take: TestTake, fps: float = FPS) -> Motion:
 
 
 def whole_database(data: Path, out: Path, sets: tuple[str, ...], workers: int, progress: Progress) -> Database:
-    """Return the database of all motion of the sets, built in `out` if it is not there."""
+    """Return the database of all motion of the sets, built in `out` if missing."""
     path = out / "databases" / ("-".join(sets) + ".pfdb")
     if not path.exists():
         build_database(
@@ -88,10 +88,10 @@ def whole_database(data: Path, out: Path, sets: tuple[str, ...], workers: int, p
 def without_tests(
     database: Database, path: Path, chosen: Callable[[Clip], bool] = lambda clip: True, split_at: float = SPLIT_AT
 ) -> Database:
-    """Return a database without the test takes, of the other clips that are chosen, built if it is not there.
+    """Return a database of the chosen clips without the test takes, built if missing.
 
     Args:
-        split_at: share of the take that is split that is kept.
+        split_at: share to keep of the take that is split.
     """
     if path.exists():
         return open_database(path)

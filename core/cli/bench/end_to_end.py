@@ -1,4 +1,4 @@
-"""From recorded motion through simulated cameras to a pose, beside the same motion solved from its true markers.
+"""Errors from recorded motion via simulated cameras, and from its true markers.
 
 Chai and Hodgins 2005 compare so: boxing with 2.54 degrees per joint angle from video, 2.31 from true markers.
 """
@@ -46,17 +46,11 @@ _UNITS = ("deg_per_joint", "deg_per_angle", "mpjpe_mm", "bone_direction_deg", "j
 
 
 def end_to_end(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
-    """Film a walking and a boxing take that are out of the database, track and solve them; write the table.
+    """Film, track and solve takes that the database lacks; write the table.
 
-    Six rows a take: true markers with the true subject; true markers that are there only when two cameras see them;
-    true markers with the subject calibrated from the images of the T pose, and of all poses; the video, with nothing of
-    the truth; and the video of the first camera alone, with more markers and, as one camera measures no body, the true
-    subject.
-
-    Args:
-        data: folder that holds `cmu`.
-        out: folder to write to.
-        workers: processes that read motion.
+    Six rows a take: true markers with the true subject; true markers, present only when two cameras see them; true
+    markers with the subject calibrated from the images of the T pose, and of all poses; the video, without any truth;
+    the video of the first camera alone, with more markers and (one camera measures no body) the true subject.
 
     Returns:
         rows (take, input, errors, difference to the true markers), calibration, paper, outputs.
@@ -83,7 +77,7 @@ def end_to_end(data: Path, out: Path, workers: int, progress: Progress) -> dict[
 
 
 def _filmed(source: SimulatedSource, rig: CameraRig) -> tuple[list[MarkerFrame], Seen]:
-    """Return the marker frames of the video, and which markers both cameras show (F, M)."""
+    """Return the video's marker frames, and the markers that both cameras show (F, M)."""
     pipeline = MarkerPipeline(rig)
     pipeline.learn_empty(source.background_frames(_EMPTY_FRAMES))
     frames, both = [], []
@@ -101,7 +95,7 @@ def _solved(
     both: Seen,
     taken: int,
 ) -> list[dict[str, Any]]:
-    """Return the errors of every input in the last `taken` frames, so without the calibration poses."""
+    """Return the errors of every input in the last `taken` frames (after calibration)."""
     start = source.frames - taken
     true_subject = Subject("true", source.motion.skeleton, source.subject.marker_set)
     worn, bodies = load_marker_set(MARKER_SET), load_bodies()

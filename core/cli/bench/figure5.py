@@ -1,4 +1,4 @@
-"""Figure 5 of the paper: how well poses are kept by models of few dimensions, on databases of three sizes."""
+"""Figure 5 of the paper: reconstruction of poses by models of few dimensions."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -44,7 +44,7 @@ _TESTED = 250  # frames
 _NEIGHBOURS = 64
 _SMALL_FRAMES = 350  # at 60 Hz as long as the 700 frames at 120 Hz of the paper
 _GPLVM_FRAMES = 1000  # up to which a GPLVM is learned
-_GPLVM_TESTED = 5  # one frame of so many is left out of what it is learned from, and tested
+_GPLVM_TESTED = 5  # one frame of so many is tested, and left out of the examples
 _SAMPLE = 60_000  # frames that global PCA and the mixture are learned from
 _MARTIAL = ("boxing", "empi", "gedanbarai", "heiansyodan", "mawashigeri", "syutouuke", "yokogeri", "kick", "slash")
 
@@ -65,12 +65,7 @@ class Curve:
 
 
 def figure5(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
-    """Reconstruct frames of three databases from models of growing dimension, and write the figure.
-
-    Args:
-        data: folder that holds `cmu` and `bandai`.
-        out: folder to write to.
-        workers: processes that read motion.
+    """Reconstruct frames of three databases by each model; write the figure.
 
     Returns:
         rows (database, frames, model, dimensions, errors), needed (per database and model the dimensions for less
@@ -112,10 +107,9 @@ def figure5(data: Path, out: Path, workers: int, progress: Progress) -> dict[str
 def reconstruction_errors(database: Database) -> dict[str, Curve]:
     """Return the errors of each model.
 
-    Global PCA and the mixture have seen the poses that they reconstruct, as in the paper, which reconstructs the
-    databases that they were learned from. The local model is learned from the closest frames to the pose itself.
-    What it leaves out the paper does not say; "local model" leaves out the frame itself, without which there would be
-    nothing to reconstruct, and `STRICT` the second of its clip around it, whose frames are near copies.
+    Global PCA and the mixture reconstruct the poses that they were learned from, as in the paper. The local model is
+    learned from the frames closest to the pose: without the pose's own frame ("local model"), or without the second
+    of its clip around it, near copies of the pose (`STRICT`). The paper does not say which frames it leaves out.
     """
     poses = database.poses.reshape(database.frames, -1)
     tested = np.unique(np.linspace(0, database.frames - 1, _TESTED).astype(np.int64))
@@ -145,9 +139,9 @@ def gplvm_missing(database: Database) -> str | None:
 
 
 def gplvm_errors(database: Database) -> Curve:
-    """Return the errors of a GPLVM on every fifth frame, which it is learned without.
+    """Return the errors of a GPLVM on every fifth frame, left out of its examples.
 
-    A Gaussian process goes through what it has learned from, in any number of dimensions.
+    A Gaussian process reproduces its examples exactly in any number of dimensions.
     """
     poses = database.poses.reshape(database.frames, -1).astype(np.float64)
     tested = np.arange(database.frames) % _GPLVM_TESTED == _GPLVM_TESTED // 2
@@ -189,7 +183,7 @@ def _rows(name: str, database: Database, curves: dict[str, Curve]) -> Iterator[d
 
 
 def _needed(name: str, model: str, curve: Curve) -> dict[str, Any]:
-    """Return the fewest dimensions for less than one degree, None where none of those tried suffices."""
+    """Return the fewest dimensions for less than one degree, None if none suffices."""
     mean, rms = (
         next((d for d, error in zip(curve.dimensions, errors, strict=True) if error < _GOOD_ENOUGH_DEG), None)
         for errors in (curve.deg_per_angle, curve.rms_deg_per_angle)

@@ -1,4 +1,4 @@
-"""Figure 6 of the paper: nearest neighbour, locally weighted regression and the local model, frame by frame."""
+"""Figure 6 of the paper: errors of three methods, frame by frame."""
 
 from pathlib import Path
 from typing import Any
@@ -30,19 +30,12 @@ _UNITS = ("deg_per_joint", "deg_per_angle", "mpjpe_mm", "bone_direction_deg", "t
 
 
 def figure6(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
-    """Solve a boxing and a walking take that are out of the database by every method, and write the figure.
+    """Solve a boxing and a walking take by every method, and write the figure.
 
-    Args:
-        data: folder that holds `cmu`.
-        out: folder to write to.
-        workers: processes that read motion.
+    The takes are not in the database.
 
     Returns:
         rows (take, method, errors, the paper's value), ratios between methods, database, outputs.
-
-    Raises:
-        FormatError: the data are not there.
-        SettingsError: matplotlib is missing.
     """
     check_plots()
     whole = whole_database(data, out, (CMU,), workers, progress)
@@ -80,7 +73,7 @@ def figure6(data: Path, out: Path, workers: int, progress: Progress) -> dict[str
 def solved(
     truth: Motion, database: Database, settings: SolveSettings, marker_set: str = MARKER_SET
 ) -> tuple[Motion, float]:
-    """Return what the markers of a motion are solved to, and the median time of a frame, ms."""
+    """Solve a motion's markers; return the motion and the median time of a frame, ms."""
     subject = Subject(truth.name, truth.skeleton, load_marker_set(marker_set))
     take, _ = simulate_markers(truth, subject)
     result = solve_take(take, subject, database, settings, lambda fraction, text: None)
@@ -88,7 +81,7 @@ def solved(
 
 
 def degrees_per_joint(motion: Motion, truth: Motion) -> NDArray[np.float64]:
-    """Return (F,) the mean angle between the local rotations of all joints but the root, degrees."""
+    """Return (F,) the mean angle between local rotations, without the root, degrees."""
     between = rot.angle_between(motion.rotations[:, 1:], truth.rotations[:, 1:])
     return np.asarray(np.degrees(between.mean(axis=1)))
 

@@ -1,4 +1,4 @@
-"""The methods that are compared, with the settings found on takes that no test uses.
+"""Compared methods, with the settings found on takes that no test uses.
 
 The paper names neither the units of its terms nor its grid of K. Both were chosen by the mean error on the takes of
 `data.DEVELOPMENT`, with their frames out of the database.

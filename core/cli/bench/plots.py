@@ -57,7 +57,7 @@ def check_plots() -> None:
 
 
 def write_plot(path: Path, panels: Sequence[Panel], x_label: str, y_label: str, markers: bool = False) -> list[Path]:
-    """Write panels side by side to `path` with the suffixes .svg and .png, and return both paths."""
+    """Write panels side by side to `path` as .svg and .png; return both paths."""
     check_plots()
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

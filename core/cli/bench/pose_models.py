@@ -1,4 +1,4 @@
-"""Models of few dimensions that Figure 5 compares: what each makes of poses that it may describe by so many numbers.
+"""Pose models of few dimensions that Figure 5 compares.
 
 Every function returns reconstructions (dimensions, N, D) of poses (N, D), one for each number of dimensions.
 """
@@ -30,11 +30,10 @@ def linear(examples: Array, truth: Array, dimensions: Sequence[int]) -> Array:
 
 
 def mixture(examples: Array, truth: Array, dimensions: Sequence[int]) -> Array:
-    """Return poses as the best of a mixture of local linear models has them: k-means, and PCA in every cluster.
+    """Reconstruct poses by a mixture of local linear models: k-means, PCA per cluster.
 
-    That is the mixture of the paper, which names Bregler and Omohundro 1995. A pose belongs to the cluster that
-    reconstructs it best (Kambhatla and Leen 1997), which costs nothing more in numbers kept and is never worse than
-    the cluster with the nearest centre.
+    The paper's mixture (Bregler and Omohundro 1995). A pose belongs to the cluster that reconstructs it best (Kambhatla
+    and Leen 1997): as many numbers, and never worse than the cluster with the nearest centre.
     """
     count = max(_FEWEST_CLUSTERS, len(examples) // _FRAMES_PER_CLUSTER)
     members = _k_means(examples, count)
@@ -51,7 +50,10 @@ def mixture(examples: Array, truth: Array, dimensions: Sequence[int]) -> Array:
 
 
 def _k_means(poses: Array, count: int) -> IntArray:
-    """Return the cluster (N,) of every pose; the first centres by k-means++ (Arthur and Vassilvitskii 2007)."""
+    """Return the cluster (N,) of every pose by k-means.
+
+    The first centres are those of k-means++ (Arthur and Vassilvitskii 2007).
+    """
     generator = np.random.default_rng(0)
     norms = np.einsum("fd,fd->f", poses, poses)
     centres = poses[generator.integers(len(poses))][None]
@@ -78,14 +80,14 @@ def _k_means(poses: Array, count: int) -> IntArray:
 
 
 def has_gplvm() -> bool:
-    """Whether the library that learns Gaussian process latent variable models is there."""
+    """Return True if the library that learns GPLVMs is installed."""
     return importlib.util.find_spec("GPy") is not None
 
 
 def gplvm(examples: Array, truth: Array, dimensions: Sequence[int]) -> Array:
-    """Return poses as a Gaussian process latent variable model has them (Lawrence 2004; needs `has_gplvm`).
+    """Reconstruct poses by a Gaussian process latent variable model.
 
-    The latent point of a pose is the one whose image comes closest to it, looked for from that of the closest
+    Lawrence 2004; needs `has_gplvm`. The latent point of a pose maps closest to it, searched from that of the closest
     example. Time grows with the cube of the examples: a few hundred are feasible.
     """
     import GPy

@@ -1,4 +1,4 @@
-"""What a larger database costs and gives: time to open, to search and to solve, memory, and error."""
+"""Time, memory and error by the size of the database."""
 
 import time
 from pathlib import Path
@@ -30,19 +30,12 @@ _TIMED = ("exhaustive", *SEARCHES, "solve")
 
 
 def scale(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
-    """Solve a walk with ever larger databases of everything, the largest with mirrored copies, and write the figures.
+    """Solve a walk with ever larger databases, and write the figures.
 
-    Args:
-        data: folder that holds `cmu` and `bandai`.
-        out: folder to write to.
-        workers: processes that read motion.
+    The largest database holds everything and mirrored copies.
 
     Returns:
         rows (frames, clips, size, times, error), reference (milliseconds of one exhaustive search in NumPy), outputs.
-
-    Raises:
-        FormatError: the data are not there.
-        SettingsError: matplotlib is missing.
     """
     check_plots()
     path = out / "databases" / "scale-mirrored.pfdb"

@@ -1,4 +1,7 @@
-"""How long everything takes, each beside one exhaustive search in NumPy of the same run: machines differ."""
+"""Times of all stages, each beside one exhaustive search in NumPy of the same run.
+
+The search makes figures of different machines comparable.
+"""
 
 import os
 import time
@@ -94,12 +97,12 @@ def speed(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, 
 
 
 def _load() -> list[float]:
-    """Return the machine's load, where it tells: figures of a busy machine are worth less."""
+    """Return the machine's load, empty if unknown: a busy machine's figures mean less."""
     return [round(value, 2) for value in os.getloadavg()] if hasattr(os, "getloadavg") else []
 
 
 def reference_ms() -> tuple[float, float]:
-    """Return wall and processor time of one exhaustive search in NumPy, milliseconds, the median of several."""
+    """Return the median wall and processor time of exhaustive NumPy searches, ms."""
     count, size, wanted = _REFERENCE
     rng = np.random.default_rng(0)
     rows = rng.standard_normal((count, size), dtype=np.float32)
@@ -115,7 +118,7 @@ def reference_ms() -> tuple[float, float]:
 
 
 def _median_times(work: Callable[[Any], Any], inputs: Iterable[Any]) -> tuple[float, float]:
-    """Return the median wall and processor time of a work over its inputs, milliseconds."""
+    """Return the median wall and processor time of a work over its inputs, ms."""
     taken = []
     for given in inputs:
         wall_s, processor_s = time.perf_counter(), time.process_time()
@@ -142,7 +145,7 @@ class _Rows:
 
 
 def _detection(streams: Streams) -> list[Row]:
-    """Time the detection of markers in one image: in the dark, and on a performer in a furnished room."""
+    """Time marker detection in one image: in the dark, and in a furnished room."""
     rows = _Rows()
     rows.add("exhaustive search in NumPy, 433,000 x 60, 32 nearest", rows.wall_ms)
     rng = np.random.default_rng(1)
@@ -175,7 +178,7 @@ def _noisy(image: NDArray[Any], rng: np.random.Generator) -> Image:
 
 
 def _streams(streams: Streams, database: Database) -> list[Row]:
-    """Time two streams from images to labelled points, stage by stage and all together on two cores."""
+    """Time two streams from images to labelled points: each stage, and on two cores."""
     rows = _Rows()
     stages = stage_times(streams, database)
     for stage, milliseconds in stages.milliseconds.items():
@@ -210,7 +213,7 @@ def _import(data: Path, out: Path, workers: int, progress: Progress) -> tuple[Da
 
 
 def part_of(whole: Database, path: Path) -> Database:
-    """Return as much of the database as is asked for, without the takes that are solved."""
+    """Return the chosen part of the database, without the takes to solve."""
     kept, left = [], _DATABASE_FRAMES
     clips = [clip for clip in whole.clips if clip.name not in (*LEFT_OUT, SPLIT)]
     for clip in clips:
@@ -246,7 +249,10 @@ class _TimedSearch:
 
 
 def _solving(truth: Motion, database: Database) -> list[Row]:
-    """Time the solve of every frame of a take that is not in the database, as recorded takes and live capture do it."""
+    """Time the solve of every frame of a take, recorded and live.
+
+    The take is not in the database.
+    """
     rows = _Rows()
     subject = Subject(truth.name, truth.skeleton, load_marker_set(MARKER_SET))
     frames = list(take_frames(simulate_markers(truth, subject)[0], subject.marker_set))

@@ -1,4 +1,4 @@
-"""Two streams of images, from images in hand to labelled points, through what live capture runs."""
+"""Two streams of images through the stages of live capture, to labelled points."""
 
 import struct
 import time
@@ -51,13 +51,16 @@ class Streams:
     images: Image
 
     def moments(self, passes: int) -> list[int]:
-        """Return which images to show, one after another: forward and backward, so that the performer never jumps."""
+        """Return the indices of the images to show, forward and backward.
+
+        So the performer never jumps.
+        """
         count = len(self.images)
         return (list(range(count)) + list(range(count - 2, 0, -1))) * passes
 
 
 def render_streams(pairs: int) -> Streams:
-    """Return a performer who boxes in a furnished room before two cameras of 640x480."""
+    """Render a boxing performer in a furnished room before two cameras of 640x480."""
     source = open_simulated({"behaviour": "boxing", "fps": _FPS, "seconds": _LEAST_S + pairs / _FPS})
     first = round(_SKIPPED_S * _FPS)
     empty = np.array(list(source.background_frames(_EMPTY)))
@@ -77,11 +80,11 @@ def _pipeline(rig: CameraRig, empty: Image) -> MarkerPipeline:
 
 @dataclass(frozen=True)
 class StageTimes:
-    """Processor time of a pair, milliseconds, as measured over blocks of pairs, and what came of it.
+    """Processor time of a pair of images, milliseconds, and the results.
 
     Args:
-        milliseconds: per stage (B,).
-        poses: (N,) solved with the points, which the labels go by.
+        milliseconds: per stage (B,), measured over blocks of pairs.
+        poses: (N,) solved from the points; labelling starts from them.
         located: share of the markers that were located in space and labelled.
     """
 
@@ -91,7 +94,7 @@ class StageTimes:
 
 
 def stage_times(streams: Streams, database: Database) -> StageTimes:
-    """Take the streams through one stage after another, block by block, in this process."""
+    """Process the streams stage by stage, block by block, in this process."""
     pipeline = _pipeline(streams.rig, streams.empty)
     session = Session(streams.subject, database, streams.rig)
     labelling = Session(streams.subject, database, streams.rig)
@@ -119,7 +122,7 @@ def stage_times(streams: Streams, database: Database) -> StageTimes:
 
 
 def _label(session: Session, frame: MarkerFrame, before: PerformerPose) -> int:
-    """Label what a frame shows by the pose before; return how many markers are located."""
+    """Label a frame by the pose before; return the number of located markers."""
     return int(session.label_tracked(frame, before.markers_m, 1.0 / _FPS).located.sum())
 
 
@@ -140,7 +143,7 @@ class Throughput:
 
 
 def throughput(streams: Streams, database: Database, poses: Sequence[PerformerPose], passes: int) -> Throughput:
-    """Send the streams through the cameras' process, as fast as it takes them, and label here what it hands over.
+    """Send the streams through the cameras' process at full speed and label them here.
 
     Raises:
         CaptureError: that process failed.

@@ -1,4 +1,4 @@
-"""Table 1 of the paper: frames that the search visits, and how far that takes the poses from the exhaustive search."""
+"""Table 1 of the paper: visited frames, and deviation from the exhaustive search."""
 
 import time
 from dataclasses import replace
@@ -41,8 +41,8 @@ BANDAI_TAKES = (
     "dataset-2_walk_normal_005",
     "dataset-2_wave-left-hand_elderly_006",
 )
-# What a search finds shows in the closest example; the local model, which is chosen anew in each frame from as few
-# dimensions as the paper's, makes much of small differences in what was found.
+# The closest example shows the search's own error. The local model, chosen again in each frame from as few dimensions
+# as the paper's, amplifies small differences between the examples found.
 COMPARED = {
     "nearest": replace(PAPER_RANGE, method="nearest"),
     "lwr": replace(PAPER_RANGE, method="lwr"),
@@ -56,12 +56,9 @@ _COLUMNS = ("frames", "mean", "min", "max", "deg_per_joint")
 
 
 def table1(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
-    """Solve takes with each search and, from the same state, with the exhaustive search; write the table.
+    """Solve takes with each search and with the exhaustive search; write the table.
 
-    Args:
-        data: folder that holds `cmu` and `bandai`.
-        out: folder to write to.
-        workers: processes that read motion.
+    Both start from the same state.
 
     Returns:
         rows (database, search, method, frames, mean, min, max visited, error, share of frames with the same pose),
@@ -127,7 +124,7 @@ def _compared(truth: Motion, database: Database) -> list[dict[str, Any]]:
 
 
 class _Model(SubjectModel):
-    """Remembers the markers of a database, which every solver asks for."""
+    """Subject model that caches the markers of a database for all solvers."""
 
     _stored: NDArray[np.float32] | None = None
 
@@ -139,15 +136,15 @@ class _Model(SubjectModel):
 
 
 def searched(tested: PoseSolver, exhaustive: PoseSolver, markers_m: Any, every: int = _EVERY) -> dict[str, Any]:
-    """Return how many frames a search visits and how far its poses are from the exhaustive search's.
+    """Return visited frames and deviation from the exhaustive search's poses.
 
-    Both start from what the tested search has made of the motion so far, as the error of a single search is asked for,
-    not what becomes of it. All that is visited for a frame counts, at the start several searches.
+    Both start from the tested search's motion so far: the error is that of a single search. All visits for a frame
+    count, at the start those of several searches.
 
     Args:
         tested, exhaustive: solvers of the same method, subject and database.
         markers_m: (F, M, 3) in the order of the marker set.
-        every: frames from one whose pose is compared to the next.
+        every: frames between two compared poses.
     """
     state = tested.initial_state
     visited, apart = [], []
@@ -174,7 +171,7 @@ def searched(tested: PoseSolver, exhaustive: PoseSolver, markers_m: Any, every: 
 
 
 def search_times(truth: Motion, database: Database) -> list[dict[str, Any]]:
-    """Return how long each search takes for a motion's true queries, and its share of the exhaustive search's time."""
+    """Return each search's time for true queries, and its share of the exhaustive's."""
     subject = Subject(truth.name, truth.skeleton, load_marker_set(MARKER_SET))
     model = SubjectModel(subject, database.mean_rotations)
     true_poses = pose_from_rotations(truth.rotations, database.mean_rotations)

@@ -1,4 +1,4 @@
-"""What the cameras' side delivers, against the simulated cameras' truth: centres, 3D points, labels."""
+"""Errors of detection, triangulation and labelling against simulated cameras."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -45,7 +45,7 @@ _LABEL_SECONDS = 20.0
 
 @dataclass(frozen=True)
 class _Case:
-    """A condition under which labels are counted."""
+    """A condition of the labelling test."""
 
     title: str
     studio: StudioSettings
@@ -61,9 +61,7 @@ _CASES = (
 def vision(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
     """Measure centres, points and labels on simulated images, and write them.
 
-    Args:
-        data, workers: not needed; all motion is simulated.
-        out: folder to write to.
+    All motion is simulated: `data` and `workers` are unused.
 
     Returns:
         centroids (radius_px, rms_px of a coordinate), points (speed_m_s, rms_mm of the distance, found), labels (case,
@@ -88,7 +86,7 @@ def vision(data: Path, out: Path, workers: int, progress: Progress) -> dict[str,
 
 
 def centroid_row(radius_px: float) -> dict[str, float]:
-    """Return how well discs of one radius (pixels) are found in noisy images: error of a coordinate, share found."""
+    """Return coordinate error and share found of discs (radius in pixels) in noise."""
     rng = np.random.default_rng(7)
     detector = Detector()
     errors = []
@@ -115,7 +113,10 @@ def _noisy(image: Image, rng: np.random.Generator) -> Image:
 
 
 def _points(speeds_m_s: tuple[float, ...]) -> list[dict[str, float]]:
-    """Locate markers that cross the room at some speed, with cameras calibrated from pictures of the board."""
+    """Locate markers that cross the capture space at some speed.
+
+    The cameras are calibrated from pictures of the board.
+    """
     true = _rig()
     source = simulated_source(performance(DEMO), "boxing", Renderer(true, StudioSettings(noise_sigma=_NOISE)))
     rig = in_world_of(calibrate_studio(source).rig, true)
@@ -123,7 +124,7 @@ def _points(speeds_m_s: tuple[float, ...]) -> list[dict[str, float]]:
 
 
 def _rig() -> CameraRig:
-    """The default cameras' lenses, 2 m apart and 3 m from the performer."""
+    """Return two default cameras, 2 m apart and 3 m from the performer."""
     scale = _BASELINE_M / default_rig().baseline_m()
     cameras = []
     for camera in default_rig().cameras:
@@ -191,7 +192,7 @@ class _Moment:
 
 
 def _film(camera: Camera, path: Array, rng: np.random.Generator) -> Image:
-    """Return an image of markers (M, 3) that move along their paths (M, S, 3) during the exposure."""
+    """Return an image of markers (M, 3) moving along paths (M, S, 3) while exposed."""
     width, height = camera.image_size
     image = np.full((height, width, 3), _DARK, dtype=np.uint8)
     depth = camera.to_camera(path.mean(axis=1))[:, 2]
@@ -202,7 +203,7 @@ def _film(camera: Camera, path: Array, rng: np.random.Generator) -> Image:
 
 
 def _labels(case: _Case, database: Database) -> dict[str, Any]:
-    """Track and solve a performance with the true cameras and subject; count what its markers were taken for."""
+    """Track and solve with the true cameras and subject; count the labels given."""
     motion = performance(DEMO, _LABEL_SECONDS, mirrored=True)
     source = simulated_source(motion, "boxing", Renderer(default_rig(), case.studio))
     right = wrong = missed = 0
@@ -227,7 +228,10 @@ def _labels(case: _Case, database: Database) -> dict[str, Any]:
 
 
 def _named(source: SimulatedSource, database: Database) -> Any:
-    """Yield, per frame, the true marker nearest to each labelled one (M,), -1 where none is, and what both see."""
+    """Yield, per frame, the true markers nearest to the labels, and those both see.
+
+    The first is (M,), -1 for none.
+    """
     pipeline = MarkerPipeline(source.rig)
     pipeline.learn_empty(source.background_frames(60))
     session = Session(source.subject, database, source.rig)
