@@ -1,11 +1,11 @@
-"""Put 200 takes with faults through `perfanim batch` and see that it keeps what it promises.
+"""Run `perfanim batch` over 200 takes with faults and check the results.
 
     python tools/batch_bench.py --data DIR --out DIR
 
-Takes are cut from every other recording of DIR/cmu and the database is made of the rest. 20 of them are broken, empty
-or have the wrong markers. The batch is run with one process and with two, once more when all is done, killed (SIGKILL)
-at a random moment and started again with its takes in another order, and on a Dask cluster of two workers: all must
-leave the same bytes, and name the 20.
+Takes are cut from every other recording of DIR/cmu, the database is made of the rest. 20 takes are broken, empty or
+have the wrong markers. The batch runs with one process and with two, again when all is done, killed (SIGKILL) at a
+random moment and restarted with its takes in another order, and on a Dask cluster of two workers. Every run must leave
+the same bytes and name the 20.
 
 With --pairs N, one process and two are only timed, N times by turns (on a machine that does nothing else).
 """
@@ -51,7 +51,7 @@ def main() -> int:
     """Run; the exit status is 1 when anything that must hold did not."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, required=True, help="folder that holds cmu/")
-    parser.add_argument("--out", type=Path, required=True, help="folder to write to, made anew")
+    parser.add_argument("--out", type=Path, required=True, help="folder to write to; emptied first")
     parser.add_argument("--takes", type=int, default=200, help="how many, the bad ones among them (default 200)")
     parser.add_argument("--seconds", type=float, default=2.0, help="length of each (default 2)")
     parser.add_argument("--seed", type=int, default=1, help="of noise, cuts and the moment of the kill (default 1)")
@@ -143,18 +143,18 @@ WRONGS: tuple[Fault, ...] = (_exchanged, _foreign)
 
 
 def run_all(out: Path, bad: set[str], count: int, chance: random.Random) -> dict[str, Any]:
-    """Run the batch in all ways and return what was seen."""
+    """Run the batch in all ways and return the results."""
     one = batch(out, "plan.toml", "one", "--jobs", "1")
     two = batch(out, "plan.toml", "two", "--jobs", "2")
     again = batch(out, "plan.toml", "two", "--jobs", "2")
     killed = _killed(out, round(chance.uniform(0.3, 0.7) * count))
     after = batch(out, "backwards.toml", "killed", "--jobs", "2")
     cluster = _on_cluster(out)
-    told = one["told"]
-    named = {take["name"]: take["reasons"] for take in told["takes"] if take["status"] == "bad"}
+    summary = one["summary"]
+    named = {take["name"]: take["reasons"] for take in summary["takes"] if take["status"] == "bad"}
     return {
-        "good": told["good"],
-        "doubtful": told["doubtful"],
+        "good": summary["good"],
+        "doubtful": summary["doubtful"],
         "bad": named,
         "seconds": {"one": one["seconds"], "two": two["seconds"], "again": again["seconds"]},
         "cpu_seconds": {"one": one["cpu_seconds"], "two": two["cpu_seconds"], "again": again["cpu_seconds"]},
@@ -164,8 +164,8 @@ def run_all(out: Path, bad: set[str], count: int, chance: random.Random) -> dict
             "every bad take is named, and no other": set(named) == bad and all(named.values()),
             "exit status 1": [run["status"] for run in (one, two, again, after, cluster)] == [1] * 5,
             "two processes as one": same(out / "one", out / "two"),
-            "nothing is done again": again["told"]["finished_before"] == count,
-            "killed and started again": 0 < after["told"]["finished_before"] < count
+            "nothing is done again": again["summary"]["finished_before"] == count,
+            "killed and started again": 0 < after["summary"]["finished_before"] < count
             and same(out / "one", out / "killed"),
             "cluster": same(out / "one", out / "cluster"),
         },
@@ -180,14 +180,14 @@ def timed(out: Path, pairs: int) -> dict[str, Any]:
             shutil.rmtree(out / name, ignore_errors=True)
             runs[name].append(batch(out, "plan.toml", name, "--jobs", jobs))
     ratios = [one["seconds"] / two["seconds"] for one, two in zip(runs["one"], runs["two"], strict=True)]
-    told = {
+    checks = {
         f"{figure} of {name}": [run[figure] for run in done]
         for name, done in runs.items()
         for figure in ("seconds", "cpu_seconds")
     }
     ratio = statistics.median(ratios)
     return {
-        **told,
+        **checks,
         "ratios": ratios,
         "ratio": ratio,
         "holds": {"two processes are 1.8 times one": ratio >= LEAST_RATIO},
@@ -201,7 +201,7 @@ def batch(out: Path, plan: str, name: str, *options: str) -> dict[str, Any]:
     seconds = time.monotonic() - start
     sys.stderr.write(f"{name}: {seconds:.0f} s, {done.stderr}")
     return {
-        "told": json.loads(done.stdout),
+        "summary": json.loads(done.stdout),
         "status": done.returncode,
         "seconds": seconds,
         "cpu_seconds": _cpu_seconds() - before,
@@ -214,7 +214,7 @@ def _line(out: Path, plan: str, name: str, *options: str) -> list[str]:
 
 
 def _killed(out: Path, takes: int) -> int:
-    """Kill a batch in the midst of the takes after so many, and return how many were done."""
+    """Kill a batch after so many takes, and return the number of finished ones."""
     process = subprocess.Popen(_line(out, "plan.toml", "killed", "--jobs", "2"), stdout=subprocess.DEVNULL)
     done = (out / "killed" / "report").glob
     while process.poll() is None and len(list(done("*.json"))) < takes:

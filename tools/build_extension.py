@@ -1,12 +1,11 @@
-"""Build the extension's archives: the add-on and the wheels that it needs, unmodified, from the package index.
+"""Build the extension's archives: add-on and unmodified wheels.
 
     python tools/build_extension.py --out dist
     python tools/build_extension.py --python 3.13 --platform linux-x64 --out dist
 
-One archive per Python and platform, all of them unless told which: scipy has a wheel for every Python, and Blender 4.2
-takes the wrong one when a manifest lists two. numpy is never among the wheels: Blender has its own, and an extension's
-copy would become everybody's.
-With --blender PROGRAM the archives are checked by Blender's own `extension validate`.
+One archive per Python and platform, by default all: scipy has a wheel for every Python, and Blender 4.2 takes the wrong
+one when a manifest lists two. numpy is never among the wheels: Blender has its own, and an extension's copy would
+replace it for everybody. With --blender PROGRAM, Blender's own `extension validate` checks the archives.
 """
 
 import argparse
@@ -39,7 +38,7 @@ PLATFORMS = {
 
 
 def main() -> int:
-    """Build what the command line asks for; returns the exit status."""
+    """Build the chosen archives; return the exit status."""
     options = _parse()
     for python in options.python or BLENDERS:
         for platform in options.platform or PLATFORMS:
@@ -60,7 +59,7 @@ def _parse() -> argparse.Namespace:
     parser.add_argument(
         "--system-python",
         action="store_true",
-        help="for the Blender of a Linux distribution, whose Python is not the one that this Blender is known to have",
+        help="for the Blender of a Linux distribution that has another Python than this Blender usually has",
     )
     parser.add_argument("--blender", help="command of a Blender that checks the archives")
     options = parser.parse_args()
@@ -69,7 +68,10 @@ def _parse() -> argparse.Namespace:
 
 
 def download_wheels(python: str, platform: str, folder: Path) -> list[Path]:
-    """Return the wheels for a Python ("3.13") and a platform, fetched by pip into `folder` unless they are there."""
+    """Return the wheels for a Python ("3.13") and a platform.
+
+    pip fetches missing ones into `folder`.
+    """
     folder = folder / f"{python}-{platform}"
     folder.mkdir(parents=True, exist_ok=True)
     found = [_wheel(folder, requirement) for requirement in REQUIREMENTS]
@@ -126,7 +128,7 @@ def fits(wheel: str, python: str, platform: str) -> bool:
 
 
 def manifest_text(text: str, versions: tuple[str, str | None], platform: str, wheels: list[Path]) -> str:
-    """Return the manifest's text with Blender's versions (from, up to and without), platform and wheels."""
+    """Return the manifest's text with Blender's versions [from, to), platform, wheels."""
     first, beyond = versions
     lines = [f'blender_version_min = "{first}"']
     lines += [f'blender_version_max = "{beyond}"'] if beyond else []
@@ -141,7 +143,10 @@ def manifest_text(text: str, versions: tuple[str, str | None], platform: str, wh
 
 
 def content(patterns: list[str]) -> list[Path]:
-    """Return the files that belong into the archive: tracked or not, less the manifest's exclude patterns."""
+    """Return the files of the archive.
+
+    Tracked or not, without the manifest's exclude patterns.
+    """
     found: list[Path] = []
 
     def visit(folder: Path) -> None:
@@ -158,7 +163,10 @@ def content(patterns: list[str]) -> list[Path]:
 
 
 def _excluded(path: Path, patterns: list[str]) -> bool:
-    """Whether a pattern in the style of .gitignore names this path (a leading / ties it to the root)."""
+    """Return True if a pattern in the style of .gitignore matches the path.
+
+    A leading / anchors the pattern at the root.
+    """
     relative = path.relative_to(ROOT).as_posix()
     for pattern in patterns:
         if pattern.endswith("/") and not path.is_dir():

@@ -1,14 +1,14 @@
-"""How long the extension itself takes for a frame: from a marker frame's packet to the bones of the character.
+"""Time of one live frame in the extension, from packet to the character's bones.
 
     python tools/frame_bench.py --data DIR [--database ALL.pfdb] [--character Xbot.glb]
 
-What the solver's process and Blender do with each frame of a live capture, in one process, one after the other: the
-packet taken apart, the take written, the pose solved, packed, sent as bytes and taken apart again, and put on the
-armature. Cameras, the sockets' waiting and Blender's own evaluation and drawing are not in it. The database is cut to
-as many frames as `perfanim bench speed` takes, without the takes that are solved. DIR holds cmu/ (and bandai/, if the
-database is to be built from both). Times are of the clock and of the processor; those of one exhaustive NumPy search
-stand beside them, as machines differ, and those of the solver alone. Run it with OPENBLAS_NUM_THREADS=1, as the worker
-is (`make frame-bench` does). The exit status is 1 where the median is above 4 ms or one in a hundred above 8.
+Runs in one process, one after the other, the work of solver process and Blender on each frame: decode the packet,
+write the take, solve, pack, send as bytes, unpack, pose the armature. Excluded: cameras, waiting for sockets,
+Blender's own evaluation and drawing. The database is cut to as many frames as `perfanim bench speed` takes, without
+the takes it solves. DIR holds cmu/ (and bandai/, to build the database from both). Times are wall and processor time,
+beside those of one exhaustive NumPy search, as machines differ, and of the solver alone. Run it with
+OPENBLAS_NUM_THREADS=1 like the worker (`make frame-bench` does). The exit status is 1 if the median is above 4 ms or
+the 99th percentile above 8.
 """
 
 import argparse
@@ -64,12 +64,12 @@ def main() -> int:
             motion = read_take(options.data, take)
             for title, character in _characters(motion, options.character):
                 taken = 1e3 * np.array(_taken(motion, database, character, folder / f"{take.trial} {title}.perftake"))
-                missed |= _told(f"{take.title}, {title}", taken, (wall, processor, wall))
+                missed |= _report(f"{take.title}, {title}", taken, (wall, processor, wall))
     return int(missed)
 
 
 def _characters(motion: Motion, file: Path | None) -> list[tuple[str, str]]:
-    """Return titles and armatures in an empty scene: the performer, and the character of a file."""
+    """Add the performer and a file's character to an empty scene; return both names."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     found = [("own character", create_character(bpy.context, motion.skeleton))]
     if file is not None:
@@ -81,7 +81,7 @@ def _characters(motion: Motion, file: Path | None) -> list[tuple[str, str]]:
 
 
 def _taken(motion: Motion, database: Database, character: str, path: Path) -> list[tuple[float, float, float]]:
-    """Return the seconds of each frame, by the clock and by the processor, and the solver's of the clock."""
+    """Return each frame's wall and processor seconds, and the solver's wall seconds."""
     subject = Subject(motion.name, motion.skeleton, load_marker_set("boxing"))
     frames = take_frames(simulate_markers(motion, subject)[0], subject.marker_set)
     packets = [pack_stamped(number / FPS, frame) for number, frame in enumerate(frames)]
@@ -99,7 +99,7 @@ def _taken(motion: Motion, database: Database, character: str, path: Path) -> li
 
 
 def _handled(session: Session, driver: ArmatureDriver, take: TakeWriter, decoder: Decoder) -> Callable[[bytes], float]:
-    """Return what handles a packet and tells the solver's seconds."""
+    """Return a packet handler that returns the solver's seconds."""
 
     def handle(packet: bytes) -> float:
         take.add_frame(packet)
@@ -117,7 +117,7 @@ def _handled(session: Session, driver: ArmatureDriver, take: TakeWriter, decoder
     return handle
 
 
-def _told(title: str, taken: np.ndarray, reference: tuple[float, float, float]) -> bool:
+def _report(title: str, taken: np.ndarray, reference: tuple[float, float, float]) -> bool:
     """Say how long it took; return whether that is longer than is asked by the clock."""
     _say(f"{title}, {len(taken)} frames:")
     for what, milliseconds, search in zip(("clock", "processor", "the solver alone"), taken.T, reference, strict=True):

@@ -1,12 +1,12 @@
-"""A walk and boxing on every character below a folder: which bones are found, and how the character then moves.
+"""Check a walk and boxing on every character below a folder.
 
     python tools/retarget_bench.py --data ../shared/data/rigs
 
 Every file that Blender reads (.glb, .gltf, .vrm, .blend) gets a line: how far its arms hang in the rest pose, whether
-the bone map is complete, by what it was found, and for each clip the largest median angle between where a hand, a foot
-or a bone of an arm points and where the performer's does, the fastest turn of a bone relative to the performer's
-fastest joint, and how much faster feet slide while the performer's stand. What is refused is told with the reason. The
-exit status is 1 if a character misses what is required: 3 degrees, twice the turn, 1 cm/s.
+the bone map is complete, by which method it was found, and for each clip the largest median angle between the direction
+of a hand, a foot or an arm's bone and the performer's, the fastest turn of a bone relative to the performer's fastest
+joint, and the extra speed of feet while the performer's stand. Refused files are printed with the reason. The exit
+status is 1 if a character misses the limits: 3 degrees, twice the turn, 1 cm/s.
 """
 
 import argparse
@@ -36,7 +36,7 @@ DIRECTION_DEG, TURN, SLIDE_CM_S = 3.0, 2.0, 1.0
 
 
 def main() -> int:
-    """Run; the exit status is 1 when a character misses what is required."""
+    """Run; return 1 if a character misses the limits."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, required=True, help="folder with characters")
     options = parser.parse_args()
@@ -53,7 +53,7 @@ def main() -> int:
         doubtful = f", doubtful: {', '.join(done['doubtful'])}" if done["doubtful"] else ""
         _say(f"{name}: arms {first.arms_down_deg:.0f} deg down, {complete}{doubtful}, by {done['found_by']}")
         for clip, (_, figures) in zip(CLIPS, found, strict=True):
-            missed += _told(clip, figures)
+            missed += _report(clip, figures)
     _say(f"{missed} missed")
     return 1 if missed else 0
 
@@ -67,8 +67,8 @@ def _retargeted(path: Path, clip: str) -> tuple[dict, Played]:
         return done, measured(done, motion)
 
 
-def _told(clip: str, figures: Played) -> bool:
-    """Print a line; return whether it misses what is required."""
+def _report(clip: str, figures: Played) -> bool:
+    """Print a line; return True if it misses the limits."""
     medians = {limb: float(np.median(errors)) for limb, errors in figures.direction_deg.items()}
     worst = max(medians, key=lambda limb: medians[limb])
     turn = figures.turn_deg / figures.own_turn_deg
@@ -84,7 +84,7 @@ def _say(line: str) -> None:
 
 @contextlib.contextmanager
 def _silent():  # type: ignore[no-untyped-def]
-    """Keep what Blender's importers print, from Python and below, from the table."""
+    """Hide output of Blender's importers, from Python and below."""
     sys.stdout.flush()
     kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)

@@ -1,17 +1,17 @@
-"""Kill or freeze processes of captures at random moments (SIGKILL, SIGSTOP) and see what their takes have kept.
+"""Kill or freeze processes of captures at random moments and check their takes.
 
     python tools/take_fuzz.py --kills 100 --out report.json
 
 Each time the whole chain of a capture runs: a process in Blender's place, the solver's process, the cameras' process
-with the simulated performer. One of the three is killed, by turns; the two workers are frozen instead every other time.
+with the simulated performer. One of the three is killed (SIGKILL), by turns; every other time the two workers are
+frozen (SIGSTOP) instead. "Received" are frames that the cameras had half a second before.
 
-- Blender killed: the take must have its end mark and hold all that was in the cameras' hands half a second before.
-- A worker killed or frozen: it must be replaced within two seconds, the capture must go on in the same take, which
-  marks one gap, and end as it should. All that was in the cameras' hands half a second before must have been kept. How
-  soon the next pose came is told as well.
+- Blender killed: the take must have its end mark and hold all received frames.
+- A worker killed or frozen: it must be replaced within two seconds, the capture must go on in the same take with one
+  marked gap and end normally. All received frames must be there. The time to the next pose is reported as well.
 
-Always every frame before that must be as in a capture that nobody killed, every frame whose pose Blender had taken must
-be there, no number may be left out, and no process may be left. Linux only: it looks at /proc.
+Always every earlier frame must be as in an undisturbed capture, every frame with a pose that Blender had taken must be
+there, no number may be missing, and no process may be left. Linux only: it looks at /proc.
 """
 
 import argparse
@@ -168,7 +168,7 @@ def _count_file(take: str) -> Path:
 
 
 def _reference(request: dict[str, Any], path: Path) -> list[bytes]:
-    """Return the frames of a capture that ends as it should, somewhat longer than those that are killed."""
+    """Return the frames of an undisturbed capture, longer than the killed ones."""
     client = WorkerClient({**request, "take": str(path)})
     taken = 0
     while not client.ended:
@@ -187,7 +187,7 @@ def _reference(request: dict[str, Any], path: Path) -> list[bytes]:
 def _killed(
     request: dict[str, Any], path: Path, victim: tuple[str, int], after_s: float, reference: list[bytes]
 ) -> dict[str, Any]:
-    """Return what one capture has kept, of whose processes one was killed or frozen."""
+    """Return the frames kept by one capture with a process killed or frozen."""
     line = [sys.executable, __file__, "--in-blenders-place", json.dumps(request)]
     blender = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
     solver = int(_line(blender))
@@ -221,7 +221,7 @@ def _killed(
     if numbers != list(range(len(numbers))):
         wrong.append("numbers are left out")
     if len(frames) < sent:
-        wrong.append(f"{sent - len(frames)} frames whose poses were taken are not kept")
+        wrong.append(f"{sent - len(frames)} frames with poses that Blender took are not kept")
     if not take.complete:
         wrong.append("; ".join(take.problems))
     if len(take.gaps) != (who != "Blender"):

@@ -1,1 +1,1 @@
-"""Generator of the character's mesh: implicit surfaces around the bones, and skin weights."""
+"""Generator of the character's mesh: surfaces around the bones, skin weights."""

@@ -1,4 +1,8 @@
-"""Make the mesh of the extension's character: python -m character_mesh.make_character_mesh OUT.npz (in tools)."""
+"""Make the mesh of the extension's character.
+
+
+python -m character_mesh.make_character_mesh OUT.npz  # in tools/
+"""
 
 import sys
 from dataclasses import dataclass
@@ -40,7 +44,7 @@ class Body:
 
 
 def make_body(skeleton: Skeleton, heads_m: Array) -> Body:
-    """Return the body for a skeleton whose joints stand at `heads_m` (J, 3) in the rest pose."""
+    """Return the body of a skeleton with rest joints at `heads_m` (J, 3)."""
     figure = Figure(skeleton, heads_m)
     parts = parts_of(figure)
     fields = [union(part.shapes) for part in parts]
@@ -72,7 +76,10 @@ def _surface(part: Part) -> tuple[Array, NDArray[np.int64]]:
 def _without_hidden(
     vertices: Array, faces: NDArray[np.int64], others: list[Field], scale: float
 ) -> tuple[Array, NDArray[np.int64], NDArray[np.bool_]]:
-    """Leave out what lies well inside another part (the skull under the hair): it would only cost time to draw."""
+    """Remove surface well inside another part, such as the skull under the hair.
+
+    It would only cost drawing time.
+    """
     inside = np.zeros(len(vertices), dtype=bool)
     for field in others:
         inside |= field(vertices) < -_HIDDEN_M * scale
@@ -86,7 +93,10 @@ def _belt_m(figure: Figure) -> float:
 
 
 def _straighten(vertices: Array, faces: NDArray[np.int64], materials: NDArray[np.int64], figure: Figure) -> None:
-    """Move the vertices between shirt and trousers onto the belt's height, so that they meet in a clean line."""
+    """Move the vertices between shirt and trousers onto the belt's height.
+
+    So they meet in a clean line.
+    """
     above, below = MATERIAL_NAMES.index("shirt"), MATERIAL_NAMES.index("trousers")
     border = np.intersect1d(faces[materials == above], faces[materials == below])
     vertices[border, 1] = _belt_m(figure)

@@ -1,6 +1,6 @@
-"""The shapes of a person around a skeleton in its T pose: shirt, trousers, shoes, head, hair, hands.
+"""Shapes of a person around a skeleton in T pose.
 
-Girths follow the body's height, lengths the skeleton's bones. Product space, metres; the figures are for 1.75 m.
+Girths follow the body's height, lengths the skeleton's bones. World space, metres; the figures are for 1.75 m.
 """
 
 from dataclasses import dataclass
@@ -15,12 +15,12 @@ from .surface import Array, Loft, ball
 
 @dataclass(frozen=True)
 class Part:
-    """A closed surface of the body and how it is meshed.
+    """A closed surface of the body and its mesh settings.
 
     Args:
         name: "clothes", "head", "hair", "shoe", "hand", "eye".
         side: "l", "r" or "" for the middle.
-        shapes: what it is made of.
+        shapes: their union is the surface.
         spacing_m: size of its quadrilaterals.
     """
 
@@ -34,8 +34,8 @@ class Figure:
     """Landmarks of a body: joints by name, and the scale of its girths.
 
     Args:
-        skeleton: the product's joints.
-        heads_m: (J, 3) joint positions of the rest pose, product space.
+        skeleton: the standard skeleton's joints.
+        heads_m: (J, 3) joint positions of the rest pose, world space.
     """
 
     def __init__(self, skeleton: Skeleton, heads_m: NDArray[np.float64]) -> None:
@@ -55,7 +55,10 @@ class Figure:
 
     @property
     def neck_base(self) -> Array:
-        """Where the neck leaves the trunk (3,): some skeletons have their lowest neck joint higher up."""
+        """Where the neck leaves the trunk (3,).
+
+        Some skeletons have their lowest neck joint higher up.
+        """
         neck = self.joint("lowerneck").copy()
         shoulders = 0.5 * (self.joint("lhumerus")[1] + self.joint("rhumerus")[1])
         neck[1] = min(neck[1], shoulders - 0.045 * self.scale)
@@ -116,7 +119,7 @@ def _torso(figure: Figure) -> list[Loft]:
 
 
 def _flank(f: Figure, side: str, out: float) -> list[Loft]:
-    """Return what shapes one side of the trunk: buttock, chest, shoulder blade, trapezius, shoulder."""
+    """Return the shapes of one side of the trunk, from buttock to shoulder."""
     hip, shoulder, neck = f.joint(side + "femur"), f.joint(side + "humerus"), f.neck_base
     chest = np.array([0.40 * shoulder[0], neck[1], neck[2]])
     blade = np.array([0.55 * shoulder[0], neck[1], neck[2]])
@@ -170,7 +173,7 @@ def _arm(figure: Figure, side: str) -> list[Loft]:
 
 
 def _skull(f: Figure) -> tuple[Array, float]:
-    """Return the point that the head's shapes are measured from, and their scale: a little larger than life."""
+    """Return the head's reference point and scale (a little larger than life)."""
     return f.skull_base, 1.10 * f.scale
 
 

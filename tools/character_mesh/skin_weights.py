@@ -1,8 +1,8 @@
-"""How the bones carry the skin of a character: smooth weights over every joint, from positions in the rest pose.
+"""Skin weights of a character: smooth over every joint, from rest positions.
 
-Weight starts at the root and is handed on from bone to bone: across a plane through each joint the parent's share
-passes to the child, gently over a width that suits the joint. So weights are never negative, always sum to one and
-change smoothly, however coarse the mesh. Product space, metres; widths are for a body of 1.75 m.
+Weight starts at the root and passes from bone to bone: across a plane through each joint the parent's share goes to the
+child, over a width that suits the joint. So weights are never negative, sum to one and change smoothly, however coarse
+the mesh. World space, metres; widths are for a body of 1.75 m.
 """
 
 from collections.abc import Sequence
@@ -45,7 +45,7 @@ class _Weights:
         self.values[:, 0] = 1.0
 
     def beyond(self, origin: ArrayLike, normal: ArrayLike, half_width: float) -> Array:
-        """Return 0 to 1 (V,): how far the points lie beyond a plane, eased over twice the half width."""
+        """Return 0 to 1 (V,): distance beyond a plane, eased over twice the half width."""
         direction = np.asarray(normal, dtype=np.float64)
         distance = (self.points - np.asarray(origin)) @ (direction / np.linalg.norm(direction))
         return _eased(distance / (self.figure.scale * half_width))
@@ -75,7 +75,10 @@ def _spine(w: _Weights) -> None:
 
 
 def _head(w: _Weights, part_names: NDArray[np.str_]) -> None:
-    """Head and neck turn with their own joints; hair and eyes with the skull alone; the collar only with the neck."""
+    """Weight head and neck, hair, eyes and collar.
+
+    Hair and eyes turn with the skull alone; the collar only with the neck.
+    """
     f = w.figure
     skin = part_names == "head"
     neck = w.beyond(f.off(f.neck_base, 0.0, 0.045, -0.01), (0.0, 1.0, -0.25), 0.045)

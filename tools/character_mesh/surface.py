@@ -1,8 +1,8 @@
-"""Smooth closed surfaces from a few shapes: implicit lofts, their blended union, and its quadrilateral mesh.
+"""Smooth closed surfaces: implicit lofts, their blended union, quadrilateral mesh.
 
-A shape is described by how thick it is along an axis; shapes are united with a rounded seam, and the zero level of the
-result is meshed by a surface net (Gibson 1998, "Constrained elastic surface nets"): one vertex per cell of a grid
-that the surface passes through, then relaxed on the surface so that the quadrilaterals are even. Pure numpy.
+A shape is described by its thickness along an axis; shapes are united with a rounded seam. A surface net (Gibson 1998,
+"Constrained elastic surface nets") meshes the zero level: one vertex per grid cell on the surface, then relaxed on the
+surface so that the quadrilaterals are even. Pure numpy.
 """
 
 from collections.abc import Callable, Sequence
@@ -47,7 +47,7 @@ class Loft:
     blend: float = 0.03
 
     def __call__(self, points: Array) -> Array:
-        """Return, for points (..., 3), a value that is negative inside and grows like the distance near the surface."""
+        """Return signed distances of points (..., 3), exact near the surface only."""
         start = np.asarray(self.start, dtype=np.float64)
         axis = np.asarray(self.end, dtype=np.float64) - start
         length = float(np.linalg.norm(axis))
@@ -79,7 +79,7 @@ def ball(centre: ArrayLike, radii: Sequence[float], *, blend: float = 0.03) -> L
 
 
 def union(shapes: Sequence[Loft]) -> Field:
-    """Return the field of all shapes together, each joined to those before it with its own `blend` radius."""
+    """Return the field of all shapes, each joined with its own `blend` radius."""
 
     def field(points: Array) -> Array:
         result = shapes[0](points)
@@ -91,13 +91,13 @@ def union(shapes: Sequence[Loft]) -> Field:
 
 
 def smooth_minimum(first: Array, second: Array, radius: float) -> Array:
-    """Return the smaller value, rounded where the two differ by less than `radius` (quadratic)."""
+    """Return the smaller value, rounded where both differ by less than `radius`."""
     overlap = np.maximum(radius - np.abs(first - second), 0.0) / radius
     return np.minimum(first, second) - 0.25 * radius * overlap**2
 
 
 def mesh_of(field: Field, low: ArrayLike, high: ArrayLike, spacing: float) -> tuple[Array, IntArray]:
-    """Return the mesh of the field's zero level inside a box, symmetric in x where box and field are.
+    """Return the mesh of a field's zero level in a box; symmetric in x if both are.
 
     Args:
         low, high: (3,) corners of the box, metres; the surface must not touch its sides.
@@ -127,7 +127,7 @@ def _surface_net(values: Array) -> tuple[Array, IntArray]:
 
 
 def _crossings_mean(values: Array, where: IntArray) -> Array:
-    """Return (V, 3) the mean, in cell units, of the points where the cells' edges cross the surface."""
+    """Return (V, 3) mean points of the cells' edge crossings, in cell units."""
     at_corners = np.stack([values[tuple((where + corner).T)] for corner in _CORNERS], axis=1)
     total, count = np.zeros((len(where), 3)), np.zeros(len(where))
     for a, b in product(range(8), repeat=2):
@@ -142,7 +142,7 @@ def _crossings_mean(values: Array, where: IntArray) -> Array:
 
 
 def _faces(inside: NDArray[np.bool_], numbers: IntArray) -> IntArray:
-    """Return one quadrilateral for every grid edge that leaves the body, from the four cells around it."""
+    """Return a quadrilateral of the four cells around each edge through the surface."""
     faces = []
     for axis in range(3):
         u, v = np.eye(3, dtype=np.int64)[[(axis + 1) % 3, (axis + 2) % 3]]
@@ -158,7 +158,7 @@ def _faces(inside: NDArray[np.bool_], numbers: IntArray) -> IntArray:
 
 
 def _relaxed(field: Field, vertices: Array, faces: IntArray, spacing: float, rounds: int = 8) -> Array:
-    """Even out the mesh: vertices move towards their neighbours' mean and back onto the surface."""
+    """Move vertices towards their neighbours' mean and back onto the surface."""
     neighbours = np.concatenate([faces[:, [i, (i + 1) % 4]] for i in range(4)])
     neighbours = np.unique(np.sort(neighbours, axis=1), axis=0)
     both = np.concatenate((neighbours, neighbours[:, ::-1]))
@@ -173,7 +173,7 @@ def _relaxed(field: Field, vertices: Array, faces: IntArray, spacing: float, rou
 
 
 def _step_to_surface(field: Field, points: Array, spacing: float) -> Array:
-    """Return the Newton step off the zero level along the gradient, at most half the mesh spacing long."""
+    """Return the Newton step to the zero level, at most half the spacing long."""
     value, width = field(points), 0.05 * spacing
     gradient = np.stack(
         [(field(points + step) - field(points - step)) / (2.0 * width) for step in width * np.eye(3)], axis=-1

@@ -1,4 +1,4 @@
-"""A simulated performer: full-body motion from a model of how people move, without any recorded data."""
+"""A simulated performer: full-body motion from a model, without recorded data."""
 
 from .performance import BEHAVIOURS, demo_performance, perform, performance
 from .style import STYLES, Style, style_named

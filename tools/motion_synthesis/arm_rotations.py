@@ -1,4 +1,4 @@
-"""Two-bone limbs: analytic inverse kinematics and the arms' and hands' orientations.
+"""Two-bone limbs: analytic inverse kinematics, orientations of arms and hands.
 
 World and chest frames below are those of the rest pose: x to the left, y up, z forward. "Hinge" is the axis about
 which the limb's middle joint flexes by positive angles.
@@ -25,7 +25,7 @@ _TWIST_RANGE_RAD = (np.deg2rad(100.0), np.deg2rad(130.0))
 
 @dataclass(frozen=True)
 class TwoBones:
-    """World orientation of the first bone (T, 4) and the middle joint's flexion (T,), radians."""
+    """World orientation of the first bone (T, 4), flexion of the joint (T,), radians."""
 
     first: Array
     flexion_rad: Array
@@ -37,7 +37,10 @@ def unit(vectors: Array) -> Array:
 
 
 def frame_from(rest_bone: Array, rest_hinge: Array, bone: Array, hinge: Array) -> Array:
-    """Return the rotations (T, 4) that take a rest bone and hinge to world ones (both pairs orthogonal)."""
+    """Return rotations (T, 4) of a rest bone and hinge to world ones.
+
+    Each bone is orthogonal to its hinge.
+    """
     rest = np.stack((rest_hinge, rest_bone, np.cross(rest_hinge, rest_bone)), axis=-1)
     world = np.stack((hinge, bone, np.cross(hinge, bone)), axis=-1)
     return rot.from_matrix(world @ rest.T)
@@ -51,7 +54,7 @@ def two_bones(
     rest: tuple[Array, Array],
     straightest: tuple[float, float] = LEG_REACH,
 ) -> TwoBones:
-    """Return the pose in which two bones reach from `start` to `target` (T, 3) each.
+    """Return the pose of two bones that reach from `start` to `target` (T, 3) each.
 
     Args:
         hinge_hint: (T, 3) wanted hinge axis; its part across the line start-target is used.
@@ -80,13 +83,17 @@ def arm_rest(side: str) -> tuple[Array, Array]:
 
 
 def leg_rest(flat: Array) -> tuple[Array, Array]:
-    """Return the leg's direction and the knee's hinge in the rest pose, from the turn that makes the shank vertical."""
+    """Return the leg's direction and the knee's hinge in the rest pose.
+
+    Args:
+        flat: turn that makes the shank vertical.
+    """
     back = rot.conjugate(flat)
     return rot.rotate(back, np.array([0.0, -1.0, 0.0])), rot.rotate(back, np.array([1.0, 0.0, 0.0]))
 
 
 def hanging_arm(side: str, flex_rad: Array, abduct_rad: Array, twist_rad: Array) -> Array:
-    """Return chest-from-humerus of an arm swung forward (`flex`) and sideways (`abduct`) from hanging.
+    """Return chest-from-humerus of an arm swung forward and sideways from hanging.
 
     With `twist` 0 a hanging arm's elbow folds straight forward; positive twist turns the forearm inwards.
     abduct 90 and twist -30 degrees is the rest pose.
@@ -108,7 +115,7 @@ def elbow(side: str, flexion_rad: Array) -> Array:
 
 
 def swing_twist(rotations: Array, axis: Array) -> tuple[Array, Array]:
-    """Return (twist angle about `axis`, swing): rotations = twist then swing in the twisted frame, R = T S."""
+    """Return the twist angle T about `axis` and the swing S: rotations R = T S."""
     along = rotations[..., 1:] @ axis
     angle = 2.0 * np.arctan2(along, rotations[..., 0])
     angle = (angle + np.pi) % (2.0 * np.pi) - np.pi
@@ -117,21 +124,21 @@ def swing_twist(rotations: Array, axis: Array) -> tuple[Array, Array]:
 
 
 def soft_limit(angles: Array, free_rad: float, limit_rad: float) -> Array:
-    """Return angles unchanged up to `free_rad` either way and held ever more firmly below `limit_rad` beyond."""
+    """Return angles softly held below `limit_rad`, unchanged up to `free_rad`."""
     room = limit_rad - free_rad
     beyond = np.maximum(np.abs(angles) - free_rad, 0.0)
     return np.asarray(np.sign(angles) * (np.minimum(np.abs(angles), free_rad) + room * np.tanh(beyond / room)))
 
 
 def limited(rotations: Array, free_rad: float, limit_rad: float) -> Array:
-    """Return rotations whose angle is softly held below `limit_rad`."""
+    """Return rotations by angles softly held below `limit_rad`."""
     vector = rot.to_rotation_vector(rotations)
     angle = np.linalg.norm(vector, axis=-1, keepdims=True)
     return rot.from_rotation_vector(vector * (soft_limit(angle, free_rad, limit_rad) / np.maximum(angle, 1e-9)))
 
 
 def forearm_and_hand(side: str, world_from_radius: Array, world_from_hand: Array) -> tuple[Array, Array]:
-    """Return local rotations of wrist (pure twist of the forearm) and hand that turn the hand as wanted."""
+    """Return local rotations of wrist (pure forearm twist) and hand for a world hand."""
     axis, _ = arm_rest(side)
     angle, bend = swing_twist(rot.multiply(rot.conjugate(world_from_radius), world_from_hand), axis)
     held = soft_limit(angle, *_TWIST_RANGE_RAD)

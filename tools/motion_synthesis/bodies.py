@@ -1,4 +1,4 @@
-"""Bodies of many sizes and proportions: the performers, and the prototypes of the subject calibration."""
+"""Bodies of many proportions: performers, and prototypes of subject calibration."""
 
 import json
 from pathlib import Path
@@ -36,7 +36,7 @@ _PAIRED = {"foot": _SHANK_SPREAD, "wrist": _FOREARM_SPREAD, "hand": _FOREARM_SPR
 
 
 def body(height_m: float = 1.75, build: float = 0.0, seed: int = 0) -> Skeleton:
-    """Return a person's skeleton: the product's joints with proportions as they vary between people.
+    """Return a person's standard skeleton, with human variation of proportions.
 
     Args:
         height_m: head to sole.
@@ -101,7 +101,7 @@ def prototype_bodies(count: int = PROTOTYPES) -> tuple[Skeleton, ...]:
 
 
 def save_bodies(bodies: tuple[Skeleton, ...], path: Path | str) -> None:
-    """Write skeletons of the product's joints as JSON: offsets and bone ends in metres."""
+    """Write standard skeletons as JSON: offsets and bone ends in metres."""
     rows = [
         {
             "height_m": round(_stature(skeleton), 4),

@@ -1,4 +1,4 @@
-"""Boxing: guard with footwork, jabs, crosses, hooks, uppercuts, ducking and slipping, in combinations.
+"""Boxing: guard, footwork, punches, ducking and slipping, in combinations.
 
 All is written for a boxer with the left foot in front; `lead` mirrors it. Lengths are shares of the arm's length
 where they place hands, metres for a leg of 0.85 m where they place feet.
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .curves import Array
+from .feet import Swing
 from .proportions import outward
 from .timeline import Score
 
@@ -38,7 +39,10 @@ _GUARD_YAW = 0.55  # the body's turn away from the front foot
 
 @dataclass(frozen=True)
 class _Hand:
-    """A fist: target, fingers' and palm's direction for the left hand, elbow's swivel, collar bone, the arm's share."""
+    """A fist, with directions for the left hand.
+
+    Target, directions of fingers and palm, elbow's swivel, collar bone, the arm's share.
+    """
 
     target: tuple[float, float, float]
     fingers: tuple[float, float, float]
@@ -53,7 +57,10 @@ _REAR_GUARD = _Hand((0.10, 0.09, 0.38), (-0.15, 0.88, 0.45), (-1.0, 0.0, -0.1), 
 
 @dataclass(frozen=True)
 class _Trunk:
-    """Trunk of a boxer with the left foot in front: radians, metres of sinking, weight on the front foot."""
+    """Trunk of a boxer with the left foot in front.
+
+    Radians, metres of sinking, weight on the front foot.
+    """
 
     yaw: float = -_GUARD_YAW
     twist: float = 0.0
@@ -124,7 +131,11 @@ class Boxer:
     # ---- feet
 
     def stand(self, lift_s: float, forward: float = 0.0, left: float = 0.0, first: str = "") -> float:
-        """Step both feet into the stance moved by (forward, left) metres; return when the second has landed."""
+        """Step both feet into the stance moved by (forward, left) metres.
+
+        Returns:
+            time at which the second foot has landed.
+        """
         score = self.score
         x, z = self.spot
         x += self.size * (left * np.cos(self.heading) + forward * np.sin(self.heading))
@@ -149,7 +160,7 @@ class Boxer:
         )
         rest = 0.0 if front else 0.22
         self.score.step(
-            side, lift_s, land_s, spot, height_m=0.030 * self.size, heel_up_rad=max(0.18, rest),
+            side, Swing(lift_s, land_s, spot, 0.030 * self.size), heel_up_rad=max(0.18, rest),
             toe_up_rad=0.05 if front else -rest, rise_s=0.08, roll_s=0.06,
         )  # fmt: skip
         self.score.set(land_s + 0.06, **{f"{side}.pitch": rest})
@@ -166,7 +177,7 @@ def _blow(
     boxer: Boxer, start_s: float, side: str, times: tuple[float, float, float], wind: _Hand | None, hit: _Hand,
     bodies: tuple[_Trunk, _Trunk],
 ) -> float:  # fmt: skip
-    """Key one blow: wind-up, impact, return, with the trunk's wind-up and impact poses."""
+    """Key one blow: wind-up, impact, return, each with its trunk pose."""
     score = boxer.score
     pace = score.vary(1.0, 0.08) / score.style.tempo
     wind_s, hit_s, back_s = (start_s + pace * t for t in np.cumsum(times))
@@ -376,7 +387,7 @@ def _lower_guard(boxer: Boxer, start_s: float) -> None:
     for side in (boxer.rear, boxer.lead):
         to = score.placement(side, x, z, boxer.heading)
         base = 0.22 if side == boxer.rear else 0.1
-        score.step(side, lift, lift + 0.34, to, height_m=0.04 * boxer.size, heel_up_rad=base + 0.15)
+        score.step(side, Swing(lift, lift + 0.34, to, 0.04 * boxer.size), heel_up_rad=base + 0.15)
         lift += 0.42
     score.time_s = lift + 0.2
     score.set(start_s + 0.85, height=0.99 * score.body.standing_m)

@@ -1,4 +1,4 @@
-"""Smooth curves through keys: what an animator's graph editor does, for arrays of times.
+"""Smooth curves through keys, as in an animator's graph editor.
 
 Default tangents are monotone (no overshoot between keys, level at extremes); a key may fix its own velocity and
 acceleration, so a ballistic flight between two keys with acceleration -g is reproduced exactly.
@@ -28,7 +28,7 @@ class Key(NamedTuple):
 
 @dataclass
 class Track:
-    """Keys of one quantity; evaluates to a curve that is C2 but for the ends, where it is held."""
+    """Keys of one quantity; a C2 curve between the ends and constant beyond."""
 
     keys: list[Key] = field(default_factory=list)  # by time
 
@@ -82,7 +82,7 @@ def _optional(value: ArrayLike | None) -> Array | None:
 
 
 def _tangents(times: Array, values: Array, keys: Sequence[Key]) -> tuple[Array, Array]:
-    """Return velocities and accelerations at the keys, monotone where they are not fixed."""
+    """Return velocities and accelerations at the keys, monotone where not fixed."""
     steps = np.diff(times)[:, None]
     slopes = np.diff(values, axis=0) / steps
     velocities = np.zeros_like(values)
@@ -122,7 +122,7 @@ def _quintic(at: Array, segment: NDArray[np.intp], times: Array, p: Array, v: Ar
 
 
 def ease(u: ArrayLike) -> Array:
-    """Return the minimum-jerk blend 0 -> 1 of u in 0..1 (Flash and Hogan 1985), held outside."""
+    """Return the minimum-jerk blend (Flash and Hogan 1985) of u, clamped to 0..1."""
     s = np.clip(np.asarray(u, dtype=np.float64), 0.0, 1.0)
     return s**3 * (10.0 + s * (-15.0 + 6.0 * s))
 
@@ -155,9 +155,9 @@ def _convolved(values: Array, kernel: Array, reach: int) -> Array:
 
 
 def wander(rng: np.random.Generator, times_s: Array, size: int, slowest_s: float, fastest_s: float) -> Array:
-    """Return smooth noise (T, size) of unit standard deviation: sines of random period and phase.
+    """Return smooth noise (T, size) of unit standard deviation.
 
-    Amplitudes fall with the frequency (slow drifts are larger than fast ones), as in human sway.
+    Sines of random period and phase; amplitudes fall with the frequency, as in human sway.
     """
     waves = 7
     periods = np.exp(rng.uniform(np.log(fastest_s), np.log(slowest_s), (waves, size)))

@@ -16,7 +16,7 @@ _CORNER_RAD = 0.12  # rounding of the change of pivot from ball to heel in the a
 
 @dataclass(frozen=True)
 class Placement:
-    """A flat foot on the ground: world x, z of its ball, metres, and the way it points, radians."""
+    """A flat foot on the ground: x, z of its ball in metres, and its yaw, radians."""
 
     x_m: float
     z_m: float
@@ -45,7 +45,7 @@ class Swing:
     held: bool = False
 
     def lift_m(self, times_s: Array) -> Array:
-        """Return the ball's height above its height on the ground at times within the swing."""
+        """Return the ball's rise above the ground at times within the swing."""
         if self.held:
             up = ease((times_s - self.lift_s) / HELD_S) * ease((self.land_s - times_s) / HELD_S)
             return np.asarray(self.height_m * up)
@@ -89,7 +89,7 @@ class FootPath:
         return FootSamples(ground, lift, phase)
 
     def contact_weight(self, times_s: Array, ramp_s: float) -> Array:
-        """Return 0 in the air and 1 on the ground, rising and falling over `ramp_s` within the contacts."""
+        """Return 0 in the air and 1 in contact, with ramps of `ramp_s` inside contacts."""
         weight = np.ones(len(times_s))
         for swing in self.swings:
             off = ease((swing.lift_s - times_s) / ramp_s)
@@ -100,7 +100,7 @@ class FootPath:
 
 @dataclass(frozen=True)
 class FootSamples:
-    """A foot over time: ground (T, 3) x, z, yaw of its placement; lift_m (T,); swing_phase (T,), -1 in contact."""
+    """A foot over time: ground (T, 3) x, z, yaw; lift_m (T,); swing_phase (T,) or -1."""
 
     ground: Array
     lift_m: Array
@@ -113,7 +113,7 @@ class FootSamples:
 
 
 def _hump(u: Array, peak: float, power: float) -> Array:
-    """Return a smooth bump over u in 0..1, 1 at `peak`; at its ends it rises with `power` or more gently."""
+    """Return a smooth bump over u in 0..1, 1 at `peak`, with ends at least of `power`."""
     before = power * max(1.0, peak / (1.0 - peak))
     after = before * (1.0 - peak) / peak
     top = peak**before * (1.0 - peak) ** after
@@ -143,7 +143,7 @@ def _toes_up(samples: FootSamples, pitch_rad: Array) -> Array:
 
 
 def toe_bend(samples: FootSamples, sole: Sole, pitch_rad: Array, extra_rad: Array) -> Array:
-    """Return the toes' rotation about x (negative is up), so that they stay flat under a raised heel.
+    """Return the toes' rotation about x (negative is up): flat under a raised heel.
 
     In the air they relax until shortly before the landing, but never point below the ground.
     """

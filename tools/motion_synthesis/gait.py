@@ -1,4 +1,4 @@
-"""Walking and running: steps along a path, and what trunk and arms do with them.
+"""Walking and running: steps along a path, with trunk and arms.
 
 Times and angles are textbook values of human gait (stance 60 % of the cycle in walking, a flight in running, the
 pelvis and the chest turning against each other, the arms with the opposite legs).
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .curves import Track
-from .feet import Placement
+from .feet import Placement, Swing
 from .proportions import GRAVITY_M_S2, SIDES, outward
 from .timeline import STANDING_HEIGHT, Score
 
@@ -103,11 +103,11 @@ def styled(gait: Gait, score: Score) -> Gait:
 
 
 def stepped(score: Score, gait: Gait, path: Track, until_s: float) -> None:
-    """Step along `path` (x, z, heading over time) from the score's time until both feet stand at its end.
+    """Step along `path` from the timeline's time until both feet stand at its end.
 
     Args:
         path: keys of (x, z, heading); the ground point between the ankles.
-        until_s: no step is begun in place after this time; the score's time ends after the last landing.
+        until_s: no step starts in place after this time; the timeline's time ends after the last landing.
     """
     steps = _planned(score, gait, path, until_s)
     swing_s = [s.land_s - s.lift_s for s in steps]
@@ -139,7 +139,7 @@ def _planned(score: Score, gait: Gait, path: Track, until_s: float) -> list[_Ste
 
 
 def _first_side(score: Score, path: Track, gait: Gait) -> str:
-    """Return the foot to start with: the one on the side that the path turns or goes to, else by chance."""
+    """Return the foot on the side that the path turns or goes to, else a random one."""
     soon = path.value_at(score.time_s + 1.5 * gait.step_s) - path.value_at(score.time_s)
     heading = path.value_at(score.time_s)[2]
     aside = soon[0] * np.cos(heading) - soon[1] * np.sin(heading)
@@ -177,12 +177,11 @@ def _place(score: Score, gait: Gait, step: _Step, path: Track, air_s: float) -> 
     backwards = forward < -0.05
     heel_up = gait.heel_up * (0.5 + 0.5 * size) * (0.75 if backwards else 1.0)
     toe_up = -0.25 * size if backwards else gait.toe_up * min(1.0, size * 1.3)
+    height_m = score.vary(gait.lift, 0.08) * lively * score.body.leg_m
+    swing = Swing(step.lift_s, step.land_s, new, height_m, peak=0.48 if running else 0.42)
     score.step(
-        step.side, step.lift_s, step.land_s, new,
-        height_m=score.vary(gait.lift, 0.08) * lively * score.body.leg_m,
-        heel_up_rad=heel_up, toe_up_rad=toe_up,
+        step.side, swing, heel_up_rad=heel_up, toe_up_rad=toe_up,
         rise_s=0.45 * gait.duty * 2.0 * gait.step_s, roll_s=0.22 * gait.duty * gait.step_s,
-        peak=0.48 if running else 0.42,
     )  # fmt: skip
     if gait.mid_up > 0.0:
         peak = gait.mid_up * (0.75 + 0.35 * size) * score.vary(1.0, 0.05)
@@ -241,7 +240,10 @@ def _key_heights(score: Score, gait: Gait, steps: list[_Step]) -> None:
 
 
 def _key_flights(score: Score, gait: Gait, steps: list[_Step]) -> None:
-    """Let the body fly freely from each lift-off to the next landing; the stance's curve follows from its ends."""
+    """Key free flight of the body from each lift-off to the next landing.
+
+    The stance's curve follows from its ends.
+    """
     height = gait.height * score.body.standing_m
     for before, after in itertools.pairwise(steps):
         lift, land = after.lift_s, before.land_s

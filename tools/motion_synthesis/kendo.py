@@ -1,10 +1,11 @@
-"""Kendo: the middle guard, cuts to head, wrist and trunk with a stamping step, practice swings, alternating cuts."""
+"""Kendo: middle guard, stamping cuts, practice swings, alternating cuts."""
 
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .feet import Swing
 from .proportions import SIDES
 from .timeline import STANDING_HEIGHT, Score
 
@@ -61,7 +62,11 @@ class Kendoka:
     def advance(
         self, lift_s: float, forward_m: float, left_m: float = 0.0, *, stamp: bool = False, quick: float = 1.0
     ) -> tuple[float, float]:
-        """Slide forward right foot first, or backward left foot first; return when the first and second land."""
+        """Slide forward right foot first, or backward left foot first.
+
+        Returns:
+            times at which the first and second foot land.
+        """
         score = self.score
         x = self.spot[0] + self.size * (left_m * np.cos(self.heading) + forward_m * np.sin(self.heading))
         z = self.spot[1] + self.size * (forward_m * np.cos(self.heading) - left_m * np.sin(self.heading))
@@ -87,9 +92,9 @@ class Kendoka:
         )  # fmt: skip
         rest = 0.0 if right else _HEEL_UP
         score.step(
-            side, lift_s, land_s, to, height_m=(0.075 if stamp else 0.018) * self.size,
+            side, Swing(lift_s, land_s, to, (0.075 if stamp else 0.018) * self.size, peak=0.55 if stamp else 0.5),
             heel_up_rad=0.12 if right else score.vary(0.55, 0.1), toe_up_rad=0.0 if right else -rest,
-            rise_s=0.10, roll_s=0.05, peak=0.55 if stamp else 0.5,
+            rise_s=0.10, roll_s=0.05,
         )  # fmt: skip
         score.set(land_s + 0.05, **{f"{side}.pitch": rest})
 
@@ -102,7 +107,7 @@ class Kendoka:
 
 
 def _cut(k: Kendoka, start_s: float, raised: _Held, hit: _Held, reach_m: float, *, recover: bool = True) -> float:
-    """Raise, cut with a stamping step, hold for a moment, come back to the guard (where `recover`)."""
+    """Raise, cut with a stamping step, pause, return to the guard (if `recover`)."""
     score = k.score
     pace = score.vary(1.0, 0.07) / score.style.tempo
     up_s = start_s + (0.40 if raised is _RAISED else 0.24) * pace
@@ -169,7 +174,7 @@ def _practice_swings(k: Kendoka, start_s: float) -> float:
 
 
 def _alternating(k: Kendoka, start_s: float) -> float:
-    """Cuts to the left and right side of the head with sliding steps, forward, then backward."""
+    """Cut the head's left and right by turns, with sliding steps forward, then back."""
     score = k.score
     time_s = start_s
     k.score.anchor(start_s, "sword", "aim")
@@ -261,7 +266,7 @@ def _put_away(k: Kendoka, start_s: float) -> None:
     for side in ("l", "r"):
         to = score.placement(side, x, z, k.heading)
         base = _HEEL_UP if side == "l" else 0.0
-        score.step(side, lift, lift + 0.34, to, height_m=0.03 * k.size, heel_up_rad=base + 0.25)
+        score.step(side, Swing(lift, lift + 0.34, to, 0.03 * k.size), heel_up_rad=base + 0.25)
         lift += 0.42
     score.time_s = lift + 0.25
     ease = score.at_ease()

@@ -1,9 +1,9 @@
-"""Hopping on both feet or one, and jumping: high, forward, to the side, with a turn."""
+"""Hopping on both feet or one; jumping high, forward, to the side, with a turn."""
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .feet import HELD_S, Placement
+from .feet import HELD_S, Placement, Swing
 from .gait import fly_high
 from .proportions import GRAVITY_M_S2, SIDES, outward, turned
 from .timeline import STANDING_HEIGHT, Score
@@ -25,7 +25,10 @@ def hop(score: Score, seconds: float) -> None:
 
 
 def jump(score: Score, seconds: float) -> None:
-    """Jump with a countermovement and swinging arms: high, forward and back, sideways, with a quarter turn."""
+    """Jump with a countermovement and swinging arms.
+
+    High, forward and back, sideways, with a quarter turn.
+    """
     end = score.time_s + seconds
     while end - score.time_s > 1.7:
         _, z = score.spot
@@ -49,7 +52,7 @@ def _hops_on_both(score: Score, count: int) -> None:
         land_s = lift_s + _air_time(high, standing)
         fly_high(score, lift_s, _OFF_TOES * standing, land_s, _ON_TOES * standing)
         for side in SIDES:
-            _leap(score, side, lift_s, land_s, _drifted(score, side, i == count - 1), high, 0.35)
+            _leap(score, side, (lift_s, land_s), _drifted(score, side, i == count - 1), high, 0.35)
         _hop_posture(score, 0.5 * (lift_s + land_s), -0.04)
         ground_s = score.vary(0.24, 0.06) / style.tempo
         _hop_posture(score, land_s + 0.5 * ground_s, 0.10)
@@ -70,7 +73,7 @@ def _hops_on_one(score: Score, side: str, count: int) -> None:
         rise = score.vary(high, 0.12)
         land_s = lift_s + _air_time(rise, standing)
         fly_high(score, lift_s, _OFF_TOES * standing, land_s, _ON_TOES * standing)
-        _leap(score, side, lift_s, land_s, _drifted(score, side, i == count - 1), rise, 0.30)
+        _leap(score, side, (lift_s, land_s), _drifted(score, side, i == count - 1), rise, 0.30)
         _bob(score, other, lift_s, land_s, rise)
         _hop_posture(score, 0.5 * (lift_s + land_s), 0.0, outward(side) * 0.05)
         ground_s = score.vary(0.27, 0.05) / style.tempo
@@ -81,8 +84,8 @@ def _hops_on_one(score: Score, side: str, count: int) -> None:
     x, z = _under(score, side, at)
     back = score.placement(other, x, z, score.heading_rad)
     score.step(
-        other, start + 0.3, last_s + 0.55, back,
-        height_m=0.20 * score.body.leg_m, heel_up_rad=0.55, toe_up_rad=-0.10, held=True,
+        other, Swing(start + 0.3, last_s + 0.55, back, 0.20 * score.body.leg_m, held=True),
+        heel_up_rad=0.55, toe_up_rad=-0.10,
     )  # fmt: skip
     score.set(last_s + 0.15, **{f"{other}.lift": 0.0, f"{other}.pitch": 0.65})
     _recover(score, last_s, 0.945, 0.75)
@@ -97,7 +100,7 @@ def _bob(score: Score, side: str, lift_s: float, land_s: float, rise_m: float) -
 
 
 def _air_time(rise_m: float, standing_m: float) -> float:
-    """Return the time from take-off to landing when the root rises `rise_m` above take-off."""
+    """Return the time from take-off to landing for a rise of the root by `rise_m`."""
     drop = rise_m + (_OFF_TOES - _ON_TOES) * standing_m
     return float(np.sqrt(2.0 * rise_m / GRAVITY_M_S2) + np.sqrt(2.0 * drop / GRAVITY_M_S2))
 
@@ -110,28 +113,32 @@ def _drifted(score: Score, side: str, last: bool) -> Placement:
 
 
 def _under(score: Score, side: str, at: Placement) -> tuple[float, float]:
-    """Return the ground point of a body whose foot of one side stands at `at`."""
+    """Return the body's ground point for a foot of one side at `at`."""
     there = score.placement(side, 0.0, 0.0, score.heading_rad)
     return at.x_m - there.x_m, at.z_m - there.z_m
 
 
 def _leap(
-    score: Score, side: str, lift_s: float, land_s: float, to: Placement, rise_m: float, land_up_rad: float,
+    score: Score, side: str, air_s: tuple[float, float], to: Placement, rise_m: float, land_up_rad: float,
     fold_m: float = 0.0,
 ) -> None:  # fmt: skip
-    """Take a foot off the ground over its ball and set it down on it, with the body's flight."""
+    """Lift a foot over its ball and set it down on it, with the body's flight."""
     uneven = 0.005 + 0.08 * score.style.asymmetry  # nobody leaves and meets the ground with both feet at once
-    lift_s, land_s = lift_s - abs(score.jitter(uneven)), land_s + abs(score.jitter(uneven))
+    lift_s, land_s = air_s[0] - abs(score.jitter(uneven)), air_s[1] + abs(score.jitter(uneven))
     spot = Placement(to.x_m + score.jitter(0.01), to.z_m + score.jitter(0.015), to.yaw_rad + score.jitter(0.03))
     score.step(
-        side, lift_s, land_s, spot,
-        height_m=rise_m + 0.02 + fold_m, heel_up_rad=score.vary(0.80, 0.05), toe_up_rad=-score.vary(land_up_rad, 0.1),
-        rise_s=0.13, roll_s=0.10, power=1.6,
+        side, Swing(lift_s, land_s, spot, rise_m + 0.02 + fold_m, power=1.6),
+        heel_up_rad=score.vary(0.80, 0.05), toe_up_rad=-score.vary(land_up_rad, 0.1), rise_s=0.13, roll_s=0.10,
     )  # fmt: skip
 
 
 def _hop_posture(score: Score, time_s: float, give: float, lean: float = 0.0) -> None:
-    """Key trunk and arms of a hop; `give` is positive when the body sinks, `lean` the trunk's bend to the left."""
+    """Key trunk and arms of a hop.
+
+    Args:
+        give: positive when the body sinks.
+        lean: the trunk's bend to the left.
+    """
     style = score.style
     score.set(
         time_s,
@@ -210,7 +217,7 @@ def _jump_feet(score: Score, kind: str, lift_s: float, land_s: float, rise_m: fl
     ground = turned(np.array(0.0), np.array(dz), np.array(dx))
     for side in SIDES:
         to = score.placement(side, x + float(ground[0]), z + float(ground[1]), heading, width)
-        _leap(score, side, lift_s, land_s, to, rise_m, 0.45, fold)
+        _leap(score, side, (lift_s, land_s), to, rise_m, 0.45, fold)
     if kind == "star":
         _close_feet(score, land_s, heading)
     score.anchor(lift_s - 0.08, "heading")
@@ -224,7 +231,7 @@ def _close_feet(score: Score, land_s: float, heading_rad: float) -> None:
     begin = land_s + 0.45
     for i, side in enumerate(SIDES):
         to = score.placement(side, x, z, heading_rad)
-        score.step(side, begin + 0.36 * i, begin + 0.30 + 0.36 * i, to, height_m=0.05, heel_up_rad=0.4)
+        score.step(side, Swing(begin + 0.36 * i, begin + 0.30 + 0.36 * i, to, 0.05), heel_up_rad=0.4)
 
 
 def _jump_trunk(score: Score, kind: str, times_s: tuple[float, float, float, float], heading: float) -> None:

@@ -1,4 +1,6 @@
-"""Make the embedded motion database and body prototypes: python -m motion_synthesis.make_assets OUT.
+"""Make the embedded motion database and body prototypes.
+
+    python -m motion_synthesis.make_assets OUT
 
 The same command gives the same files, byte for byte.
 """
@@ -31,7 +33,10 @@ _T_POSE_LEFT_S = 0.4  # of the T pose at the start of a clip with transitions
 
 @dataclass(frozen=True)
 class Clip:
-    """One clip of the database: behaviours with their seconds, style, body (height, build, person), seed."""
+    """One clip of the database.
+
+    Behaviours with their seconds, style, body (height, build, person), seed.
+    """
 
     name: str
     script: tuple[tuple[str, float], ...]
@@ -92,7 +97,7 @@ def motion_of(clip: Clip) -> Motion:
 
 
 def make_assets(out: Path, progress: Callable[[float, str], None]) -> dict[str, float]:
-    """Write motion/*.bvh, performances/*.npz and skeletons.json under `out`; return counts.
+    """Write motion/*.bvh, performances/*.npz, skeletons.json in `out`; return counts.
 
     Raises:
         PerfanimError: the folder cannot be written.
@@ -120,7 +125,10 @@ def write_clip(clip: Clip, folder: Path) -> Motion:
 
 
 def write_performance(name: str, path: Path) -> Motion:
-    """Write what the simulated performer plays; seeds and bodies are none of the embedded motion's."""
+    """Write a motion of the simulated performer.
+
+    Seeds and bodies differ from those of the embedded motion.
+    """
     if name == DEMO:
         motion = demo_performance(0, _DEMO_S)
     else:

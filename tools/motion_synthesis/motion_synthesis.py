@@ -1,4 +1,4 @@
-"""From a score to a motion: balance over the feet, legs by inverse kinematics, trunk, arms, head."""
+"""Synthesis of a motion from a timeline: balance, legs, trunk, arms, head."""
 
 import numpy as np
 from perfanim.core.body.motion import Motion
@@ -9,7 +9,7 @@ from scipy.ndimage import maximum_filter1d
 from .arm_rotations import ARM_REACH, arm_rest, elbow, forearm_and_hand, hanging_arm, leg_rest, limited, two_bones, unit
 from .curves import Array, ease, pendulum_filtered, smoothed, wander
 from .feet import FootSamples, foot_pose, toe_bend
-from .proportions import GRAVITY_M_S2, SIDES, about, outward, turned
+from .proportions import GRAVITY_M_S2, SIDES, Sole, about, outward, turned
 from .sword import gripping
 from .timeline import Score
 
@@ -37,7 +37,7 @@ _UNREST_HAND_RAD, _UNREST_TARGET_M = 0.035, 0.006
 
 
 class Stage:
-    """Controls of a score, sampled, and what follows from them step by step."""
+    """Sampled controls of a timeline, and the pose built from them step by step."""
 
     def __init__(self, score: Score, fps: float) -> None:
         self.score, self.body = score, score.body
@@ -46,22 +46,10 @@ class Stage:
         count = round(score.time_s * fps) * self.per_frame + 1
         self.times = np.arange(count) * self.step_s
         self.tracks = {name: track.sample(self.times) for name, track in score.tracks.items()}
-        self._add_unrest()
+        _add_unrest(score, self.times, self.tracks)
         self._grip_sword()
         self.feet = {side: score.feet[side].sample(self.times) for side in SIDES}
         self.local = rot.identity((count, len(self.body.skeleton)))
-
-    def _add_unrest(self) -> None:
-        score = self.score
-        rng = np.random.default_rng(score.rng.integers(2**63))
-        amount = 0.6 + 0.4 * score.style.variation
-        for name, track in self.tracks.items():
-            kind = name.split(".")[-1]
-            deviation = {"hand": _UNREST_HAND_RAD, "target": _UNREST_TARGET_M}.get(kind, _UNREST.get(kind, 0.0))
-            if deviation > 0.0:
-                track += deviation * amount * wander(rng, self.times, track.shape[1], 4.0, 0.6)
-                habit = _HABITS.get(kind, 0.0) * np.clip(rng.standard_normal(track.shape[1]), -2.0, 2.0)
-                track += habit * ease((self.times - score.natural_from_s) / _HABITS_IN_S)[:, None]
 
     def _grip_sword(self) -> None:
         """Lead both hands along the sword's grip where it is held."""
@@ -87,13 +75,13 @@ class Stage:
         return np.stack((ground[:, 0] + dx, height, ground[:, 1] + dz), axis=1), orientation
 
     def _balanced(self) -> Array:
-        """Return the root's path on the ground (T, 2): an inverted pendulum over the feet that carry."""
+        """Return the root's ground path (T, 2): an inverted pendulum over the stance feet."""
         bias = self.tracks["weight"][:, 0]
         weights, points = [], []
         for side in SIDES:
             carries = self.score.feet[side].contact_weight(self.times, 0.12)
             weights.append(carries * (1.0 + outward(side) * bias))
-            points.append(self._ankle_ground(side))
+            points.append(_ankle_ground(self.feet[side].ground, self.body.sole(side)))
         total = weights[0] + weights[1]
         known = total > 0.02
         share = np.where(known, weights[0] / np.where(known, total, 1.0), 0.5)[:, None]
@@ -102,12 +90,6 @@ class Stage:
             support[~known, axis] = np.interp(self.times[~known], self.times[known], support[known, axis])
         rate = np.sqrt(GRAVITY_M_S2 / self.body.standing_m)
         return pendulum_filtered(support, float(rate), self.step_s)
-
-    def _ankle_ground(self, side: str) -> Array:
-        ground = self.feet[side].ground
-        back = np.full(len(ground), self.body.sole(side).ankle_m[2])
-        dx, dz = turned(ground[:, 2], back, np.zeros(len(ground)))
-        return np.stack((ground[:, 0] + dx, ground[:, 1] + dz), axis=1)
 
     def _foot(self, side: str) -> tuple[Array, Array]:
         samples, sole = self.feet[side], self.body.sole(side)
@@ -199,7 +181,7 @@ class Stage:
         collar = self._collar_bone(side, free, rot.rotate(rot.conjugate(chest), target - neck), guide)
         shoulder = neck + rot.rotate(rot.multiply(chest, collar), self.body.offset(f"{side}humerus"))
         from_collar = rot.conjugate(collar)
-        angles = self._arm_by_angles(side, rot.multiply(from_collar, free))
+        angles = _arm_by_angles(self.tracks, side, rot.multiply(from_collar, free))
         if np.any(guide > 0.0):
             palm = rot.multiply(heading, rot.normalize(self.tracks[f"{side}.palm"]))
             led = self._arm_to_target(side, shoulder, target, chest, palm)
@@ -213,7 +195,10 @@ class Stage:
         self.put(f"{side}thumb", about("Y", outward(side) * 0.6 * grip))
 
     def _collar_bone(self, side: str, free: Array, from_neck: Array, guide: Array) -> Array:
-        """Return chest-from-collar-bone: it follows the arm up and forward, and stays at rest in the T pose."""
+        """Return chest-from-collar-bone, following the arm up and forward.
+
+        It is at rest in the T pose.
+        """
         by_angle = rot.rotate(free, np.array([outward(side), 0.0, 0.0]))
         by_target = (from_neck - self.body.offset(f"{side}humerus")) / self.body.arm_m
         by_target = by_target / np.maximum(1.0, np.linalg.norm(by_target, axis=1, keepdims=True))
@@ -223,15 +208,8 @@ class Stage:
         reach_rad = np.where(forward > 0.0, 0.22, -0.10) * forward**2 + more_forward
         return rot.multiply(about("Y", -outward(side) * reach_rad), about("Z", outward(side) * raise_rad))
 
-    def _arm_by_angles(self, side: str, humerus: Array) -> list[Array]:
-        pronation, flexion, aside = self.tracks[f"{side}.hand"].T
-        hand = rot.multiply(about("Z", -outward(side) * flexion), about("Y", outward(side) * aside))
-        wanted = self.tracks[f"{side}.elbow"][:, 0]
-        bend = 0.5 * (wanted + np.sqrt(wanted**2 + _STRAIGHT_ELBOW_RAD**2))  # elbows do not bend backwards
-        return [humerus, elbow(side, bend), about("X", pronation), hand]
-
     def _arm_to_target(self, side: str, shoulder: Array, target: Array, chest: Array, palm: Array) -> list[Array]:
-        """Return world-from-humerus and local rotations of elbow, forearm twist and hand that reach the target."""
+        """Return world-from-humerus and local elbow, twist and hand that reach the target."""
         swivel = self.tracks[f"{side}.swivel"][:, 0]
         along = unit(target - shoulder)
         # under a hand in front the elbow hangs, under one that is overhead it looks forward
@@ -250,6 +228,33 @@ class Stage:
         self.local[:, self.body.skeleton.index(joint)] = rotations
 
 
+def _add_unrest(score: Score, times: Array, tracks: dict[str, Array]) -> None:
+    """Add small random motion and constant habits to the tracks, in place."""
+    rng = np.random.default_rng(score.rng.integers(2**63))
+    amount = 0.6 + 0.4 * score.style.variation
+    for name, track in tracks.items():
+        kind = name.split(".")[-1]
+        deviation = {"hand": _UNREST_HAND_RAD, "target": _UNREST_TARGET_M}.get(kind, _UNREST.get(kind, 0.0))
+        if deviation > 0.0:
+            track += deviation * amount * wander(rng, times, track.shape[1], 4.0, 0.6)
+            habit = _HABITS.get(kind, 0.0) * np.clip(rng.standard_normal(track.shape[1]), -2.0, 2.0)
+            track += habit * ease((times - score.natural_from_s) / _HABITS_IN_S)[:, None]
+
+
+def _ankle_ground(ground: Array, sole: Sole) -> Array:
+    back = np.full(len(ground), sole.ankle_m[2])
+    dx, dz = turned(ground[:, 2], back, np.zeros(len(ground)))
+    return np.stack((ground[:, 0] + dx, ground[:, 1] + dz), axis=1)
+
+
+def _arm_by_angles(tracks: dict[str, Array], side: str, humerus: Array) -> list[Array]:
+    pronation, flexion, aside = tracks[f"{side}.hand"].T
+    hand = rot.multiply(about("Z", -outward(side) * flexion), about("Y", outward(side) * aside))
+    wanted = tracks[f"{side}.elbow"][:, 0]
+    bend = 0.5 * (wanted + np.sqrt(wanted**2 + _STRAIGHT_ELBOW_RAD**2))  # elbows do not bend backwards
+    return [humerus, elbow(side, bend), about("X", pronation), hand]
+
+
 def _softplus(values: Array, scale: float) -> Array:
     return np.asarray(scale * np.logaddexp(0.0, values / scale))
 
@@ -262,7 +267,7 @@ def _mean_lateral(pelvis: Array, foot: Array, flat: Array) -> Array:
 
 
 def staged(score: Score, fps: float, name: str) -> Motion:
-    """Return the motion of a score, from its start to `score.time_s`, at `fps` frames per second."""
+    """Return a timeline's motion from its start to `time_s`, sampled at `fps`."""
     stage = Stage(score, fps)
     root, orientation = stage.root()
     stage.put("root", orientation)

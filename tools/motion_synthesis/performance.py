@@ -1,4 +1,4 @@
-"""The simulated performer's public face: one behaviour, or several strung together."""
+"""Entry points of the simulated performer: one behaviour, or a sequence."""
 
 from collections.abc import Callable, Sequence
 
@@ -51,7 +51,7 @@ def perform(
     Args:
         behaviour: one of `BEHAVIOURS`.
         seconds: length of the motion; the same seed gives the same motion.
-        skeleton: the performer's body (product skeleton's joints); the default one without.
+        skeleton: the performer's body (a standard skeleton); the default one without.
         style: manner of moving; ordinary without.
 
     Raises:
@@ -71,7 +71,7 @@ def performance(
     seed: int = 0,
     name: str = "performance",
 ) -> Motion:
-    """Return behaviours strung together: T pose for two seconds, arms down, the script, standing.
+    """Return a sequence: T pose for two seconds, arms down, the script, standing.
 
     Args:
         script: (behaviour, seconds) in order; "rest" stands at ease.
@@ -97,10 +97,9 @@ def performance(
 def demo_performance(
     seed: int = 0, seconds: float = 24.0, fps: float = 60.0, skeleton: Skeleton | None = None
 ) -> Motion:
-    """Return the performance of the demo: T pose, then as many behaviours as the time allows.
+    """Return the demo's performance: T pose, then behaviours that fit into the time.
 
-    Its random numbers are of a stream that the embedded motion database does not draw from, so the database holds
-    like motion but not this one.
+    Its random numbers are from a stream that the embedded motion database does not use: like motion, but not the same.
 
     Raises:
         SettingsError: not even one behaviour fits into the time.

@@ -25,14 +25,14 @@ def outward(side: str) -> float:
 
 
 def turned(heading_rad: Array, forward: Array, left: Array) -> tuple[Array, Array]:
-    """Return world (x, z) of a ground vector given in a body's frame that faces `heading_rad` (0 is +z)."""
+    """Return world (x, z) of a ground vector of a body facing `heading_rad` (0: +z)."""
     sine, cosine = np.sin(heading_rad), np.cos(heading_rad)
     return forward * sine + left * cosine, forward * cosine - left * sine
 
 
 @dataclass(frozen=True)
 class Sole:
-    """Where the ground is under a foot bone, in the foot's frame when it stands flat and faces +z.
+    """Ground points of a foot, in the frame of a foot that stands flat, facing +z.
 
     Args:
         ball_height_m: height of the ball (toe joint) above the ground.
@@ -78,7 +78,7 @@ class Body:
 
     @cached_property
     def stance_m(self) -> float:
-        """Half the distance between the feet of somebody who stands at ease."""
+        """Half the distance between the feet when standing at ease."""
         return float(1.05 * self.hip_m[0])
 
     def offset(self, joint: str) -> Array:

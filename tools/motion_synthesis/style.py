@@ -1,4 +1,4 @@
-"""How somebody moves: a few numbers that every behaviour of the simulated performer reads."""
+"""Manner of moving: a few numbers that every behaviour of the performer reads."""
 
 from dataclasses import dataclass, fields
 
@@ -11,7 +11,7 @@ class Style:
     """Manner of moving; 1 is ordinary where a value is a factor.
 
     Args:
-        name: what it is called.
+        name: as listed.
         tempo: cycles and strikes per time, factor.
         amplitude: reach of strides, strikes and jumps, factor.
         arm_swing: factor on the arms' swing in gait.

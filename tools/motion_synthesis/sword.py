@@ -15,7 +15,7 @@ _ASLANT_RAD, _CANT_RAD, _INWARD_RAD = np.deg2rad((25.0, 5.0, 28.0))
 
 
 def gripping(side: str, left_fist: Array, aim: Array, body: Body) -> tuple[Array, Array]:
-    """Return a hand's wrist (T, 3) and orientation (T, 4) on a sword, in the frame in which the sword is given.
+    """Return a hand's wrist (T, 3) and orientation (T, 4) in the sword's frame.
 
     Args:
         left_fist: (T, 3) middle of the left fist, metres.
@@ -33,13 +33,13 @@ def gripping(side: str, left_fist: Array, aim: Array, body: Body) -> tuple[Array
 
 
 def _turned_pair(first: Array, second: Array, angle_rad: float) -> tuple[Array, Array]:
-    """Return two orthogonal directions turned within their plane, the first towards the second."""
+    """Return orthogonal directions turned in their plane, the first to the second."""
     cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
     return cosine * first + sine * second, cosine * second - sine * first
 
 
 def sword_axes(aim: Array) -> tuple[Array, Array, Array]:
-    """Return the blade's direction, the edge's, and the flat's (blade x edge), each (T, 3)."""
+    """Return directions of blade, edge and flat (blade x edge), each (T, 3)."""
     up, left, turn = aim.T
     blade = np.stack((np.cos(up) * np.sin(left), np.sin(up), np.cos(up) * np.cos(left)), axis=1)
     down = np.stack((np.sin(up) * np.sin(left), -np.cos(up), np.sin(up) * np.cos(left)), axis=1)

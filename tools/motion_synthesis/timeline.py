@@ -1,7 +1,7 @@
-"""The score of a performance: keys of all controls and the feet's steps on one time line.
+"""Timeline of a performance: keys of all controls, and the feet's steps.
 
-Behaviours append to it; `staging.staged` turns it into joint rotations. As every behaviour starts from where the score
-stands, transitions need no blending of poses.
+Behaviours append to it; `motion_synthesis.staged` turns it into joint rotations. As every behaviour starts from the
+timeline's end, transitions need no blending of poses.
 """
 
 from dataclasses import dataclass, field
@@ -84,7 +84,7 @@ class Score:
     tracks: dict[str, Track] = field(default_factory=dict)
     feet: dict[str, FootPath] = field(default_factory=dict)
     time_s: float = 0.0
-    natural_from_s: float = -1e9  # from here on the performer's own carriage shows; before it poses as told
+    natural_from_s: float = -1e9  # from here on the performer's own carriage shows; before it poses exactly as keyed
 
     def __post_init__(self) -> None:
         for name, value in _BODY_CONTROLS.items():
@@ -109,7 +109,10 @@ class Score:
         self.tracks[_track_name(name)].key(time_s, value, velocity, acceleration)
 
     def anchor(self, time_s: float, *names: str) -> None:
-        """Hold the last values of controls (all without names) up to `time_s`, so that later keys start from there."""
+        """Hold the last values of controls (all without names) up to `time_s`.
+
+        So later keys start from there.
+        """
         for name in [_track_name(n) for n in names] or list(self.tracks):
             last = self.tracks[name].last()
             if last.time_s < time_s - 1e-3:
@@ -120,7 +123,7 @@ class Score:
         return self.tracks[_track_name(name)].last().value
 
     def hand(self, side: str, time_s: float, target: ArrayLike, fingers: ArrayLike, palm: ArrayLike) -> None:
-        """Key where a led hand is (see `target`) and which way its fingers and its palm look."""
+        """Key a led hand's position (see `target`) and directions of fingers and palm."""
         along = unit(np.asarray(fingers, dtype=np.float64))
         facing = np.asarray(palm, dtype=np.float64)
         facing = unit(facing - (facing @ along) * along)
@@ -171,7 +174,7 @@ class Score:
     def placed(
         self, side: str, spot: tuple[float, float], heading_rad: float, left_m: float, forward_m: float, yaw_rad: float
     ) -> Placement:
-        """Return the placement with the ankle `left_m` and `forward_m` of a spot, the foot turned by `yaw_rad`."""
+        """Return the placement for an ankle `left_m` and `forward_m` of a spot."""
         yaw = heading_rad + yaw_rad
         ahead = -float(self.body.sole(side).ankle_m[2])
         dx, dz = turned(np.array(heading_rad), np.array(forward_m), np.array(left_m))
@@ -181,39 +184,32 @@ class Score:
     def step(
         self,
         side: str,
-        lift_s: float,
-        land_s: float,
-        to: Placement,
+        swing: Swing,
         *,
-        height_m: float = 0.05,
         heel_up_rad: float = 0.5,
         toe_up_rad: float = 0.0,
         rise_s: float = 0.15,
         roll_s: float = 0.08,
-        peak: float = 0.5,
-        power: float = 3.0,
-        held: bool = False,
     ) -> None:
         """Let a foot leave the ground over its ball and land on its heel (or flat).
 
         Args:
             heel_up_rad: the foot's pitch when it lifts; it rises during `rise_s` before.
             toe_up_rad: its upward pitch when it lands (negative: on the ball); it rolls flat during `roll_s` after.
-            height_m, peak, power, held: see `Swing`.
         """
         pitch, path = self.tracks[f"{side}.pitch"], self.feet[side]
         flat = pitch.last()
         base = float(flat.value[0])
-        start = lift_s - rise_s
+        start = swing.lift_s - rise_s
         if start > flat.time_s + 0.01:
             pitch.key(start, base)
         elif flat.time_s > path.free_s > 0.0:  # too short a stance to roll down and up at full length
             pitch.keys.remove(flat)
-            pitch.key(path.free_s + 0.42 * (lift_s - path.free_s), base)
-        pitch.key(lift_s, heel_up_rad)
-        pitch.key(land_s, -toe_up_rad)
-        pitch.key(land_s + roll_s, 0.0)
-        path.swings.append(Swing(lift_s, land_s, to, height_m, peak, power, held))
+            pitch.key(path.free_s + 0.42 * (swing.lift_s - path.free_s), base)
+        pitch.key(swing.lift_s, heel_up_rad)
+        pitch.key(swing.land_s, -toe_up_rad)
+        pitch.key(swing.land_s + roll_s, 0.0)
+        path.swings.append(swing)
 
     @property
     def spot(self) -> tuple[float, float]:
@@ -238,12 +234,12 @@ class Score:
     # ---- chance
 
     def vary(self, value: float, share: float) -> float:
-        """Return the value scattered by `share` (one standard deviation, held within two), times the variation."""
+        """Scatter a value by `share` (a standard deviation, clipped at two) x variation."""
         draw = float(np.clip(self.rng.standard_normal(), -2.0, 2.0))
         return value * (1.0 + share * self.style.variation * draw)
 
     def jitter(self, deviation: float) -> float:
-        """Return a small random number of this standard deviation, held within two, times the variation."""
+        """Return a random number of this deviation (clipped at two) x variation."""
         return deviation * self.style.variation * float(np.clip(self.rng.standard_normal(), -2.0, 2.0))
 
 

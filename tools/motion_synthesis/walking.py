@@ -15,7 +15,7 @@ _LEG_M = 0.85  # leg of the body for which speeds are given
 
 @dataclass
 class _Way:
-    """A path that is being laid: ground point, heading, time."""
+    """A path under construction: ground point, heading, time."""
 
     track: Track
     time_s: float
@@ -30,7 +30,10 @@ class _Way:
         self.track.key(self.time_s, (x_m, z_m, heading_rad))
 
     def travel(self, speed_m_s: float, x_m: float, z_m: float, heading_rad: float, lead_rad: float = 0.0) -> None:
-        """Go straight to a place: get up to the speed, keep it, slow down; on the way turn aside by `lead_rad`."""
+        """Go straight to a place: speed up, keep the speed, slow down.
+
+        On the way turn aside by `lead_rad`.
+        """
         x, z, heading = self.x_m, self.z_m, self.heading_rad
         distance = float(np.hypot(x_m - x, z_m - z))
         ramp = min(0.25 * speed_m_s * _SPEED_UP_S / max(distance, 1e-6), 0.3)
@@ -56,7 +59,10 @@ def _way(score: Score) -> _Way:
 
 
 def walk(score: Score, seconds: float) -> None:
-    """Walk to and fro, mostly facing the cameras: forwards, backwards, sideways, round and in place."""
+    """Walk to and fro, mostly facing the cameras.
+
+    Forwards, backwards, sideways, round and in place.
+    """
     end = score.time_s + seconds
     while end - score.time_s > 1.6:
         gait = styled(WALK, score)
