@@ -68,6 +68,8 @@ check: $(STAMP)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python tools/check_prose.py
+	$(BIN)/python tools/check_sizes.py
 	$(BIN)/python tools/architecture_picture.py --check
 
 # Needs BLENDER: a command that runs its arguments where a Blender with a window can be started.

@@ -1,0 +1,58 @@
+"""Hold files, functions and classes to the largest sizes that the project allows.
+
+Usage: python tools/check_sizes.py [PATH...]; exit status 1 and one line per finding.
+ruff holds parameters and complexity.
+"""
+
+import ast
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+FILE_LINES = 400
+FUNCTION_LINES = 60
+CLASS_LINES = 200
+TOTAL_LINES = 45_000  # core/ and perfanim_addon/ together
+ENTRIES = {"core": 17, "perfanim_addon": 14}
+# "path:name" -> reason
+ALLOWED: dict[str, str] = {}
+
+
+def findings_of(path: Path) -> Iterator[str]:
+    """Yield a line for each class and function, or the whole module, if too long."""
+    source = path.read_text(encoding="utf-8")
+    place = path.resolve().relative_to(ROOT).as_posix()
+    if source.count("\n") > FILE_LINES:
+        yield f"{place}: {source.count(chr(10))} lines, {FILE_LINES} at most: split it by subject"
+    for node in ast.walk(ast.parse(source)):
+        if not isinstance(node, ast.FunctionDef | ast.ClassDef) or f"{place}:{node.name}" in ALLOWED:
+            continue
+        lines, limit = (node.end_lineno or 0) - node.lineno + 1, CLASS_LINES
+        if isinstance(node, ast.FunctionDef):
+            limit = FUNCTION_LINES
+        if lines > limit:
+            yield f"{place}:{node.lineno}: {node.name} has {lines} lines, {limit} at most"
+
+
+def main(arguments: list[str]) -> int:
+    """Print the findings below the paths, the package by default; return 1 if any."""
+    paths = [Path(path) for path in arguments] or [ROOT / name for name in (*ENTRIES, "tools")]
+    files = sorted(file for path in paths for file in ([path] if path.is_file() else path.rglob("*.py")))
+    findings = [line for file in files for line in findings_of(file)]
+    if not arguments:
+        lines = sum(
+            file.read_text(encoding="utf-8").count("\n") for name in ENTRIES for file in (ROOT / name).rglob("*.py")
+        )
+        if lines > TOTAL_LINES:
+            findings.append(f"core and perfanim_addon have {lines} lines, {TOTAL_LINES} at most")
+        for name, most in ENTRIES.items():
+            entries = [entry for entry in (ROOT / name).iterdir() if entry.name != "__pycache__"]
+            if len(entries) > most:
+                findings.append(f"{name} has {len(entries)} entries at its top level, {most} at most")
+    sys.stdout.write("".join(f"{line}\n" for line in findings))
+    return 1 if findings else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
