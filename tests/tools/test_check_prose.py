@@ -3,7 +3,15 @@
 import pytest
 from check_prose import findings_of
 
-GOOD = '"""Find markers in images."""\n\n\ndef find(image):\n    """Return the blobs of an image.\n\n    Dark ones are left out.\n    """\n'
+GOOD = '''"""Find markers in images."""
+
+
+def find(image):
+    """Return the blobs of an image.
+
+    Dark ones are left out.
+    """
+'''
 
 
 def test_plain_prose_passes():
