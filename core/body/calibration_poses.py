@@ -3,12 +3,10 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array
 from .skeleton import Skeleton
-
-Array = NDArray[np.float64]
 
 _HIP_FLEXION_RAD, _KNEE_FLEXION_RAD = np.radians(30.0), np.radians(60.0)
 _ARMS_BELOW_LEVEL_RAD = np.radians(20.0)

@@ -9,17 +9,15 @@ fades out, so nothing jumps.
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import SettingsError
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array
 from ..geometry.camera import CameraRig
 from ..geometry.two_bone_ik import reach_with_two_bones
 from .calibration_poses import standing
 from .motion import Motion
 from .skeleton import Skeleton, forward_kinematics
-
-Array = NDArray[np.float64]
 
 FEET = ("off", "auto", "always")
 

@@ -6,12 +6,10 @@ The frames stand in the ASF files of that database, the same for all its subject
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array
 from .skeleton import Skeleton
-
-Array = NDArray[np.float64]
 
 # joint: (degrees about the fixed x, y, z axes one after another, axes of the joint angles as in `Skeleton`)
 _MIDDLE_ORDER = "ZYX"

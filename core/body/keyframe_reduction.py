@@ -9,12 +9,12 @@ the record, so no key changes what others have settled.
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array, IntArray
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 
 def rotation_keys(frames: ArrayLike, quaternions: ArrayLike, bound_rad: float) -> IntArray:

@@ -3,13 +3,11 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import FormatError
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array, IntArray
 from .skeleton import Skeleton
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -79,7 +77,7 @@ def resampled(motion: Motion, fps: float) -> Motion:
     )
 
 
-def _between_frames(rotations: Array, before: NDArray[np.int64], fraction: Array) -> Array:
+def _between_frames(rotations: Array, before: IntArray, fraction: Array) -> Array:
     if np.all(fraction == np.round(fraction)):  # whole ratio of rates: frames are picked, nothing is computed
         return rotations[before + np.round(fraction).astype(np.int64)]
     start, end = rotations[before], rotations[before + 1]

@@ -29,15 +29,14 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array, Mask
 from .motion import Motion, sliced
 from .skeleton import forward_kinematics
 from .standard_skeleton import JOINT_NAMES
 
-Array = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+BoolArray = Mask
 Apart = Callable[[int, int], float]  # of two frames
 
 # Shoulders and elbows of pitchers reach 130 rad/s and some 5,000 rad/s^2; nothing in everyday motion is near.

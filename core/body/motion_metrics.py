@@ -4,16 +4,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import FormatError
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array, IntArray
 from .joint_angle_frames import with_angle_frames
 from .motion import Motion, resampled, sliced
 from .skeleton import Skeleton, forward_kinematics, joint_angles
 from .standard_skeleton import JOINT_NAMES
-
-Array = NDArray[np.float64]
 
 _FOOT_JOINTS = ("ltoes", "rtoes")
 _CONTACT_SPEED_M_S = 0.15  # a foot on the floor moves less, apart from measurement noise
@@ -36,7 +34,7 @@ class _Errors:
 
     rotation_deg: Array
     angle_deg: Array
-    angle_joints: NDArray[np.int64]
+    angle_joints: IntArray
     position_mm: Array
     absolute_mm: Array
     direction_deg: Array
@@ -190,7 +188,7 @@ def _angles_between(a: Array, b: Array) -> Array:
     return np.degrees(2.0 * np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1)))
 
 
-def angle_errors_deg(skeleton: Skeleton, mine: Array, theirs: Array) -> tuple[Array, NDArray[np.int64]]:
+def angle_errors_deg(skeleton: Skeleton, mine: Array, theirs: Array) -> tuple[Array, IntArray]:
     """Return (F, A) angle differences without the root's, degrees, and (A,) joints.
 
     Args:

@@ -6,11 +6,9 @@ calmed and fast motion is hardly delayed.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..geometry import rotations as rot
-
-Array = NDArray[np.float64]
+from ..geometry.arrays import Array
 
 _HZ_PER_RAD_S = 1.0
 _HZ_PER_M_S = 4.0

@@ -2,10 +2,7 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
+from ..geometry.arrays import Array, IntArray
 
 
 @dataclass(frozen=True)
@@ -56,7 +53,7 @@ class PerformerPose:
     confidence: float
     markers_m: Array
     observed_m: Array
-    single_cameras: NDArray[np.int64]
+    single_cameras: IntArray
     marker_rms_m: float
     neighbours: int = 0
     dimensions: int = 0

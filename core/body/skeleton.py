@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import SkeletonError
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array, IntArray, Mask
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class Skeleton:
         return tuple(result)
 
     @cached_property
-    def is_ancestor(self) -> NDArray[np.bool_]:
+    def is_ancestor(self) -> Mask:
         """(J, J) true where joint [i, j]: j is i itself or lies between i and the root."""
         result = np.eye(len(self), dtype=bool)
         for joint in range(1, len(self)):

@@ -4,14 +4,13 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import FormatError
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array, IntArray, Mask
 from .motion import Motion
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ class SourceMotion:
     translations_m: dict[int, Array]
     euler_orders: tuple[str, ...]
     metres_per_unit: float
-    angle_jumps: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=np.bool_))
+    angle_jumps: Mask = field(default_factory=lambda: np.empty(0, dtype=np.bool_))
     notes: tuple[str, ...] = field(default=())
 
     def __post_init__(self) -> None:
@@ -66,7 +65,7 @@ class SourceMotion:
         return len(self.rotations)
 
     @property
-    def finite_frames(self) -> NDArray[np.bool_]:
+    def finite_frames(self) -> Mask:
         """(F,) true where every number of the frame is there."""
         finite = np.all(np.isfinite(self.rotations), axis=(1, 2))
         for path in self.translations_m.values():

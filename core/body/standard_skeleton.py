@@ -5,11 +5,9 @@ its motion needs no conversion. The joints without degrees of freedom (lhipjoint
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..geometry.arrays import Array
 from .skeleton import Skeleton
-
-Array = NDArray[np.float64]
 
 DEFAULT_HEIGHT_M = 1.75
 _REFERENCE_HEIGHT_M = 1.75

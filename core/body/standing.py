@@ -1,8 +1,8 @@
 """Size of a standing body: girth, and the root's height with the soles on the floor."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..geometry.arrays import Array
 from .skeleton import Skeleton
 from .standard_skeleton import default_skeleton
 
@@ -17,7 +17,7 @@ def girth_scale(skeleton: Skeleton) -> float:
     return _height_m(skeleton) / _height_m(default_skeleton())
 
 
-def standing_root_m(skeleton: Skeleton) -> NDArray[np.float64]:
+def standing_root_m(skeleton: Skeleton) -> Array:
     """Return the root's position (3,) at which the rest pose stands on the floor, y = 0."""
     toes = min(skeleton.rest_positions_m[skeleton.index(side + "toes")][1] for side in "lr")
     return np.array([0.0, SOLE_BELOW_TOES_M * girth_scale(skeleton) - toes, 0.0])

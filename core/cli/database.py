@@ -1,13 +1,13 @@
 """`perfanim database build` and `perfanim database info`."""
 
 import argparse
-from collections.abc import Callable
 from typing import Any
 
 from ..database.build import BuildSettings, build_database
 from ..database.culling import DEFAULT_CULL_DEG
 from ..database.store import open_database
 from ..errors import SettingsError
+from ..system.progress import Progress
 
 
 def add_parser(subparsers: Any) -> None:
@@ -52,7 +52,7 @@ def add_parser(subparsers: Any) -> None:
     info.set_defaults(run=_info)
 
 
-def _build(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+def _build(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if not 1.0 <= args.fps <= 1000.0:
         raise SettingsError(f"--fps {args.fps:g} is out of range", advice="give 1 to 1000 frames per second")
     if args.workers is not None and args.workers < 1:
@@ -74,7 +74,7 @@ def _build(args: argparse.Namespace, progress: Callable[[float, str], None]) -> 
     )
 
 
-def _info(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+def _info(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     database = open_database(args.database)
     return {
         "frames": database.frames,

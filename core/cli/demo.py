@@ -5,12 +5,12 @@ import importlib.util
 import json
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from ..errors import CharacterError, SettingsError
 from ..system.files import atomic_path
+from ..system.progress import Progress
 from .main import jsonable
 
 
@@ -24,7 +24,7 @@ def add_parser(subparsers: Any) -> None:
     parser.set_defaults(run=run)
 
 
-def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Run the demo, write the character where Blender is at hand, and the report."""
     from ..simulate.demo import run_demo, write_report  # images and plots load only for the command that needs them
 
@@ -41,7 +41,7 @@ def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dic
     return report
 
 
-def _write_blend(out: Path, progress: Callable[[float, str], None]) -> Path:
+def _write_blend(out: Path, progress: Progress) -> Path:
     """Write the character with its animation, in a separate process.
 
     bpy takes over its process.

@@ -5,11 +5,11 @@ import importlib
 import importlib.metadata
 import platform
 import sys
-from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
 from ..system.libraries import LIBRARIES
+from ..system.progress import Progress
 
 
 def add_parser(subparsers: Any) -> None:
@@ -18,7 +18,7 @@ def add_parser(subparsers: Any) -> None:
     parser.set_defaults(run=_run)
 
 
-def _run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+def _run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     progress(0.0, "loading the libraries")
     libraries = {name: library_facts(name) for name in LIBRARIES}
     progress(0.5, "looking for cameras")

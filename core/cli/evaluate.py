@@ -1,12 +1,12 @@
 """`perfanim evaluate`: a motion against its truth."""
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from ..body.motion_metrics import evaluate
 from ..formats.motion.read_motion import read_motion, read_skeleton
+from ..system.progress import Progress
 
 
 def add_parser(subparsers: Any) -> None:
@@ -20,7 +20,7 @@ def add_parser(subparsers: Any) -> None:
     parser.set_defaults(run=_run)
 
 
-def _run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+def _run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     progress(0.0, "reading")
     skeleton = read_skeleton(args.skeleton) if args.skeleton else None
     motion, truth = (

@@ -6,7 +6,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from ..errors import CharacterError, FormatError
 from ..retarget.joint_naming import NAMINGS
 from ..retarget.retargeter import RootMotion
 from ..system import helper_process
+from ..system.progress import Progress
 
 BLENDER_VARIABLE = "PERFANIM_BLENDER"  # of the environment: the program to retarget with where none is named
 
@@ -57,7 +58,7 @@ def add_parser(subparsers: Any) -> None:
     parser.set_defaults(run=run, wrong_usage=parser.error)
 
 
-def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Retarget in a process of its own: bpy takes over the one it is loaded into."""
     ending = Path(args.out).suffix.lower()
     if ending not in (".blend", *_EXPORTED):

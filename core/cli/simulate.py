@@ -1,7 +1,6 @@
 """`perfanim simulate`: `markers` here, `cameras` beside it."""
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ from ..formats.motion.bvh import write_bvh
 from ..formats.motion.read_motion import read_motion
 from ..markers.marker_set import load_marker_set
 from ..simulate.markers import simulate_markers
+from ..system.progress import Progress
 from . import simulate_cameras
 from .options import seed
 
@@ -41,7 +41,7 @@ def _add_markers(commands: Any) -> None:
     parser.set_defaults(run=_markers)
 
 
-def _markers(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+def _markers(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if args.fps is not None and not 1.0 <= args.fps <= 1000.0:
         raise SettingsError(f"--fps {args.fps:g} is out of range", advice="give 1 to 1000 frames per second")
     check_writable(args.out)

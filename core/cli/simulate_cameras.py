@@ -1,7 +1,6 @@
 """`perfanim simulate cameras`: videos of a motion, with all truth."""
 
 import argparse
-from collections.abc import Callable
 from typing import Any
 
 from ..body.motion import resampled
@@ -13,6 +12,7 @@ from ..simulate.studio.render import Renderer
 from ..simulate.studio.rig import FPS, default_rig
 from ..simulate.studio.settings import StudioSettings
 from ..simulate.studio.source import simulated_source
+from ..system.progress import Progress
 from .options import seed
 
 _CODECS = {"ffv1": (".mkv", "FFV1"), "mjpeg": (".avi", "MJPG"), "mpeg4": (".mp4", "mp4v")}
@@ -88,7 +88,7 @@ def _add_studio_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=seed, default=0, metavar="N", help="of noise, ghosts and dropout (default 0)")
 
 
-def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Write the recording; returns its summary."""
     if not 1.0 <= args.fps <= 1000.0:
         raise SettingsError(f"{args.fps} images per second", where="--fps", advice="give 1 to 1000")

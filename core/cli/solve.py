@@ -1,7 +1,6 @@
 """`perfanim solve`: a marker take to full-body motion."""
 
 import argparse
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,9 +16,8 @@ from ..session.session_cache import SessionCache
 from ..session.solve_request import BodyFiles, MotionOutput, SolveMarkers, SolveRecorded
 from ..session.solve_take import SolvedTake
 from ..solver.settings import METHODS
+from ..system.progress import Progress
 from .options import add_motion_options
-
-Progress = Callable[[float, str], None]
 
 
 def add_parser(subparsers: Any) -> None:

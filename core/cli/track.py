@@ -1,15 +1,13 @@
 """`perfanim track`: images of calibrated cameras to labelled marker trajectories."""
 
 import argparse
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ..errors import SettingsError
-
-Progress = Callable[[float, str], None]
+from ..system.progress import Progress
 
 
 def add_parser(subparsers: Any) -> None:

@@ -1,7 +1,7 @@
 """Request to track the markers in images of calibrated cameras."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from ..markers.floor_from_feet import floor_points, to_rig_world
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
+from ..system.progress import Progress
 from ..vision.calibration.floor import rig_on_floor
 from ..vision.detection.detector import DetectionSettings
 from ..vision.image_take import image_take
@@ -27,7 +28,6 @@ from ..vision.reprojection import labelled_rms_px
 from ..vision.sources.spec import open_image_source
 from ..vision.synchronise import synchronise_frames
 
-Progress = Callable[[float, str], None]
 Facts = dict[str, Any]
 
 _BACKGROUND_SAMPLES = 31

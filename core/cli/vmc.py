@@ -1,7 +1,6 @@
 """`perfanim vmc`: motion sent and recorded live by the VMC protocol."""
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +16,8 @@ from ..formats.vmc.humanoid import BONES
 from ..formats.vmc.link import Receiver, play, record
 from ..formats.vmc.ports import MARIONETTE_PORT, PERFORMER_PORT
 from ..session.solve_take import resample_uniform
+from ..system.progress import Progress
 from .options import positive, rate_hz
-
-Progress = Callable[[float, str], None]
 
 
 def add_parser(subparsers: Any) -> None:

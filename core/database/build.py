@@ -10,13 +10,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.mirroring import mirrored_behaviour, mirrored_points, mirrored_rotations, mirrored_skeleton
 from ..body.skeleton import Skeleton
 from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import DatabaseError, FormatError
 from ..formats.motion.motion_sources import MotionFile, motion_files
+from ..geometry.arrays import FloatArray
+from ..system.progress import Progress
 from .culling import clips_after_culling, near_duplicates
 from .frame_file import FrameFile
 from .graph import LARGE_DATABASE, GraphSettings
@@ -25,8 +26,7 @@ from .reading import ReadClip, read_files
 from .selection import select_files
 from .store import Clip, Database, mean_and_poses, save_database
 
-FloatArray = NDArray[np.float32]
-ProgressFunction = Callable[[float, str], None]
+Progress = Progress
 
 _SAME_BONES_M = 2e-4  # offsets that differ by less are one body, written with other rounding
 _SHORTEST_CLIP = 4  # frames; the query metric looks at accelerations
@@ -110,7 +110,7 @@ def build_database(
     sources: Sequence[Path | str],
     out: Path | str,
     settings: BuildSettings | None = None,
-    progress: ProgressFunction | None = None,
+    progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
 ) -> dict[str, Any]:
     """Read all motion of files, folders and archives into one database file.
@@ -222,7 +222,7 @@ def _folder_beside(out: Path) -> Iterator[Path]:
         yield Path(name)
 
 
-def _read(files: Sequence[MotionFile], collected: _Collected, settings: BuildSettings, step: ProgressFunction) -> None:
+def _read(files: Sequence[MotionFile], collected: _Collected, settings: BuildSettings, step: Progress) -> None:
     workers = settings.workers
     if workers is None:
         enough = sum(file.path.stat().st_size for file in files) > _WORTH_PROCESSES

@@ -9,14 +9,13 @@ compared with few candidates, the nearest by the strongest principal components;
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from ..geometry.arrays import FloatArray, IntArray, Mask
 from .graph import JOINT_ANGLES
 from .store import Clip
 
-FloatArray = NDArray[np.float32]
-BoolArray = NDArray[np.bool_]
+BoolArray = Mask
 
 DEFAULT_CULL_DEG = 1.0
 
@@ -70,7 +69,7 @@ class _Kept:
         self._axes = axes[:_COMPONENTS].T.astype(np.float32)
         self._parts: list[tuple[cKDTree | None, FloatArray]] = []
 
-    def features(self, frames: NDArray[np.int64]) -> FloatArray:
+    def features(self, frames: IntArray) -> FloatArray:
         """Return (n, 2 D): each frame's pose and the later one."""
         return np.concatenate((self._poses[frames], self._poses[frames + self._ahead]), axis=1)
 

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from ..body.joint_angle_frames import angle_frame
 from ..body.standard_skeleton import JOINT_NAMES, default_skeleton
+from ..geometry.arrays import FloatArray
 
-FloatArray = NDArray[np.float32]
 IntArray = NDArray[np.int32]
 
 JOINT_ANGLES = sum(len(angle_frame(name)[1]) for name in JOINT_NAMES[1:])  # that the L1 distance is averaged over

@@ -20,11 +20,11 @@ from ..body.skeleton import Skeleton
 from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import DatabaseError
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array
 from ..system.files import atomic_path
 from .frame_file import FrameFile
 from .graph import GraphSettings, NeighbourGraph, build_graph
 
-Array = NDArray[np.float64]
 FloatArray = NDArray[np.float32]
 
 DATABASE_SUFFIX = ".pfdb"

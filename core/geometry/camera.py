@@ -5,11 +5,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import CalibrationError
-
-Array = NDArray[np.float64]
+from .arrays import Array
 
 WORLD_FROM_CAMERA = np.diag([1.0, -1.0, -1.0])
 """Axes of the world seen by a level camera that the performer faces, used until a floor is known."""

@@ -1,10 +1,11 @@
 """One-to-one assignment with a largest cost per pair."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from .arrays import IntArray
+
+IntArray = IntArray
 
 
 def assign(costs: ArrayLike, gate: float = 1.0) -> tuple[IntArray, IntArray]:

@@ -1,12 +1,11 @@
 """Matching of points to a rigid marker pattern by their distances."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array, IntArray, Mask
 from .rigid_transform import kabsch, transform
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 _MOST_WAYS = 2000
 
@@ -16,7 +15,7 @@ def match_rigid_pattern(
     spans_m: Array,
     tolerances_m: Array,
     fewest: int,
-    allowed: NDArray[np.bool_] | None = None,
+    allowed: Mask | None = None,
 ) -> IntArray:
     """Return (H, M) point indices of the markers, -1 for none; fullest first.
 

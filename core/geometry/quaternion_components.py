@@ -7,9 +7,9 @@ ten times as fast, and a live character is posed in every tick. With arrays (F,)
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from .arrays import Array
+
 Part = Any  # float or (F,) array
 Vector = tuple[Part, Part, Part]
 Quaternion = tuple[Part, Part, Part, Part]

@@ -6,15 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import CalibrationError
 from ..system.files import read_bytes, read_toml, write_toml
 from . import rotations as rot
+from .arrays import Array
 from .camera import Camera, CameraRig
 from .rig_import import caliscope_rows, level_from_world, qualisys_rows
-
-Array = NDArray[np.float64]
 
 
 def save_rig(rig: CameraRig, path: str | Path) -> None:

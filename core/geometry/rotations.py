@@ -6,9 +6,9 @@ A quaternion `a_from_b` turns vectors: v_a = rotate(a_from_b, v_b). Angles are r
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from .arrays import Array
 
 _AXES = {"X": 0, "Y": 1, "Z": 2}
 _SMALL_ANGLE = 1e-6  # below it, series replace divisions by the angle

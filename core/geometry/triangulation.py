@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array
 from .camera import Camera
-
-Array = NDArray[np.float64]
 
 _GAUSS_NEWTON_STEPS = 3
 _SMALL_STEP_M = 1e-7

@@ -1,12 +1,11 @@
 """Inverse kinematics of two bones in closed form, by the law of cosines."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from . import quaternion_components as c
 from . import rotations as rot
-
-Array = NDArray[np.float64]
+from .arrays import Array
 
 _STRAIGHTEST = 0.9995  # of the limb's length: no knee is quite straight
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.arrays import Array, IntArray, Mask
 from ..geometry.gated_assignment import assign
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 _FEWEST_TORSO = 3  # from which the root can be placed
 _STRETCH = 0.1  # share by which torso distances may lie outside those of the examples,
@@ -58,7 +58,7 @@ class InitialLabeller:
         torso: (M,) which markers lie on the torso, three at least.
     """
 
-    def __init__(self, examples_m: NDArray[np.float32], ups: NDArray[np.float32], torso: NDArray[np.bool_]) -> None:
+    def __init__(self, examples_m: NDArray[np.float32], ups: NDArray[np.float32], torso: Mask) -> None:
         self._examples = np.asarray(examples_m, dtype=np.float32)
         self._ups = np.asarray(ups, dtype=np.float32)
         self._torso = np.flatnonzero(torso)

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.arrays import Array, IntArray, Mask
 from ..geometry.camera import Camera
 from ..geometry.gated_assignment import assign
 from ..geometry.triangulation import triangulate
 from ..markers.marker_frame import MarkerFrame, undistort_blobs
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 _GATE_M = 0.08  # plus what the marker moves in a frame
 _GATE_SPEED_SHARE = 0.6  # of the predicted movement, by which the gate grows
@@ -76,7 +76,7 @@ class Labeller:
         torso: (M,) which of them lie on the torso: where it is known, so are they, even when hidden for long.
     """
 
-    def __init__(self, names: Sequence[str], torso: NDArray[np.bool_] | None = None) -> None:
+    def __init__(self, names: Sequence[str], torso: Mask | None = None) -> None:
         self.names = tuple(names)
         self._torso = np.zeros(len(self.names), dtype=bool) if torso is None else np.asarray(torso)
         count = len(self.names)

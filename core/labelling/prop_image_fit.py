@@ -7,16 +7,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array, IntArray
 from ..geometry.camera import Camera
 from ..geometry.rigid_transform import transform
 from ..markers.marker_frame import MarkerFrame, undistort_blobs
 from ..markers.prop import Prop
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 _STEPS = 6
 _SMALL_STEP = 1e-5

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.scene_pose import PropPose
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array, IntArray, Mask
 from ..geometry.camera import Camera
 from ..geometry.point_patterns import fit_rigid, match_rigid_pattern, planarity_m
 from ..geometry.rigid_transform import transform
@@ -20,8 +20,7 @@ from ..markers.marker_frame_subset import without_blobs, without_points
 from ..markers.prop import LEAST_PLANARITY_M, Prop
 from .prop_image_fit import Placed, PropImages
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 _FEWEST = 3  # markers that place a prop
 _SPAN_M = 0.006  # distances between located markers may be off by this,
@@ -176,7 +175,7 @@ class PropTracker:
         """Return whether blobs (M, C) suffice to place the prop."""
         return bool(np.sum(blobs >= 0) >= _FEWEST_BLOBS) and self._is_spread(np.any(blobs >= 0, axis=1))
 
-    def _is_spread(self, seen: NDArray[np.bool_]) -> bool:
+    def _is_spread(self, seen: Mask) -> bool:
         """Return whether markers (M,) place the prop: three at least, not on a line."""
         return int(seen.sum()) >= _FEWEST and planarity_m(self.prop.positions_m[seen]) >= LEAST_PLANARITY_M
 

@@ -8,12 +8,11 @@ a point, and the points are compared with poses of the database as if only the t
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..geometry.arrays import Array, IntArray, Mask
 from .initial_labelling import MISSED_M, InitialLabeller
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 _GAIN_M2 = 0.5 * MISSED_M**2  # of squared distance to an example: half of what a missed marker costs
 _BETTER = 0.7  # of the labels' distance to the examples, where a marker that has a point is given another
@@ -31,7 +30,7 @@ class Relabeller:
         torso: (M,) which markers lie on the torso.
     """
 
-    def __init__(self, start: InitialLabeller, torso: NDArray[np.bool_]) -> None:
+    def __init__(self, start: InitialLabeller, torso: Mask) -> None:
         self._start = start
         self._torso = torso
         self.changed = False  # whether the last frame's labels were bettered

@@ -9,16 +9,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..geometry.arrays import Array, IntArray
 from ..geometry.camera import CameraRig
 from ..geometry.gated_assignment import assign
 from ..markers.marker_frame import MarkerFrame, undistort_blobs
 from ..markers.marker_take import SingleViews
 from .trajectory_linking import Tracking
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 _GATE_M = 0.03  # at the marker's depth, from where it is expected
 _GATE_M_S = 0.5  # growth with the time since it was last seen in this image

@@ -9,13 +9,12 @@ long, and that may be anywhere, takes the blobs of its neighbours.
 from copy import copy
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..geometry.arrays import Array, IntArray, Mask
 from ..geometry.camera import Camera
 from ..geometry.gated_assignment import assign
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 _MEMORY_S = 0.1  # a movement in the image older than this is of no use
 # standard deviations across the ray at the marker's distance
@@ -39,7 +38,7 @@ class SingleViewLabeller:
         torso: (M,) which markers lie on the torso: where it is known, so are they, even when hidden for long.
     """
 
-    def __init__(self, camera: Camera, torso: NDArray[np.bool_]) -> None:
+    def __init__(self, camera: Camera, torso: Mask) -> None:
         self._camera = camera
         self._most_m = np.where(torso, _TORSO_MOST_M, _BODY_MOST_M)
         self._points = np.full((len(torso), 2), np.nan)

@@ -9,14 +9,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array, IntArray
 from ..geometry.camera import Camera
 from ..geometry.gated_assignment import assign
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 _TURNS_DEG = (-60.0, -40.0, -20.0, 0.0, 20.0, 40.0, 60.0)  # from facing the camera
 _PAIRS = 4  # of markers, the farthest apart, that two blobs are taken for

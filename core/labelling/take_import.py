@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.calibration_poses import standing
 from ..body.standard_skeleton import default_skeleton
 from ..errors import TakeError
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array
 from ..geometry.camera import CameraRig
 from ..geometry.rigid_transform import transform
 from ..markers.floor_from_feet import floor_points, upright_rotation
@@ -18,8 +18,6 @@ from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from ..markers.take_frames import is_unnamed
 from .trajectory_naming import name_trajectories
-
-Array = NDArray[np.float64]
 
 UPS = ("auto", "feet", "y", "z")
 

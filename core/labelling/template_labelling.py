@@ -6,12 +6,11 @@ Pairs of points taken for distant template markers give rough placements; the be
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..geometry.arrays import Array, IntArray
 from ..geometry.gated_assignment import assign
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 _GATE_M = 0.30  # a marker further from where the calibration pose has it is not that marker
 _ROUNDS = 8

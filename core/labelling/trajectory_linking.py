@@ -9,16 +9,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from ..errors import TakeError
+from ..geometry.arrays import Array, IntArray
 from ..geometry.gated_assignment import assign
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_take import MarkerTake
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 _GATE_M = 0.05
 _GATE_SPEED_M_S = 3.0

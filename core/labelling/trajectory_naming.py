@@ -3,19 +3,18 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from ..body.calibration_poses import standing, t_pose
 from ..body.skeleton import marker_positions
 from ..body.standard_skeleton import default_skeleton
 from ..errors import TakeError
+from ..geometry.arrays import Array, IntArray
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from .template_labelling import label_by_template
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 _SAMPLES = 25
 _FEWEST_VOTES = 0.3  # share of the sampled frames in which most markers must have been recognised

@@ -3,16 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.motion import Motion
 from ..body.skeleton import forward_kinematics
 from ..errors import SettingsError
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array, Mask
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
-
-Array = NDArray[np.float64]
 
 _PLACE_SHARE = 0.2  # of the cut-off: markers move so much more slowly on the body than with it
 _ORDER = 2  # run forwards and backwards: fourth order without lag, as is usual for gait (Winter 2009, section 3.4)
@@ -117,7 +115,7 @@ def _filter(sections: Array | None, path: Array) -> Array:
     return np.asarray(sosfiltfilt(sections, path, axis=0))
 
 
-def _stretches(visible: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _stretches(visible: Mask) -> list[tuple[int, int]]:
     """Return (start, stop) of each unbroken run."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], visible, [False])).astype(np.int8)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

@@ -4,20 +4,18 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.calibration_poses import standing
 from ..body.skeleton import Skeleton, forward_kinematics
 from ..body.standard_skeleton import default_skeleton
 from ..errors import TakeError
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array
 from ..geometry.camera import CameraRig
 from ..geometry.rigid_transform import kabsch, transform
 from .filtering import smooth_take
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
-
-Array = NDArray[np.float64]
 
 _FOOT_JOINTS = ("lfoot", "rfoot", "ltoes", "rtoes")
 _SOLE_M = 0.02  # from the lowest joint of a standing foot down to the floor

@@ -1,12 +1,12 @@
 """Frame rate from time stamps."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import TakeError
+from ..geometry.arrays import Array, IntArray
 
 
-def frame_rate(times_s: NDArray[np.float64], numbers: NDArray[np.int64] | None = None) -> float:
+def frame_rate(times_s: Array, numbers: IntArray | None = None) -> float:
     """Return the frames per second of ascending times, rounded if almost whole.
 
     Args:

@@ -11,19 +11,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from ..body.motion import Motion
 from ..body.skeleton import forward_kinematics
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array, IntArray, Mask
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Mask = NDArray[np.bool_]
-
+IntArray = IntArray
 _SHOULDER_S = 0.1  # of a trajectory beside a gap: its place on the body is taken from there
 _SETTLED_S = 0.04  # after so long what the first and last frame beside the gap had alone has faded to 1/e
 _LEAVING_S = 0.1  # after so long from the gap's ends the body's error has grown to 1 - 1/e

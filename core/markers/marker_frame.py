@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import CaptureError
+from ..geometry.arrays import Array, IntArray
 from ..geometry.camera import Camera, undistort_all
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 
 def _no_points() -> Array:

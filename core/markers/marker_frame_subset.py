@@ -4,14 +4,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..geometry.arrays import IntArray, Mask
 from .marker_frame import MarkerFrame
 
-IntArray = NDArray[np.int64]
 
-
-def without_points(frame: MarkerFrame, taken: NDArray[np.bool_]) -> MarkerFrame:
+def without_points(frame: MarkerFrame, taken: Mask) -> MarkerFrame:
     """Return the frame without the points (N,) that are taken; their blobs stay."""
     kept = ~taken
     return replace(

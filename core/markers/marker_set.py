@@ -6,14 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.skeleton import Skeleton
 from ..errors import MarkerSetError
+from ..geometry.arrays import Array, IntArray, Mask
 from ..system.assets import MARKER_SETS
 from ..system.files import read_toml
-
-Array = NDArray[np.float64]
 
 _MINIMUM_TORSO_MARKERS = 3
 
@@ -74,7 +72,7 @@ class MarkerSet:
         return tuple(marker.text or marker.name for marker in self.markers)
 
     @property
-    def torso(self) -> NDArray[np.bool_]:
+    def torso(self) -> Mask:
         """(M,) true for markers that serve to find the root."""
         return np.array([marker.torso for marker in self.markers])
 
@@ -90,7 +88,7 @@ class MarkerSet:
             )
         return np.array([marker.offset_m for marker in self.markers], dtype=np.float64)
 
-    def joint_indices(self, skeleton: Skeleton) -> NDArray[np.int64]:
+    def joint_indices(self, skeleton: Skeleton) -> IntArray:
         """(M,) index of each marker's joint in the skeleton."""
         return np.array([skeleton.index(marker.joint) for marker in self.markers], dtype=np.int64)
 

@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import CalibrationError, TakeError
+from ..geometry.arrays import Array, IntArray, Mask
 from ..geometry.camera import Camera, CameraRig
 from ..system.files import atomic_path
-
-Array = NDArray[np.float64]
 
 _KIND = "perfanim marker take"
 _VERSION = 1
@@ -33,7 +32,7 @@ class SingleViews:
     """
 
     rig: CameraRig
-    cameras: NDArray[np.int64]
+    cameras: IntArray
     points: Array
 
     def select(self, frames: slice = slice(None), markers: Sequence[int] | slice = slice(None)) -> "SingleViews":
@@ -59,7 +58,7 @@ class MarkerTake:
     fps: float
     names: tuple[str, ...]
     positions_m: Array
-    frame_numbers: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    frame_numbers: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     times_s: Array = field(default_factory=lambda: np.empty(0))
     single: SingleViews | None = None
 
@@ -99,7 +98,7 @@ class MarkerTake:
         return len(self.positions_m)
 
     @property
-    def visible(self) -> NDArray[np.bool_]:
+    def visible(self) -> Mask:
         """(F, M) where a marker was located."""
         return np.all(np.isfinite(self.positions_m), axis=-1)
 

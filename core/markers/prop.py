@@ -10,14 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import PropError
+from ..geometry.arrays import Array
 from ..geometry.point_patterns import fit_rigid, match_rigid_pattern, planarity_m
 from ..system.assets import PROPS
 from ..system.files import read_toml, write_toml
-
-Array = NDArray[np.float64]
 
 FEWEST_MARKERS = 3
 MOST_MARKERS = 12

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import TakeError
+from ..geometry.arrays import Array, IntArray
 from .marker_frame import MarkerFrame
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
@@ -60,9 +60,7 @@ def _unnamed_frames(take: MarkerTake) -> Iterator[MarkerFrame]:
         yield MarkerFrame(int(number), float(time_s), single_cameras=camera, single_blobs=unknown, single_points=points)
 
 
-def _with_rays(
-    frame: MarkerFrame, cameras: NDArray[np.int64], points: NDArray[np.float64], labels: NDArray[np.int64]
-) -> MarkerFrame:
+def _with_rays(frame: MarkerFrame, cameras: IntArray, points: Array, labels: IntArray) -> MarkerFrame:
     alone = cameras >= 0
     return replace(
         frame,

@@ -4,12 +4,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import CharacterError
+from ..geometry.arrays import Array, IntArray, Mask
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 
 @dataclass(frozen=True)
@@ -35,10 +34,10 @@ class ArmatureRest:
     heads: Array
     tails: Array
     axes: Array
-    deform: NDArray[np.bool_]
-    inherits_rotation: NDArray[np.bool_]
-    local_location: NDArray[np.bool_]
-    connected: NDArray[np.bool_]
+    deform: Mask
+    inherits_rotation: Mask
+    local_location: Mask
+    connected: Mask
 
     def __post_init__(self) -> None:
         count = len(self.names)

@@ -13,7 +13,8 @@ import numpy as np
 
 from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import CharacterError
-from .armature_rest import ArmatureRest, Array
+from ..geometry.arrays import Array
+from .armature_rest import ArmatureRest
 from .bone_name_parser import HEAD_WORDS, HIPS_WORDS, LIMB_WORDS, parse_bone_name
 from .limb_detection import Limbs, arm_joints, check_upright, cosine, find_limbs, leg_joints
 

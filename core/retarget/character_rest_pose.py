@@ -15,7 +15,8 @@ import numpy as np
 from ..body.skeleton import Skeleton
 from ..errors import CharacterError
 from ..geometry import rotations as rot
-from .armature_rest import ArmatureRest, Array
+from ..geometry.arrays import Array
+from .armature_rest import ArmatureRest
 from .bone_name_parser import parse_bone_name
 from .file_rest_pose import BONE_ENDS
 from .limb_detection import cosine

@@ -8,7 +8,8 @@ import numpy as np
 
 from ..body.skeleton import Skeleton
 from ..geometry import rotations as rot
-from .armature_rest import ArmatureRest, Array, IntArray
+from ..geometry.arrays import Array, IntArray
+from .armature_rest import ArmatureRest
 from .bone_name_parser import parse_bone_name
 
 _CHAINS = (("root", "lowerback", "upperback", "thorax"), ("thorax", "lowerneck", "upperneck", "head"))

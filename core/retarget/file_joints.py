@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.source_motion import SourceMotion, zero_pose_positions
 from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import SkeletonError
+from ..geometry.arrays import Array, IntArray
 
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _PREFIX = re.compile(r"(?i)^(character|bip)\d*[ _]")
@@ -105,7 +105,7 @@ def split_name(name: str) -> tuple[str, str]:
     return side, joined or "root" * ("joint" in words or "root" in words)
 
 
-def _ancestors(parents: NDArray[np.int64], joint: int) -> list[int]:
+def _ancestors(parents: IntArray, joint: int) -> list[int]:
     """Return the joints above one, nearest first."""
     chain = []
     while parents[joint] >= 0:
@@ -138,7 +138,7 @@ def _match_trunk(source: SourceMotion, found: dict[str, int], middle: dict[str, 
         found |= {"lowerneck": neck[0], "upperneck": neck[-1]}
 
 
-def _shares(positions: NDArray[np.float64], chain: list[int]) -> list[float]:
+def _shares(positions: Array, chain: list[int]) -> list[float]:
     """Return how far along the chain its joints but the first lie, 0 to 1."""
     steps = np.linalg.norm(np.diff(positions[chain], axis=0), axis=1)
     length = max(float(steps.sum()), 1e-9)

@@ -13,16 +13,15 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.joint_angle_frames import angle_frame
 from ..body.source_motion import SourceMotion, frame_range, source_kinematics, zero_pose_positions
 from ..body.standard_skeleton import JOINT_NAMES, default_skeleton
 from ..errors import SkeletonError
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array, IntArray
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 _LEFT, _RIGHT = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
 _UP, _DOWN = (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)
@@ -227,7 +226,7 @@ def _aligned(orientations: dict[str, Array], bones: dict[str, Array]) -> RestAli
     return RestAlignment({name: rot.conjugate(rot.multiply(rolls[name], orientations[name])) for name in rolls})
 
 
-def _inherited_turn(name: str, turns: Mapping[str, Array], parents: NDArray[np.int64]) -> Array:
+def _inherited_turn(name: str, turns: Mapping[str, Array], parents: IntArray) -> Array:
     if name[1:] not in _TURNED:
         return rot.identity()
     joint = int(parents[JOINT_NAMES.index(name)])

@@ -8,8 +8,8 @@ import numpy as np
 from ..body.skeleton import Skeleton
 from ..geometry import quaternion_components as c
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array
 from ..geometry.two_bone_ik import two_bone_directions
-from .armature_rest import Array
 from .character_rest_pose import RestAlignment
 
 _BALL_ABOVE_SOLE = 0.029  # height of the ball of a standing foot above the floor, in leg lengths

@@ -6,7 +6,8 @@ from itertools import combinations
 import numpy as np
 
 from ..errors import CharacterError
-from .armature_rest import ArmatureRest, Array
+from ..geometry.arrays import Array
+from .armature_rest import ArmatureRest
 from .bone_name_parser import parse_bone_name
 
 _LONG_LIMB = 0.2  # of the armature's greatest extent: the least length of an arm or leg

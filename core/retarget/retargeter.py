@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike
 from ..body.skeleton import Skeleton
 from ..geometry import quaternion_components as c
 from ..geometry import rotations as rot
-from .armature_rest import ArmatureRest, Array, IntArray
+from ..geometry.arrays import Array, IntArray
+from .armature_rest import ArmatureRest
 from .bone_map import BoneMap
 from .character_rest_pose import RestAlignment, align_character
 from .driven_bones import DrivenBone, driven_ancestors, driven_bones, root_bone

@@ -11,7 +11,6 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.joint_angle_frames import with_angle_frames
 from ..body.motion import Motion
@@ -19,11 +18,10 @@ from ..body.skeleton import Skeleton
 from ..body.source_motion import SourceMotion, source_kinematics
 from ..body.standard_skeleton import JOINT_NAMES, default_skeleton
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array, IntArray
 from .file_joints import match_joints
 from .file_rest_pose import align_rest
 from .joint_naming import NAMINGS
-
-Array = NDArray[np.float64]
 
 _SIZED = ("ltibia", "rtibia", "lradius", "rradius")  # thighs and upper arms, which all files have, give the body's size
 _SAMPLED_FRAMES = 200  # for bones between joints that are not neighbours in the file
@@ -132,7 +130,7 @@ def _y_up(positions: Array, world: Array, found: Mapping[str, int]) -> tuple[Arr
     return positions, world
 
 
-def _local_rotations(world: Mapping[str, Array], parents: NDArray[np.int64], frames: int) -> Array:
+def _local_rotations(world: Mapping[str, Array], parents: IntArray, frames: int) -> Array:
     local = rot.identity((frames, len(JOINT_NAMES)))
     complete: list[Array] = []
     for joint, name in enumerate(JOINT_NAMES):

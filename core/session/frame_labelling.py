@@ -7,6 +7,7 @@ from ..body.calibration_poses import standing, t_pose
 from ..body.skeleton import marker_positions
 from ..database.store import Database
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array, IntArray
 from ..geometry.camera import Camera
 from ..labelling.initial_labelling import InitialLabeller, InitialLabels
 from ..labelling.labeller import Labeller
@@ -15,10 +16,7 @@ from ..markers.marker_frame import MarkerFrame
 from ..solver.observation import Observation
 from ..solver.subject_model import SubjectModel
 
-Array = NDArray[np.float64]
 FloatArray = NDArray[np.float32]
-IntArray = NDArray[np.int64]
-
 _EXAMPLES = 2048  # poses of the database that a body without a past is compared with
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.arrays import Array, IntArray
 from ..geometry.camera import Camera
 from ..labelling.single_view_labelling import SingleViewLabeller
 from ..labelling.single_view_start import SingleViewStart, label_near, label_single_view
@@ -21,10 +22,7 @@ from ..solver.pose_solver import PoseSolver
 from ..solver.solution import Solution, SolverState
 from ..solver.subject_model import RootPose
 
-Array = NDArray[np.float64]
 FloatArray = NDArray[np.float32]
-IntArray = NDArray[np.int64]
-
 _MOST_HYPOTHESES = 5
 # costs are minus logarithms of likelihoods
 _UNLABELLED_COST = 6.0  # of a blob without a marker

@@ -8,9 +8,9 @@ another's, so that its own session finds its markers as if it were alone. Those 
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from ..geometry.arrays import IntArray, Mask
 from ..labelling.initial_labelling import MISSED_M
 from ..labelling.labeller import assign_blobs, assign_points
 from ..markers.marker_frame import MarkerFrame
@@ -18,8 +18,7 @@ from ..markers.marker_frame_subset import without_blobs, without_points
 from .frame_labelling import is_labelled
 from .session import Session
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 _NOBODY = -1
 _PATIENCE_S = 1.0  # for which nobody is given a body that may be another's: all who are waited for may come into view
@@ -138,7 +137,7 @@ class PerformerAssignment:
         rows, columns = linear_sum_assignment(costs)
         return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if costs[r, c] < _UNLIKE_M]
 
-    def _without(self, frame: MarkerFrame, taken: NDArray[np.bool_]) -> MarkerFrame:
+    def _without(self, frame: MarkerFrame, taken: Mask) -> MarkerFrame:
         """Return the frame without some of its points, and without their blobs."""
         if not self._has_images(frame):
             return without_points(frame, taken)

@@ -1,6 +1,6 @@
 """Solved takes saved as recorded ones: imported markers, and captures solved again."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,10 +16,9 @@ from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
 from ..markers.take_frames import take_frames
 from ..solver.settings import SolveSettings
+from ..system.progress import Progress
 from .capture_setup import CaptureSetup
 from .solve_take import SolvedTake, solve_take
-
-Progress = Callable[[float, str], None]
 
 
 def save_imported_take(

@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.calibration_poses import t_pose
 from ..body.scene_pose import PerformerPose
 from ..database.store import Database
+from ..geometry.arrays import Array
 from ..geometry.camera import CameraRig
 from ..labelling.initial_labelling import InitialLabels
 from ..markers.marker_frame import MarkerFrame
@@ -20,8 +20,6 @@ from ..solver.subject_model import SubjectModel
 from .frame_labelling import BodyExamples, FrameLabeller, is_labelled, rest_markers
 from .hypothesis_tracking import HypothesisTracker
 from .tracking_quality import TrackingNote, TrackingQuality, assess_fit
-
-Array = NDArray[np.float64]
 
 
 class Session:

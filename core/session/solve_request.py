@@ -31,12 +31,12 @@ from ..markers.take_frames import is_unnamed
 from ..retarget.joint_naming import OWN
 from ..solver.marker_selection import choose_markers, with_markers, worn_in
 from ..solver.settings import SolveSettings
+from ..system.progress import Progress
 from .capture_setup import CaptureSetup
 from .save_solved_take import save_resolved_take
 from .session_cache import SessionCache
 from .solve_take import SolvedTake, solve_recorded, solve_take
 
-Progress = Callable[[float, str], None]
 Facts = dict[str, Any]
 
 

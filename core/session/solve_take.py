@@ -1,11 +1,10 @@
 """Whole takes solved to motions."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.motion import Motion
 from ..body.scene_pose import PerformerPose, ScenePose
@@ -13,12 +12,14 @@ from ..database.store import Database
 from ..errors import TakeError
 from ..formats.take_file.reading import TakeFile
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array
 from ..markers.frame_rate import frame_rate
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
 from ..markers.take_frames import take_frames
 from ..solver.settings import SolveSettings
+from ..system.progress import Progress
 from .capture_setup import CaptureSetup, SessionMaker
 from .multi_target_session import MultiTargetSession
 from .session import Session
@@ -38,7 +39,7 @@ class SolvedTake:
 
     poses: tuple[ScenePose, ...]
     motions: tuple[Motion, ...]
-    seconds: NDArray[np.float64]
+    seconds: Array
 
     @property
     def motion(self) -> Motion:
@@ -67,7 +68,7 @@ def solve_take(
     subject: Subject,
     database: Database,
     settings: SolveSettings,
-    progress: Callable[[float, str], None],
+    progress: Progress,
     sessions: SessionMaker = Session,
 ) -> SolvedTake:
     """Solve a labelled take, with markers that single cameras saw where the take has them.
@@ -85,7 +86,7 @@ def solve_recorded(
     take: TakeFile,
     frames: Sequence[MarkerFrame],
     setup: CaptureSetup,
-    progress: Callable[[float, str], None],
+    progress: Progress,
     sessions: SessionMaker = Session,
 ) -> SolvedTake:
     """Solve a recorded take as it was solved live; the motions are the recorded part, without a countdown.
@@ -110,8 +111,8 @@ def solve_recorded(
 
 
 def _solve_frames(
-    frames: Sequence[MarkerFrame], session: MultiTargetSession, activity: str, progress: Callable[[float, str], None]
-) -> tuple[list[ScenePose], NDArray[np.float64]]:
+    frames: Sequence[MarkerFrame], session: MultiTargetSession, activity: str, progress: Progress
+) -> tuple[list[ScenePose], Array]:
     """Return the poses of frames in order, and the time (F,) that each took."""
     poses, seconds = [], []
     for i, frame in enumerate(frames):

@@ -4,14 +4,12 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.scene_pose import PerformerPose
+from ..geometry.arrays import Mask
 from ..solver.observation import Observation
 from ..solver.solution import Solution
 from ..system.backoff import Backoff
-
-Array = NDArray[np.float64]
 
 
 class TrackingNote(StrEnum):
@@ -74,7 +72,7 @@ class Fit:
         confidence: 0 (guessed) to 1 (all markers seen and explained, motion like the database).
     """
 
-    located: NDArray[np.bool_]
+    located: Mask
     rms_m: float
     confidence: float
 
@@ -113,7 +111,7 @@ class TrackingQuality:
         settings: thresholds.
     """
 
-    def __init__(self, torso: NDArray[np.bool_], one_camera: bool, settings: TrackingSettings = SETTINGS) -> None:
+    def __init__(self, torso: Mask, one_camera: bool, settings: TrackingSettings = SETTINGS) -> None:
         self._torso, self._one_camera = torso, one_camera
         self.settings = settings
         self.reset()

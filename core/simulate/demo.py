@@ -4,7 +4,7 @@ Nothing of the truth is used but to measure the result, and the true cameras onl
 """
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from ..body.scene_pose import PerformerPose
 from ..database.build import build_database
 from ..database.store import Database, open_database
 from ..formats.motion.bvh import write_bvh
+from ..geometry.arrays import Array
 from ..geometry.camera import CameraRig
 from ..geometry.rig_file import save_rig
 from ..markers.marker_frame import MarkerFrame
@@ -31,6 +32,7 @@ from ..subjects.from_recording import subject_from_recording
 from ..subjects.prototype_bodies import load_bodies
 from ..system.assets import MOTION
 from ..system.files import atomic_path
+from ..system.progress import Progress
 from ..vision.pipeline import MarkerPipeline
 from .calibrated_studio import calibrate_studio, studio_on_floor
 from .performance import DEMO
@@ -52,10 +54,7 @@ from .studio.render import Renderer
 from .studio.rig import default_rig
 from .studio.source import SimulatedSource, simulated_source
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
-Progress = Callable[[float, str], None]
-
 MARKER_SET = "boxing"
 _EMPTY_FRAMES = 60
 _VIDEO_EVERY = 2  # of 60 frames a second every second one is drawn

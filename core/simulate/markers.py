@@ -1,11 +1,11 @@
 """Marker takes made from motion, with everything known about them."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.motion import Motion
 from ..body.skeleton import marker_positions
 from ..errors import SettingsError
+from ..geometry.arrays import Mask
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
@@ -46,7 +46,7 @@ def simulate_markers(
     return MarkerTake(motion.name, motion.fps, chosen.names, positions), motion
 
 
-def _gaps(generator: np.random.Generator, frames: int, markers: int, dropout: float, fps: float) -> NDArray[np.bool_]:
+def _gaps(generator: np.random.Generator, frames: int, markers: int, dropout: float, fps: float) -> Mask:
     """Return (F, M) bool: missing markers, from a two-state chain of share `dropout`."""
     mean_gap = max(_MEAN_GAP_S * fps, 1.0)
     come_back = 1.0 / mean_gap

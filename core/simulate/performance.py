@@ -7,7 +7,6 @@ the embedded motion database, which only holds motion like theirs.
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.mirroring import mirrored_points, mirrored_rotations, mirrored_skeleton
 from ..body.motion import Motion, resampled, sliced
@@ -15,6 +14,7 @@ from ..body.skeleton import Skeleton
 from ..body.standard_skeleton import default_skeleton
 from ..errors import SettingsError
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array
 from ..system.assets import PERFORMANCES
 
 DEMO = "demo"
@@ -119,5 +119,5 @@ def _lasting(motion: Motion, start: int, seconds: float) -> Motion:
 
 def _sole_depth_m(skeleton: Skeleton) -> float:
     """Return how far below the root the lowest joint lies in the rest pose."""
-    depths: NDArray[np.float64] = -skeleton.rest_positions_m[:, 1]
+    depths: Array = -skeleton.rest_positions_m[:, 1]
     return float(depths.max())

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..body.skeleton import Skeleton
 from ..errors import CaptureError
+from ..geometry.arrays import Array
 from ..geometry.camera import Camera
 from ..system.files import atomic_path
 from .studio.body import Body, make_body
@@ -24,7 +25,6 @@ from .studio.limb_outlines import outlines
 from .studio.rig import looking_at
 from .studio.video import write_video
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 _LIGHT_SLOPE = np.array([-0.42, -0.40])  # how far a shadow falls in x and z per metre of height

@@ -17,10 +17,9 @@ from scipy.linalg import cho_factor, cho_solve, get_blas_funcs, solve_triangular
 from scipy.linalg.blas import dgemm
 
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array
 from .observation import Observation, control_jacobian, control_residual
 from .subject_model import RootPose, SubjectModel
-
-Array = NDArray[np.float64]
 
 _EXPECTED_SIGMA_M = 0.01  # of a marker about the prior's: skin moves, and no prior is exact
 _STRAIGHT_RAD = 0.05  # a step in which no joint turns more needs no other: markers move as their derivative says

@@ -14,12 +14,10 @@ from scipy.linalg.blas import sgemm
 
 from ..database.store import Database
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array, IntArray
 from .subject_model import RootPose
 
-Array = NDArray[np.float64]
 FloatArray = NDArray[np.float32]
-IntArray = NDArray[np.int64]
-
 _TOLERANCE = 0.3  # of the lag: how far off a remembered moment may be and still stand for it
 
 

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from ..geometry.arrays import Array, IntArray, Mask
+
+IntArray = IntArray
 
 _VARIANCE_FLOOR = 1e-8  # rad^2: keeps directions in which the neighbours do not differ from being infinitely stiff
 _VALIDATION_DIRECTIONS = 32  # cross-validation looks at the neighbours in so many directions, which hold nearly all
@@ -122,7 +122,7 @@ def cross_validate(
 
 
 def _left_out_errors(
-    coordinates: Array, markers: Array, left_out: NDArray[np.bool_], dimensions: tuple[int, ...], variance: float,
+    coordinates: Array, markers: Array, left_out: Mask, dimensions: tuple[int, ...], variance: float,
     examples: int,
 ) -> Array | None:  # fmt: skip
     """Return squared errors (B candidates, tested) of the left-out closest examples.

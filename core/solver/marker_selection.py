@@ -10,17 +10,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.skeleton import forward_kinematics
 from ..database.store import Database
 from ..errors import MarkerSetError
+from ..geometry.arrays import Array
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
 from ..markers.take_frames import is_unnamed
 from .subject_model import ROOT_AT_REST, SubjectModel
-
-Array = NDArray[np.float64]
 
 _SAMPLES = 4096  # poses of the database
 _MARKER_SIGMA_M = 0.005  # of a measured marker about the body's: skin and calibration

@@ -3,11 +3,9 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..geometry.arrays import Array, IntArray, Mask
 from ..geometry.camera import Camera
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -22,7 +20,7 @@ class Observation:
     """
 
     points_m: Array
-    cameras: NDArray[np.int64]
+    cameras: IntArray
     image_points: Array
     rig: tuple[Camera, ...] = ()
 
@@ -48,12 +46,12 @@ class Observation:
         return replace(self, points_m=points)
 
     @property
-    def located(self) -> NDArray[np.bool_]:
+    def located(self) -> Mask:
         """(M,) markers located in space."""
         return np.all(np.isfinite(self.points_m), axis=-1)
 
     @property
-    def single(self) -> NDArray[np.bool_]:
+    def single(self) -> Mask:
         """(M,) markers seen by one camera only."""
         return (self.cameras >= 0) & ~self.located
 

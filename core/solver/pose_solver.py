@@ -3,10 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..database.store import Database
 from ..errors import DatabaseError
+from ..geometry.arrays import Array, IntArray
 from .methods import FrameProblem, fit_root, prepare_method
 from .observation import Observation
 from .search.choose import choose_search
@@ -15,8 +15,7 @@ from .settings import SolveSettings
 from .solution import Examples, Solution, SolverState
 from .subject_model import RootPose, SubjectModel
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 _ROOT_PASSES = 2  # the root needs the pose's torso markers and the pose needs the root
 _FIRST_ROOT_PASSES = 4  # at the start nothing is known about either

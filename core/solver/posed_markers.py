@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..body.skeleton import Skeleton
+from ..geometry.arrays import Array, IntArray
 
-Array = NDArray[np.float64]
 _Components = tuple[Array, Array, Array]
 _Quaternions = tuple[Array, Array, Array, Array]
 
@@ -15,7 +15,7 @@ _ORIGIN = (np.zeros(()), np.zeros(()), np.zeros(()))
 
 
 def markers_at_rest(
-    skeleton: Skeleton, joints: NDArray[np.int64], offsets_m: Array, mean_rotations: Array, poses: NDArray[np.float32]
+    skeleton: Skeleton, joints: IntArray, offsets_m: Array, mean_rotations: Array, poses: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     """Return the markers (F, M, 3), metres, of poses with the root at rest.
 

@@ -1,14 +1,12 @@
 """Root position and orientation from the torso markers (z_t, section 6)."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array, IntArray, Mask
 from ..geometry.rigid_transform import kabsch
 from .observation import Observation
 from .subject_model import RootPose
-
-Array = NDArray[np.float64]
 
 _CARRIED_BY_ROOT = 4.0  # weight of markers on the root itself against torso markers on the spine and shoulders
 
@@ -16,8 +14,8 @@ _CARRIED_BY_ROOT = 4.0  # weight of markers on the root itself against torso mar
 def root_from_torso(
     observation: Observation,
     local_markers_m: Array,
-    torso: NDArray[np.bool_],
-    joints: NDArray[np.int64],
+    torso: Mask,
+    joints: IntArray,
     previous: RootPose | None,
 ) -> RootPose | None:
     """Return the root that lays the pose's torso markers onto the observed ones.

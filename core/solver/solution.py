@@ -5,13 +5,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.arrays import Array, IntArray
 from .gaussian_conditioning import Expectation
 from .lagged_history import LaggedHistory
 from .subject_model import RootPose
 
-Array = NDArray[np.float64]
 FloatArray = NDArray[np.float32]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

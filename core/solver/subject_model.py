@@ -12,10 +12,9 @@ from ..body.standard_skeleton import JOINT_NAMES
 from ..database.store import Database, rotations_from_pose
 from ..errors import SubjectError
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array
 from ..markers.subject import Subject
 from .posed_markers import markers_at_rest
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -4,13 +4,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..geometry.arrays import Array
 from .local_model import LocalModel
 from .observation import Observation, control_jacobian, control_residual
 from .subject_model import RootPose, SubjectModel
-
-Array = NDArray[np.float64]
 
 _ITERATIONS = 12
 _RELATIVE_DECREASE = 1e-4  # of the energy, below which it is done

@@ -10,16 +10,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.skeleton import Skeleton, forward_kinematics
 from ..body.standard_skeleton import mirrored_name
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array, IntArray
 from ..geometry.rigid_transform import kabsch
 from ..markers.marker_set import MarkerSet
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 Pose = Callable[[Skeleton], Array]
 
 _ROUNDS = 30

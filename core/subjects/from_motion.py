@@ -6,25 +6,23 @@ fit is one ridge regression about the usual proportions and offsets (cf. the att
 where joint centres are linear in the same way).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.scene_pose import PerformerPose
 from ..body.skeleton import Skeleton, forward_kinematics
 from ..database.store import Database
 from ..errors import SubjectError
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array, IntArray, Mask
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
 from ..markers.take_frames import take_frames
 from ..session.session import Session
 from ..solver.settings import SolveSettings
-
-Array = NDArray[np.float64]
+from ..system.progress import Progress
 
 _ROUNDS = 4
 _MOST_FRAMES = 300  # of the take that are looked at; more tell little new about the body
@@ -64,7 +62,7 @@ def subject_from_motion(
     take: MarkerTake,
     start: Subject,
     database: Database,
-    progress: Callable[[float, str], None] = lambda fraction, text: None,
+    progress: Progress = lambda fraction, text: None,
 ) -> MotionFit:
     """Return the subject with the bones and offsets that explain a take best.
 
@@ -121,7 +119,7 @@ def _observed(take: MarkerTake, marker_set: MarkerSet) -> Array:
     return result
 
 
-def _poses(take: MarkerTake, subject: Subject, database: Database) -> tuple[Array, NDArray[np.bool_]]:
+def _poses(take: MarkerTake, subject: Subject, database: Database) -> tuple[Array, Mask]:
     """Return joint rotations (F, J, 4) and a mask of well solved frames."""
     session = Session(subject, database, settings=SolveSettings())
     poses = [session.step(frame) for frame in take_frames(take, subject.marker_set)]
@@ -148,7 +146,7 @@ def _fitted(rotations: Array, observed: Array, start: Subject) -> Subject:
     return Subject(start.name, _sized(start.skeleton, parts), start.marker_set.with_offsets(offsets), rms)
 
 
-def _less_mean(values: Array, seen: NDArray[np.bool_]) -> Array:
+def _less_mean(values: Array, seen: Mask) -> Array:
     """Return values (F, M, ...) less the mean of the seen markers, 0 elsewhere."""
     shown = seen.reshape(*seen.shape, *[1] * (values.ndim - 2))
     share = np.maximum(shown.sum(axis=1, keepdims=True), 1)
@@ -175,7 +173,7 @@ def _linear_model(rotations: Array, subject: Subject) -> tuple[Array, Array, Arr
     return by_part, by_offset, markers
 
 
-def _part_of_joint(skeleton: Skeleton) -> NDArray[np.int64]:
+def _part_of_joint(skeleton: Skeleton) -> IntArray:
     """Return (J,) the part of each joint's offset from its parent; -1 for the root."""
     result = np.full(len(skeleton), -1, dtype=np.int64)
     for number, members in enumerate(_PARTS.values()):

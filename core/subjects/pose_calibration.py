@@ -10,20 +10,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.calibration_poses import CALIBRATION, POSES
 from ..body.skeleton import Skeleton, forward_kinematics, marker_positions
 from ..body.standard_skeleton import default_skeleton
 from ..errors import SubjectError
 from ..geometry import rotations as rot
+from ..geometry.arrays import Array, Mask
 from ..geometry.rigid_transform import kabsch, transform
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
 from .body_fit import BodyFit, fit_body, usual_offsets
-
-Array = NDArray[np.float64]
 
 _FARTHEST_SWING_DEG = 35.0  # of a limb from the calibration pose: nobody holds it exactly
 _NOISE_M = 0.03  # by which measurement alone spreads a marker that is held still
@@ -265,7 +263,7 @@ def calibrate_markers(
     return calibrate_subject(points_m, replace(marker_set, markers=markers), [known.skeleton], name, *poses)
 
 
-def _check_seen(seen: NDArray[np.bool_], marker_set: MarkerSet, name: str) -> None:
+def _check_seen(seen: Mask, marker_set: MarkerSet, name: str) -> None:
     """Refuse a pose without torso, and markers that no pose shows."""
     for shown in seen:
         if np.sum(shown & marker_set.torso) < 3:
@@ -311,7 +309,7 @@ def _shown(fit: BodyFit, points: Array, marker_set: MarkerSet) -> tuple[Array, A
     return shown, np.nanmean(offsets, axis=0)
 
 
-def _hidden(seen: NDArray[np.bool_], marker_set: MarkerSet, poses: Sequence[str]) -> tuple[str, ...]:
+def _hidden(seen: Mask, marker_set: MarkerSet, poses: Sequence[str]) -> tuple[str, ...]:
     """Return advice on the markers hidden in each pose."""
     return tuple(
         f"the marker of the {text} was not seen in {_HELD_AS[pose]}: hold it so that both cameras see all markers"

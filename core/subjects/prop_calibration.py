@@ -5,15 +5,13 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import PropError
+from ..geometry.arrays import Array, Mask
 from ..geometry.point_patterns import planarity_m
 from ..geometry.rigid_transform import kabsch, transform
 from ..markers.marker_take import MarkerTake
 from ..markers.prop import FEWEST_MARKERS, MOST_MARKERS, Prop
-
-Array = NDArray[np.float64]
 
 _RIGID_M = 0.003  # by which the distance between two of a prop's markers may vary: median deviation
 _FEWEST_FRAMES = 10  # that show two markers together, before their distance is believed
@@ -101,7 +99,7 @@ def _largest_group(take: MarkerTake) -> list[int]:
     return sorted(groups[-1])
 
 
-def _groups(joined: NDArray[np.bool_]) -> list[set[int]]:
+def _groups(joined: Mask) -> list[set[int]]:
     """Return all largest cliques of joined pairs (N, N), by Bron and Kerbosch."""
     found: list[set[int]] = []
 

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.arrays import Array, Mask
 from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 Colour = tuple[int, int, int]
 
@@ -50,9 +50,7 @@ def draw_blobs(
         cv2.circle(picture, centre, round(radius * scale + _MARGIN_PX), colour, 1, cv2.LINE_AA)
 
 
-def draw_labels(
-    names: Sequence[str], markers_m: Array, seen: NDArray[np.bool_], rig: CameraRig, pictures: Image
-) -> Image:
+def draw_labels(names: Sequence[str], markers_m: Array, seen: Mask, rig: CameraRig, pictures: Image) -> Image:
     """Return the cameras' reduced pictures with the markers' names.
 
     Args:

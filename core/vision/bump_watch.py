@@ -5,17 +5,15 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import CalibrationError
+from ..geometry.arrays import Array, FloatArray
 from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
 from ..system.backoff import Backoff
 from .calibration.refine import Refinement, refine_rig
 from .matching.stereo import StereoSettings
 
-Array = NDArray[np.float64]
-Float32 = NDArray[np.float32]
 Start = Callable[..., "Future[Refinement | None]"]
 
 _FEWEST_BLOBS = 4
@@ -101,7 +99,7 @@ class BumpDetector:
         )
 
 
-def meeting_error_px(blobs: Sequence[Float32], errors_px: Array, worst_px: float) -> float | None:
+def meeting_error_px(blobs: Sequence[FloatArray], errors_px: Array, worst_px: float) -> float | None:
     """Return the mean meeting error of blobs, pixels; None with too few blobs.
 
     One that meets none counts as the worst. As many should meet as the camera sees that sees the second most.
@@ -114,7 +112,7 @@ def meeting_error_px(blobs: Sequence[Float32], errors_px: Array, worst_px: float
     return (met + worst_px * max(seen - len(errors_px), 0)) / seen
 
 
-def _refine(rig: CameraRig, moments: Sequence[Sequence[Float32]]) -> Refinement | None:
+def _refine(rig: CameraRig, moments: Sequence[Sequence[FloatArray]]) -> Refinement | None:
     """Return where the cameras stand; None when too few markers tell."""
     try:
         return refine_rig(rig, moments)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import CaptureError
+from ..geometry.arrays import Array, Image
 from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
 from .detection.background import Background, background_from_take, learn_backgrounds
@@ -17,9 +18,6 @@ from .matching.stereo import Matches, StereoMatcher, StereoSettings, unused_blob
 from .matching.time_alignment import TimeAligner
 from .sources.image_set import usable_images
 from .sources.spec import ImageSetLike
-
-Image = NDArray[np.uint8]
-Array = NDArray[np.float64]
 
 _NO_BLOBS = np.empty((0, 5), dtype=np.float32)
 

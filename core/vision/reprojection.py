@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..geometry.arrays import IntArray
 from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
 
 
-def labelled_rms_px(rig: CameraRig, frames: Sequence[MarkerFrame], labels: Sequence[NDArray[np.int64]]) -> float:
+def labelled_rms_px(rig: CameraRig, frames: Sequence[MarkerFrame], labels: Sequence[IntArray]) -> float:
     """Return the RMS distance in pixels of blobs to projections of labelled points.
 
     Both directions of a pixel count as one distance; NaN when there is no labelled point.

@@ -4,11 +4,12 @@ from collections.abc import Collection
 
 import bpy
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...core.body.skeleton import Skeleton
 from ...core.errors import CharacterError
 from ...core.geometry import rotations as rot
+from ...core.geometry.arrays import Array
 from ...core.retarget.retargeter import RetargetPlan, apply_plan
 from ..character.create_character import find_armature
 from ..character.posing import plan_for
@@ -16,8 +17,6 @@ from ..character.rig import clear_offsets, delta_transforms
 from .keyframes import KeyWriter, bone_path
 from .placement import BLEND_S, Placement, PlacementMode, new_action, place_action
 from .quaternion_curves import keep_in_quaternions
-
-Array = NDArray[np.float64]
 
 _OBJECT_GROUP = "Object Transforms"  # as Blender calls it
 _NEW = Placement()

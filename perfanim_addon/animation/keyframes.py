@@ -4,12 +4,11 @@ from dataclasses import dataclass
 
 import bpy
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...core.body.keyframe_reduction import location_keys, rotation_keys, slopes
+from ...core.geometry.arrays import Array, IntArray
 from .channels import new_channels, new_curve
-
-Array = NDArray[np.float64]
 
 _LINEAR = 1  # Keyframe.interpolation "LINEAR" as foreach_set takes it
 _ALIGNED = 3  # Keyframe.handle_left_type "ALIGNED"
@@ -75,9 +74,7 @@ class KeyWriter:
         keys = location_keys(self._frames, locations, bounds.location_mm / self._unit_mm) if bounds else None
         self._add(path, group, locations, slopes(self._frames, locations), keys)
 
-    def _add(
-        self, path: str, group: str, values: Array, steep: Array, keys: NDArray[np.int64] | None
-    ) -> list[bpy.types.FCurve]:
+    def _add(self, path: str, group: str, values: Array, steep: Array, keys: IntArray | None) -> list[bpy.types.FCurve]:
         curves = [new_curve(self._channels, path, component, group) for component in range(values.shape[1])]
         for component, curve in enumerate(curves):
             if keys is None:

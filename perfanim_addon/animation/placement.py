@@ -7,12 +7,10 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.geometry.arrays import Array
 from .channels import HAS_SLOTS, assign, channels_of, slot_of
 from .keyframes import KeyBounds
-
-Array = NDArray[np.float64]
 
 BLEND_S = 0.25  # blend time of a layer at its start and end
 

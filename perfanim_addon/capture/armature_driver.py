@@ -3,9 +3,10 @@
 from collections.abc import Collection
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...core.body.skeleton import Skeleton
+from ...core.geometry.arrays import IntArray
 from ...core.retarget.retargeter import apply_plan
 from ..animation.quaternion_curves import keep_in_quaternions
 from ..character.body_parts import PARTS, bones_of_parts
@@ -51,7 +52,7 @@ class ArmatureDriver:
         self._names = [self.plan.bones[place] for place in self._turned]
         keep_in_quaternions(armature_object, self._names)  # an animation of theirs in other angles would stop
         clear_offsets(armature_object, self._names, (name for name, _ in self._located))
-        self._order: NDArray[np.int64] = np.array([places[name] for name in self._names], dtype=np.int64)
+        self._order: IntArray = np.array([places[name] for name in self._names], dtype=np.int64)
         self._quaternions = np.zeros((len(bones), 4), dtype=np.float32)
         self._modes = np.zeros(len(bones), dtype=np.int32)
 

@@ -12,13 +12,12 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 from mathutils import Matrix, Quaternion, Vector
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...core.geometry import rotations as rot
+from ...core.geometry.arrays import Array
 from ...core.retarget.retargeter import RetargetPlan
 from ..character.axes import BLENDER_FROM_WORLD
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,6 @@ import contextlib
 from typing import Any
 
 import bpy
-import numpy as np
-from numpy.typing import NDArray
 
 from ...core.body.scene_pose import ScenePose
 from ...core.errors import PerfanimError
@@ -20,8 +18,6 @@ from .capture_run import CaptureRun, Phase
 from .recording import Cue, Recording
 from .scene_driver import SceneDriver
 from .write_take import RecordedPart, TakeMotion, write_take
-
-Array = NDArray[np.float64]
 
 
 class LiveCapture:

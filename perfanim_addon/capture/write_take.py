@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
 from ...core.body.foot_lock import floor_of
 from ...core.body.scene_pose import ScenePose
 from ...core.formats.take_file.reading import TakeFile
+from ...core.geometry.arrays import Array
 from ...core.markers.prop import Prop
 from ...core.session.pose_filters import FilterSettings, filter_poses
 from ..animation.actions import scene_frames, write_action, write_object_action, write_with_plan
@@ -21,8 +21,6 @@ from ..settings.capture_settings import settings
 from ..settings.result_settings import placement
 from .capture_space import CaptureSpace
 from .performer_targets import PerformerTarget
-
-Array = NDArray[np.float64]
 
 LEAST_STEP_S = 1e-4
 

@@ -8,16 +8,14 @@ from functools import cache
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
 from ...core.body.skeleton import Skeleton
 from ...core.body.standard_skeleton import default_skeleton
 from ...core.body.standing import girth_scale, standing_root_m
 from ...core.geometry import rotations as rot
+from ...core.geometry.arrays import Array, IntArray
 from ...core.system.assets import CHARACTER
 from . import axes
-
-Array = NDArray[np.float64]
 
 _LEAST_WEIGHT = 0.002  # smaller shares are dropped: they cost time in every frame and move nothing visibly
 _METRES_A_STEP = 1e-4
@@ -47,8 +45,8 @@ class Body:
     """
 
     vertices_m: Array
-    faces: NDArray[np.int64]
-    materials: NDArray[np.int64]
+    faces: IntArray
+    materials: IntArray
     material_names: tuple[str, ...]
     weights: Array
 

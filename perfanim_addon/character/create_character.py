@@ -2,16 +2,14 @@
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
 from ...core.body.skeleton import Skeleton
 from ...core.body.standard_skeleton import JOINT_NAMES
 from ...core.body.standing import standing_root_m
 from ...core.errors import CharacterError
+from ...core.geometry.arrays import Array
 from . import axes
 from .body_mesh import add_body
-
-Array = NDArray[np.float64]
 
 _SHORTEST_BONE_M = 0.012  # Blender deletes bones without length when edit mode is left
 _FORWARD_BONES = ("foot", "toes")

@@ -5,9 +5,8 @@ from collections.abc import Iterator
 import bpy
 import numpy as np
 from mathutils import Vector
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ...core.geometry.arrays import Array
 
 _PLACES_M = (0.0, 2.5, -2.5, 5.0, -5.0)  # along X, tried in this order
 _REACH_M = 0.5  # of a standing performer to each side

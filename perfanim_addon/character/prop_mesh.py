@@ -2,12 +2,10 @@
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.geometry.arrays import Array
 from ...core.markers.prop import Prop
 from .axes import points_to_blender
-
-Array = NDArray[np.float64]
 
 _SIDES = 8
 _SHAFT_M, _ARM_M, _MARKER_M = 0.012, 0.005, 0.016

@@ -10,14 +10,14 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 from mathutils import Quaternion
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...core.errors import CharacterError
 from ...core.geometry import rotations as rot
+from ...core.geometry.arrays import Array, IntArray
 from ...core.retarget.armature_rest import ArmatureRest
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 _FK_SWITCH = "IK_FK"  # Rigify's property of a limb: 0 inverse, 1 forward kinematics
 _FOLLOW_SWITCHES = ("neck_follow", "head_follow")  # 1: the neck goes along with the chest, the head with the neck

@@ -8,19 +8,17 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
 from ...core.body.skeleton import Skeleton
 from ...core.errors import CharacterError, FormatError
 from ...core.formats.motion.bvh_axes import transform_bvh
+from ...core.geometry.arrays import Array
 from ...core.system.files import atomic_path
 from ..animation.actions import scene_frames, write_action
 from ..animation.channels import play, played
 from ..character.create_character import find_armature
 from ..character.posing import bones_of
 from .bone_names import exported_bone_names
-
-Array = NDArray[np.float64]
 
 ENDINGS = {"BVH": ".bvh", "FBX": ".fbx", "GLTF": ".glb"}
 

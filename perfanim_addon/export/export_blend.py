@@ -13,20 +13,18 @@ from pathlib import Path
 import bpy
 import numpy as np
 from mathutils import Vector
-from numpy.typing import NDArray
 
 from ...core.body.motion import Motion
 from ...core.body.skeleton import forward_kinematics
 from ...core.body.standing import SOLE_BELOW_TOES_M, girth_scale
 from ...core.errors import CharacterError, PerfanimError
 from ...core.formats.motion.read_motion import read_motion
+from ...core.geometry.arrays import Array
 from ...core.system.files import atomic_path
 from ..animation.actions import write_action
 from ..character import axes
 from ..character.body_mesh import ensure_nodes
 from ..character.create_character import create_character
-
-Array = NDArray[np.float64]
 
 _FIRST_FRAME = 1
 _LENS_MM = 50.0

@@ -18,11 +18,11 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
 from ...core.body.motion import Motion
 from ...core.errors import CharacterError, FormatError, PerfanimError
 from ...core.formats.motion.read_motion import read_motion
+from ...core.geometry.arrays import Array
 from ...core.retarget.bone_map import BoneMap, MatchState, checked_map
 from ...core.retarget.bone_map_files import load_bone_map
 from ...core.retarget.retargeter import RetargetPlan, RootMotion
@@ -32,8 +32,6 @@ from ..character.posing import find_map, plan_with_map
 from ..character.rig import read_armature_rest
 from .export_animation import ENDINGS, Form, write_played
 from .export_blend import add_stage, render, set_up_rendering, write_scene
-
-Array = NDArray[np.float64]
 
 _SAMPLED_FRAMES = 24  # of the performance, to place floor and camera
 _GLTF = (".glb", ".gltf", ".vrm")

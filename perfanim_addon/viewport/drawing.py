@@ -5,7 +5,8 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
+
+from ...core.geometry.arrays import Array
 
 _FONT = 0
 
@@ -50,7 +51,7 @@ def text(line: str, place: Sequence[float], size: float, colour: Sequence[float]
     blf.disable(_FONT, blf.SHADOW)
 
 
-def triangles(corners: NDArray[np.float64], colours: Sequence[Any]) -> None:
+def triangles(corners: Array, colours: Sequence[Any]) -> None:
     """Draw triangles: corners (3 N, 2) in pixels of the region, and colours, RGBA."""
     import gpu
     from gpu_extras.batch import batch_for_shader

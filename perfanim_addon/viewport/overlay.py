@@ -10,16 +10,15 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
 from ...core.body.scene_pose import PerformerPose, ScenePose
 from ...core.body.skeleton import Skeleton, forward_kinematics
+from ...core.geometry.arrays import Array
 from ...core.geometry.rig_file import load_rig
 from ...core.markers.subject import load_subject
 from ...core.simulate.studio.rig import default_rig
 from . import drawing
 
-Array = NDArray[np.float64]
 Colour = tuple[float, float, float, float]
 Projection = Callable[[Array], Array]
 

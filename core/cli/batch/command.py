@@ -20,6 +20,7 @@ from ...markers.marker_set import load_marker_set
 from ...markers.subject import load_subject
 from ...retarget.retargeter import RootMotion
 from ...solver.settings import METHODS
+from ...system.progress import Progress
 from ..options import add_motion_options
 from ..partial_result import PartialResult
 from ..retarget import check_blender
@@ -95,7 +96,7 @@ def add_parser(subparsers: Any) -> None:
     parser.set_defaults(run=run, wrong_usage=parser.error)
 
 
-def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Do the takes and return the facts about each."""
     if args.jobs is not None and not 1 <= args.jobs <= 1000:
         raise SettingsError(f"--jobs {args.jobs} is out of range", advice="give 1 to 1000")

@@ -5,16 +5,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...body.motion import Motion
 from ...body.scene_pose import PerformerPose
 from ...body.skeleton import forward_kinematics
+from ...geometry.arrays import Mask
 
 if TYPE_CHECKING:
     from ...session.solve_take import SolvedTake
-
-Array = NDArray[np.float64]
 
 _DIGITS = 4  # of figures in files: their last bits may differ from machine to machine
 _TOES = ("ltoes", "rtoes")
@@ -76,7 +74,7 @@ def quality_figures(solved: "SolvedTake") -> dict[str, float | int | None]:
     return {name: _round(value) for name, value in figures.items()}
 
 
-def is_unsolved(poses: Sequence[PerformerPose]) -> NDArray[np.bool_]:
+def is_unsolved(poses: Sequence[PerformerPose]) -> Mask:
     """Return (F,) whether a frame only repeats the last pose, or waits in the T pose."""
     return np.array([pose.confidence == 0.0 and not np.isfinite(pose.marker_rms_m) for pose in poses])
 
@@ -127,7 +125,7 @@ def why_doubtful(figures: dict[str, float | int | None]) -> list[str]:
     return reasons
 
 
-def _longest_run(hidden: NDArray[np.bool_]) -> int:
+def _longest_run(hidden: Mask) -> int:
     """Return the longest run of true along the frames of any column."""
     longest = 0
     for column in hidden.T:

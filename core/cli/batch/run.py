@@ -11,12 +11,12 @@ from pathlib import Path
 
 from ...errors import FormatError, SettingsError
 from ...formats.take_file.lock import lock
+from ...system.progress import Progress
 from .content_hash import ContentDigests, take_digest
 from .plan import TakePlan
 from .summary import write_summary
 from .take_record import BAD, REPORT, Record, Task, finished_record, remove_old
 
-Progress = Callable[[float, str], None]
 DoTasks = Callable[[Sequence[Task]], Generator[Record, None, None]]
 
 _UNFINISHED = ".unfinished-"

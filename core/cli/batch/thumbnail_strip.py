@@ -12,7 +12,6 @@ from ...session.solve_take import SolvedTake
 from ...simulate.preview import CharacterPainter, floor_image, preview_camera
 from .quality import is_unsolved
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 _POSES = 6

@@ -7,7 +7,8 @@ from ...body.motion import sliced
 from ...body.motion_metrics import evaluate
 from ...database.labels import subject_of
 from ...database.store import Database
-from .data import BOXING, CMU, WALKING, Progress, TestTake, read_take, whole_database, without_tests
+from ...system.progress import Progress
+from .data import BOXING, CMU, WALKING, TestTake, read_take, whole_database, without_tests
 from .figure6 import describe, solved
 from .methods import METHODS
 from .report import write_json, write_rows

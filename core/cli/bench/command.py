@@ -1,11 +1,11 @@
 """`perfanim bench`: the paper's tables and figures and ours, on real data."""
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from ...errors import SettingsError
+from ...system.progress import Progress
 from .accuracy import accuracy
 from .end_to_end import end_to_end
 from .figure5 import figure5
@@ -43,7 +43,7 @@ def add_parser(subparsers: Any) -> None:
         parser.set_defaults(run=_run, bench=bench)
 
 
-def _run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+def _run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if args.workers < 1:
         raise SettingsError(f"--workers {args.workers} is out of range", advice="give 1 or more")
     return args.bench(args.data, args.out, args.workers, progress)

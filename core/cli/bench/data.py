@@ -11,8 +11,7 @@ from ...database.subset import write_subset
 from ...errors import FormatError
 from ...formats.motion.motion_sources import motion_files
 from ...formats.motion.read_motion import read_motion
-
-Progress = Callable[[float, str], None]
+from ...system.progress import Progress
 
 FPS = 60.0
 CMU, BANDAI = "cmu", "bandai"

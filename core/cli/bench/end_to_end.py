@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...body.calibration_poses import CALIBRATION
 from ...body.motion import Motion, sliced
 from ...body.motion_metrics import evaluate
 from ...database.store import Database
+from ...geometry.arrays import Mask
 from ...geometry.camera import CameraRig
 from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_set import load_marker_set
@@ -31,11 +31,12 @@ from ...simulate.studio.source import SimulatedSource, simulated_source
 from ...solver.settings import SolveSettings
 from ...subjects.from_recording import subject_from_recording
 from ...subjects.prototype_bodies import load_bodies
+from ...system.progress import Progress
 from ...vision.pipeline import MarkerPipeline
-from .data import BOXING, CMU, WALKING, Progress, read_take, whole_database, without_tests
+from .data import BOXING, CMU, WALKING, read_take, whole_database, without_tests
 from .report import write_json, write_rows
 
-Seen = NDArray[np.bool_]
+Seen = Mask
 
 MARKER_SET, ONE_CAMERA_SET = "boxing", "one-camera"
 PAPER = {"true markers": 2.31, "video": 2.54}  # boxing, degrees per joint angle

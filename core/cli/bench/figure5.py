@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...body.joint_angle_frames import with_angle_frames
 from ...body.motion_metrics import angle_errors_deg
@@ -15,12 +14,12 @@ from ...database.store import Clip, Database, rotations_from_pose
 from ...database.subset import write_subset
 from ...errors import DatabaseError
 from ...geometry import rotations as rot
-from .data import BANDAI, CMU, Progress, whole_database
+from ...geometry.arrays import Array
+from ...system.progress import Progress
+from .data import BANDAI, CMU, whole_database
 from .plots import Line, Panel, check_plots, write_plot
 from .pose_models import gplvm, has_gplvm, linear, mixture
 from .report import write_json, write_rows
-
-Array = NDArray[np.float64]
 
 DIMENSIONS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 15, 18, 21, 24, 27, 30, 34, 38, 42, 46, 50)
 GPLVM_DIMENSIONS = tuple(d for d in DIMENSIONS if d <= 10)  # 14 s each

@@ -4,18 +4,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...body.motion import Motion
 from ...body.motion_metrics import evaluate
 from ...database.store import Database
 from ...geometry import rotations as rot
+from ...geometry.arrays import Array
 from ...markers.marker_set import load_marker_set
 from ...markers.subject import Subject
 from ...session.solve_take import solve_take
 from ...simulate.markers import simulate_markers
 from ...solver.settings import SolveSettings
-from .data import BOXING, CMU, WALKING, Progress, read_take, whole_database, without_tests
+from ...system.progress import Progress
+from .data import BOXING, CMU, WALKING, read_take, whole_database, without_tests
 from .methods import METHODS
 from .plots import Line, Panel, check_plots, write_plot
 from .report import write_json, write_rows
@@ -80,7 +81,7 @@ def solved(
     return result.motion, 1e3 * float(np.median(result.seconds))
 
 
-def degrees_per_joint(motion: Motion, truth: Motion) -> NDArray[np.float64]:
+def degrees_per_joint(motion: Motion, truth: Motion) -> Array:
     """Return (F,) the mean angle between local rotations, without the root, degrees."""
     between = rot.angle_between(motion.rotations[:, 1:], truth.rotations[:, 1:])
     return np.asarray(np.degrees(between.mean(axis=1)))

@@ -7,13 +7,12 @@ import importlib.util
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from ...geometry.arrays import Array, IntArray
 from ...solver.local_model import fit
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 _ROUNDS = 30  # of k-means, at most
 _FRAMES_PER_CLUSTER = 400  # a few times the size of the covariance that is learned from them

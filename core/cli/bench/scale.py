@@ -17,7 +17,8 @@ from ...markers.take_frames import take_frames
 from ...session.session import Session
 from ...session.solve_take import motion_of
 from ...simulate.markers import simulate_markers
-from .data import BANDAI, CMU, FPS, LEFT_OUT, SPLIT, WALKING, Progress, data_folders, read_take
+from ...system.progress import Progress
+from .data import BANDAI, CMU, FPS, LEFT_OUT, SPLIT, WALKING, data_folders, read_take
 from .figure6 import MARKER_SET
 from .plots import Line, Panel, check_plots, write_plot
 from .report import write_json, write_rows

@@ -17,6 +17,7 @@ from ...body.motion import Motion
 from ...database.build import BuildSettings, build_database
 from ...database.store import Database, open_database
 from ...database.subset import write_subset
+from ...geometry.arrays import Array, Image, IntArray
 from ...markers.marker_set import load_marker_set
 from ...markers.subject import Subject
 from ...markers.take_frames import take_frames
@@ -24,20 +25,19 @@ from ...session.session import Session
 from ...simulate.markers import simulate_markers
 from ...simulate.studio.discs import draw_disc
 from ...solver.pose_solver import PoseSolver
-from ...solver.search.exhaustive import IntArray, Query, Search
+from ...solver.search.exhaustive import Query, Search
 from ...solver.settings import SolveSettings
 from ...solver.subject_model import SubjectModel
 from ...system.assets import MOTION
+from ...system.progress import Progress
 from ...vision.detection.background import learn_backgrounds
 from ...vision.detection.detector import Detector
-from .data import BANDAI, CMU, FPS, LEFT_OUT, SPLIT, WALKING, Progress, data_folders, read_take
+from .data import BANDAI, CMU, FPS, LEFT_OUT, SPLIT, WALKING, data_folders, read_take
 from .figure6 import MARKER_SET
 from .report import write_json, write_rows
 from .streams import Streams, render_streams, stage_times, throughput
 from .table1 import SEARCHES, search_times, searched
 
-Image = NDArray[np.uint8]
-Array = NDArray[np.float64]
 Row = dict[str, Any]
 
 _REFERENCE = (433_000, 60, 32)  # rows, columns, nearest

@@ -10,11 +10,11 @@ from multiprocessing.shared_memory import SharedMemory
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ...body.scene_pose import PerformerPose
 from ...database.store import Database
 from ...errors import CaptureError
+from ...geometry.arrays import Array, Image
 from ...geometry.camera import CameraRig
 from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_frame_codec import pack, unpack
@@ -24,8 +24,6 @@ from ...simulate.studio.source import open_simulated
 from ...vision.live import live_frames, live_settings
 from ...vision.pipeline import MarkerPipeline
 from ...vision.sources.image_set import ImageSet
-
-Image = NDArray[np.uint8]
 
 STAGES = ("detect", "locate", "label")
 _FPS = 240.0  # of the cameras: as many as are to be followed
@@ -88,7 +86,7 @@ class StageTimes:
         located: share of the markers that were located in space and labelled.
     """
 
-    milliseconds: dict[str, NDArray[np.float64]]
+    milliseconds: dict[str, Array]
     poses: tuple[PerformerPose, ...]
     located: float
 

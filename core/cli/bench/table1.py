@@ -19,7 +19,8 @@ from ...solver.pose_solver import PoseSolver
 from ...solver.search.choose import choose_search
 from ...solver.search.exhaustive import Query
 from ...solver.subject_model import SubjectModel
-from .data import BANDAI, BOXING, CMU, WALKING, Progress, TestTake, read_take, whole_database, without_tests
+from ...system.progress import Progress
+from .data import BANDAI, BOXING, CMU, WALKING, TestTake, read_take, whole_database, without_tests
 from .figure6 import MARKER_SET
 from .methods import METHODS, PAPER_RANGE
 from .report import write_json, write_rows

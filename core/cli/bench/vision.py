@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ...database.build import build_database
 from ...database.store import Database, open_database
+from ...geometry.arrays import Array
 from ...geometry.camera import Camera, CameraRig
 from ...geometry.rigid_transform import kabsch
 from ...session.session import Session
@@ -20,12 +21,11 @@ from ...simulate.studio.rig import default_rig
 from ...simulate.studio.settings import StudioSettings
 from ...simulate.studio.source import SimulatedSource, simulated_source
 from ...system.assets import MOTION
+from ...system.progress import Progress
 from ...vision.detection.detector import Detector
 from ...vision.pipeline import MarkerPipeline
-from .data import Progress
 from .report import write_json, write_rows
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 _NOISE = 2.0  # grey levels

@@ -1,10 +1,9 @@
 """`perfanim calibrate board`: the board to print."""
 
 import argparse
-from collections.abc import Callable
 from typing import Any
 
-Progress = Callable[[float, str], None]
+from ...system.progress import Progress
 
 
 def add_parser(group: Any) -> None:

@@ -1,13 +1,11 @@
 """`perfanim calibrate cameras`: intrinsics, distortion and poses from a board."""
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from ...errors import SettingsError
-
-Progress = Callable[[float, str], None]
+from ...system.progress import Progress
 
 
 def add_parser(group: Any) -> None:

@@ -1,10 +1,9 @@
 """`perfanim calibrate floor`: floor, origin and scale from markers on the floor."""
 
 import argparse
-from collections.abc import Callable
 from typing import Any
 
-Progress = Callable[[float, str], None]
+from ...system.progress import Progress
 
 _BACKGROUND_SAMPLES = 240
 

@@ -1,7 +1,6 @@
 """`perfanim calibrate prop`: a rigid object with markers, from a take of it."""
 
 import argparse
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from ...markers.frame_rate import frame_rate
 from ...markers.marker_take import MarkerTake
 from ...markers.prop import save_prop
 from ...subjects.prop_calibration import calibrate_prop
+from ...system.progress import Progress
 from .subject import part
 
 
@@ -36,7 +36,7 @@ def add_parser(subparsers: Any) -> None:
     parser.set_defaults(run=run)
 
 
-def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Measure the prop and write it."""
     progress(0.0, "reading")
     take = part(_trajectories(args.take), args.frames)

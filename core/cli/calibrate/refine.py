@@ -1,13 +1,12 @@
 """`perfanim calibrate refine`: poses of bumped cameras from a take's markers."""
 
 import argparse
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-Progress = Callable[[float, str], None]
+from ...system.progress import Progress
 
 _LOOKED_AT = 300  # moments of a take
 _BACKGROUND_SAMPLES = 31

@@ -1,7 +1,6 @@
 """`perfanim calibrate subject`: skeleton and marker offsets from a held pose."""
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +24,7 @@ from ...subjects.pose_calibration import (
     pose_points,
 )
 from ...subjects.prototype_bodies import load_bodies
+from ...system.progress import Progress
 
 _DOUBTFUL_M = 0.015  # a body that explains the motion's markers no better is not to be trusted
 
@@ -72,7 +72,7 @@ def add_parser(subparsers: Any) -> None:
     parser.set_defaults(run=run)
 
 
-def run(args: argparse.Namespace, progress: Callable[[float, str], None]) -> dict[str, Any]:
+def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Calibrate a subject and write it."""
     if not 0.0 < args.seconds <= 60.0:
         raise SettingsError(f"--seconds {args.seconds:g} is out of range", advice="give more than 0, up to 60")
@@ -143,7 +143,7 @@ def _from_motion(
     marker_set: MarkerSet,
     before: Subject | None,
     name: str,
-    progress: Callable[[float, str], None],
+    progress: Progress,
 ) -> Subject:
     """Return the subject fitted to the take's motion."""
     if before:

@@ -1,7 +1,6 @@
 """`perfanim take export`: motion or markers of a recorded take."""
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +14,8 @@ from ...formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_moti
 from ...formats.take_file.reading import ENDING, TakeFile, read_take_file
 from ...markers.frame_rate import frame_rate
 from ...session.solve_take import resample_uniform
+from ...system.progress import Progress
 from ..options import add_motion_options
-
-Progress = Callable[[float, str], None]
 
 
 def add_parser(group: Any) -> None:

@@ -1,7 +1,6 @@
 """`perfanim take fill`: gaps and noise of a marker take mended by the body."""
 
 import argparse
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -20,8 +19,7 @@ from ...markers.take_frames import is_unnamed
 from ...session.solve_take import solve_take
 from ...solver.settings import SolveSettings
 from ...subjects.from_motion import subject_from_motion
-
-Progress = Callable[[float, str], None]
+from ...system.progress import Progress
 
 
 def add_parser(group: Any) -> None:

@@ -1,7 +1,7 @@
 """`perfanim take import`: marker takes of other systems as recorded takes."""
 
 import argparse
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,8 +20,7 @@ from ...markers.take_frames import is_unnamed
 from ...session.save_solved_take import save_imported_take
 from ...solver.marker_selection import worn_in
 from ...solver.settings import METHODS, SolveSettings
-
-Progress = Callable[[float, str], None]
+from ...system.progress import Progress
 
 _DOUBTFUL_MM = 100.0  # live, solved markers so far off mean that labels or pose are wrong
 

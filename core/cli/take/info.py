@@ -1,7 +1,7 @@
 """`perfanim take info`: facts about a take, and whether all of it is there."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,7 @@ from ...formats.take_file.lock import is_locked
 from ...formats.take_file.reading import ENDING, TakeFile, read_take_file
 from ...markers.frame_rate import frame_rate
 from ...markers.subject import Subject
-
-Progress = Callable[[float, str], None]
+from ...system.progress import Progress
 
 
 def add_parser(group: Any) -> None:

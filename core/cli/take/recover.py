@@ -1,7 +1,6 @@
 """`perfanim take recover`: a whole take of the intact part of a damaged one."""
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +8,7 @@ from ...errors import FormatError, SettingsError
 from ...formats.markers.marker_files import is_recorded
 from ...formats.take_file.edit import recover
 from ...formats.take_file.reading import ENDING, read_take_file, take_name
-
-Progress = Callable[[float, str], None]
+from ...system.progress import Progress
 
 
 def add_parser(group: Any) -> None:

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import FormatError
+from ...geometry.arrays import Array
 from ...markers.marker_take import MarkerTake
 from ...system.files import read_bytes
 from .reader_parts import make_take, metres_of
-
-Array = NDArray[np.float64]
 
 _BLOCK = 512
 _KEY = 0x50

@@ -9,14 +9,12 @@ import re
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import FormatError
+from ...geometry.arrays import Array
 from ...markers.marker_take import MarkerTake
 from ...system.files import atomic_path, read_bytes
 from .reader_parts import make_take, metres_of, numbers_of, rate_from_times
-
-Array = NDArray[np.float64]
 
 _COLUMN = re.compile(r"(?P<name>.+?)[ _.:]?(?P<axis>[xyzXYZ])")
 # Motive's kinds of columns, best first: measured before modelled

@@ -3,14 +3,12 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import FormatError
+from ...geometry.arrays import Array
 from ...markers.marker_take import MarkerTake
 from ...system.files import read_bytes
 from .reader_parts import make_take, numbers_of
-
-Array = NDArray[np.float64]
 
 _METRES = 0.001  # of its unit; the file does not name it
 _HEADER_LINES = 50  # more than any header has, events among them

@@ -3,13 +3,11 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import FormatError, TakeError
+from ...geometry.arrays import Array
 from ...markers.frame_rate import frame_rate
 from ...markers.marker_take import MarkerTake
-
-Array = NDArray[np.float64]
 
 # metres of the units that marker files name
 LENGTHS: dict[str, float] = {

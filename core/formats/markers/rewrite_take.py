@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import FormatError
+from ...geometry.arrays import Array, Mask
 from ...markers.marker_take import MarkerTake
 from ...system.files import atomic_path, read_bytes
 from .c3d import Layout, layout_of
 from .marker_files import check_writable, read_take, write_take
 from .trc import rewrite_trc
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+Mask = Mask
 
 _INTEGERS = 32767  # the largest position that a C3D file of integers holds, in its scale
 

@@ -4,14 +4,12 @@ import re
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import FormatError
+from ...geometry.arrays import Array, Mask
 from ...markers.marker_take import MarkerTake
 from ...system.files import atomic_path, read_bytes
 from .reader_parts import make_take, metres_of, numbers_of, rate_from_times
-
-Array = NDArray[np.float64]
 
 
 def read_trc(path: Path | str) -> MarkerTake:
@@ -112,7 +110,7 @@ def write_trc(take: MarkerTake, path: Path | str) -> None:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def rewrite_trc(data: bytes, where: str, positions_m: Array, changed: NDArray[np.bool_]) -> bytes:
+def rewrite_trc(data: bytes, where: str, positions_m: Array, changed: Mask) -> bytes:
     """Return a TRC file's bytes with changed positions, (F, M, 3) and (F, M)."""
     text = data.decode("utf-8", errors="surrogateescape")
     parts = re.split("(\r\n|\r|\n)", text)  # lines, and what ends them between

@@ -9,15 +9,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...body.motion import Motion
 from ...errors import FormatError
 from ...geometry import rotations as rot
+from ...geometry.arrays import Array, Mask
 from .asf import ROOT, AsfBone, AsfFile, fixed_axis_rotation
 from .numbers import parse_numbers
-
-Array = NDArray[np.float64]
 
 CMU_FPS = 120.0
 _ANGLE_JUMP = np.radians(150.0)  # between frames; the two forms of one Euler rotation lie 180 or 360 degrees apart
@@ -39,7 +37,7 @@ class AmcValues:
     factor: float
 
     @property
-    def angle_jumps(self) -> NDArray[np.bool_]:
+    def angle_jumps(self) -> Mask:
         """(F,) true where an angle is more than 150 degrees from that of the frame before."""
         turning = [channel[0] == "r" for bone in self.layout for channel in bone.channels]
         steps = np.abs(np.diff(self.values[:, turning], axis=0))

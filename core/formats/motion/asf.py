@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...body.skeleton import Skeleton
 from ...body.standard_skeleton import JOINT_NAMES
 from ...errors import FormatError
 from ...geometry import rotations as rot
+from ...geometry.arrays import Array
 from ...system.files import read_bytes
-
-Array = NDArray[np.float64]
 
 _METRES_PER_INCH = 0.0254
 ROOT = "root"

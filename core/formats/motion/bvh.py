@@ -10,17 +10,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...body.motion import Motion
 from ...body.skeleton import Skeleton
 from ...body.source_motion import SourceMotion
 from ...errors import FormatError
 from ...geometry import rotations as rot
+from ...geometry.arrays import Array, IntArray
 from ...system.files import atomic_path, read_bytes
 from .numbers import parse_numbers
-
-Array = NDArray[np.float64]
 
 # metres of one unit of a file; "cmu" is the unit of the CMU database's own files (inches / 0.45)
 UNITS: dict[str, float] = {
@@ -280,7 +278,7 @@ def _translations(channels: list[tuple[int, str]], rows: Array, offsets: Array) 
     return paths
 
 
-def _likely_unit(parents: NDArray[np.int64], offsets: Array, tips: Array) -> float:
+def _likely_unit(parents: IntArray, offsets: Array, tips: Array) -> float:
     """Return the unit that makes the longest chain nearest to an adult's."""
     children = np.bincount(parents[parents >= 0], minlength=len(parents))
     reach = np.zeros(len(parents))

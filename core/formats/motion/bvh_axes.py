@@ -3,12 +3,11 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...geometry import rotations as rot
+from ...geometry.arrays import Array
 from .euler_continuity import unwrap_euler
-
-Array = NDArray[np.float64]
 
 _DECIMALS = 6
 

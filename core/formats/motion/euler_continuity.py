@@ -1,9 +1,8 @@
 """Euler angles over time without jumps between the two forms of a rotation."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ...geometry.arrays import Array
 
 
 def unwrap_euler(angles: Array) -> Array:

@@ -3,10 +3,11 @@
 import warnings
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ...geometry.arrays import Array
 
 
-def parse_numbers(text: bytes) -> NDArray[np.float64] | None:
+def parse_numbers(text: bytes) -> Array | None:
     """Return all numbers of a text, or None when it holds anything else."""
     with warnings.catch_warnings():
         # numpy 1 warns about what it cannot read, numpy 2 raises

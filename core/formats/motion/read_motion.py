@@ -5,7 +5,6 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...body.motion import Motion
 from ...body.motion_cleaning import Defect
@@ -13,6 +12,7 @@ from ...body.skeleton import Skeleton
 from ...body.source_motion import frame_range, source_of_motion
 from ...body.standard_skeleton import JOINT_NAMES
 from ...errors import FormatError
+from ...geometry.arrays import Mask
 from ...retarget.to_standard_skeleton import to_standard_skeleton
 from ...system.files import read_bytes
 from .amc import CMU_FPS, amc_motion, parse_amc_values
@@ -57,7 +57,7 @@ class MotionPart:
 
     motion: Motion
     first_frame: int
-    angle_jumps: NDArray[np.bool_]
+    angle_jumps: Mask
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def read_motion_parts(path: Path, skeleton: Path | None = None, name: str = "") 
     return MotionParts(tuple(parts), (*defects, *gaps))
 
 
-def _finite_ranges(finite: NDArray[np.bool_], where: str) -> tuple[list[tuple[int, int]], list[Defect]]:
+def _finite_ranges(finite: Mask, where: str) -> tuple[list[tuple[int, int]], list[Defect]]:
     """Return the ranges of frames that have all their numbers, and the gaps between."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], finite, [False]))))
     ranges = [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]

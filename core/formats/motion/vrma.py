@@ -12,17 +12,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ... import __version__
 from ...body.calibration_poses import t_pose
 from ...body.motion import Motion
 from ...body.skeleton import Skeleton, forward_kinematics
 from ...geometry import rotations as rot
+from ...geometry.arrays import Array
 from ...system.files import atomic_path
 from ..vmc.humanoid import BONES, bone_poses
-
-Array = NDArray[np.float64]
 
 ENDING = ".vrma"
 

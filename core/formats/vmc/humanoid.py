@@ -8,7 +8,6 @@ the world's. Our rest pose spreads the legs, so orientations are taken to and fr
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...body.calibration_poses import t_pose
 from ...body.motion import Motion
@@ -17,11 +16,10 @@ from ...body.source_motion import SourceMotion
 from ...body.standard_skeleton import JOINT_NAMES, default_skeleton
 from ...errors import TakeError
 from ...geometry import rotations as rot
+from ...geometry.arrays import Array, IntArray
 from ...retarget.file_joints import match_joints
 from ...retarget.file_rest_pose import align_rest
 from ...retarget.to_standard_skeleton import to_standard_skeleton
-
-Array = NDArray[np.float64]
 
 _NO_LENGTH_M = 1e-6
 
@@ -125,7 +123,7 @@ def motion_of_bones(poses: BonePoses, name: str, fps: float) -> Motion:
     return to_standard_skeleton(_source(name, fps, poses.names, offsets, poses.rotations, poses.positions_m[:, 0]))
 
 
-def _t_pose_offsets(skeleton: Skeleton, joints: list[int], parents: NDArray[np.int64]) -> Array:
+def _t_pose_offsets(skeleton: Skeleton, joints: list[int], parents: IntArray) -> Array:
     """Return (B, 3) offsets of bones from their parents in the T pose, 0 for the hips."""
     positions, _ = forward_kinematics(skeleton, t_pose(skeleton), np.zeros(3))
     starts = positions[joints]
@@ -134,7 +132,7 @@ def _t_pose_offsets(skeleton: Skeleton, joints: list[int], parents: NDArray[np.i
     return offsets
 
 
-def _parents(names: tuple[str, ...]) -> NDArray[np.int64]:
+def _parents(names: tuple[str, ...]) -> IntArray:
     """Return (B,) index of the nearest bone above that there is, -1 for the hips."""
     found = []
     for name in names:

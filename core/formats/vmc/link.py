@@ -3,21 +3,18 @@
 import ipaddress
 import socket
 import time
-from collections.abc import Callable
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from ...body.motion import Motion
 from ...body.skeleton import Skeleton
 from ...errors import CaptureError
+from ...geometry.arrays import Array
+from ...system.progress import Progress
 from .humanoid import BONES, Humanoid
 from .packets import FramePackets
 from .recording import Recording
 
-Array = NDArray[np.float64]
-Progress = Callable[[float, str], None]
+Progress = Progress
 
 _LARGEST_PACKET = 65535
 _BUFFER_BYTES = 1 << 22  # what the system may keep while this process is busy

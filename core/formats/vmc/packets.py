@@ -12,7 +12,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message import OscMessage
 from pythonosc.osc_message_builder import OscMessageBuilder
@@ -20,8 +19,7 @@ from pythonosc.parsing import osc_types
 
 from ...errors import FormatError
 from ...geometry import rotations as rot
-
-Array = NDArray[np.float64]
+from ...geometry.arrays import Array
 
 AVAILABLE = "/VMC/Ext/OK"
 TIME = "/VMC/Ext/T"

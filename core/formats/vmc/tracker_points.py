@@ -5,11 +5,9 @@ would be lost.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...geometry import rotations as rot
-
-Array = NDArray[np.float64]
+from ...geometry.arrays import Array
 
 AXES = ("x", "y", "z")
 _LENGTH_M = 0.1  # so that a degree of rotation is as much as two millimetres of place

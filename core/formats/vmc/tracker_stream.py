@@ -1,8 +1,8 @@
 """Trackers that come by VMC as marker frames, live."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...geometry.arrays import IntArray
 from ...markers.label_matching import match_labels
 from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_set import MarkerSet
@@ -34,7 +34,7 @@ class TrackerStream:
     def __init__(self, marker_set: MarkerSet) -> None:
         self.gathering = FrameAssembler()
         self._marker_set = marker_set
-        self._labels: dict[Key, NDArray[np.int64]] = {}  # (4,) of each tracker and its axes' points, -1: no marker
+        self._labels: dict[Key, IntArray] = {}  # (4,) of each tracker and its axes' points, -1: no marker
         self._expected: frozenset[Key] = frozenset()
         self._clock = SteadyClock()
         self._begun_s: float | None = None

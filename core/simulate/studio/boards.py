@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ...errors import SettingsError
 from ...geometry import rotations as rot
+from ...geometry.arrays import Array
 from ...geometry.camera import Camera, CameraRig
 from ...vision.calibration.board import Board, charuco_board
 from ...vision.sources.image_set import ImageSet
@@ -18,7 +19,6 @@ from .lens import undistorted_grid
 from .render import Renderer
 from .rig import looking_at
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 DEFAULT_BOARD = Board("chessboard", 9, 6, 0.08)

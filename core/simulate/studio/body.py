@@ -9,14 +9,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...body.skeleton import Skeleton, forward_kinematics
 from ...body.standard_skeleton import JOINT_NAMES, default_skeleton
 from ...geometry import rotations as rot
+from ...geometry.arrays import Array, IntArray
 from .cones import RoundCones, axis_distances
-
-Array = NDArray[np.float64]
 
 SUIT, TROUSERS, SKIN, SHOES, WOOD = "suit", "trousers", "skin", "shoes", "wood"
 
@@ -86,7 +84,7 @@ class Body:
     """
 
     skeleton: Skeleton
-    joints: NDArray[np.int64]
+    joints: IntArray
     starts_m: Array
     ends_m: Array
     start_radii_m: Array
@@ -94,7 +92,7 @@ class Body:
     materials: tuple[str, ...]
 
     @cached_property
-    def limbs(self) -> tuple[NDArray[np.int64], ...]:
+    def limbs(self) -> tuple[IntArray, ...]:
         """Indices of the cones by limb: trunk, head, each arm and each leg."""
         names = [_limb(self.skeleton.names[joint]) for joint in self.joints]
         return tuple(np.array([i for i, name in enumerate(names) if name == limb]) for limb in sorted(set(names)))
@@ -139,7 +137,7 @@ def make_body(skeleton: Skeleton) -> Body:
     )
 
 
-def with_sticks(body: Body, joints: NDArray[np.int64], offsets_m: Array) -> Body:
+def with_sticks(body: Body, joints: IntArray, offsets_m: Array) -> Body:
     """Return the body with a stick to every marker far from it, such as a sword's tip.
 
     joints (M,) carry the markers at offsets_m (M, 3) in their axes, metres.

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...body.motion import Motion
 from ...body.skeleton import Skeleton, forward_kinematics
 from ...geometry import rotations as rot
+from ...geometry.arrays import Array
 from ...markers.prop import Prop
 from .body import WOOD, Body
-
-Array = NDArray[np.float64]
 
 HAND = "rhand"
 _SHAFT_RADIUS_M, _ARM_RADIUS_M = 0.012, 0.006

@@ -9,9 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ...geometry.arrays import Array, Mask
 
 _TINY = 1e-12
 
@@ -92,7 +91,7 @@ def axis_distances(points: Array, cones: RoundCones) -> tuple[Array, Array]:
     return distance, radius
 
 
-def visible(origin: Array, points: Array, cones: RoundCones, margin_m: float) -> NDArray[np.bool_]:
+def visible(origin: Array, points: Array, cones: RoundCones, margin_m: float) -> Mask:
     """Return (N,) bool: points (N, 3) seen from `origin` (3,) past the cones.
 
     A point that lies in or on a cone is a marker worn on that limb (or on one that the limb touches): the
@@ -105,5 +104,5 @@ def visible(origin: Array, points: Array, cones: RoundCones, margin_m: float) ->
     ray = points - origin
     length = np.linalg.norm(ray, axis=-1)
     hits = first_hits(origin, ray / length[:, None], cones, scale)
-    seen: NDArray[np.bool_] = np.all(hits >= length[:, None] - margin_m, axis=1)
+    seen: Mask = np.all(hits >= length[:, None] - margin_m, axis=1)
     return seen

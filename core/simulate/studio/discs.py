@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-Array = NDArray[np.float64]
+from ...geometry.arrays import Array
 
 _LINES = 16  # lines to a pixel in y
 _CELLS = 4  # cells to a pixel in x, covered exactly

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,12 +19,11 @@ from ...geometry.rig_file import save_rig
 from ...markers.marker_take import MarkerTake, save_take
 from ...markers.subject import save_subject
 from ...system.files import atomic_path
+from ...system.progress import Progress
 from .boards import DEFAULT_BOARD, board_pictures
 from .render import FrameTruth
 from .source import SimulatedSource
 from .video import LOSSLESS, open_video
-
-Progress = Callable[[float, str], None]
 
 _BOARD_SHARE, _BACKGROUND_SHARE = 0.15, 0.05  # of the work, for the progress shown
 

@@ -8,14 +8,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...geometry.arrays import Array, Image, IntArray
 from ...geometry.camera import Camera
 from .cones import RoundCones
 from .lens import undistorted_grid
 
-Array = NDArray[np.float64]
 Array32 = NDArray[np.float32]
-Image = NDArray[np.uint8]
-
 _SAMPLES = 2  # rays to a pixel each way
 _MELT_M = 0.018  # depth over which surfaces blend where cones meet
 _KEY = np.array([0.48, 0.72, 0.50], dtype=np.float32)  # directions to the lights in the world
@@ -30,7 +28,7 @@ _GROUND = np.array([0.15, 0.17, 0.19], dtype=np.float32)
 class _Hit:
     """Hits of one cone: places in the ray grid (n,), distances, normals, colour."""
 
-    places: NDArray[np.int64]
+    places: IntArray
     distance: Array32
     normals: Array32
     colour: Array32
@@ -135,7 +133,7 @@ def _ball(dq: Array32, c: float) -> Array32:
     return np.where((root > 0.0) & (distance > 0.0), distance, np.inf).astype(np.float32)
 
 
-def _melted(hits: list[_Hit], places: int) -> tuple[NDArray[np.int64], Array32, Array32]:
+def _melted(hits: list[_Hit], places: int) -> tuple[IntArray, Array32, Array32]:
     """Return covered places (n,), normals and colours (n, 3) of the nearest surfaces.
 
     Surfaces close behind are blended in.

@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...body.motion import Motion
 from ...body.skeleton import marker_positions
+from ...geometry.arrays import Array
 from .body import Body, make_body, with_sticks
 from .carried_prop import HAND, Carried, with_prop
 from .cones import RoundCones
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

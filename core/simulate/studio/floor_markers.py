@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...body.motion import Motion
 from ...body.standard_skeleton import default_skeleton
+from ...geometry.arrays import Image
 from ...geometry.camera import CameraRig
 from .filmed_motion import make_performance
 from .render import Renderer, StudioFrame
 from .rig import FPS
 from .settings import StudioSettings
-
-Image = NDArray[np.uint8]
 
 SETTINGS = StudioSettings(draw_body=False, occlusion=False)
 PLACES_M = np.array([[-0.5, 0.85], [0.45, 0.9], [0.5, 0.35], [-0.45, 0.3]])  # x and z

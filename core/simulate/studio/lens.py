@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import RectBivariateSpline
 
+from ...geometry.arrays import Array
 from ...geometry.camera import Camera
-
-Array = NDArray[np.float64]
 
 _STEP_PX = 8.0
 

@@ -6,11 +6,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...geometry.arrays import Array
 from ...geometry.camera import Camera
 from .body import Body
 from .cones import RoundCones
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 _ARC = np.linspace(0.0, 1.0, 9)

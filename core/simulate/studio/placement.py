@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...body.calibration_poses import POSES
 from ...body.motion import Motion
 from ...geometry import rotations as rot
+from ...geometry.arrays import Array
 from .body import make_body
-
-Array = NDArray[np.float64]
 
 ARRIVAL_S = 1.0  # time from a pose to the next, or to the motion's first
 

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...geometry.arrays import Array, Mask
 from ...geometry.camera import Camera, CameraRig
 from .cones import RoundCones, visible
 from .discs import draw_disc
@@ -18,7 +19,6 @@ from .limb_outlines import draw_body
 from .room import FURNITURE, MOVED_OBJECT, Box, RoomView, view_room
 from .settings import StudioSettings
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 _NOISE_SPARE = 160  # the noise table is this much larger than the image each way, so that it can be shifted
@@ -44,7 +44,7 @@ class FrameTruth:
     markers_m: Array
     pixels: Array
     radii_px: Array
-    visible: NDArray[np.bool_]
+    visible: Mask
     ghosts: tuple[Array, ...]
 
 
@@ -66,7 +66,7 @@ class _Sight:
     centres: Array
     radii: Array
     depth: Array
-    seen: NDArray[np.bool_]
+    seen: Mask
 
 
 @dataclass(frozen=True)
@@ -243,15 +243,15 @@ def _own_times(performance: Performance, times: Array) -> Array:
     return every[own, :, own]
 
 
-def _inside(camera: Camera, pixels: Array) -> NDArray[np.bool_]:
+def _inside(camera: Camera, pixels: Array) -> Mask:
     width, height = camera.image_size
     x, y = pixels[:, 0], pixels[:, 1]
     with np.errstate(invalid="ignore"):
-        inside: NDArray[np.bool_] = (x > -0.5) & (y > -0.5) & (x < width - 0.5) & (y < height - 0.5)
+        inside: Mask = (x > -0.5) & (y > -0.5) & (x < width - 0.5) & (y < height - 0.5)
     return inside
 
 
-def _behind_another(centres: Array, radii: Array, depth: Array) -> NDArray[np.bool_]:
+def _behind_another(centres: Array, radii: Array, depth: Array) -> Mask:
     """Return (M,) bool: markers with their centre behind a nearer marker's ball."""
     apart = np.linalg.norm(np.nan_to_num(centres)[:, None] - np.nan_to_num(centres), axis=-1)
     return np.asarray(np.any((apart < radii) & (depth < depth[:, None]), axis=1))

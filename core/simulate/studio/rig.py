@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...errors import SettingsError
+from ...geometry.arrays import Array
 from ...geometry.camera import Camera, CameraRig
-
-Array = NDArray[np.float64]
 
 IMAGE_SIZE = (640, 480)
 FPS = 60.0

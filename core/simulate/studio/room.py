@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...geometry.arrays import Array, IntArray
 from ...geometry.camera import Camera
 from .lens import undistorted_grid
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 
@@ -121,7 +121,7 @@ def _window(camera: Camera, box: Box) -> tuple[slice, slice]:
     return slice(int(top), int(bottom) + 1), slice(int(left), int(right) + 1)
 
 
-def _exit(origin: Array, rays: Array) -> tuple[Array, NDArray[np.int64]]:
+def _exit(origin: Array, rays: Array) -> tuple[Array, IntArray]:
     """Return the rays' distance to the room's walls from inside, and the wall's axis."""
     safe = np.where(np.abs(rays) < 1e-12, 1e-12, rays)
     wall = np.where(safe > 0.0, np.array(_ROOM_HIGH), np.array(_ROOM_LOW))
@@ -130,7 +130,7 @@ def _exit(origin: Array, rays: Array) -> tuple[Array, NDArray[np.int64]]:
     return np.take_along_axis(distances, axis[:, None], axis=1)[:, 0], axis
 
 
-def _entry(origin: Array, rays: Array, box: Box) -> tuple[Array, NDArray[np.int64]]:
+def _entry(origin: Array, rays: Array, box: Box) -> tuple[Array, IntArray]:
     """Return the rays' distance to a box (infinity: missed), and the face's axis."""
     safe = np.where(np.abs(rays) < 1e-12, 1e-12, rays)
     a, b = (np.array(box.low) - origin) / safe, (np.array(box.high) - origin) / safe
@@ -140,7 +140,7 @@ def _entry(origin: Array, rays: Array, box: Box) -> tuple[Array, NDArray[np.int6
     return np.where((entry <= far.min(axis=1)) & (entry > 0.0), entry, np.inf), axis
 
 
-def _shell(points: Array, axis: NDArray[np.int64]) -> Array:
+def _shell(points: Array, axis: IntArray) -> Array:
     """Colour (N, 3) of walls, floor and ceiling at points on them."""
     level = axis == 1
     low, high = level & (points[:, 1] < 1.0), level & (points[:, 1] >= 1.0)
@@ -170,7 +170,7 @@ def _floor(x: Array, z: Array) -> Array:
     return np.asarray(np.array([64.0, 84.0, 104.0]) * np.where(seam, 0.62, tone)[:, None])
 
 
-def _box_colour(box: Box, points: Array, side: NDArray[np.int64]) -> Array:
+def _box_colour(box: Box, points: Array, side: IntArray) -> Array:
     light = 0.45 + 0.55 * np.abs(_LIGHT)[side]
     grain = 1.0 + 0.02 * np.sin(90.0 * points[:, 1] + 2.0 * np.sin(9.0 * points[:, 0]))
     return np.asarray(np.array(box.colour) * (light * grain)[:, None])

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...body.motion import Motion
 from ...body.standard_skeleton import DEFAULT_HEIGHT_M, default_skeleton
 from ...errors import SettingsError
+from ...geometry.arrays import Image
 from ...geometry.camera import CameraRig
 from ...markers.marker_set import MarkerSet, load_marker_set
 from ...markers.prop import load_prop
@@ -24,8 +24,6 @@ from .placement import with_poses
 from .render import FrameTruth, Renderer, StudioFrame
 from .rig import FPS, default_rig
 from .settings import StudioSettings
-
-Image = NDArray[np.uint8]
 
 _AROUND_S = 4.0  # of a performance: T pose, arms down, and a rest at the end
 _SPACING_M = 1.2  # between performers: both stay in the picture, and arms held out do not meet

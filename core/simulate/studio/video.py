@@ -8,12 +8,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import CaptureError
+from ...geometry.arrays import Image
 from ...system.files import atomic_path
-
-Image = NDArray[np.uint8]
 
 # container and four-letter code; FFV1 keeps every grey level, MPEG-4 plays everywhere but loses some
 LOSSLESS = (".mkv", "FFV1")

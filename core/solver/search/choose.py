@@ -4,7 +4,8 @@ import numpy as np
 
 from ...database.graph import NeighbourGraph, build_graph
 from ...database.store import Database
-from .exhaustive import ExhaustiveSearch, FloatArray, Search
+from ...geometry.arrays import FloatArray
+from .exhaustive import ExhaustiveSearch, Search
 from .graph import GraphSearch
 from .inverted_file import CellSearch
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...database.graph import k_means, weigh_poses
-from .exhaustive import FloatArray, IntArray
+from ...geometry.arrays import FloatArray, IntArray
 
 _SAMPLED = 16  # frames of a cluster, evenly through it, of which the most central stands for it
 

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import sgemv
 
-Array = NDArray[np.float64]
+from ...geometry.arrays import Array, IntArray
+
 FloatArray = NDArray[np.float32]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

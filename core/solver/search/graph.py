@@ -8,11 +8,11 @@ searched from all representatives. The cost of a search is bounded.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...database.graph import NeighbourGraph
+from ...geometry.arrays import Array, FloatArray, IntArray, Mask
 from .cluster_representatives import ClusterRepresentatives
-from .exhaustive import Array, ExhaustiveSearch, FloatArray, IntArray, Query, closest
+from .exhaustive import ExhaustiveSearch, Query, closest
 
 _VISITED = 6.0  # frames visited for each one wanted, besides the first representatives, after which a search ends
 _EXPANDED = 0.15  # of the frames wanted: how many of the closest are looked at with their neighbours at once
@@ -122,7 +122,7 @@ class _Visit:
         seen: (F,) false everywhere, and again after `end`.
     """
 
-    def __init__(self, frames: ExhaustiveSearch, query: Query, seen: NDArray[np.bool_]) -> None:
+    def __init__(self, frames: ExhaustiveSearch, query: Query, seen: Mask) -> None:
         self._database, self._query, self._seen = frames, query, seen
         self._found: list[IntArray] = []
         self._distances: list[FloatArray] = []

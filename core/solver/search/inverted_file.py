@@ -7,7 +7,8 @@ before.
 import numpy as np
 from numpy.typing import NDArray
 
-from .exhaustive import Array, ExhaustiveSearch, FloatArray, IntArray, Query, closest
+from ...geometry.arrays import Array, FloatArray, IntArray
+from .exhaustive import ExhaustiveSearch, Query, closest
 
 _PROBED = 16  # cells
 _PROBED_PER_WANTED = 4.0  # frames looked at, at least, for each one wanted

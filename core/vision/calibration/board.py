@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import CalibrationError, SettingsError
+from ...geometry.arrays import Array, IntArray
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 SPEC_HELP = (
@@ -88,7 +88,7 @@ class BoardView:
     `motion_px_s` (n, 2) is how they move in a video; None in a picture by itself.
     """
 
-    ids: NDArray[np.int64]
+    ids: IntArray
     pixels: Array
     motion_px_s: Array | None = None
 

@@ -6,13 +6,12 @@ from concurrent.futures import Future
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...geometry.arrays import Image
 from .board import Board
 from .board_coverage import ENOUGH_COVERED, CameraCoverage, least_covered
 from .board_watch import BoardObservation, BoardPlacement
 
-Image = NDArray[np.uint8]
 Region = tuple[int, int]
 Target = tuple[int, Region]
 Start = Callable[..., "Future[Any]"]

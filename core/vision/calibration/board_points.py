@@ -5,14 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import CalibrationError
+from ...geometry.arrays import Array
 from ...system.files import read_bytes
 from .board import BoardView
 from .rig_fit import CameraViews
-
-Array = NDArray[np.float64]
 
 _LAYOUT = (
     "image_size [w, h], board_points_mm [[x, y], ...], image_points_cam1 and image_points_cam2 [[[u, v], ...], ...]"

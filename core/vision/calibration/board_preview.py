@@ -4,13 +4,11 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ...geometry.arrays import Image, Mask
 from .board import BoardView
 from .board_coverage import REGIONS
 
-Image = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 Colour = tuple[int, int, int]
 
 _COVERED: Colour = (80, 190, 80)  # BGR, as all here

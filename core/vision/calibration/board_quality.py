@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...geometry.arrays import Array
 from .board import Board, BoardView, edge_reach, grey_of
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 _PROFILE_STEP_PX = 0.5

@@ -10,9 +10,9 @@ from math import ceil
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import CalibrationError
+from ...geometry.arrays import Image, Mask
 from .board import Board, find_board, glimpse_board, seen_grid
 from .board_coverage import ENOUGH_COVERED, CameraCoverage, least_covered, update_reachable
 from .board_guidance import OtherBoardProbe, Target, TargetRegions, is_alike, move_advice, visibility_advice
@@ -20,8 +20,6 @@ from .board_watch import BoardObservation, BoardWatch, placement_of
 from .calibrate import CalibrationResult, are_sides_exchanged, calibrate_from_points, grid_of
 from .rig_fit import MINIMUM_VIEWS, CameraViews
 
-Image = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 Start = Callable[..., "Future[Any]"]
 
 ENOUGH_VIEWS = 10

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...geometry.arrays import Array
 from .board import Board, BoardView
 
-Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 STILL_S = 0.5

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ...geometry.arrays import Array, IntArray, Mask
 
 INTRINSICS = 10
 """fx, fy, cx, cy, skew, k1, k2, p1, p2, k3 of one camera, in this order."""
@@ -77,7 +76,7 @@ def intrinsics_of(matrix: Array, distortion: Array) -> Array:
 
 
 def adjust(
-    start: Bundle, observations: Sequence[CornerObservation], free: NDArray[np.bool_], prior: LensPrior | None = None
+    start: Bundle, observations: Sequence[CornerObservation], free: Mask, prior: LensPrior | None = None
 ) -> Bundle:
     """Minimise the squared reprojection error by Levenberg-Marquardt.
 
@@ -97,9 +96,7 @@ def adjust_boards(bundle: Bundle, observations: Sequence[CornerObservation]) -> 
     return _minimise(bundle, observations, np.empty(0, dtype=np.int64), None)
 
 
-def camera_covariance(
-    bundle: Bundle, observations: Sequence[CornerObservation], free: NDArray[np.bool_], prior: LensPrior
-) -> Array:
+def camera_covariance(bundle: Bundle, observations: Sequence[CornerObservation], free: Mask, prior: LensPrior) -> Array:
     """Return the covariance (6 C, 6 C) of an adjusted bundle's `cameras`.
 
     Inverse of the normal equations without the boards, times the residuals' own variance.
@@ -116,7 +113,7 @@ def camera_covariance(
 
 
 def _minimise(
-    current: Bundle, observations: Sequence[CornerObservation], active: NDArray[np.int64], prior: LensPrior | None
+    current: Bundle, observations: Sequence[CornerObservation], active: IntArray, prior: LensPrior | None
 ) -> Bundle:
     damping = 1e-4
     system = _normal_equations(current, observations, prior)
@@ -215,7 +212,7 @@ def _normal_equations(bundle: Bundle, observations: Sequence[CornerObservation],
     return _System(cameras, boards, coupling, gradient, boards_gradient, cost)
 
 
-def _reduce(system: _System, active: NDArray[np.int64], damping: float) -> tuple[Array, Array, Array, Array, Array]:
+def _reduce(system: _System, active: IntArray, damping: float) -> tuple[Array, Array, Array, Array, Array]:
     """Eliminate the boards (Schur complement).
 
     Returns the scaled matrix and right side of the active unknowns of the cameras, their scale, and the boards' step
@@ -234,7 +231,7 @@ def _reduce(system: _System, active: NDArray[np.int64], damping: float) -> tuple
     return reduced * scale * scale[:, None], right * scale, scale, by_gradient, by_coupling
 
 
-def _step(system: _System, active: NDArray[np.int64], damping: float) -> tuple[Array, Array]:
+def _step(system: _System, active: IntArray, damping: float) -> tuple[Array, Array]:
     """Return the damped step of cameras (N,) and boards (M, 6)."""
     reduced, right, scale, by_gradient, by_coupling = _reduce(system, active, damping)
     step = np.zeros(len(system.cameras))

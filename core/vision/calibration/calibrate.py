@@ -4,15 +4,16 @@ Zhang, "A flexible new technique for camera calibration" (2000), through OpenCV;
 board's poses are refined together (`bundle`).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import CalibrationError
+from ...geometry.arrays import Array
 from ...geometry.camera import WORLD_FROM_CAMERA, Camera, CameraRig
+from ...system.progress import Progress
 from .board import Board, BoardView
 from .board_quality import Coverage, coverage
 from .bundle import Bundle, CornerObservation, adjust, intrinsics_of, matrix_of, rms, rms_by_moment
@@ -29,8 +30,7 @@ from .rig_fit import (
     lens_prior,
 )
 
-Array = NDArray[np.float64]
-Progress = Callable[[float, str], None]
+Progress = Progress
 
 _GOOD_VIEWS = 8
 _GOOD_RMS = 0.5 / 640.0  # of the image width

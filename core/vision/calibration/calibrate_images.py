@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import CalibrationError, CaptureError
+from ...system.progress import Progress
 from ..sources.files import by_number, list_images, read_image
 from .board import Board, BoardView, find_board, seen_grid
 from .board_quality import edge_widths
-from .calibrate import CalibrationResult, Progress, calibrate_from_points, grid_of
+from .calibrate import CalibrationResult, calibrate_from_points, grid_of
 from .rig_fit import MINIMUM_VIEWS, CameraViews, Rejected
 
 _PROBES = 5

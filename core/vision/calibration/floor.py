@@ -5,14 +5,13 @@ from itertools import product
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...errors import CalibrationError
+from ...geometry.arrays import Array
 from ...geometry.camera import Camera, CameraRig
 from ...geometry.triangulation import triangulate
 from .board import Board, BoardView
-
-Array = NDArray[np.float64]
 
 _SIGMA_PX = 0.3  # of a corner
 _LARGEST_ERROR = 3.0 / 640.0  # of the image width: a camera was moved since

@@ -4,13 +4,12 @@ from collections import deque
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.distance import pdist
 
 from ...errors import CalibrationError
+from ...geometry.arrays import Array, IntArray
 from ...geometry.camera import CameraRig
-
-Array = NDArray[np.float64]
 
 FEWEST = 3
 STILL_S = 1.0
@@ -59,7 +58,7 @@ class FloorWatch:
         self.advice = advice
 
 
-def _as_before(before_m: Array, points_m: Array) -> NDArray[np.int64] | None:
+def _as_before(before_m: Array, points_m: Array) -> IntArray | None:
     """Return the order (N,) of points as before; None when they changed or moved."""
     if len(points_m) != len(before_m):
         return None

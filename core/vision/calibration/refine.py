@@ -9,17 +9,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from ...errors import CalibrationError
 from ...geometry import rotations as rot
+from ...geometry.arrays import Array, FloatArray
 from ...geometry.camera import Camera, CameraRig
 from ...geometry.triangulation import triangulate
 from ..matching.stereo import StereoMatcher, StereoSettings
-
-Array = NDArray[np.float64]
-Float32 = NDArray[np.float32]
 
 _GATES_DEG = (3.0, 1.0, 0.4)  # a bumped camera's lines miss by degrees; each pass lets fewer wrong pairs in
 # What markers do not tell stays as calibrated. They tell little of turns and shifts that almost make up for each other,
@@ -68,7 +65,7 @@ class Refinement:
         return self.depth_sigma < _SURE
 
 
-def refine_rig(rig: CameraRig, frames: Sequence[Sequence[Float32]]) -> Refinement:
+def refine_rig(rig: CameraRig, frames: Sequence[Sequence[FloatArray]]) -> Refinement:
     """Return the rig with the cameras placed as the markers tell.
 
     Args:
@@ -104,7 +101,9 @@ def refine_rig(rig: CameraRig, frames: Sequence[Sequence[Float32]]) -> Refinemen
     )
 
 
-def _match_markers(rig: CameraRig, frames: Sequence[Sequence[Float32]], gate_px: float) -> tuple[Array, Array, Array]:
+def _match_markers(
+    rig: CameraRig, frames: Sequence[Sequence[FloatArray]], gate_px: float
+) -> tuple[Array, Array, Array]:
     """Return matched points (N, C, 2), their weights (N, C) and moments (N,)."""
     matcher = StereoMatcher(rig, StereoSettings(epipolar_px=gate_px))
     observed, weights, moments = [], [], []

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ...geometry.arrays import Array, Mask
+
 Transform = tuple[Array, Array]
 """(rotation (3, 3), translation (3,)): x_a = rotation @ x_b + translation."""
 
@@ -27,8 +27,8 @@ class Agreement:
     """
 
     transform: Transform
-    turned: NDArray[np.bool_]
-    agrees: NDArray[np.bool_]
+    turned: Mask
+    agrees: Mask
 
 
 def inverse(transform: Transform) -> Transform:

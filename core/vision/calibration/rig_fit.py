@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import CalibrationError
+from ...geometry.arrays import Array, Mask
 from .board import BoardView
 from .bundle import (
     INTRINSICS,
@@ -24,8 +24,6 @@ from .bundle import (
     rms_by_moment,
 )
 from .relative_pose import Transform, compose, half_turn, inverse, relative_poses, seen_alike
-
-Array = NDArray[np.float64]
 
 MINIMUM_VIEWS = 3
 _OUTLIER_FACTOR = 3.0
@@ -98,7 +96,7 @@ class RigFit:
     distance_sigma: float
 
 
-def is_outlier(errors: Array) -> NDArray[np.bool_]:
+def is_outlier(errors: Array) -> Mask:
     """Return a mask of RMS errors (pixels) that are outliers."""
     typical = float(np.median(errors))
     return np.asarray(errors > max(_OUTLIER_FACTOR * typical, typical + _OUTLIER_FLOOR_PX))
@@ -234,13 +232,11 @@ def _delays_s(bundle: Bundle, observations: Sequence[CornerObservation]) -> Arra
     return late - late[0]
 
 
-def _clear_fixed(bundle: Bundle, free: NDArray[np.bool_]) -> Bundle:
+def _clear_fixed(bundle: Bundle, free: Mask) -> Bundle:
     return Bundle(np.where(free, bundle.intrinsics, 0.0), bundle.cameras, bundle.boards)
 
 
-def _held_out(
-    bundle: Bundle, observations: Sequence[CornerObservation], free: NDArray[np.bool_], prior: LensPrior
-) -> float:
+def _held_out(bundle: Bundle, observations: Sequence[CornerObservation], free: Mask, prior: LensPrior) -> float:
     if len(bundle.boards) < _SMALLEST_FOR_FOLDS:
         return float("nan")
     squares = []

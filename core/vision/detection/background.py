@@ -9,12 +9,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import CaptureError
-
-Image = NDArray[np.uint8]
-Float32 = NDArray[np.float32]
+from ...geometry.arrays import Array, FloatArray, Image
 
 _MINIMUM_FRAMES = 2
 _KEPT_SHARE = 0.6
@@ -24,8 +21,8 @@ _KEPT_SHARE = 0.6
 class Background:
     """`mean` and `deviation` (height, width, 3) float32 in grey levels."""
 
-    mean: Float32
-    deviation: Float32
+    mean: FloatArray
+    deviation: FloatArray
 
     def __post_init__(self) -> None:
         if self.mean.shape != self.deviation.shape or self.mean.ndim != 3 or self.mean.shape[2] != 3:
@@ -57,8 +54,8 @@ class BackgroundLearner:
 
     def __init__(self) -> None:
         self._count = 0
-        self._sum: NDArray[np.float64] | None = None
-        self._squares: NDArray[np.float64] | None = None
+        self._sum: Array | None = None
+        self._squares: Array | None = None
 
     def add(self, image: Image) -> None:
         """Add one frame (height, width, 3) uint8; raise CaptureError for another size."""

@@ -8,12 +8,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Float32 = NDArray[np.float32]
-Image = NDArray[np.uint8]
-IntArray = NDArray[np.int64]
+from ...geometry.arrays import Array, FloatArray, Image, IntArray, Mask
 
 X, Y, RADIUS, BRIGHTNESS, HUE, CONTRAST, ROUNDNESS = range(7)
 COLUMNS = 7
@@ -40,7 +36,7 @@ class BlobPixels:
     owner: IntArray
     x: IntArray
     y: IntArray
-    contrast: Float32
+    contrast: FloatArray
     colours: Image
 
     def select(self, which: Any) -> "BlobPixels":
@@ -53,7 +49,7 @@ class BlobPixels:
         return starts, np.concatenate((starts[1:], [len(self.owner)])) - starts
 
 
-def blob_pixels(owner: IntArray, x: IntArray, y: IntArray, contrast: Float32, colours: Image) -> BlobPixels:
+def blob_pixels(owner: IntArray, x: IntArray, y: IntArray, contrast: FloatArray, colours: Image) -> BlobPixels:
     """Return the pixels with any contrast, in order; the owners are ascending."""
     order = np.argsort(owner * _ABOVE_ALL + contrast)
     order = order[contrast[order] > 0.0]
@@ -116,7 +112,7 @@ def measure(pixels: BlobPixels) -> tuple[IntArray, Array]:
     return pixels.owner[starts], rows
 
 
-def _sums_before(values: Float32) -> Array:
+def _sums_before(values: FloatArray) -> Array:
     """Return (P + 1,) the sum of all values before each, and of all."""
     sums = np.zeros(len(values) + 1)
     np.cumsum(values, dtype=np.float64, out=sums[1:])
@@ -209,5 +205,5 @@ def _split(pixels: BlobPixels) -> list[BlobPixels]:
     return []
 
 
-def _distance_to(mask: NDArray[np.bool_]) -> Float32:
+def _distance_to(mask: Mask) -> FloatArray:
     return np.asarray(cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 3), dtype=np.float32)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import CaptureError, SettingsError
+from ...geometry.arrays import Array, FloatArray, Image, IntArray, Mask
 from .background import Background
 from .blobs import (
     BRIGHTNESS,
@@ -18,11 +19,7 @@ from .blobs import (
     NO_PIXELS,
     RADIUS,
     ROUNDNESS,
-    Array,
     BlobPixels,
-    Float32,
-    Image,
-    IntArray,
     X,
     Y,
     blob_pixels,
@@ -134,7 +131,7 @@ class Detector:
             mask = cv2.dilate(mask, np.ones((side, side), np.uint8))
         return np.asarray(mask, dtype=np.uint8)
 
-    def detect(self, image: Image) -> Float32:
+    def detect(self, image: Image) -> FloatArray:
         """Return blobs (n, 5): x, y, radius_px, brightness, hue; brightest first.
 
         Raises:
@@ -251,13 +248,13 @@ class Detector:
         third = np.float32(1.0 / 3.0)
         return blob_pixels(owner, x + body.left, y + body.top, contrast[y, x] * third, image[window][y, x])
 
-    def _fits(self, table: Array) -> NDArray[np.bool_]:
+    def _fits(self, table: Array) -> Mask:
         s = self.settings
         radius = table[:, RADIUS]
         inside = (radius >= s.minimum_radius_px) & (radius <= s.maximum_radius_px)
         return np.asarray(inside & (table[:, ROUNDNESS] >= s.minimum_roundness))
 
-    def _select(self, table: Array) -> Float32:
+    def _select(self, table: Array) -> FloatArray:
         # sums have no more digits: the equally bright stay in the order of the image's rows
         table = table[np.argsort(-table[:, CONTRAST].round(6), kind="stable")]
         if len(table) == 0:
@@ -290,7 +287,7 @@ class _EmptyRoom:
 
     low: Image
     width: Image
-    mean: Float32
+    mean: FloatArray
     light: NDArray[np.uint16]
     lit: NDArray[np.uint16]
 
@@ -311,7 +308,7 @@ class _Component:
 
     left: int
     top: int
-    inside: NDArray[np.bool_]
+    inside: Mask
     may_be_marker: bool
 
     @property
@@ -351,7 +348,7 @@ def _pixels(parts: Sequence[_Component]) -> tuple[IntArray, IntArray, IntArray]:
     return owner, x, y
 
 
-def _contrast(rise: Float32, owner: IntArray, parts: int) -> Float32:
+def _contrast(rise: FloatArray, owner: IntArray, parts: int) -> FloatArray:
     """Return the light (P,) of pixels above the empty room, grey levels.
 
     Channels count as much as they are brighter in the whole part: a white marker's alike, of a red one the red channel

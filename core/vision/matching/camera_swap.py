@@ -4,12 +4,10 @@ from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...geometry.arrays import FloatArray
 from ...geometry.camera import CameraRig
 from .stereo import Matches, StereoMatcher, StereoSettings
-
-Float32 = NDArray[np.float32]
 
 _FEWEST_BLOBS = 4
 _FRAMES = 6  # of evidence: within a quarter of a second at 30 Hz
@@ -29,7 +27,7 @@ class CameraSwapDetector:
         self._worst_px = settings.epipolar_px
         self._errors_px: deque[tuple[float, float]] = deque(maxlen=_FRAMES)
 
-    def update(self, blobs: Sequence[Float32], matches: Matches) -> str:
+    def update(self, blobs: Sequence[FloatArray], matches: Matches) -> str:
         """Return a warning, "" where nothing points to an exchange.
 
         Args:

@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
+from ...geometry.arrays import Array, IntArray, Mask
 from ...geometry.gated_assignment import assign
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 # Gates at 640 pixels of width; a marker at 5 m/s crosses such an image in less than a second.
 _GATE_PX, _GATE_PX_S = 6.0, 400.0
@@ -59,7 +58,7 @@ class BlobLinker:
         self._ids = np.concatenate((ids, self._ids))
         return ids
 
-    def _keep(self, kept: NDArray[np.bool_]) -> None:
+    def _keep(self, kept: Mask) -> None:
         self._pixels, self._velocities = self._pixels[kept], self._velocities[kept]
         self._seen_s, self._ids = self._seen_s[kept], self._ids[kept]
 

@@ -1,12 +1,10 @@
 """Prediction of unlabelled points from the last frames."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
+from ...geometry.arrays import Array
 from ...geometry.gated_assignment import assign
-
-Array = NDArray[np.float64]
 
 _FASTEST_M_S = 12.0
 _JITTER_M = 0.05

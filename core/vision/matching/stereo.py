@@ -8,17 +8,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from ...errors import SettingsError
+from ...geometry.arrays import Array, FloatArray, IntArray
 from ...geometry.camera import Camera, CameraRig, undistort_all
 from ...geometry.gated_assignment import assign
 from ...geometry.triangulation import depths, inverse_3x3, triangulate
 
-Array = NDArray[np.float64]
-Float32 = NDArray[np.float32]
-IntArray = NDArray[np.int64]
 Located = tuple[Array, Array, Array]
 
 
@@ -74,11 +71,11 @@ class StereoMatcher:
         self.rig = rig
         self.settings = settings or StereoSettings()
 
-    def undistort(self, blobs: Sequence[Float32]) -> list[Array]:
+    def undistort(self, blobs: Sequence[FloatArray]) -> list[Array]:
         """Return the blobs' undistorted normalised coordinates (n, 2), per camera."""
         return undistort_all(self.rig.cameras, [rows[:, :2].astype(np.float64) for rows in blobs])
 
-    def match(self, blobs: Sequence[Float32], normalised: Sequence[Array], predicted_m: Array | None) -> Matches:
+    def match(self, blobs: Sequence[FloatArray], normalised: Sequence[Array], predicted_m: Array | None) -> Matches:
         """Match blobs of all cameras.
 
         Args:
@@ -130,7 +127,7 @@ class StereoMatcher:
         b: int,
         free_a: IntArray,
         free_b: IntArray,
-        blobs: Sequence[Float32],
+        blobs: Sequence[FloatArray],
         normalised: Sequence[Array],
         predicted_m: Array | None,
     ) -> tuple[IntArray, Located]:
@@ -215,7 +212,7 @@ def homogeneous(points: Array) -> Array:
     return np.concatenate((points, np.ones((*points.shape[:-1], 1))), axis=-1)
 
 
-def _dissimilarity(a: Float32, b: Float32) -> Array:
+def _dissimilarity(a: FloatArray, b: FloatArray) -> Array:
     """Return squared dissimilarities (n, m) of blobs, in sigmas."""
     size = _log_ratio(a[:, 2], b[:, 2]) / _SIZE_SIGMA
     brightness = _log_ratio(a[:, 3] + 5.0, b[:, 3] + 5.0) / _BRIGHTNESS_SIGMA
@@ -224,13 +221,13 @@ def _dissimilarity(a: Float32, b: Float32) -> Array:
     return np.asarray(np.minimum(size**2, 4.0) + np.minimum(brightness**2, 4.0) + 0.25 * hue**2, dtype=np.float64)
 
 
-def _median(values: Float32) -> np.float32:
+def _median(values: FloatArray) -> np.float32:
     """Return the median (`np.median` takes ten times as long for a few values)."""
     ordered = np.sort(values)
     return np.float32(0.5) * (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2])
 
 
-def _log_ratio(a: Float32, b: Float32) -> Array:
+def _log_ratio(a: FloatArray, b: FloatArray) -> Array:
     """Log of a over b, (n, m), less the usual ratio between the two cameras."""
     u, v = np.log(np.maximum(a, 1e-3)), np.log(np.maximum(b, 1e-3))
     return np.asarray((u - _median(u))[:, None] - (v - _median(v))[None], dtype=np.float64)

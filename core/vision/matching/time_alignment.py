@@ -6,15 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...geometry.arrays import Array, FloatArray, IntArray
 from ...geometry.camera import CameraRig
 from .image_tracks import BlobLinker
 from .time_offset import TimeOffset
-
-Array = NDArray[np.float64]
-Float32 = NDArray[np.float32]
-IntArray = NDArray[np.int64]
 
 _REMEMBERED = 40  # images: two thirds of a second at 60 Hz
 _NEAREST = 5  # images in which a blob's track is looked for
@@ -28,7 +24,7 @@ class _Seen:
     """Blobs (n, 5) of one image, their tracks (n,), and the moment it shows."""
 
     moment_s: float
-    blobs: Float32
+    blobs: FloatArray
     ids: IntArray
 
 
@@ -48,7 +44,9 @@ class TimeAligner:
         self._last_s = -np.inf
         self._seen: list[deque[_Seen]] = [deque(maxlen=_REMEMBERED) for _ in rig.cameras]
 
-    def align(self, time_s: float, stamps_s: Array, blobs: Sequence[Float32]) -> tuple[float, tuple[Float32, ...]]:
+    def align(
+        self, time_s: float, stamps_s: Array, blobs: Sequence[FloatArray]
+    ) -> tuple[float, tuple[FloatArray, ...]]:
         """Return the common moment and the blobs (n, 5) of each camera at it.
 
         Args:
@@ -73,7 +71,7 @@ class TimeAligner:
         return common_s, tuple(at)
 
 
-def _blobs_at(seen: Sequence[_Seen], moment_s: float) -> Float32:
+def _blobs_at(seen: Sequence[_Seen], moment_s: float) -> FloatArray:
     """Return the blobs of the image nearest to a moment, moved along their tracks."""
     order = _nearest(seen, moment_s)
     if order and order[0].moment_s == moment_s:

@@ -10,15 +10,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...geometry.arrays import Array, IntArray
 from ...geometry.camera import Camera, CameraRig
 from ...markers.marker_frame import MarkerFrame
 from .image_tracks import BlobLinker, ImageTracks, image_tracks
 from .stereo import essential_matrix, homogeneous
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = IntArray
 
 _GRID_STEP_S = 0.004
 _GRID_IMAGES, _IMAGES = 600, 6000  # of the reference are enough

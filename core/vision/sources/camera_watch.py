@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .image_set import Image
+from ...geometry.arrays import Image
 
 # Reported within a quarter of a second; the rest of it is for the way to the panel.
 _SILENT_S = 0.12

@@ -15,8 +15,9 @@ import cv2
 import numpy as np
 
 from ...errors import CaptureError
+from ...geometry.arrays import Image
 from .camera_controls import CameraControls, apply_controls
-from .image_set import Image, ImageSet
+from .image_set import ImageSet
 from .pairing import ImagePairing
 
 _WARM_UP_READS = 5

@@ -5,11 +5,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import CaptureError
-
-Image = NDArray[np.uint8]
+from ...geometry.arrays import Image
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import CaptureError
+from ...geometry.arrays import Image
 from .files import list_images, pair_by_number, read_image
-from .image_set import Image, ImageSet
+from .image_set import ImageSet
 
 # a time of day as cameras write it into names: 14-57-01~73, 10-21-36%593, 10-21-36.593
 _TIME_OF_DAY = re.compile(r"(?<!\d)(\d{1,2})-(\d{2})-(\d{2})[~%.,](\d+)")

@@ -5,9 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...geometry.arrays import Image
 from ...system.steady_clock import SteadyClock
 from .camera_watch import CameraHealth
-from .image_set import Image, ImageSet, camera_title, next_number
+from .image_set import ImageSet, camera_title, next_number
 
 _TOGETHER = 0.75  # periods: images further apart in time are of two moments
 _LATE = 0.25  # periods: an image so little after a set that went without it comes too late

@@ -9,15 +9,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ...errors import CaptureError, SettingsError
+from ...geometry.arrays import Image
 from .cameras import CameraSource
 from .images import ImageFileSource, is_image_pattern
 from .videos import VideoSource, is_stream
-
-Image = NDArray[np.uint8]
 
 
 class ImageSetLike(Protocol):

@@ -9,8 +9,9 @@ import cv2
 import numpy as np
 
 from ...errors import CaptureError
+from ...geometry.arrays import Image
 from .camera_watch import is_repeated
-from .image_set import Image, ImageSet, next_number
+from .image_set import ImageSet, next_number
 
 _SPARE_FRAMES = 2  # that one video may have more at its end: the last ones may be lost too
 _STREAM_PREFIXES = ("http://", "https://", "rtsp://", "rtmp://", "udp://", "tcp://")

@@ -9,11 +9,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ...geometry.arrays import Image
 from ..channel import Channel
-
-Image = NDArray[np.uint8]
 
 _WIDTH = 320  # of one camera's picture
 _EVERY_S = 0.2

@@ -19,9 +19,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import CaptureError
+from ...geometry.arrays import Image
 from ...geometry.camera import CameraRig
 from ...geometry.rig_file import load_rig
 from ...system.files import atomic_path
@@ -34,8 +34,6 @@ from ..channel import Channel
 from ..open_source import open_source
 from ..source_traits import is_live, is_repeatable, is_simulated
 from .camera_preview import PreviewSender
-
-Image = NDArray[np.uint8]
 
 _EMPTY_FRAMES = 30  # of the simulated room
 _SPREAD_FRAMES = 40  # of a recorded take, which shows the performer

@@ -16,10 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import CaptureError
+from ...geometry.arrays import Image
 from ...geometry.rig_file import rig_tables
 from ...simulate.studio.boards import CarriedBoard, board_poses
 from ...simulate.studio.render import Renderer
@@ -34,8 +33,6 @@ from ...vision.sources.spec import ImageSetLike, ImageSource
 from ..channel import Channel
 from ..open_source import open_source
 from .camera_preview import PreviewSender
-
-Image = NDArray[np.uint8]
 
 _SIMULATED_PLACES = 40
 _SHOWN_S = 0.6  # that a view was taken

@@ -10,9 +10,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import CalibrationError
+from ...geometry.arrays import Image
 from ...geometry.rig_file import load_rig, rig_tables
 from ...simulate.studio.boards import CarriedBoard, board_on_floor
 from ...simulate.studio.render import Renderer
@@ -27,8 +27,6 @@ from ..channel import Channel
 from ..open_source import open_source
 from .camera_preview import PreviewSender
 from .record_board import camera_names
-
-Image = NDArray[np.uint8]
 
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:
