@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import FormatError
+from ..geometry.arrays import FloatArray
 
 _CHUNK = 8192  # frames read at once
 
@@ -44,7 +45,7 @@ class FrameFile:
             ) from error
         self._frames += len(frames)
 
-    def __getitem__(self, wanted: slice) -> NDArray[np.float32]:
+    def __getitem__(self, wanted: slice) -> FloatArray:
         """Read a slice with a positive step."""
         self._stream.flush()
         start, stop, step = wanted.indices(self._frames)

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.motion import resampled
 from ..body.motion_cleaning import Defect, clean_motion
@@ -25,6 +24,7 @@ from ..errors import DatabaseError, PerfanimError
 from ..formats.motion.motion_sources import MotionFile
 from ..formats.motion.read_motion import read_motion_parts
 from ..geometry import rotations as rot
+from ..geometry.arrays import FloatArray
 from ..system.json_process import JsonProcess
 
 _SKELETON_ARRAYS = ("parents", "offsets_m", "tips_m", "angle_axes")
@@ -44,8 +44,8 @@ class ReadClip:
     first_frame: int
     source_fps: float
     skeleton: Skeleton
-    rotations: NDArray[np.float32]
-    root_positions_m: NDArray[np.float32]
+    rotations: FloatArray
+    root_positions_m: FloatArray
 
 
 @dataclass(frozen=True)

@@ -20,12 +20,10 @@ from ..body.skeleton import Skeleton
 from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import DatabaseError
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, FloatArray
 from ..system.files import atomic_path
 from .frame_file import FrameFile
 from .graph import GraphSettings, NeighbourGraph, build_graph
-
-FloatArray = NDArray[np.float32]
 
 DATABASE_SUFFIX = ".pfdb"
 OLD_DATABASE_SUFFIX = ".perfdb"  # written by versions up to 0.1; opened like the other

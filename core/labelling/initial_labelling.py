@@ -7,9 +7,8 @@ enumerated. Each places the root, and the other points are then compared, in its
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..geometry.arrays import Array, IntArray, Mask
+from ..geometry.arrays import Array, FloatArray, IntArray, Mask
 from ..geometry.gated_assignment import assign
 
 IntArray = IntArray
@@ -58,7 +57,7 @@ class InitialLabeller:
         torso: (M,) which markers lie on the torso, three at least.
     """
 
-    def __init__(self, examples_m: NDArray[np.float32], ups: NDArray[np.float32], torso: Mask) -> None:
+    def __init__(self, examples_m: FloatArray, ups: FloatArray, torso: Mask) -> None:
         self._examples = np.asarray(examples_m, dtype=np.float32)
         self._ups = np.asarray(ups, dtype=np.float32)
         self._torso = np.flatnonzero(torso)
@@ -171,7 +170,7 @@ class InitialLabeller:
         best = np.argpartition(cost, min(_EXAMPLES_EACH, len(cost)) - 1)[:_EXAMPLES_EACH]
         return [(float(cost[example]), int(example)) for example in best]
 
-    def _limb_distances(self, points_m: NDArray[np.float32]) -> NDArray[np.float32]:
+    def _limb_distances(self, points_m: FloatArray) -> FloatArray:
         """Return the squared distances (S, L, N) from limb markers to local points."""
         products = (self._limb_places @ points_m.T).reshape(*self._limb_norms.shape, -1)
         return self._limb_norms[..., None] - 2.0 * products + np.einsum("nc,nc->n", points_m, points_m)

@@ -8,9 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..geometry.arrays import Array, IntArray, Mask
+from ..geometry.arrays import Array, FloatArray, IntArray, Mask
 from ..geometry.camera import Camera
 from ..geometry.gated_assignment import assign
 from ..geometry.triangulation import triangulate
@@ -176,7 +175,7 @@ def assign_points(
 
 
 def assign_blobs(
-    blobs: NDArray[np.float32], camera: Camera, expected_m: Array, gates_m: Array
+    blobs: FloatArray, camera: Camera, expected_m: Array, gates_m: Array
 ) -> tuple[IntArray, IntArray, Array]:
     """Return matching (blobs, markers) of one image, and distances as shares of gates.
 

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import CaptureError
-from ..geometry.arrays import Array, IntArray
+from ..geometry.arrays import Array, FloatArray, IntArray
 from ..geometry.camera import Camera, undistort_all
 
 IntArray = IntArray
@@ -44,8 +43,8 @@ class MarkerFrame:
     points_m: Array = field(default_factory=_no_points)
     covariances_m2: Array = field(default_factory=lambda: np.empty((0, 3, 3)))
     labels: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    blobs: tuple[NDArray[np.float32], ...] = ()
-    detected: tuple[NDArray[np.float32], ...] = ()
+    blobs: tuple[FloatArray, ...] = ()
+    detected: tuple[FloatArray, ...] = ()
     normalised: tuple[Array, ...] = ()
     point_blobs: IntArray = field(default_factory=lambda: np.empty((0, 0), dtype=np.int64))
     single_cameras: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))

@@ -1,13 +1,12 @@
 """Labels of the marker frames of one capture."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.calibration_poses import standing, t_pose
 from ..body.skeleton import marker_positions
 from ..database.store import Database
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array, IntArray
+from ..geometry.arrays import Array, FloatArray, IntArray
 from ..geometry.camera import Camera
 from ..labelling.initial_labelling import InitialLabeller, InitialLabels
 from ..labelling.labeller import Labeller
@@ -16,7 +15,6 @@ from ..markers.marker_frame import MarkerFrame
 from ..solver.observation import Observation
 from ..solver.subject_model import SubjectModel
 
-FloatArray = NDArray[np.float32]
 _EXAMPLES = 2048  # poses of the database that a body without a past is compared with
 
 

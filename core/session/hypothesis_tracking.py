@@ -10,9 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..geometry.arrays import Array, IntArray
+from ..geometry.arrays import Array, FloatArray, IntArray
 from ..geometry.camera import Camera
 from ..labelling.single_view_labelling import SingleViewLabeller
 from ..labelling.single_view_start import SingleViewStart, label_near, label_single_view
@@ -22,7 +21,6 @@ from ..solver.pose_solver import PoseSolver
 from ..solver.solution import Solution, SolverState
 from ..solver.subject_model import RootPose
 
-FloatArray = NDArray[np.float32]
 _MOST_HYPOTHESES = 5
 # costs are minus logarithms of likelihoods
 _UNLABELLED_COST = 6.0  # of a blob without a marker

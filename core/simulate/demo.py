@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.calibration_poses import CALIBRATION
 from ..body.motion import Motion, sliced
@@ -19,7 +18,7 @@ from ..body.scene_pose import PerformerPose
 from ..database.build import build_database
 from ..database.store import Database, open_database
 from ..formats.motion.bvh import write_bvh
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, Image
 from ..geometry.camera import CameraRig
 from ..geometry.rig_file import save_rig
 from ..markers.marker_frame import MarkerFrame
@@ -54,7 +53,6 @@ from .studio.render import Renderer
 from .studio.rig import default_rig
 from .studio.source import SimulatedSource, simulated_source
 
-Image = NDArray[np.uint8]
 MARKER_SET = "boxing"
 _EMPTY_FRAMES = 60
 _VIDEO_EVERY = 2  # of 60 frames a second every second one is drawn

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..body.skeleton import Skeleton
 from ..errors import CaptureError
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, Image
 from ..geometry.camera import Camera
 from ..system.files import atomic_path
 from .studio.body import Body, make_body
@@ -24,8 +24,6 @@ from .studio.lens import undistorted_grid
 from .studio.limb_outlines import outlines
 from .studio.rig import looking_at
 from .studio.video import write_video
-
-Image = NDArray[np.uint8]
 
 _LIGHT_SLOPE = np.array([-0.42, -0.40])  # how far a shadow falls in x and z per metre of height
 _FONT = cv2.FONT_HERSHEY_SIMPLEX

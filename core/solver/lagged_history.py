@@ -9,15 +9,13 @@ from bisect import bisect_left
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.blas import sgemm
 
 from ..database.store import Database
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array, IntArray
+from ..geometry.arrays import Array, FloatArray, IntArray
 from .subject_model import RootPose
 
-FloatArray = NDArray[np.float32]
 _TOLERANCE = 0.3  # of the lag: how far off a remembered moment may be and still stand for it
 
 

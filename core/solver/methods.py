@@ -4,10 +4,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..database.store import Database
-from ..geometry.arrays import Array, IntArray
+from ..geometry.arrays import Array, FloatArray, IntArray
 from . import gaussian_conditioning, local_model, synthesis
 from .gaussian_conditioning import Expectation, Prior
 from .lagged_history import LaggedHistory, LaggedMarkers, LaggedPoses
@@ -17,7 +16,6 @@ from .settings import BestSettings, LocalPcaSettings, LwrSettings, NearestSettin
 from .solution import Estimate, Examples, SolverState
 from .subject_model import RootPose, SubjectModel
 
-FloatArray = NDArray[np.float32]
 _KERNEL = 0.2  # of the largest distance: where an example's weight in "best" has fallen to 1/e
 _HISTORY_SHARE = 0.3  # weight of a squared distance of earlier markers against the present ones
 _BROAD_SAMPLES = 4096  # frames that the covariance of the whole database is taken over

@@ -1,10 +1,9 @@
 """Markers of very many poses at once (Eq. 1 of Chai and Hodgins 2005)."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.skeleton import Skeleton
-from ..geometry.arrays import Array, IntArray
+from ..geometry.arrays import Array, FloatArray, IntArray
 
 _Components = tuple[Array, Array, Array]
 _Quaternions = tuple[Array, Array, Array, Array]
@@ -15,8 +14,8 @@ _ORIGIN = (np.zeros(()), np.zeros(()), np.zeros(()))
 
 
 def markers_at_rest(
-    skeleton: Skeleton, joints: IntArray, offsets_m: Array, mean_rotations: Array, poses: NDArray[np.float32]
-) -> NDArray[np.float32]:
+    skeleton: Skeleton, joints: IntArray, offsets_m: Array, mean_rotations: Array, poses: FloatArray
+) -> FloatArray:
     """Return the markers (F, M, 3), metres, of poses with the root at rest.
 
     What `rotations_from_pose` and `skeleton.marker_positions` compute, in a seventh of the time: each component of a

@@ -2,15 +2,10 @@
 
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..geometry.arrays import Array, IntArray
+from ..geometry.arrays import Array, FloatArray, IntArray
 from .gaussian_conditioning import Expectation
 from .lagged_history import LaggedHistory
 from .subject_model import RootPose
-
-FloatArray = NDArray[np.float32]
 
 
 @dataclass(frozen=True)

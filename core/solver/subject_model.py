@@ -5,14 +5,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.skeleton import Skeleton, forward_kinematics_matrices, marker_jacobian, marker_positions
 from ..body.standard_skeleton import JOINT_NAMES
 from ..database.store import Database, rotations_from_pose
 from ..errors import SubjectError
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, FloatArray
 from ..markers.subject import Subject
 from .posed_markers import markers_at_rest
 
@@ -93,7 +92,7 @@ class SubjectModel:
         markers = positions[self.joints] + (world[self.joints] @ self.offsets_m[:, :, None])[:, :, 0]
         return markers, positions, world
 
-    def database_markers(self, database: Database, frames: Any = slice(None)) -> NDArray[np.float32]:
+    def database_markers(self, database: Database, frames: Any = slice(None)) -> FloatArray:
         """Return c_n (F, M, 3) float32 of Eq. 1, with the root at rest."""
         poses = database.poses[frames]
         return markers_at_rest(self.skeleton, self.joints, self.offsets_m, self.mean_rotations, poses)

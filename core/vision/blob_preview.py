@@ -6,11 +6,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.arrays import Array, Mask
+from ..geometry.arrays import Array, Image, Mask
 from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
 
-Image = NDArray[np.uint8]
 Colour = tuple[int, int, int]
 
 _POINT: Colour = (80, 255, 80)  # BGR, as all in `draw_blobs`

@@ -4,10 +4,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import CaptureError
-from ..geometry.arrays import Array, Image
+from ..geometry.arrays import Array, FloatArray, Image
 from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
 from .detection.background import Background, background_from_take, learn_backgrounds
@@ -106,7 +105,7 @@ class MarkerPipeline:
         self,
         seen: MarkerFrame,
         time_s: float,
-        blobs: tuple[NDArray[np.float32], ...],
+        blobs: tuple[FloatArray, ...],
         normalised: Sequence[Array],
         matches: Matches,
     ) -> MarkerFrame:

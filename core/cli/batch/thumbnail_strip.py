@@ -4,15 +4,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ...body.skeleton import forward_kinematics
 from ...errors import FormatError
+from ...geometry.arrays import Image
 from ...session.solve_take import SolvedTake
 from ...simulate.preview import CharacterPainter, floor_image, preview_camera
 from .quality import is_unsolved
-
-Image = NDArray[np.uint8]
 
 _POSES = 6
 _CELL = (96, 124)  # pixels, width and height

@@ -17,7 +17,7 @@ from ...body.motion import Motion
 from ...database.build import BuildSettings, build_database
 from ...database.store import Database, open_database
 from ...database.subset import write_subset
-from ...geometry.arrays import Array, Image, IntArray
+from ...geometry.arrays import Array, FloatArray, Image, IntArray
 from ...markers.marker_set import load_marker_set
 from ...markers.subject import Subject
 from ...markers.take_frames import take_frames
@@ -109,7 +109,7 @@ def reference_ms() -> tuple[float, float]:
     norms = np.einsum("fd,fd->f", rows, rows)
     queries = rng.standard_normal((_REFERENCE_RUNS, size), dtype=np.float32)
 
-    def search(query: NDArray[np.float32]) -> IntArray:
+    def search(query: FloatArray) -> IntArray:
         distances = norms - 2.0 * (rows @ query)
         nearest = np.argpartition(distances, wanted)[:wanted]
         return nearest[np.argsort(distances[nearest])]

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...body.motion import Motion
 from ...database.store import Clip, Database, pose_from_rotations
 from ...geometry import rotations as rot
+from ...geometry.arrays import FloatArray
 from ...markers.marker_set import load_marker_set
 from ...markers.subject import Subject
 from ...simulate.markers import simulate_markers
@@ -127,9 +127,9 @@ def _compared(truth: Motion, database: Database) -> list[dict[str, Any]]:
 class _Model(SubjectModel):
     """Subject model that caches the markers of a database for all solvers."""
 
-    _stored: NDArray[np.float32] | None = None
+    _stored: FloatArray | None = None
 
-    def database_markers(self, database: Database, frames: Any = slice(None)) -> NDArray[np.float32]:
+    def database_markers(self, database: Database, frames: Any = slice(None)) -> FloatArray:
         """Return them for all frames."""
         if self._stored is None:
             self._stored = super().database_markers(database)

@@ -5,11 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...database.build import build_database
 from ...database.store import Database, open_database
-from ...geometry.arrays import Array
+from ...geometry.arrays import Array, Image
 from ...geometry.camera import Camera, CameraRig
 from ...geometry.rigid_transform import kabsch
 from ...session.session import Session
@@ -25,8 +24,6 @@ from ...system.progress import Progress
 from ...vision.detection.detector import Detector
 from ...vision.pipeline import MarkerPipeline
 from .report import write_json, write_rows
-
-Image = NDArray[np.uint8]
 
 _NOISE = 2.0  # grey levels
 _DARK, _BRIGHT = 16.0, 220.0

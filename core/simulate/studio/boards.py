@@ -7,19 +7,16 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import SettingsError
 from ...geometry import rotations as rot
-from ...geometry.arrays import Array
+from ...geometry.arrays import Array, FloatArray, Image
 from ...geometry.camera import Camera, CameraRig
 from ...vision.calibration.board import Board, charuco_board
 from ...vision.sources.image_set import ImageSet
 from .lens import undistorted_grid
 from .render import Renderer
 from .rig import looking_at
-
-Image = NDArray[np.uint8]
 
 DEFAULT_BOARD = Board("chessboard", 9, 6, 0.08)
 
@@ -195,7 +192,7 @@ def _fine(start: int, stop: int, samples: int) -> Array:
     return np.asarray(start - 0.5 + (np.arange((stop - start) * samples) + 0.5) / samples)
 
 
-def _pattern(board: Board, x: Array, y: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _pattern(board: Board, x: Array, y: Array) -> tuple[FloatArray, FloatArray]:
     """Return paper (0 or 1) and darkness (0 or 1) at board positions, metres."""
     column, row = x / board.square_m, y / board.square_m
     columns, rows = board.corner_grid
@@ -212,7 +209,7 @@ def _pattern(board: Board, x: Array, y: Array) -> tuple[NDArray[np.float32], NDA
     return paper.astype(np.float32), dark.astype(np.float32)
 
 
-def _shrunk(layer: NDArray[np.float32], height: int, width: int, samples: int) -> Array:
+def _shrunk(layer: FloatArray, height: int, width: int, samples: int) -> Array:
     blurred = cv2.GaussianBlur(layer, (0, 0), _LENS_BLUR_PX * samples, borderType=cv2.BORDER_REPLICATE)
     return np.asarray(blurred.reshape(height, samples, width, samples).mean(axis=(1, 3)), dtype=np.float64)
 

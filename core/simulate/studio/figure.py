@@ -6,14 +6,12 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ...geometry.arrays import Array, Image, IntArray
+from ...geometry.arrays import Array, FloatArray, Image, IntArray
 from ...geometry.camera import Camera
 from .cones import RoundCones
 from .lens import undistorted_grid
 
-Array32 = NDArray[np.float32]
 _SAMPLES = 2  # rays to a pixel each way
 _MELT_M = 0.018  # depth over which surfaces blend where cones meet
 _KEY = np.array([0.48, 0.72, 0.50], dtype=np.float32)  # directions to the lights in the world
@@ -29,9 +27,9 @@ class _Hit:
     """Hits of one cone: places in the ray grid (n,), distances, normals, colour."""
 
     places: IntArray
-    distance: Array32
-    normals: Array32
-    colour: Array32
+    distance: FloatArray
+    normals: FloatArray
+    colour: FloatArray
 
 
 class FigurePainter:
@@ -76,7 +74,7 @@ class FigurePainter:
         patch[:] = (mixed + np.float32(0.5)).astype(np.uint8)
 
     def _hit(
-        self, cones: RoundCones, index: int, all_rays: Array32, window: tuple[slice, slice], colour: Array32
+        self, cones: RoundCones, index: int, all_rays: FloatArray, window: tuple[slice, slice], colour: FloatArray
     ) -> _Hit:
         rays = all_rays[window]
         start, r0 = cones.starts[index] - self._origin, float(cones.start_radii[index])
@@ -106,7 +104,7 @@ class FigurePainter:
         return [(int(i), slice(low[i, 1], high[i, 1]), slice(low[i, 0], high[i, 0])) for i in np.flatnonzero(seen)]
 
 
-def _cut(rays: Array32, q: Array, w: Array, r0: float, growth: float) -> tuple[Array32, Array32]:
+def _cut(rays: FloatArray, q: Array, w: Array, r0: float, growth: float) -> tuple[FloatArray, FloatArray]:
     """Return distances to one cone's first hits and places along its axis (0..1).
 
     See `cones.first_hits`.
@@ -127,13 +125,13 @@ def _cut(rays: Array32, q: Array, w: Array, r0: float, growth: float) -> tuple[A
     return np.minimum(side, caps).astype(np.float32), place.astype(np.float32)
 
 
-def _ball(dq: Array32, c: float) -> Array32:
+def _ball(dq: FloatArray, c: float) -> FloatArray:
     root = dq * dq - c
     distance = -dq - np.sqrt(np.maximum(root, 0.0))
     return np.where((root > 0.0) & (distance > 0.0), distance, np.inf).astype(np.float32)
 
 
-def _melted(hits: list[_Hit], places: int) -> tuple[IntArray, Array32, Array32]:
+def _melted(hits: list[_Hit], places: int) -> tuple[IntArray, FloatArray, FloatArray]:
     """Return covered places (n,), normals and colours (n, 3) of the nearest surfaces.
 
     Surfaces close behind are blended in.
@@ -158,7 +156,7 @@ def _melted(hits: list[_Hit], places: int) -> tuple[IntArray, Array32, Array32]:
     return covered, normals, base / weights
 
 
-def _shaded(normals: Array32, base: Array32, rays: Array32) -> Array32:
+def _shaded(normals: FloatArray, base: FloatArray, rays: FloatArray) -> FloatArray:
     """Return the colour of a matt surface under a key light, a fill light and the sky."""
     key = np.clip((normals @ _KEY + 0.12) / 1.12, 0.0, 1.0)[..., None]
     fill = np.clip(normals @ _FILL, 0.0, 1.0)[..., None]
@@ -171,7 +169,7 @@ def _shaded(normals: Array32, base: Array32, rays: Array32) -> Array32:
     # surfaces that turn away get darker at first and catch the sky at the very edge
     edge = 0.80 + 0.20 * np.minimum(facing / 0.45, 1.0)
     rim = (1.0 - facing) ** 4 * up * 46.0
-    colour: Array32 = (base * light * edge + 26.0 * gloss + rim).astype(np.float32)
+    colour: FloatArray = (base * light * edge + 26.0 * gloss + rim).astype(np.float32)
     return np.minimum(colour, np.float32(255.0))
 
 

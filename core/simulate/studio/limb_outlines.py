@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ...geometry.arrays import Array
+from ...geometry.arrays import Array, Image
 from ...geometry.camera import Camera
 from .body import Body
 from .cones import RoundCones
-
-Image = NDArray[np.uint8]
 
 _ARC = np.linspace(0.0, 1.0, 9)
 _SHIFT = 4  # fractional bits of polygon corners

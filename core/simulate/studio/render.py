@@ -8,9 +8,8 @@ from itertools import repeat
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ...geometry.arrays import Array, Mask
+from ...geometry.arrays import Array, Image, Mask
 from ...geometry.camera import Camera, CameraRig
 from .cones import RoundCones, visible
 from .discs import draw_disc
@@ -18,8 +17,6 @@ from .filmed_motion import Performance
 from .limb_outlines import draw_body
 from .room import FURNITURE, MOVED_OBJECT, Box, RoomView, view_room
 from .settings import StudioSettings
-
-Image = NDArray[np.uint8]
 
 _NOISE_SPARE = 160  # the noise table is this much larger than the image each way, so that it can be shifted
 _MAX_BLUR_STEPS = 24

@@ -7,13 +7,10 @@ from itertools import product
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ...geometry.arrays import Array, IntArray
+from ...geometry.arrays import Array, Image, IntArray
 from ...geometry.camera import Camera
 from .lens import undistorted_grid
-
-Image = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import sgemv
 
-from ...geometry.arrays import Array, IntArray
-
-FloatArray = NDArray[np.float32]
+from ...geometry.arrays import Array, FloatArray, IntArray
 
 
 @dataclass(frozen=True)

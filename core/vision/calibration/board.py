@@ -6,12 +6,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import CalibrationError, SettingsError
-from ...geometry.arrays import Array, IntArray
-
-Image = NDArray[np.uint8]
+from ...geometry.arrays import Array, Image, IntArray
 
 SPEC_HELP = (
     "chessboard:COLUMNSxROWS:SQUARE (inner corners, e.g. chessboard:9x6:24.23mm) or "

@@ -5,15 +5,13 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ...geometry.arrays import Array, Mask
+from ...geometry.arrays import Array, Image, Mask
 from ...geometry.camera import Camera, CameraRig
 from .board import Board, BoardView
 from .board_quality import edge_widths
 from .board_watch import BoardPlacement, placement_of
 
-Image = NDArray[np.uint8]
 REGIONS = 3  # of an image, each way
 ENOUGH_COVERED = 0.45  # of the part of an image that all cameras can see together
 _CELLS = (24, 18)  # of an image, across and down

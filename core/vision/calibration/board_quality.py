@@ -5,12 +5,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ...geometry.arrays import Array
+from ...geometry.arrays import Array, Image
 from .board import Board, BoardView, edge_reach, grey_of
-
-Image = NDArray[np.uint8]
 
 _PROFILE_STEP_PX = 0.5
 _LEAST_CONTRAST = 20.0  # grey levels between black and white squares

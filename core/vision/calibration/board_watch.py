@@ -6,12 +6,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ...geometry.arrays import Array
+from ...geometry.arrays import Array, Image
 from .board import Board, BoardView
-
-Image = NDArray[np.uint8]
 
 STILL_S = 0.5
 _STILL = 2.0 / 640.0  # of the image width: what a hand trembles within that time; less smears no corner

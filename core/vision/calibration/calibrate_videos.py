@@ -10,18 +10,15 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import CalibrationError, CaptureError
-from ...geometry.arrays import Array
+from ...geometry.arrays import Array, Image
 from ...system.progress import Progress
 from ..sources.videos import VideoSource
 from .board import Board, BoardView, find_board, grey_of
 from .board_quality import edge_widths
 from .calibrate import CalibrationResult, calibrate_from_points, grid_of
 from .rig_fit import MINIMUM_VIEWS, CameraViews, Rejected
-
-Image = NDArray[np.uint8]
 
 _LOOKED_AT = 240  # moments of a recording
 _USED = 60
