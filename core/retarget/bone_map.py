@@ -15,7 +15,8 @@ from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import CharacterError
 from ..geometry.arrays import Array
 from .armature_rest import ArmatureRest
-from .bone_name_parser import HEAD_WORDS, HIPS_WORDS, LIMB_WORDS, parse_bone_name
+from .bone_name_parser import LIMB_WORDS
+from .joint_matching import match_names, match_trunk
 from .limb_detection import Limbs, arm_joints, check_upright, cosine, find_limbs, leg_joints
 
 NEEDED = ("root", "lfemur", "rfemur", "lhumerus", "rhumerus")  # without these nobody knows how the character stands
@@ -23,9 +24,6 @@ EXPECTED = (
     *NEEDED, "ltibia", "rtibia", "lfoot", "rfoot", "lradius", "rradius", "thorax", "head",
 )  # fmt: skip
 
-_LEG, _ARM = ("femur", "tibia", "foot"), ("humerus", "radius")  # what names must tell of a limb to be believed
-_TRUNK_SHARES = {"lowerback": 0.0, "upperback": 0.5}  # of the way from the hips to the thorax
-_LOOSE_ROOTS = ("root", "cog", "torso")  # names that may be those of the hips or of a bone that carries them
 _UNEVEN = 0.15  # relative difference between left and right from which a limb is doubtful
 _ONE_PLACE = 0.02  # of the body's size: bones that begin closer than this begin at the same place
 _FEET_TELL = 0.5  # cosine between the feet and the front that the names give, from which the feet contradict them
@@ -94,7 +92,7 @@ def find_bone_map(rest: ArmatureRest, presets: Mapping[str, Mapping[str, str]] |
     for name, preset in (presets or {}).items():
         if (bones := _fitting(rest, preset)) is not None:
             return checked_map(rest, bones, name)
-    found, by_name = _by_names(rest)
+    found, by_name = match_names(rest)
     limbs = find_limbs(rest) if not all(by_name.values()) else None
     if limbs is not None:
         _fill_limbs(rest, found, by_name, limbs)
@@ -106,7 +104,8 @@ def find_bone_map(rest: ArmatureRest, presets: Mapping[str, Mapping[str, str]] |
             advice="choose these bones by hand, or another armature",
         )
     _shift_if_named_by_ends(rest, found)
-    _find_trunk(rest, found)
+    if not match_trunk(rest, found):
+        raise CharacterError("arms and legs have no common parent bone", advice="choose the hips by hand")
     swapped = _swap_if_feet_say_so(rest, found)
     return checked_map(rest, {joint: rest.names[bone] for joint, bone in found.items()}, origin, swapped)
 
@@ -158,60 +157,6 @@ def _fitting(rest: ArmatureRest, preset: Mapping[str, str]) -> dict[str, str] | 
     return bones
 
 
-def _by_names(rest: ArmatureRest) -> tuple[dict[str, int], dict[str, bool]]:
-    """Return joints found by names, and for each limb ("lleg", ...) completeness."""
-    parsed = [parse_bone_name(name) for name in rest.names]
-    depth = np.array([len(rest.line(bone)) for bone in range(len(rest))])
-    used = [bone for bone in range(len(rest)) if not parsed[bone].helper]
-    hips = min(
-        (bone for bone in used if not parsed[bone].side and parsed[bone].words in HIPS_WORDS),
-        key=lambda bone: (HIPS_WORDS.index(parsed[bone].words), depth[bone]),
-        default=-1,
-    )
-    below = [hips < 0 or rest.is_above(int(rest.line(hips)[-1]), bone) for bone in range(len(rest))]
-
-    def first(words: Sequence[str], side: str, taken: set[int]) -> int:
-        candidates = [b for b in used if parsed[b].side == side and parsed[b].words in words and b not in taken]
-        return min(
-            candidates,
-            key=lambda b: (words.index(parsed[b].words), not below[b], depth[b], parsed[b].numbers, b),
-            default=-1,
-        )
-
-    found: dict[str, int] = {} if hips < 0 else {"root": hips}
-    by_name = {}
-    for side in "lr":
-        taken: set[int] = set()
-        limb: dict[str, int] = {}
-        for joint, words in LIMB_WORDS.items():
-            bone = first(words, side, taken)
-            if bone >= 0 and not (joint == "wrist" and first(("hand",), side, taken) < 0):
-                limb[joint] = bone
-                taken.add(bone)
-        if "humerus" not in limb and "clavicle" in limb:  # the only bone called shoulder
-            limb["humerus"] = limb.pop("clavicle")
-        limb |= _numbered_fingers(rest, side)
-        for name, needed in (("leg", _LEG), ("arm", _ARM)):
-            complete = all(joint in limb for joint in needed)
-            by_name[side + name] = complete and all(rest.is_above(limb[a], limb[b]) for a, b in pairwise(needed))
-        found |= {side + joint: bone for joint, bone in limb.items()}
-    head = first(HEAD_WORDS, "", set())
-    if head >= 0:
-        found["head"] = head
-    return found, by_name
-
-
-def _numbered_fingers(rest: ArmatureRest, side: str) -> dict[str, int]:
-    """Return thumb and middle finger of numbered ones: finger3-1, Finger2."""
-    bases: dict[int, int] = {}
-    for bone, name in enumerate(rest.names):
-        parsed = parse_bone_name(name)
-        if parsed.side == side and parsed.words == "finger" and parsed.numbers:
-            bases.setdefault(parsed.numbers[0], bone)
-    order = sorted(bases)
-    return {"thumb": bases[order[0]], "fingers": bases[order[2]]} if len(order) == 5 else {}
-
-
 def _fill_limbs(rest: ArmatureRest, found: dict[str, int], by_name: dict[str, bool], limbs: Limbs) -> None:
     """Take limbs without complete names from the shape; hands and toes with them."""
     for kind, chains, find_joints, joints in (
@@ -245,74 +190,6 @@ def _shift_if_named_by_ends(rest: ArmatureRest, found: dict[str, int]) -> None:
                 found.pop(side + joint, None)
                 if bone >= 0:
                     found[side + joint] = bone
-
-
-def _find_trunk(rest: ArmatureRest, found: dict[str, int]) -> None:
-    """Set root, thorax, back, neck and head by the hierarchy."""
-    arms = [found.get(side + "clavicle", found[side + "humerus"]) for side in "lr"]
-    thorax = rest.shared_ancestor(arms)
-    legs = [found[side + "femur"] for side in "lr"]
-    branching = rest.shared_ancestor([*legs, *arms])
-    root = found.get("root", -1)
-    is_loose = root >= 0 and parse_bone_name(rest.names[root]).words in _LOOSE_ROOTS
-    if root < 0 or is_loose or not all(rest.is_above(root, bone) for bone in (*legs, *arms)):
-        root = branching
-    if root < 0:
-        raise CharacterError("arms and legs hang on no common bone", advice="choose the hips by hand")
-    found["root"] = root
-    trunk = rest.path(root, thorax)[1:] if thorax >= 0 else []
-    if trunk:
-        found["thorax"] = trunk[-1]
-        for joint, bone in _by_share(rest, root, trunk).items():
-            found[joint] = bone
-    top = thorax if thorax >= 0 else root
-    if "head" not in found or not rest.is_above(top, found["head"]):
-        head = _topmost(rest, top, set(arms))
-        found.pop("head", None)
-        if head >= 0:
-            found["head"] = head
-    if "head" in found:
-        neck = rest.path(top, found["head"])[1:-1]
-        if neck:
-            found |= {"lowerneck": neck[0]} | ({"upperneck": neck[-1]} if len(neck) > 1 else {})
-
-
-def _by_share(rest: ArmatureRest, root: int, trunk: list[int]) -> dict[str, int]:
-    """Return the trunk's bones nearest to the starts of lower and upper back."""
-    way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(rest.heads[[root, *trunk]], axis=0), axis=1))))
-    shares = dict(zip(trunk, way[1:] / max(float(way[-1]), 1e-9), strict=True))
-    free = trunk[:-1]
-    found: dict[str, int] = {}
-    if len(free) == 1:
-        nearest = min(_TRUNK_SHARES, key=lambda joint: abs(shares[free[0]] - _TRUNK_SHARES[joint]))
-        return {nearest: free[0]}
-    for joint, share in _TRUNK_SHARES.items():
-        if free:
-            bone = min(free, key=lambda b: abs(shares[b] - share))
-            found[joint] = bone
-            free = [b for b in free if shares[b] > shares[bone]]
-    return found
-
-
-def _topmost(rest: ArmatureRest, top: int, arms: set[int]) -> int:
-    """Return the last bone of the chain up between the arms, -1 without one."""
-    bone, found = top, -1
-    while True:
-        children = [
-            child
-            for child in rest.children[bone]
-            if not parse_bone_name(rest.names[child]).side
-            and not any(rest.is_above(child, arm) for arm in arms)
-            and not parse_bone_name(rest.names[child]).helper
-        ]
-        named = [c for c in children if parse_bone_name(rest.names[c]).words in ("spine", "neck", *HEAD_WORDS)]
-        if found >= 0 and not named and len(children) != 1:
-            return found
-        if not children:
-            return found
-        if found >= 0 and not named and parse_bone_name(rest.names[found]).words in ("spine", *HEAD_WORDS):
-            return found  # the face hangs on the head
-        bone = found = (named or children)[0]
 
 
 def _axes(rest: ArmatureRest, found: Mapping[str, int]) -> tuple[Array, Array]:

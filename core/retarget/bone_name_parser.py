@@ -42,9 +42,8 @@ LIMB_WORDS: dict[str, tuple[str, ...]] = {
     ),
     "thumb": ("thumb", "handthumb", "thumbproximal", "thumbmetacarpal"),
 }  # fmt: skip
-HIPS_WORDS = ("hips", "pelvis", "hip", "root", "spinebase", "lowertorso", "midhip", "cog", "torso")
+HIPS_WORDS = ("hips", "pelvis", "hip", "root", "spinebase", "lowertorso", "midhip", "cog", "torso", "abdomen")
 HEAD_WORDS = ("head", "skull")
-NECK_WORDS = ("neck", "lowerneck", "upperneck", "cervical")
 
 
 @dataclass(frozen=True)
@@ -77,4 +76,5 @@ def parse_bone_name(name: str) -> BoneName:
     known = {word for aliases in LIMB_WORDS.values() for word in aliases}
     if not sides and joined[:1] in ("l", "r") and joined[1:] in known:  # CMU and Poser: lfemur, rshldr
         sides, joined = [joined[0]], joined[1:]
+    joined = joined or "root" * ("joint" in words)
     return BoneName(sides[0] if sides else "", joined, numbers, any(word in _HELPERS for word in words))

@@ -206,5 +206,5 @@ def test_layouts_of_mpfb_map_completely(shared_dir: Path, name: str) -> None:
 
 
 def test_a_layout_without_a_common_root_is_refused(shared_dir: Path) -> None:
-    with pytest.raises(CharacterError, match="no common bone"):
+    with pytest.raises(CharacterError, match="no common parent bone"):
         find_bone_map(layout(shared_dir / "rigs/MPFB2_rigs/rigs/standard/rig.openpose.json"))

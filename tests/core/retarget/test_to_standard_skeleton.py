@@ -14,7 +14,8 @@ from perfanim.core.errors import SkeletonError
 from perfanim.core.formats.motion.bvh import read_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.retarget.file_joints import match_joints, split_name
+from perfanim.core.retarget.bone_name_parser import parse_bone_name
+from perfanim.core.retarget.file_joints import match_joints
 from perfanim.core.retarget.to_standard_skeleton import to_standard_skeleton
 
 Array = NDArray[np.float64]
@@ -230,13 +231,14 @@ def test_a_zero_pose_that_is_no_body_is_refused() -> None:
         ("LHipJoint", ("l", "hip")),
         ("Bip01 L Thigh", ("l", "thigh")),
         ("lowerback", ("", "lowerback")),
-        ("Spine1", ("", "spine1")),
+        ("Spine1", ("", "spine")),
         ("root", ("", "root")),
         ("Armature|Hips", ("", "hips")),
     ],
 )
 def test_names_are_cut_into_side_and_words(name: str, expected: tuple[str, str]) -> None:
-    assert split_name(name) == expected
+    parsed = parse_bone_name(name)
+    assert (parsed.side, parsed.words) == expected
 
 
 def test_bandai_clips(bandai_dir: Path) -> None:

@@ -1,0 +1,132 @@
+"""Joints of the standard skeleton by the names and the hierarchy of bones.
+
+Limbs go by the words in their names. Trunk and neck go by their place between hips, arms and head, as rigs and files
+have any number of bones there.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from .bone_name_parser import HEAD_WORDS, HIPS_WORDS, LIMB_WORDS, parse_bone_name
+from .bone_tree import BoneTree
+
+_LIMBS = {"leg": ("femur", "tibia", "foot"), "arm": ("humerus", "radius")}  # names of a complete limb
+_TRUNK_SHARES = {"lowerback": 0.0, "upperback": 0.5}  # of the way from the hips to the thorax
+_LOOSE_ROOTS = ("root", "cog", "torso")  # names of the hips, or of a bone that carries them
+
+
+def match_names(tree: BoneTree) -> tuple[dict[str, int], dict[str, bool]]:
+    """Return joints found by names, and for each limb ("lleg", ...) completeness."""
+    parsed = [parse_bone_name(name) for name in tree.names]
+    depth = [len(tree.line(bone)) for bone in range(len(tree))]
+    used = [bone for bone in range(len(tree)) if not parsed[bone].helper]
+    hips = min(
+        (bone for bone in used if not parsed[bone].side and parsed[bone].words in HIPS_WORDS),
+        key=lambda bone: (HIPS_WORDS.index(parsed[bone].words), depth[bone]),
+        default=-1,
+    )
+    below = [hips < 0 or tree.is_above(tree.line(hips)[-1], bone) for bone in range(len(tree))]
+
+    def first(words: Sequence[str], side: str, taken: set[int]) -> int:
+        candidates = [b for b in used if parsed[b].side == side and parsed[b].words in words and b not in taken]
+        return min(
+            candidates,
+            key=lambda b: (words.index(parsed[b].words), not below[b], depth[b], parsed[b].numbers, b),
+            default=-1,
+        )
+
+    found: dict[str, int] = {} if hips < 0 else {"root": hips}
+    complete = {}
+    for side in "lr":
+        taken: set[int] = set()
+        limb: dict[str, int] = {}
+        for joint, words in LIMB_WORDS.items():
+            bone = first(words, side, taken)
+            if bone >= 0 and not (joint == "wrist" and first(("hand",), side, taken) < 0):
+                limb[joint] = bone
+                taken.add(bone)
+        if "humerus" not in limb and "clavicle" in limb:  # the only bone called shoulder
+            limb["humerus"] = limb.pop("clavicle")
+        limb |= _numbered_fingers(tree, side)
+        for name, chain in _LIMBS.items():
+            given = all(joint in limb for joint in chain)
+            complete[side + name] = given and all(tree.is_above(limb[a], limb[b]) for a, b in pairwise(chain))
+        found |= {side + joint: bone for joint, bone in limb.items()}
+    head = first(HEAD_WORDS, "", set())
+    return found | ({"head": head} if head >= 0 else {}), complete
+
+
+def _numbered_fingers(tree: BoneTree, side: str) -> dict[str, int]:
+    """Return thumb and middle finger of numbered ones: finger3-1, Finger2."""
+    bases: dict[int, int] = {}
+    for bone, name in enumerate(tree.names):
+        parsed = parse_bone_name(name)
+        if parsed.side == side and parsed.words == "finger" and parsed.numbers:
+            bases.setdefault(parsed.numbers[0], bone)
+    order = sorted(bases)
+    if len(order) == 5:
+        return {"thumb": bases[order[0]], "fingers": bases[order[2]]}
+    return {"thumb": bases[0], "fingers": bases[min(order[-1], 2)]} if {0, 1} <= bases.keys() else {}
+
+
+def match_trunk(tree: BoneTree, found: dict[str, int]) -> bool:
+    """Set root, back, neck and head by the hierarchy; False without a common bone."""
+    arms = [found.get(side + "clavicle", found[side + "humerus"]) for side in "lr"]
+    limbs = [found["lfemur"], found["rfemur"], *arms]
+    root = found.get("root", -1)
+    is_loose = root >= 0 and parse_bone_name(tree.names[root]).words in _LOOSE_ROOTS
+    if root < 0 or is_loose or not all(tree.is_above(root, bone) for bone in limbs):
+        root = tree.shared_ancestor(limbs)
+    if root < 0:
+        return False
+    found["root"] = root
+    trunk = tree.path(root, tree.shared_ancestor(arms))[1:]
+    if trunk:
+        found["thorax"] = trunk[-1]
+        found |= _match_back(tree, [root, *trunk])
+    top = found.get("thorax", root)
+    if "head" not in found or not tree.is_above(top, found["head"]):
+        found.pop("head", None)
+        head = _topmost(tree, top, arms)
+        found |= {"head": head} if head >= 0 else {}
+    neck = tree.path(top, found["head"])[1:-1] if "head" in found else []
+    if neck:
+        found |= {"lowerneck": neck[0]} | ({"upperneck": neck[-1]} if len(neck) > 1 else {})
+    return True
+
+
+def _match_back(tree: BoneTree, trunk: list[int]) -> dict[str, int]:
+    """Return the bones nearest to the starts of lower and upper back."""
+    way = np.cumsum(np.linalg.norm(np.diff(tree.heads[trunk], axis=0), axis=1))
+    shares = dict(zip(trunk[1:], way / max(float(way[-1]), 1e-9), strict=True))
+    free = trunk[1:-1]
+    if len(free) == 1:
+        return {min(_TRUNK_SHARES, key=lambda joint: abs(shares[free[0]] - _TRUNK_SHARES[joint])): free[0]}
+    found: dict[str, int] = {}
+    for joint, share in _TRUNK_SHARES.items():
+        if free:
+            found[joint] = min(free, key=lambda bone: abs(shares[bone] - share))
+            free = free[free.index(found[joint]) + 1 :]
+    return found
+
+
+def _topmost(tree: BoneTree, top: int, arms: list[int]) -> int:
+    """Return the last bone of the chain up between the arms, -1 without one."""
+    parsed = [parse_bone_name(name) for name in tree.names]
+    bone, found = top, -1
+    while True:
+        children = [
+            child
+            for child in tree.children[bone]
+            if not parsed[child].side
+            and not parsed[child].helper
+            and not any(tree.is_above(child, arm) for arm in arms)
+        ]
+        named = [child for child in children if parsed[child].words in ("spine", "neck", *HEAD_WORDS)]
+        if not children or (found >= 0 and not named and len(children) != 1):
+            return found
+        if found >= 0 and not named and parsed[found].words in ("spine", *HEAD_WORDS):
+            return found  # the face hangs on the head
+        bone = found = (named or children)[0]
