@@ -89,7 +89,6 @@ class BuildSettings:
     """Choices for building a database.
 
     Args:
-        fps: frames per second of every clip.
         include: globs on file names, stems or behaviours, one of which must fit; none for all.
         exclude: the same, none of which may fit.
         mirror: whether each clip is followed by its mirror image.
@@ -123,7 +122,6 @@ def build_database(
     Args:
         sources: BVH and AMC files, folders and archives with such files and their ASF skeletons.
         out: database file; written only when all is read.
-        progress: called with the fraction done and a text.
         cancelled: asked after every file and between the steps; when true, nothing is written.
 
     Returns:

@@ -35,7 +35,6 @@ def near_duplicates(poses: FloatArray, clips: Sequence[Clip], fps: float, distan
     Args:
         poses: (F, D) rotation vectors of the joints, radians.
         clips: cover the frames in order; earlier ones are kept.
-        fps: rate of the database.
         distance_deg: root mean square over the joint angles below which two poses count as one, degrees.
     """
     duplicate = np.zeros(len(poses), dtype=np.bool_)

@@ -13,12 +13,7 @@ _CHUNK = 8192  # frames read at once
 
 
 class FrameFile:
-    """Float32 array (F, ...) that grows at its end and is read by slices of frames.
-
-    Args:
-        path: scratch file to create.
-        shape: of one frame.
-    """
+    """Float32 array (F, ...) that grows at its end and is read by slices of frames."""
 
     def __init__(self, path: Path, shape: tuple[int, ...]) -> None:
         self._path = path

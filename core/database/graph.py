@@ -109,8 +109,6 @@ def build_graph(
     Args:
         poses: (F, D) float32 rotation vectors relative to the joints' means.
         clip_of_frame: (F,) clip index of each frame; frames that follow each other in a clip are always joined.
-        fps: rate of the database.
-        settings: how frames are joined; default the paper's distances.
     """
     settings = settings or GraphSettings()
     scaled = weigh_poses(poses)
@@ -157,7 +155,6 @@ def k_means(
     """Return cluster centres (C, D) and the index (F,) of the closest to each pose.
 
     Args:
-        poses: (F, D).
         count: of centres to begin with; empty ones are dropped.
         mapped: `map`, or that of an executor.
     """
@@ -205,10 +202,8 @@ class _Candidates:
     """Frames that the frames of a cluster are compared with.
 
     Args:
-        poses: (F, D) poses of all frames.
         frames: (C,) the candidates, ascending.
         stride: most that two of them lie apart if one pass of a clip holds both.
-        most: neighbours looked for.
     """
 
     def __init__(self, poses: FloatArray, frames: NDArray[np.int64], stride: int, most: int) -> None:

@@ -66,7 +66,6 @@ def read_files(files: Sequence[MotionFile], fps: float, shortest: int, workers: 
     """Yield the result of each file, in order.
 
     Args:
-        fps: rate of the clips.
         shortest: frames below which a clip is left out.
         workers: processes; 1 reads here, as does a Python that cannot start another one (Blender's own binary).
 

@@ -41,12 +41,10 @@ class Clip:
     """One clip of the database: frames `start` up to `stop`.
 
     Args:
-        name: source file name.
         behaviour: action ("walk"), "" when unknown.
         subject: recorded person, "" when unknown.
         source_fps: rate of the source file.
         start, stop: frames of the database.
-        skeleton: index of its skeleton in the database.
         first_frame: frame of the source file, counted from 0, at which it begins; a file with gaps or jumps gives
             several clips of its name.
         mirrored: whether it is the mirror image of the recording.
@@ -73,8 +71,6 @@ class Database:
     """Poses of many clips at one rate.
 
     Args:
-        path: its file.
-        fps: frames per second of every clip.
         clips: in the order of their frames, without gaps.
         skeletons: bodies of the subjects, with the standard joints.
         mean_rotations: (J, 4) mean local rotation of each joint; poses are relative to it, so that no joint angle
@@ -175,8 +171,6 @@ def write_database(
         rotations: (F, J, 4) of the standard skeleton's joints relative to rest, root included.
         root_positions_m: (F, 3).
         clips: cover the frames in order without gaps.
-        skeletons: indexed by `Clip.skeleton`.
-        graph: see `save_database`.
 
     Raises:
         DatabaseError: there are no frames, or the parts do not fit together.

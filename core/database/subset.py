@@ -16,8 +16,6 @@ def write_subset(
     """Write parts of a database as another and return it.
 
     Args:
-        database: source of the parts.
-        path: file to write.
         kept: clips, each with its first frame that is kept and the one after the last, counted within the clip.
         graph: how frames are joined in the neighbour graph; default the usual way where the database is large.
 

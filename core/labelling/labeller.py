@@ -116,11 +116,6 @@ class Labeller:
 
         Two markers on one epipolar line can be matched crosswise between the cameras without contradiction; with the
         body known where they are in each image leaves no doubt.
-
-        Args:
-            frame: with blobs.
-            cameras: that it refers to.
-            predicted_m, elapsed_s: as in `label`.
         """
         frame = undistort_blobs(frame, cameras)
         expected, gates = self.expected(predicted_m, elapsed_s)
@@ -181,7 +176,6 @@ def assign_blobs(
 
     Args:
         blobs: (n, 5) as a `MarkerFrame` has them.
-        camera: that took the image.
         expected_m, gates_m: as of `assign_points`.
     """
     pixels = blobs[:, :2].astype(np.float64)

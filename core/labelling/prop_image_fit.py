@@ -38,13 +38,7 @@ class Placed:
 
 
 class PropImages:
-    """Images of a frame, compared with a prop's projected markers.
-
-    Args:
-        cameras: C of them.
-        frame: with their blobs.
-        prop: with M markers.
-    """
+    """Images of a frame, compared with a prop's projected markers."""
 
     def __init__(self, cameras: Sequence[Camera], frame: MarkerFrame, prop: Prop) -> None:
         self._cameras = cameras
@@ -59,7 +53,6 @@ class PropImages:
         """Return the mutually nearest blob (M, C) of each marker; -1 for none.
 
         Args:
-            placed: where the prop is.
             limits_px: beyond which a blob is none of its; one for all, or (C, 1).
         """
         world = transform(placed.turn, placed.shift, self._markers)

@@ -52,7 +52,6 @@ class PropDetection:
     """Detection of a prop in one frame.
 
     Args:
-        pose: where it is.
         rest: the frame without what belongs to the prop.
     """
 
@@ -93,7 +92,6 @@ class PropTracker:
     """Follows one prop through the frames of one capture.
 
     Args:
-        prop: the prop.
         cameras: that the frames' blobs refer to, if they have any.
     """
 

@@ -26,7 +26,6 @@ class Relabeller:
     """Finds better labels of the limbs than those that follow from the last pose.
 
     Args:
-        start: compares points with poses of the database.
         torso: (M,) which markers lie on the torso.
     """
 
@@ -42,7 +41,6 @@ class Relabeller:
         """Return the markers (M, 3) under better labels, once confirmed; else None.
 
         Args:
-            time_s: of the frame.
             markers_m: (M, 3) points as they are labelled, NaN where a marker has none.
             unnamed_m: (N, 3) points that are no marker's.
         """

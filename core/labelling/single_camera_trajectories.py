@@ -57,8 +57,6 @@ def single_views(tracking: Tracking, frames: Sequence[MarkerFrame], rig: CameraR
 
     Args:
         tracking: of the frames, in which each point that belongs to a marker is labelled.
-        frames: with the blobs of all cameras.
-        rig: the cameras.
     """
     take = tracking.take
     frames = [undistort_blobs(frame, rig.cameras) for frame in frames]
@@ -94,7 +92,6 @@ class _View:
     Args:
         points: (N, 2) normalised coordinates of its blobs.
         located: (M,) blob of each located marker, -1 for none.
-        hidden: markers to find.
         expected_m: (M, 3) expected markers in the camera's frame.
     """
 

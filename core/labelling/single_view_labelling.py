@@ -34,7 +34,6 @@ class SingleViewLabeller:
     """Labels the blobs of successive frames of one camera.
 
     Args:
-        camera: that sees them.
         torso: (M,) which markers lie on the torso: where it is known, so are they, even when hidden for long.
     """
 
@@ -51,7 +50,6 @@ class SingleViewLabeller:
         Args:
             points: (N, 2) undistorted normalised coordinates of the blobs.
             predicted_m: (M, 3) markers of the last synthesized pose.
-            elapsed_s: time since that pose.
         """
         costs = self._costs(points, predicted_m, elapsed_s)
         best = _name_blobs(costs)

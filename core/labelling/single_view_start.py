@@ -51,7 +51,6 @@ def label_single_view(points: Array, camera: Camera, poses_m: Sequence[Array]) -
 
     Args:
         points: (N, 2) undistorted normalised coordinates of the blobs; some may be false, some missing.
-        camera: that sees them.
         poses_m: markers (M, 3) of each pose, y up, facing +z.
     """
     count = len(poses_m[0])
@@ -84,9 +83,7 @@ def label_near(points: Array, camera: Camera, expected_m: Array, count: int) -> 
 
     Args:
         points: (N, 2) undistorted normalised coordinates of the blobs.
-        camera: that sees them.
         expected_m: (E, M, 3) markers of bodies in many poses, in the world.
-        count: how many labellings at most.
     """
     local = camera.to_camera(expected_m.reshape(-1, 3)).reshape(expected_m.shape)
     depth = np.maximum(local[..., 2:], _NEAREST_M)

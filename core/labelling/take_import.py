@@ -40,7 +40,6 @@ def import_take(take: MarkerTake, marker_set: MarkerSet, up: str) -> MarkerTake:
     solved, and its calibration has the world.
 
     Args:
-        take: as it was read.
         marker_set: worn, with usual offsets.
         up: of `UPS`: the axis of the file that points up; "auto" for the one that performers stand along; "feet" for
             the floor on which the feet stand, which becomes y = 0.

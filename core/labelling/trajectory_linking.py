@@ -67,7 +67,6 @@ def track_markers(
 
     Args:
         frames: in order of time.
-        name, fps: of the take.
         count: how many markers are worn; None: as many as are seen at once in a quarter of the frames.
         names: of the markers, in any order; without them they are called M01, M02, ... from the highest down.
 

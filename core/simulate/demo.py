@@ -76,11 +76,6 @@ class Recording:
 def run_demo(out: Path, seconds: float, progress: Progress) -> dict[str, Any]:
     """Run the whole chain and write its results into the folder `out`.
 
-    Args:
-        out: folder for motion, preview, calibration, subject and database.
-        seconds: length of the performance.
-        progress: called with a fraction and a text.
-
     Returns:
         The report: figures, timings and the files written.
     """

@@ -58,9 +58,7 @@ def performance(
     """Return T pose and behaviour, as long and as large as asked.
 
     Args:
-        behaviour: as in `load_performance`.
         seconds: length; the behaviour is cut or repeated. As shipped without.
-        fps: frames per second.
         skeleton: body with the standard skeleton's joints; the file's own without.
         mirrored: left and right exchanged.
 

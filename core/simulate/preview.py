@@ -70,7 +70,6 @@ def preview_camera(root_positions_m: ArrayLike, size: tuple[int, int] = (640, 48
 
     Args:
         root_positions_m: (F, 3) path of the root; the camera frames it with room for a body about it.
-        size: (width, height) of the pictures.
     """
     path = np.asarray(root_positions_m, dtype=np.float64).reshape(-1, 3)
     middle = 0.5 * (path.min(axis=0) + path.max(axis=0))

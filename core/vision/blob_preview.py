@@ -53,11 +53,8 @@ def draw_labels(names: Sequence[str], markers_m: Array, seen: Mask, rig: CameraR
     """Return the cameras' reduced pictures with the markers' names.
 
     Args:
-        names: (M) of the markers.
         markers_m: (M, 3) of the body that is followed.
         seen: (M,) which were labelled; the names of the others are grey.
-        rig: the cameras.
-        pictures: (height, width, 3), not changed.
     """
     result = pictures.copy()
     width = result.shape[1] // len(rig)

@@ -31,7 +31,6 @@ class BumpDetector:
     Clutter, a lamp or a wrong time make rays meet badly too, but no places of the cameras mend that.
 
     Args:
-        rig: the cameras as calibrated.
         start: begins a computation that must not hold up the cameras, as `Executor.submit` does.
     """
 

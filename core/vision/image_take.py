@@ -16,11 +16,6 @@ def image_take(frames: Sequence[MarkerFrame], rig: CameraRig, name: str, fps: fl
 
     Which marker each is, is decided when the take is solved, by the body (see `sources.take.take_frames`).
 
-    Args:
-        frames: with the blobs of one camera.
-        rig: that camera.
-        name, fps: of the take.
-
     Raises:
         TakeError: no frame shows anything.
     """

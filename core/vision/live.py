@@ -28,9 +28,6 @@ def live_frames(
     """Yield per image set its `time.perf_counter()` and its markers.
 
     Args:
-        images: one image per camera each.
-        pipeline: makes marker frames of them.
-        warn: receives warnings for the user.
         exact: the time stamps are those of the moments shown, and the cameras stand still: nothing is to be learned.
     """
     with ThreadPoolExecutor(1) as later:

@@ -17,11 +17,6 @@ def synchronise_frames(
     """Return frames with blobs at one time, triangulated again, and time offsets.
 
     Where no offset is known to a millisecond and larger than three times its uncertainty, the frames are as they were.
-
-    Args:
-        rig: the cameras.
-        frames: of the pipeline, without an aligner.
-        settings: of the pipeline.
     """
     offsets = estimate_time_offsets(rig, frames, _LARGEST_S)
     if not any(offset.is_certain for offset in offsets):

@@ -23,7 +23,6 @@ class TimeOffsetWatch:
     """Estimate of the offsets from the last ten seconds, for the aligner.
 
     Args:
-        rig: the cameras.
         aligner: receives offsets once they are certain.
         start: begins a computation that must not hold up the cameras, as `Executor.submit` does.
     """

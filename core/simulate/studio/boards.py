@@ -107,13 +107,7 @@ def board_on_floor(board: Board = DEFAULT_BOARD) -> tuple[BoardPose, float]:
 
 
 class CarriedBoard:
-    """Image source of a board that is carried about and held still in each place.
-
-    Args:
-        renderer: the cameras.
-        board: the board.
-        poses: the places.
-    """
+    """Image source of a board that is carried about and held still in each place."""
 
     def __init__(self, renderer: Renderer, board: Board, poses: Sequence[BoardPose]) -> None:
         self.fps = _CARRIED_FPS

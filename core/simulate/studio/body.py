@@ -76,7 +76,6 @@ class Body:
     """P round cones fixed to the joints of one skeleton.
 
     Args:
-        skeleton: the performer's skeleton.
         joints: (P,) joint that carries each cone.
         starts_m, ends_m: (P, 3) ends of the cones' axes in the joint's own axes, metres.
         start_radii_m, end_radii_m: (P,) radii there, metres.

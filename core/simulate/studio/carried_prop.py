@@ -27,7 +27,6 @@ class Carried:
     """A prop that is fixed to a joint.
 
     Args:
-        prop: its definition.
         rotation: (4,) joint-from-prop quaternion.
         position_m: (3,) the prop's origin in the joint's axes.
     """

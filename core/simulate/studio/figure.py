@@ -46,8 +46,6 @@ class FigurePainter:
         """Draw a body into the image, in place.
 
         Args:
-            image: uint8 BGR of the camera's size.
-            cones: the body in its pose, world metres.
             colours: (P, 3) BGR of each cone, 0-255.
             opacity: 1 solid; less lets the image through, for a ghost.
         """

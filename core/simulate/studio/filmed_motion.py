@@ -20,9 +20,6 @@ class Performance:
     """A motion with markers, ready to be looked at between its frames too.
 
     Args:
-        motion: the true motion.
-        body: the performer's body.
-        marker_names: (M) names.
         starts_m, ends_m: (F, P, 3) ends of the body's cones in every frame, world metres.
         markers_m: (F, M, 3) marker centres in every frame, world metres.
         partners: who else is there; their markers follow the performer's.
@@ -80,8 +77,6 @@ def make_performance(
     """Put markers on a performer.
 
     Args:
-        motion: the motion to perform.
-        marker_names: (M) names.
         joints: (M,) joint index that carries each marker; offsets_m: (M, 3) in the joint's axes, metres.
         carried: a prop in the hand; its markers follow the performer's.
     """

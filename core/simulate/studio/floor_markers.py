@@ -23,11 +23,7 @@ _SECONDS = 3.0
 
 
 class FloorMarkers:
-    """Four markers on the floor that all cameras see; nobody stands there.
-
-    Args:
-        rig: the true cameras.
-    """
+    """Four markers on the floor that all cameras see; nobody stands there."""
 
     def __init__(self, rig: CameraRig) -> None:
         self.fps = FPS

@@ -27,7 +27,6 @@ class FrameTruth:
     """Truth of one set of images.
 
     Args:
-        number: frame number.
         time_s: time of the frame from the performance's start, seconds.
         markers_m: (M, 3) marker centres at that time, world metres.
         pixels: (C, M, 2) marker centres in each image, at the middle of that camera's exposure.

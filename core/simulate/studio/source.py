@@ -36,10 +36,7 @@ class SimulatedSource:
     Iterate to take them; each has number, times_s and images.
 
     Args:
-        performance: body and markers along the motion.
         subject: the performer's true skeleton and marker offsets.
-        renderer: the cameras.
-        fps: images per second.
         live: hand every frame over at its time on the clock, and leave out those that are late, as a camera does.
         loop: start again when the performance is over.
 

@@ -63,7 +63,6 @@ class OtherBoardProbe:
     """Search for a chessboard of another size while the right one is out of sight.
 
     Args:
-        board: the right one.
         find_grid: finds the grid of any board in an image.
         start: begins a computation in the background, as `Executor.submit` does.
     """

@@ -48,7 +48,6 @@ class BackgroundCalibration:
     """Calibration from the views so far, computed in the background.
 
     Args:
-        board: the board.
         start: begins a computation that must not hold up the images, as `Executor.submit` does.
     """
 
@@ -115,7 +114,6 @@ class BoardSession:
     """Views of a board taken from images as they come, and the calibration from them.
 
     Args:
-        board: the board.
         names: of the cameras, for the calibration; the first two are the left and the right one.
         titles: their names in sentences, "the left camera".
         start: begins a computation that must not hold up the images, as `Executor.submit` does.

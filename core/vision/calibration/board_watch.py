@@ -54,7 +54,6 @@ class BoardWatch:
     """Finder of the board in live images, and of half a second without motion.
 
     Args:
-        board: the board.
         find: finds it in one image, as `board.glimpse_board` or `board.find_board` do.
     """
 

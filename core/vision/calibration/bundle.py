@@ -81,8 +81,6 @@ def adjust(
     """Minimise the squared reprojection error by Levenberg-Marquardt.
 
     Args:
-        start: where to begin; intrinsics that are not free stay at their values.
-        observations: of board corners.
         free: (10,) which intrinsics of every camera are adjusted.
         prior: of the lenses, weighed against corners with `CORNER_SIGMA_PX`.
     """

@@ -27,8 +27,6 @@ def calibrate_images(
 
     Args:
         patterns: camera name -> folder or glob of its pictures; pictures of one moment share a number.
-        board: the board they show.
-        progress: receives the fraction done and a text.
         left_right: the first two are the left and the right camera; checked.
 
     Raises:

@@ -33,8 +33,6 @@ def calibrate_videos(
 
     Args:
         videos: camera name -> video file, all of one length and rate.
-        board: the board they show.
-        progress: receives the fraction done and a text.
         left_right: the first two are the left and the right camera; checked.
 
     Raises:

@@ -25,7 +25,6 @@ def rig_on_floor(rig: CameraRig, floor_points_m: ArrayLike, behind_m: float = 0.
     cameras, y up. The origin lies `behind_m` behind that middle as the cameras see it, where the performer stands.
 
     Args:
-        rig: cameras in any world.
         floor_points_m: (N, 3) points of the floor in that world, N >= 3, not on a line.
         behind_m: from the middle of the points to the origin, away from the cameras.
         above_m: height of the points above the floor, as of the middles of balls that lie on it.

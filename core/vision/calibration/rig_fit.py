@@ -112,8 +112,6 @@ def fit_rig(
     """Fit all cameras together.
 
     Args:
-        points_m: (N, 3) board points.
-        cameras, singles: what each saw and its own calibration.
         refused: views that do not fit are added, with reasons.
         centre: (3,) centre of a board that looks the same after half a turn, else None.
 

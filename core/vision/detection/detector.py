@@ -357,7 +357,6 @@ def _contrast(rise: FloatArray, owner: IntArray, parts: int) -> FloatArray:
     Args:
         rise: (P, 3) pixels less the empty room.
         owner: (P,) which part each is of.
-        parts: how many there are.
     """
     more = np.maximum(rise, 0.0)
     totals = np.stack([np.bincount(owner, channel, parts) for channel in more.T], axis=1)

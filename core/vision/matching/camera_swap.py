@@ -28,12 +28,7 @@ class CameraSwapDetector:
         self._errors_px: deque[tuple[float, float]] = deque(maxlen=_FRAMES)
 
     def update(self, blobs: Sequence[FloatArray], matches: Matches) -> str:
-        """Return a warning, "" where nothing points to an exchange.
-
-        Args:
-            blobs: per camera (n, 5), of one moment.
-            matches: of these blobs.
-        """
+        """Return a warning, "" where nothing points to an exchange."""
         if self._matcher is None:
             return ""
         seen = min(len(rows) for rows in blobs)

@@ -19,11 +19,7 @@ _LONGEST_GAP_S = 0.1
 
 
 class BlobLinker:
-    """Linker of blobs to tracks; a track ends after a gap.
-
-    Args:
-        width_px: of the images.
-    """
+    """Linker of blobs to tracks; a track ends after a gap."""
 
     def __init__(self, width_px: int) -> None:
         self._scale = width_px / _WIDTH_PX

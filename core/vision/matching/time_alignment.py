@@ -32,10 +32,6 @@ class TimeAligner:
     """Alignment of each camera's blobs to the earliest moment of an image set.
 
     No image is waited for: newer positions lie between two images that are in hand already.
-
-    Args:
-        rig: the cameras.
-        offsets: of each camera's time.
     """
 
     def __init__(self, rig: CameraRig, offsets: Sequence[TimeOffset]) -> None:
@@ -52,7 +48,6 @@ class TimeAligner:
         Args:
             time_s: time of the images, where none has a stamp.
             stamps_s: (C,) time stamps of the images; NaN where a camera gave none.
-            blobs: per camera (n, 5).
         """
         there = np.isfinite(stamps_s)
         expected = np.where(there, stamps_s, np.mean(stamps_s[there]) if there.any() else time_s)

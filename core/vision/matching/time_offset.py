@@ -191,7 +191,6 @@ def estimate_time_offsets(
     """Return each camera's time offset against the first, from blobs of frames.
 
     Args:
-        rig: the cameras.
         frames: with the blobs as they are in the images, and the images' time stamps.
         largest_s: offsets up to this, either way, are looked for.
         about: offsets that are known roughly; `largest_s` is then counted from these.

@@ -14,13 +14,7 @@ _COMPARED_ROWS = 16
 
 
 class CameraHealth:
-    """Health of a camera: frozen, unplugged, black, or repeating an image.
-
-    Args:
-        title: what the camera is called.
-        period_s: time between two images.
-        now_s: from when on images are expected.
-    """
+    """Health of a camera: frozen, unplugged, black, or repeating an image."""
 
     def __init__(self, title: str, period_s: float, now_s: float) -> None:
         self._title = title

@@ -44,8 +44,6 @@ class CameraSource:
     Args:
         devices: device numbers (or stream addresses), one per camera.
         size: (width, height) asked for, or None for the camera's default.
-        fps: rate asked for.
-        controls: exposure, gain and focus of each camera; none: as the cameras are.
 
     Attributes:
         warnings: what a camera did not take.
@@ -246,7 +244,6 @@ class FoundCamera:
     """A camera of this computer.
 
     Args:
-        device: its number.
         size: (width, height) of its images in pixels, None when it gives none.
     """
 

@@ -22,9 +22,6 @@ class ImagePairing:
     A camera with a missing, repeated or black image has a black image in the set and is marked as not usable.
 
     Args:
-        shapes: per camera the shape of its images.
-        names: of the cameras.
-        period_s: time between two images of a camera.
         now_s: time on the clock that the images' times are read from.
     """
 
@@ -49,7 +46,6 @@ class ImagePairing:
         """Return the next image set, None while there is nothing new.
 
         Args:
-            now_s: time.
             gone: per camera whether its device said that it cannot give images.
         """
         first = [held[0][0] for held in self._held if held]
