@@ -90,7 +90,6 @@ class FootLock:
     """Holds feet in place.
 
     Args:
-        skeleton: the performer's.
         mode: "off", "auto" (a foot that is low and slow stands until it is lifted or moves off), or "always" (the lower
             foot stands even if it glides: for performers who never run or jump).
         floor_m: height of the floor in the world of the poses; None: it is below the lowest ball of the last seconds.

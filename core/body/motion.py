@@ -15,9 +15,6 @@ class Motion:
     """Poses of one skeleton.
 
     Args:
-        name: clip or file name.
-        fps: frames per second.
-        skeleton: the body it belongs to.
         rotations: (F, J, 4) parent-from-joint quaternions relative to rest; the root's is world-from-root.
         root_positions_m: (F, 3) world position of the root, metres.
     """

@@ -49,8 +49,6 @@ def evaluate(motion: Motion, truth: Motion, skeleton: Skeleton | None = None) ->
     joints that both have by name.
 
     Args:
-        motion: the solved one.
-        truth: what it should be.
         skeleton: gives the frames and axes of the joint angles; default the truth's, or the CMU database's when the
             truth has none of its own.
 

@@ -158,7 +158,6 @@ def marker_positions(
     Args:
         joints: (M,) index of the joint that carries each marker.
         offsets_m: (M, 3) joint origin to marker in the joint's own axes.
-        rotations, root_position_m: as in `forward_kinematics`.
     """
     positions, world = forward_kinematics(skeleton, rotations, root_position_m)
     carriers = np.asarray(joints, dtype=np.int64)

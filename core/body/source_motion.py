@@ -18,9 +18,7 @@ class SourceMotion:
     """A hierarchy of joints and its motion, metres, Y up; zero pose in world axes.
 
     Args:
-        name: clip or file name.
         where: the file, for messages.
-        fps: frames per second.
         names: (J) joint names as in the file, parents before children.
         parents: (J,) parent indices, -1 for the root.
         offsets_m: (J, 3) joint origin relative to its parent's in the zero pose.

@@ -39,7 +39,6 @@ def add_motion_options(parser: Any, *, defaults: bool = True) -> None:
     """Add how a motion is written (see `motion_export.write_motion`).
 
     Args:
-        parser: a parser or a group of options.
         defaults: False where options that are not given must differ from given ones.
     """
     units, naming = ("m", OWN) if defaults else (None, None)

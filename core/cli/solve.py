@@ -156,8 +156,6 @@ def solve(args: argparse.Namespace, progress: Progress, cache: SessionCache) -> 
     """Solve the take of checked options and write the output; return poses and facts.
 
     Args:
-        args: the options.
-        progress: called with fraction and activity.
         cache: shared by takes that are solved one after another.
     """
     body = BodyFiles(args.subject, args.skeleton, args.marker_set)

@@ -23,7 +23,6 @@ class Camera:
     """One calibrated camera.
 
     Args:
-        name: for messages.
         image_size: (width, height), pixels.
         matrix: (3, 3) intrinsics, pixels; pixel centres lie at whole numbers.
         distortion: (5,) k1, k2, p1, p2, k3 as in OpenCV.

@@ -41,10 +41,6 @@ def smooth_motion(motion: Motion, cutoff_hz: float) -> Motion:
 
     Joints without markers follow the database's examples, which change from frame to frame.
 
-    Args:
-        motion: any motion.
-        cutoff_hz: as for `smooth_take`.
-
     Raises:
         SettingsError: as for `smooth_take`.
     """
@@ -68,7 +64,6 @@ def smooth_on_body(take: MarkerTake, marker_set: MarkerSet, motion: Motion, cuto
 
     Args:
         take: its markers under the set's names; others stay as they are.
-        marker_set: worn.
         motion: solved from the take, in its world, frame by frame.
         cutoff_hz: of the path; a fifth of it of the place on the body.
 

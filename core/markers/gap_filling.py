@@ -74,7 +74,6 @@ def fill_gaps(take: MarkerTake, marker_set: MarkerSet, motion: Motion) -> Marker
 
     Args:
         take: with gaps, its markers under the set's names; other markers, and those never seen, are left as they are.
-        marker_set: worn.
         motion: solved from `widen_gaps` of the take, in its world, frame by frame.
     """
     joints, turns = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)

@@ -22,7 +22,6 @@ class LabelMatch:
     """Match of a marker set to the labels of a take.
 
     Args:
-        marker_set: the set.
         label_of: marker's name -> label in the take.
     """
 

@@ -21,7 +21,6 @@ class MarkerFrame:
     """Blobs, points and rays that C cameras show at one moment.
 
     Args:
-        number: frame number of the source.
         time_s: capture time, seconds.
         points_m: (N, 3) triangulated candidates in the world.
         covariances_m2: (N, 3, 3) their uncertainty.

@@ -25,7 +25,6 @@ def without_blobs(frame: MarkerFrame, taken: Sequence[IntArray]) -> MarkerFrame:
     """Return the frame without some blobs, and without the points and rays of these.
 
     Args:
-        frame: with blobs of C cameras.
         taken: for each camera the indices of its blobs that are taken.
     """
     if not any(len(rows) for rows in taken):

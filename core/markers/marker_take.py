@@ -45,7 +45,6 @@ class MarkerTake:
     """Trajectories of named markers.
 
     Args:
-        name: shown in lists and messages.
         fps: nominal rate, frames per second.
         names: (M) marker names, unique.
         positions_m: (F, M, 3) world positions, NaN where a marker was not located.

@@ -31,7 +31,6 @@ class Prop:
     """A rigid thing with markers.
 
     Args:
-        name: shown in lists and messages.
         names: (M) marker names, unique.
         positions_m: (M, 3) the markers in the prop's own frame, in which it stands upright: y along it.
         residual_m: RMS distance between seen and rigid markers when it was measured (0 when it was not).

@@ -18,9 +18,6 @@ class Subject:
     """A calibrated person: skeleton and marker offsets.
 
     Args:
-        name: the person.
-        skeleton: bone lengths of the person.
-        marker_set: markers with offsets.
         residual_m: RMS distance between seen and modelled markers of the calibration pose (0 when not calibrated).
     """
 

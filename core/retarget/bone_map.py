@@ -83,7 +83,6 @@ def find_bone_map(rest: ArmatureRest, presets: Mapping[str, Mapping[str, str]] |
     """Return the map of an armature.
 
     Args:
-        rest: the armature in its rest pose.
         presets: name -> joint -> bone; one that fits entirely comes before everything else.
 
     Raises:

@@ -62,8 +62,6 @@ def align_character(
     """Return how a character's rest pose lies in the product's.
 
     Args:
-        skeleton: the performer's.
-        rest: the character's armature.
         joints: joint -> bone index, with hips, thighs and upper arms at least.
         same_body: the character has the performer's proportions: hands follow the forearms, feet keep their direction.
 

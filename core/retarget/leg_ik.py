@@ -72,8 +72,6 @@ def plan_legs(
     """Measure the legs of a character against the performer's.
 
     Args:
-        skeleton: the performer's.
-        alignment: of the character's rest pose to it.
         joints: joint -> index of the character's bone.
         places: index of a bone -> its place among the driven bones.
     """
@@ -132,9 +130,7 @@ def bend_legs(plan: LegPlan, world: Array, root: c.Quaternion, position: c.Vecto
     """Turn thighs and shanks in `turned`, and return the hips' position in metres.
 
     Args:
-        plan: of the character's legs.
         world: (..., J, 4) orientations of the performer's joints.
-        root, position: of the performer's root.
         turned: (..., N, 4) world rotations of the driven bones; those of the legs are written.
     """
     middle = c.plus(c.plus(position, c.rotate(root, plan.own_middle)), (0.0, plan.hips_up, 0.0))

@@ -100,9 +100,7 @@ class RetargetPlan:
     """Retargeting from one performer to one character, used by `apply_plan`.
 
     Args:
-        skeleton: the performer's.
         joints: joint -> index of the character's bone.
-        alignment: of the two rest poses.
         root_motion: as used: the hips where the armature has no root bone.
         driven: names of the bones turned by joints.
         bones: names of all bones turned, in the order of `CharacterPose.rotations`.
@@ -138,9 +136,6 @@ def plan_retarget(
     """Plan the retargeting of a performer's motion onto a character.
 
     Args:
-        skeleton: the performer's.
-        rest: the character's armature.
-        bone_map: the bone of each joint.
         root_motion: a root bone is the topmost bone above the hips; without one the hips carry the character.
         ancestors: (B,) for each bone the bone that turns it, -1 for none; where constraints let it follow
             another than its parent. By default the parents.
@@ -185,7 +180,6 @@ def apply_plan(plan: RetargetPlan, rotations: ArrayLike, root_positions_m: Array
     """Return the character's pose, of one frame or of many.
 
     Args:
-        plan: for the character.
         rotations: (J, 4) or (F, J, 4) parent-from-joint quaternions relative to rest.
         root_positions_m: (3,) or (F, 3) root in world space, metres.
     """

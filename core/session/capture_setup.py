@@ -24,8 +24,6 @@ class CaptureSetup:
         rig: the cameras, None for markers without any.
         performers: each with the markers worn, at least one.
         props: followed besides.
-        database: of motion.
-        settings: of the solver.
     """
 
     rig: CameraRig | None

@@ -46,8 +46,6 @@ class FrameLabeller:
     """Labels the marker frames of one body in order.
 
     Args:
-        names: of the markers.
-        model: of the subject.
         cameras: that see the body, for markers that only one of them sees.
         examples: by which a body without a past is labelled.
     """
@@ -74,7 +72,6 @@ class FrameLabeller:
 
         Args:
             predicted_m: (M, 3) markers of the last synthesized pose.
-            elapsed_s: time since that pose.
         """
         return self._labeller.expected(predicted_m, elapsed_s)
 
@@ -88,7 +85,6 @@ class FrameLabeller:
         Args:
             frame: with the labels of the source, or without any.
             predicted_m: (M, 3) markers of the last synthesized pose, None without a past.
-            elapsed_s: time since that pose.
         """
         if is_labelled(frame):
             return self._observe_known_labels(frame)

@@ -41,7 +41,6 @@ class Hypothesis:
     """One sequence of labels of the blobs so far.
 
     Args:
-        state: of the solver.
         labeller: with the markers' movements in the image.
         labels: (N,) of the last frame's blobs.
         markers_m: (M, 3) of the last synthesized pose.
@@ -62,8 +61,6 @@ class HypothesisTracker:
     """Labels and solves the frames of one camera in order.
 
     Args:
-        camera: of the frames.
-        solver: of the performer.
         poses_m: markers (M, 3) of the poses in which a performer may start, y up, facing +z.
         examples_m: (E, M, 3) markers of poses of the database with the root at rest.
     """
@@ -85,7 +82,6 @@ class HypothesisTracker:
         """Return the best hypothesis after the next frame.
 
         Args:
-            frame: with the camera's blobs.
             confidence: in the pose of the frame before.
 
         Returns:

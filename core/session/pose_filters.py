@@ -39,9 +39,7 @@ class PoseFilter:
     """Filters the poses of a capture one after another.
 
     Args:
-        skeletons: of the performers, in their order.
         floor_m: height of the floor in the world of the poses, None where it is unknown.
-        settings: of the filters.
 
     Raises:
         SettingsError: there is no such mode for the feet.

@@ -35,7 +35,6 @@ def save_imported_take(
     Args:
         path: the recorded take to write; a file that is there is replaced.
         take: markers in a world with y up.
-        subject, database, settings: as of `solve_take`.
         capture: origin of the markers, for the set-up.
 
     Raises:
@@ -57,10 +56,7 @@ def save_resolved_take(
 
     Args:
         path: the recorded take to write, another than `take`'s.
-        take: as it was recorded.
         frames: its marker frames, as they were solved.
-        setup: by which they were solved.
-        solved: their poses.
 
     Raises:
         FormatError: `path` cannot be written.

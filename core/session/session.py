@@ -29,7 +29,6 @@ class Session:
         subject: performer with the worn markers.
         database: motion that the pose is completed from.
         rig: the cameras; needed for markers that one camera sees alone.
-        settings: of the solver.
     """
 
     def __init__(

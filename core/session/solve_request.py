@@ -131,13 +131,9 @@ class SolveMarkers:
     """Solve a take of labelled markers.
 
     Args:
-        take, database: files.
-        body: the performer's files.
-        output: the motion to write.
         names: file from labels to markers; None for none.
         use: names of markers to solve with, or how many to choose; None for all.
         up: axis of the file that points up, as of `import_take`; None for y in metres, as it is.
-        method: of the solver.
     """
 
     take: str
@@ -217,11 +213,7 @@ class SolveRecorded:
 
     Args:
         take: the file; its set-up stands for all that is None or empty here.
-        body: files of the first performer.
-        output: motion or take to write.
-        database, cameras: files.
         props, performers: files of props and of further performers.
-        method: of the solver.
         retriangulate: `vision.relocate.retriangulate`, needed with `cameras`; this package loads no OpenCV.
     """
 

@@ -32,8 +32,6 @@ class SolvedTake:
     """Poses and motions of a take.
 
     Args:
-        poses: one for each frame.
-        motions: one for each performer.
         seconds: (F,) time that each frame took.
     """
 

@@ -108,7 +108,6 @@ class TrackingQuality:
     Args:
         torso: (M,) which markers lie on the torso.
         one_camera: whether rays of one camera count as seen.
-        settings: thresholds.
     """
 
     def __init__(self, torso: Mask, one_camera: bool, settings: TrackingSettings = SETTINGS) -> None:

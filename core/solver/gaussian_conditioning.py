@@ -146,8 +146,6 @@ def fit_to_markers(
 
     Args:
         expectation: prior, observed markers, and the start.
-        subject: markers from poses.
-        marker_variance_m2: of each marker coordinate.
         steps: at most.
     """
     prior, observation = expectation.prior, expectation.observation

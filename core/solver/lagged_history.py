@@ -60,12 +60,7 @@ class LaggedHistory:
 
 
 class LaggedFrames:
-    """Earlier frames of the same clip for frames of a database.
-
-    Args:
-        database: gives clips and rate.
-        lags_s: times looked back.
-    """
+    """Earlier frames of the same clip for frames of a database."""
 
     def __init__(self, database: Database, lags_s: tuple[float, ...]) -> None:
         self._lags = np.array([max(1, round(lag * database.fps)) for lag in lags_s], dtype=np.int64)
@@ -83,7 +78,6 @@ class LaggedMarkers:
     """Earlier markers (M, 3), NaN where not located, in the frame of the present root.
 
     Args:
-        database: gives clips, roots and rate.
         markers_m: (F, M, 3) the subject's markers of the database frames with the root at rest.
         lags_s: ascending times looked back.
     """
@@ -121,7 +115,6 @@ class LaggedPoses:
     The other components hardly vary; leaving them out keeps the conditioned Gaussian small.
 
     Args:
-        database: gives clips, poses and rate.
         components: (D, C) orthonormal columns.
         lags_s: ascending times looked back.
     """

@@ -33,7 +33,6 @@ class MarkerChoice:
     """Markers in the order in which they were chosen.
 
     Args:
-        names: of the markers.
         expected_m: (N,) root mean square distance of the joints from where they are, as the Gaussian has it, with the
             markers up to each.
     """
@@ -52,7 +51,6 @@ def choose_markers(
     Args:
         subject: with all its markers calibrated.
         database: motion of the kind that is to be solved.
-        count: how many are chosen.
         among: names of those that may be; default all.
 
     Raises:

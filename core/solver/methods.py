@@ -30,7 +30,6 @@ class FrameProblem:
 
     Args:
         state: motion up to the last frame, with the time of this one.
-        observation: labelled markers.
         root: first estimate of the root.
         examples: closest examples under that root.
     """
@@ -63,9 +62,6 @@ def prepare_method(settings: SolveSettings, subject: SubjectModel, database: Dat
     """Prepare the method of the settings.
 
     Args:
-        settings: method and its settings.
-        subject: markers from poses.
-        database: motion that the pose is completed from.
         markers_m: (F, M, 3) the subject's markers of the database frames with the root at rest.
     """
     if settings.method == "best":
@@ -84,7 +80,6 @@ def fit_root(
 
     Args:
         subject: torso markers and their joints.
-        observation: labelled markers.
         local_m: (M, 3) the pose's markers in the root's frame.
         previous: root of the last frame.
     """

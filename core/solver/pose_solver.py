@@ -76,7 +76,6 @@ class PoseSolver:
         Args:
             state: after the frame before, or the initial one. Its markers may be set beforehand, for first frames with
                 markers that only one camera sees.
-            observation: labelled markers.
             time_s: of the frame; default a frame of the database after the last.
 
         Returns:

@@ -134,7 +134,6 @@ class SolveSettings:
         method: "best" (the most accurate), "local-pca" (the paper's), "lwr" or "nearest".
         query_alpha: weight of the markers against continuity in the search (Eq. 2).
         search: "auto", "exhaustive", "cells" or "graph" (the paper's), see `choose_search`.
-        best, local_pca, lwr, nearest: of the methods.
     """
 
     method: str = "best"

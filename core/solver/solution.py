@@ -31,7 +31,6 @@ class Solution:
 
     Args:
         pose: (J - 1, 3) relative to the mean rotations.
-        root: world pose of the root.
         markers_m: (M, 3) the subject's markers in the world.
         neighbours, dimensions: K and B of the local model; 1 and 0 for the nearest example.
         nearest_m: RMS distance of the observed markers to those of the closest example, metres; NaN when none.

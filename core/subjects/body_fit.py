@@ -49,7 +49,6 @@ class BodyFit:
     """The most probable body and how it stood.
 
     Args:
-        skeleton: of the person.
         rotations: (N, J, 4) of each pose.
         root_positions_m: (N, 3) of each pose.
         astray_rad: per pose, the angle by which the upper joints of arms and legs are off the pose, by joint name.

@@ -51,7 +51,6 @@ class MotionFit:
 
     Args:
         subject: skeleton and offsets; its residual is the RMS marker error over the frames, metres.
-        frames: that were used.
     """
 
     subject: Subject
@@ -70,7 +69,6 @@ def subject_from_motion(
         take: labelled; nobody need stand still in it.
         start: first guess of the body with the usual offsets, to which the result is drawn.
         database: motion of the kind that the take shows.
-        progress: called with the share done and a text.
 
     Raises:
         SubjectError: too few frames could be explained.

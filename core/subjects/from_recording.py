@@ -22,10 +22,8 @@ def subject_from_recording(
 
     Args:
         frames: marker frames of steady rate with located points.
-        fps: their rate.
         marker_set: worn markers with their usual offsets.
         prototypes: bodies of many sizes.
-        name: of the person.
         poses: of `POSES`, the T pose or another upright one first.
 
     Raises:

@@ -73,7 +73,6 @@ def calibration_points(
 
     Args:
         take: shows the calibration pose among other things.
-        marker_set: markers that are wanted.
         seconds: how long the pose is held.
         frames: part of the take that is looked at.
 
@@ -208,7 +207,6 @@ def calibrate_subject(
         points_m: (N, M, 3), or (M, 3) of one pose, seen markers in the world, NaN where unseen.
         marker_set: its joints, and its usual offsets where it has them.
         prototypes: bodies of many sizes with the standard skeleton's joints.
-        name: of the person.
         poses: N of `POSES`, the T pose without any; the first says what an upright trunk is.
 
     Raises:

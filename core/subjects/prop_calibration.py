@@ -43,7 +43,6 @@ def calibrate_prop(take: MarkerTake, name: str, markers: Sequence[str] = ()) -> 
     Args:
         take: a prop alone before the cameras, lying or moved; other moving markers are left out, unless they move
             with it.
-        name: of the prop.
         markers: names of its markers in the take; empty: the largest group that stays together.
 
     Raises:

@@ -39,7 +39,6 @@ class ChildProcess:
 
     Args:
         port, token: of the connection that it opens.
-        job: name of the job that it loads.
         python: the interpreter, this process' by default; never Blender's own binary.
 
     Raises:

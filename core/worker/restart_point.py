@@ -31,7 +31,6 @@ class RestartPoint:
     """The last frame before a process was replaced.
 
     Args:
-        number, time_s: of the frame.
         stamp_s: `time.perf_counter()` when its images were in hand.
         period_s: from one frame number to the next.
     """

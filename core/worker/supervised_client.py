@@ -25,7 +25,6 @@ class SupervisedClient:
     The process in its place gets two more keys in its request: "after" (`RestartPoint` as a table) and "cause".
 
     Args:
-        client: of the worker.
         name: of the process in messages, "the solver's process".
         on_restart: called with the restart point and the cause before the other process starts.
     """

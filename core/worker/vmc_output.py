@@ -15,8 +15,6 @@ class VmcSender:
     first failure it warns once and stops sending: the capture continues.
 
     Args:
-        skeleton: the performer's.
-        host, port: of the other program.
         warn: called with the problem in plain words.
     """
 

@@ -50,8 +50,6 @@ def write_action(
         frames: (F,) scene frame of each pose, strictly increasing, fractions allowed (see `scene_frames`).
         rotations: (F, J, 4) parent-from-joint quaternions relative to rest.
         root_positions_m: (F, 3) root in product space.
-        skeleton: the skeleton that the poses are relative to.
-        name: name of the action.
         placement: where it goes, which bones it moves, how many keys it has.
 
     Returns:
@@ -123,7 +121,6 @@ def write_object_action(
         target: is switched to quaternions.
         frames: (F,) scene frames, strictly increasing.
         rotations, locations: (F, 4), (F, 3) in its parent's space.
-        name: name of the action.
         placement: where it goes and how many keys it has; a strip of an object does not blend.
     """
     animation = target.animation_data or target.animation_data_create()

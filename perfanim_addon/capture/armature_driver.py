@@ -25,7 +25,6 @@ class ArmatureDriver:
     Args:
         object_name: an armature object, driven as `plan_for` tells; rest pose, rolls, scale and further bones are
             its own. Its bones are switched to quaternions.
-        skeleton: the skeleton that the poses are relative to.
         parts: of the body that are moved (see `body_parts`); the bones of the others are left alone.
 
     Raises:

@@ -40,12 +40,7 @@ class RigidOffset:
 
 
 class CaptureSpace:
-    """Capture space as a character stands in the scene: a step of the performer is one of the character.
-
-    Args:
-        armature_object: the character.
-        plan: for driving it.
-    """
+    """Capture space as a character stands in the scene: a step of the performer is one of the character."""
 
     def __init__(self, armature_object: bpy.types.Object, plan: RetargetPlan) -> None:
         fit = plan.alignment

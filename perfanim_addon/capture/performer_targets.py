@@ -21,7 +21,6 @@ class PerformerTarget:
     """A performer, and the character that follows.
 
     Args:
-        subject: of the performer.
         index: of the performer in the poses. The character of the first one defines the capture space.
         entry: of the scene's additional targets, None if there is none for this performer.
         armature: name of the character; "", or that of a deleted one: a new character is added.

@@ -23,7 +23,6 @@ class SelfTest(Job):
     """One run of the self-test; what it has found stands in `lines` as it goes, one a line.
 
     Args:
-        database: the starter database.
         prepare: command that makes it, [] where it is there.
         python: interpreter of the worker, None for Blender's own.
     """

@@ -72,7 +72,6 @@ def fitted_body(skeleton: Skeleton, heads_m: Array) -> Body:
     across it by the body's girth, blended by the skin weights. Soles stay on the floor.
 
     Args:
-        skeleton: the standard skeleton's joints.
         heads_m: (J, 3) joints of the rest pose.
     """
     body, plain = shipped_body(), default_skeleton()

@@ -76,7 +76,6 @@ def clear_offsets(armature_object: bpy.types.Object, turned: Iterable[str], move
     A joint out of its place, or a limb of another length, would carry all that hangs on it away.
 
     Args:
-        turned: names of bones.
         moved: those with a location set with the motion.
     """
     kept = set(moved)

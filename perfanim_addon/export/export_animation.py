@@ -30,7 +30,6 @@ class Form:
     """How a file is written.
 
     Args:
-        meshes: whether FBX and glTF hold the meshes that the armature deforms.
         naming: of `joint_naming.NAMINGS`, for bones that stand for joints; "" keeps their names.
         scale: units of a BVH file in one of the scene's: 100 for centimetres.
     """
@@ -64,11 +63,8 @@ def export_poses(
 
     Args:
         object_name: an armature, driven by `plan_for`.
-        target: file to write.
         kind: of `ENDINGS`.
-        poses: to write.
         fps: rate of the file; between poses Blender's curves are sampled.
-        form: how it is written.
 
     Raises:
         CharacterError: the armature cannot be driven, or is hidden.
@@ -102,10 +98,8 @@ def write_played(
     them by default.
 
     Args:
-        target: file to write.
         kind: of `ENDINGS`.
         bones: joint -> bone, for `form.naming`.
-        form: how it is written.
 
     Raises:
         CharacterError: the armature is hidden, or its bones cannot be renamed.

@@ -37,12 +37,7 @@ img { display: block; }
 
 
 def page_text(records: Sequence[Record], out: Path) -> str:
-    """Return the page (HTML, nothing outside of it but links to the motions).
-
-    Args:
-        records: of the takes.
-        out: folder of the results, in which the page will be.
-    """
+    """Return the page (HTML, nothing outside of it but links to the motions)."""
     counted = ", ".join(f"{sum(r.status == status for r in records)} {status}" for status in _ORDER)
     heads = "".join(f"<th>{title}</th>" for _, title, _ in _COLUMNS)
     ordered = sorted(records, key=lambda record: (_ORDER.index(record.status), record.name))

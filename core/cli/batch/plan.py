@@ -140,7 +140,6 @@ def read_plan(path: Path | str, given: Mapping[str, Value]) -> Plan:
     """Return the plan of a TOML file.
 
     Args:
-        path: the plan.
         given: options with priority over its shared ones; paths relative to the current folder.
 
     Raises:

@@ -19,7 +19,6 @@ def in_processes(serve: Callable[[], None], jobs: int, tasks: Sequence[Task]) ->
         serve: function at the top level of a module that does tasks: a line of JSON each on standard
             input, a line of JSON each as answer.
         jobs: processes; one that dies is replaced, and its take is bad.
-        tasks: in the order in which they begin, except that a process keeps to the tasks of one performer.
     """
     open_tasks, records = _OpenTasks(tasks), queue.SimpleQueue[Record]()
     workers = [_Worker(serve) for _ in range(min(jobs, len(tasks)))]

@@ -20,7 +20,6 @@ def write_summary(records: Sequence[Record], out: Path, work: Path) -> Path:
 
     Args:
         records: sorted by name.
-        out: folder of the results.
         work: folder below it for unfinished files.
     """
     texts = {

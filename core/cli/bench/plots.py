@@ -20,7 +20,6 @@ class Line:
     """A curve of a plot.
 
     Args:
-        name: in the legend.
         x, y: (N,) each.
         paper: (x, y) of the paper's value beside it, None where it gives none.
     """
@@ -36,8 +35,6 @@ class Panel:
     """One of the plots that stand side by side.
 
     Args:
-        title: above it.
-        lines: its curves.
         limit: y at which a dashed line is drawn, None without.
         top: largest y that is shown, None for all.
     """

@@ -56,8 +56,6 @@ def speed(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, 
 
     Args:
         data: folder that holds `cmu` and `bandai`.
-        out: folder to write to.
-        workers: processes that read motion.
 
     Returns:
         rows (work, value, unit, goal or "", ratio to the reference search or ""), searches (database, search, times,

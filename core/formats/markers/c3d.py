@@ -33,7 +33,6 @@ class Layout:
         first_frame: its number.
         scale: of integers; negative: the words are real numbers.
         start: first byte of the frames.
-        fps: frames per second.
         processor: of the file's header: the order of bytes and the kind of real numbers.
         metres: a length unit of the file.
     """

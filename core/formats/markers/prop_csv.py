@@ -14,10 +14,7 @@ def write_prop_csv(poses: Sequence[ScenePose], index: int, name: str, fps: float
     """Write a prop's position and rotation, a row a frame; blank while hidden.
 
     Args:
-        poses: with props.
         index: which of them.
-        name: of the prop.
-        fps: rate of the poses.
 
     Raises:
         FormatError: `path` cannot be written.

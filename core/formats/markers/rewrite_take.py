@@ -25,7 +25,6 @@ def rewrite_take(source: Path | str, take: MarkerTake, target: Path | str) -> li
     name. Positions that are new in a C3D file have no cameras and the residual 0, as that of interpolated points.
 
     Args:
-        source: the file that the take was read from.
         take: as `read_take` gives it, in its world and order of markers, with other positions.
         target: file to write; its ending chooses the format.
 

@@ -47,10 +47,6 @@ class AmcValues:
 def parse_amc_values(content: bytes, where: str, asf: AsfFile) -> AmcValues:
     """Return the numbers held in the bytes of an AMC file.
 
-    Args:
-        where: names it in errors.
-        asf: its skeleton file.
-
     Raises:
         FormatError: not an AMC file, damaged, or of another skeleton; names file and line.
     """

@@ -26,7 +26,6 @@ class AsfBone:
     """One bone of an ASF file, in the file's units except for angles (radians).
 
     Args:
-        name: bone name.
         direction: (3,) unit direction in the rest pose.
         length: length in the file's unit.
         axis: (4,) rest-from-bone-frame quaternion.
@@ -47,7 +46,6 @@ class AsfFile:
     """Content of an ASF file.
 
     Args:
-        path: where it was read.
         metres_per_unit: length of the file's unit.
         degrees: whether angles are degrees.
         bones: by name, without the root.

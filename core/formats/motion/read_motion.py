@@ -27,7 +27,6 @@ def read_motion(path: Path | str, skeleton: Path | str | None = None) -> Motion:
     """Return the motion of a BVH or AMC file on the standard skeleton.
 
     Args:
-        path: .bvh or .amc file.
         skeleton: ASF file of an AMC file; without it, one beside it with a fitting name is taken.
 
     Raises:

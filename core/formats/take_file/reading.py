@@ -51,7 +51,6 @@ class TakeFile:
     """A recorded take, or what is left of it.
 
     Args:
-        path: its file.
         chunks: all that are intact, in the order of the file.
         faults: what cannot be read.
         ended: whether the recording came to its end mark.
@@ -200,13 +199,11 @@ class TakeSummary:
     """What a list shows of a take, read from its end without reading the rest.
 
     Args:
-        path: its file.
         complete: whether it has its end mark; damage before it is not looked for.
         frames, duration_s: 0 when it is not complete.
         created: ISO 8601.
         notes: name, notes, rating.
         orphaned: whether the recording outlived Blender.
-        performers: names of the performers.
         marker_set, method, database: names of what it was solved with, "" for the default, or unknown; the marker set
             is the first performer's.
     """

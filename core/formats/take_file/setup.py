@@ -103,7 +103,6 @@ class TakeNotes:
 
     Args:
         name: "" for the file's.
-        notes: free text.
         rating: 0 (none) to 5 stars.
         character: who was driven, "" when nobody.
         played: whether it was put onto a character after the recording.

@@ -27,8 +27,6 @@ def write_whole_take(
 
     Args:
         path: what is there is replaced.
-        setup: by which the frames became the poses.
-        notes: of the take.
         frames: each with its stamp, as `TakeFile.stamped_frames`.
         poses: of these frames.
         events: payloads of the event chunks, as another take of the same frames has them.

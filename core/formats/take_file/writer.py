@@ -125,7 +125,6 @@ class TakeWriter:
         """Keep that frames are missing because a process was replaced.
 
         Args:
-            text: what happened, in plain words.
             after: number of the last frame before the gap.
             seconds: of the performance that are missing; 0 where the source was read again from there.
         """

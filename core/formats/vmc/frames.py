@@ -50,7 +50,6 @@ class FrameAssembler:
         """Add a packet and return the frames that ended; a malformed one only counts.
 
         Args:
-            packet: a UDP datagram.
             arrival_s: when it came, by any clock that only goes forwards.
         """
         self.packets += 1

@@ -45,10 +45,6 @@ def play(motion: Motion, host: str, port: int, progress: Progress) -> int:
 class Sender:
     """Sends poses of one body to another program.
 
-    Args:
-        skeleton: with the standard joints.
-        host, port: of the other program.
-
     Raises:
         CaptureError: the host is not known.
         SkeletonError: standard joints are missing.

@@ -50,7 +50,6 @@ class TrackerStream:
         """Add a packet and return the marker frames that ended.
 
         Args:
-            packet: a UDP datagram.
             arrival_s: when it came, by a clock that only goes forwards.
         """
         frames = [self._marker_frame(frame) for frame in self.gathering.add(packet, arrival_s)]

@@ -39,8 +39,6 @@ class Search(Protocol):
         """Return the `count` closest frames found (ascending) and their Eq. 2 distances.
 
         Args:
-            query: markers and pose.
-            count: of frames.
             start: frames found for the frame before, from which a search may begin.
         """
 

@@ -28,7 +28,6 @@ class GraphSearch:
     Args:
         markers_m: (F, M, 3) markers of the database frames with the root at rest.
         poses: (F, D) poses of the database frames.
-        graph: of the database.
     """
 
     def __init__(self, markers_m: FloatArray, poses: FloatArray, graph: NeighbourGraph) -> None:
@@ -117,8 +116,6 @@ class _Visit:
     """Frames visited for one query, each once.
 
     Args:
-        frames: the database.
-        query: of the search.
         seen: (F,) false everywhere, and again after `end`.
     """
 

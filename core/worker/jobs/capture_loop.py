@@ -32,10 +32,6 @@ class CaptureLoop:
 
     Args:
         client: of the cameras' process.
-        recorder: of marker frames.
-        session: solves.
-        output: of poses.
-        channel: to Blender.
         take: keeps poses and events; None for no take.
         is_live: whether the source does not wait; other sources may stand still for long.
     """

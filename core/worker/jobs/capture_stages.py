@@ -23,7 +23,6 @@ class FrameRecorder:
     """Unpacks each marker frame once and keeps its bytes in the take.
     Args:
         take: keeps the frames; None for no take.
-        channel: to Blender.
         is_repeatable: whether a source that is opened again continues with its own numbers and times.
     """
 
@@ -85,10 +84,7 @@ class PoseOutput:
     """Filters poses, sends them by VMC, and to Blender as fast as it takes them.
 
     Args:
-        pose_filter: of the poses.
-        channel: to Blender.
         poses_ahead: poses that may wait for Blender's acknowledgement; None for any number.
-        vmc: sends to another program.
     """
 
     def __init__(
