@@ -1,4 +1,4 @@
-"""Size of a standing body: girth, and the root's height with the soles on the floor."""
+"""Size of a standing body: girth, and height of the root above the soles."""
 
 import numpy as np
 
@@ -18,7 +18,7 @@ def girth_scale(skeleton: Skeleton) -> float:
 
 
 def standing_root_m(skeleton: Skeleton) -> Array:
-    """Return the root's position (3,) at which the rest pose stands on the floor, y = 0."""
+    """Return the root's position (3,) in the rest pose with soles on the floor, y = 0."""
     toes = min(skeleton.rest_positions_m[skeleton.index(side + "toes")][1] for side in "lr")
     return np.array([0.0, SOLE_BELOW_TOES_M * girth_scale(skeleton) - toes, 0.0])
 

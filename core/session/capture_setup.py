@@ -1,4 +1,4 @@
-"""All that turns the marker frames of one capture into poses: cameras, performers, props, database and settings."""
+"""Set-up of a capture: cameras, performers, props, database and settings."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -21,9 +21,8 @@ class CaptureSetup:
     """Set-up of a capture; `TakeSetup` is its form in tables.
 
     Args:
-        rig: the cameras, None for markers without any.
-        performers: each with the markers worn, at least one.
-        props: followed besides.
+        rig: None for markers without cameras.
+        performers: with the markers worn, at least one.
     """
 
     rig: CameraRig | None
@@ -34,28 +33,18 @@ class CaptureSetup:
 
     @staticmethod
     def from_tables(tables: TakeSetup, database: Database, settings: SolveSettings) -> "CaptureSetup":
-        """Return the set-up that a take's tables describe; TakeError when they are damaged."""
+        """Return the set-up from a take's tables; TakeError for damaged tables."""
         return CaptureSetup(tables.camera_rig(), tables.subjects(), tables.carried_props(), database, settings)
 
     def tables(self, capture: Mapping[str, Any], settings: Mapping[str, Any] | None = None) -> TakeSetup:
-        """Return the tables for a take that begins now.
-
-        Args:
-            capture: how the images became marker frames.
-            settings: of the solver as they were given, None for those that differ from the defaults.
-        """
+        """Return the tables of a new take; solver settings default to the changed ones."""
         given = self.settings.table() if settings is None else settings
         return TakeSetup.of(self.rig, self.performers, given, identity(self.database), capture, self.props)
 
     def make_session(self, make: SessionMaker = Session) -> MultiTargetSession:
-        """Return a session of all performers and props that has seen nothing yet.
+        """Return a new session of all targets; errors as of `MultiTargetSession`.
 
-        Args:
-            make: makes the session of a performer who is alone (see `SessionCache`).
-
-        Raises:
-            PropError: two props have patterns that cannot be distinguished.
-            SettingsError: several performers before one camera.
+        `make` makes the session of a single performer (see `SessionCache`).
         """
         one = make if len(self.performers) == 1 else Session
         sessions = [one(subject, self.database, self.rig, self.settings) for subject in self.performers]

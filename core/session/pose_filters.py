@@ -1,4 +1,4 @@
-"""Filters of solved poses before they are shown and written as keyframes: smoothing and foot lock.
+"""Filters of solved poses for display and keyframes: smoothing and foot lock.
 
 Takes keep the poses as they were solved.
 """
@@ -51,7 +51,7 @@ class PoseFilter:
         self._props: list[PoseSmoother] = []
 
     def set_settings(self, settings: FilterSettings) -> None:
-        """Go on with other settings; errors as at construction."""
+        """Change the settings; errors as at construction."""
         for performer in self._performers:
             performer.set_settings(settings)
         self._settings = settings
@@ -66,7 +66,7 @@ class PoseFilter:
         return replace(pose, performers=performers, props=self._smooth_props(pose))
 
     def _smooth_props(self, pose: ScenePose) -> tuple[PropPose, ...]:
-        """Return the props as smooth and as late as the bodies, so that a held prop stays in the hand."""
+        """Return the props smoothed like the bodies: a held prop stays in the hand."""
         if len(self._props) != len(pose.props):
             self._props = [PoseSmoother(self._settings.smoothing_s) for _ in pose.props]
         smoothed = []

@@ -1,4 +1,4 @@
-"""Solved takes saved as recorded ones: imported markers, and captures solved again."""
+"""Solved takes saved as recorded takes: imported markers, captures solved again."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -33,7 +33,7 @@ def save_imported_take(
     """Solve labelled markers and write them, with the poses, as a recorded take.
 
     Args:
-        path: the recorded take to write; a file that is there is replaced.
+        path: recorded take to write; an existing file is replaced.
         take: markers in a world with y up.
         capture: origin of the markers, for the set-up.
 
@@ -52,11 +52,11 @@ def save_imported_take(
 def save_resolved_take(
     path: Path | str, take: TakeFile, frames: Sequence[MarkerFrame], setup: CaptureSetup, solved: SolvedTake
 ) -> None:
-    """Write a recorded take with the poses of another solve, named by its method; notes and rating are kept.
+    """Write a recorded take with new poses; keep its notes, add the method to name.
 
     Args:
-        path: the recorded take to write, another than `take`'s.
-        frames: its marker frames, as they were solved.
+        path: recorded take to write, not `take`'s own file.
+        frames, setup, solved: marker frames, set-up and poses of the new solve.
 
     Raises:
         FormatError: `path` cannot be written.

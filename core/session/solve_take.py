@@ -49,7 +49,7 @@ class SolvedTake:
         return [pose.performers[performer] for pose in self.poses]
 
     def summary(self) -> dict[str, float | int]:
-        """Return the figures of the `solve` command; errors and confidence are the first performer's."""
+        """Return the `solve` command's figures; errors, confidence of the first performer."""
         first = self.poses_of()
         rms = np.array([pose.marker_rms_m for pose in first])
         return {
@@ -69,10 +69,7 @@ def solve_take(
     progress: Progress,
     sessions: SessionMaker = Session,
 ) -> SolvedTake:
-    """Solve a labelled take, with markers that single cameras saw where the take has them.
-
-    `sessions` makes a session that has seen nothing yet (see `SessionCache`).
-    """
+    """Solve a labelled take, also with its markers seen by single cameras."""
     session = MultiTargetSession([sessions(subject, database, take.single.rig if take.single else None, settings)])
     frames = list(take_frames(take, subject.marker_set))
     poses, seconds = _solve_frames(frames, session, f"solving {take.name}", progress)
@@ -87,13 +84,12 @@ def solve_recorded(
     progress: Progress,
     sessions: SessionMaker = Session,
 ) -> SolvedTake:
-    """Solve a recorded take as it was solved live; the motions are the recorded part, without a countdown.
+    """Solve a recorded take as live; its motions leave out the countdown.
 
     Args:
-        take: as it was recorded.
-        frames: its marker frames, or others made of its 2D detections.
-        setup: cameras that see the frames, performers, props, database, settings.
-        sessions: as of `solve_take`.
+        take: as recorded.
+        frames: its marker frames, or others from its 2D detections.
+        setup: for these frames.
 
     Raises:
         TakeError: there are not two frames.
@@ -111,7 +107,7 @@ def solve_recorded(
 def _solve_frames(
     frames: Sequence[MarkerFrame], session: MultiTargetSession, activity: str, progress: Progress
 ) -> tuple[list[ScenePose], Array]:
-    """Return the poses of frames in order, and the time (F,) that each took."""
+    """Return the poses of frames, and the time (F,) of each."""
     poses, seconds = [], []
     for i, frame in enumerate(frames):
         if i % _REPORT_EVERY == 0:
@@ -123,7 +119,7 @@ def _solve_frames(
 
 
 def resample_uniform(poses: Sequence[PerformerPose], subject: Subject, name: str, where: str) -> Motion:
-    """Return recorded poses as a motion of steady rate; frames that were lost lie between their neighbours.
+    """Return recorded poses as a motion of steady rate, with lost frames interpolated.
 
     Raises:
         TakeError: there are not two poses, or their numbers do not ascend.

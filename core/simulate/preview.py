@@ -209,14 +209,14 @@ def _draw_shadow(image: Image, camera: Camera, body: Body, starts: Array, ends: 
 
 
 def _floor_outlines(camera: Camera, body: Body, starts: Array, ends: Array, slope: Array) -> Array:
-    """Return the cones' shadows on the floor (P, K, 2), pixels, for light that falls along `slope`."""
+    """Return the cones' shadows on the floor (P, K, 2), pixels; light along `slope`."""
     a, b = (ends_[:, [0, 2]] + np.maximum(ends_[:, 1:2], 0.0) * slope for ends_ in (starts, ends))
     flat = outlines(a, b, body.start_radii_m, body.end_radii_m)
     return camera.project(np.stack((flat[..., 0], np.zeros(flat.shape[:2]), flat[..., 1]), axis=-1))
 
 
 def _fill(mask: Image, polygons: Array, value: float) -> None:
-    """Fill polygons (P, K, 2), pixels; those with points behind the camera are left out."""
+    """Fill polygons (P, K, 2), pixels, except those with points behind the camera."""
     for polygon in polygons:
         if np.all(np.isfinite(polygon)):
             limited = np.clip(polygon, -4000.0, 4000.0)

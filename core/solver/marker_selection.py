@@ -1,9 +1,7 @@
-"""Which few markers of a full suit tell most of the body: chosen one after another by what they leave open.
+"""Selection of a few markers that determine most of the body.
 
-The database's poses of one subject give a joint distribution, taken as Gaussian, of where the joints and the markers
-are in the frame of the root; that frame itself is free in position and direction. A marker is worth as much as it
-reduces the variance of the joints in the world, given the markers chosen before it (greedy choice of observations;
-the conditional covariance is that of Gaussian regression, Krause, Singh and Guestrin 2008 choose sensors so).
+The database's poses give a Gaussian of joints and markers in the root's frame, which is itself free. Markers are chosen
+greedily: each reduces the conditional variance of the joints in the world most (Krause, Singh and Guestrin 2008).
 """
 
 from collections.abc import Sequence
@@ -21,7 +19,7 @@ from ..markers.take_frames import is_unnamed
 from .subject_model import ROOT_AT_REST, SubjectModel
 
 _SAMPLES = 4096  # poses of the database
-_MARKER_SIGMA_M = 0.005  # of a measured marker about the body's: skin and calibration
+_MARKER_SIGMA_M = 0.005  # of a measured marker: skin and calibration
 _ROOT_SIGMA_M, _ROOT_SIGMA_RAD = 10.0, 3.0  # as good as unknown
 _FEWEST_TORSO = 3  # markers that the solver finds the root with
 _TORSO = 4  # that it finds it with reliably: two pairs, as in the paper's sets
@@ -30,11 +28,10 @@ _PELVIS = 2  # of them on the root itself: with one alone a bent back looks like
 
 @dataclass(frozen=True)
 class MarkerChoice:
-    """Markers in the order in which they were chosen.
+    """Markers in the order of their choice.
 
     Args:
-        expected_m: (N,) root mean square distance of the joints from where they are, as the Gaussian has it, with the
-            markers up to each.
+        expected_m: (N,) expected RMS error of the joints with the markers up to each.
     """
 
     names: tuple[str, ...]
@@ -44,17 +41,17 @@ class MarkerChoice:
 def choose_markers(
     subject: Subject, database: Database, count: int, among: Sequence[str] | None = None
 ) -> MarkerChoice:
-    """Return the markers of a subject that together leave least of the body open.
+    """Return the markers of a subject that together determine the body best.
 
     The first four are of the torso, and two of these on the pelvis, if the subject wears as many there.
 
     Args:
         subject: with all its markers calibrated.
-        database: motion of the kind that is to be solved.
-        among: names of those that may be; default all.
+        database: motion of the kind to solve.
+        among: names to choose from; default all.
 
     Raises:
-        MarkerSetError: fewer markers than `count` may be chosen, or fewer than three of the torso.
+        MarkerSetError: there are fewer markers than `count`, or fewer than three of the torso.
     """
     markers = subject.marker_set.markers
     free = [i for i, marker in enumerate(markers) if among is None or marker.name in among]
@@ -82,11 +79,7 @@ def choose_markers(
 
 
 def with_markers(subject: Subject, names: Sequence[str]) -> Subject:
-    """Return the subject with some of its markers only.
-
-    Raises:
-        MarkerSetError: a name is none of its markers, or too few of the torso are left.
-    """
+    """Return the subject with some markers; MarkerSetError for unknown or too few."""
     unknown = [name for name in names if name not in subject.marker_set.names]
     if unknown:
         raise MarkerSetError(
@@ -98,9 +91,9 @@ def with_markers(subject: Subject, names: Sequence[str]) -> Subject:
 
 
 def worn_in(take: MarkerTake, subject: Subject) -> Subject:
-    """Return the subject with those markers that a take has: what was not worn is not hidden all the time.
+    """Return the subject with the markers of a take only.
 
-    The subject as it is where the markers have no names, or too few of the torso are among them.
+    Unchanged where the take's markers have no names, or too few of the torso are among them.
     """
     kept = [marker for marker in subject.marker_set.markers if marker.name in take.names]
     if is_unnamed(take) or sum(marker.torso for marker in kept) < _FEWEST_TORSO:
@@ -109,7 +102,7 @@ def worn_in(take: MarkerTake, subject: Subject) -> Subject:
 
 
 def _covariance(subject: Subject, database: Database) -> Array:
-    """Return the covariance (3 J + 3 M, 3 J + 3 M) of joints and markers in the world, the root being anywhere."""
+    """Return the covariance (3 J + 3 M, 3 J + 3 M) of joints and markers, root free."""
     frames = np.unique(np.linspace(0, database.frames - 1, _SAMPLES).astype(np.int64))
     model = SubjectModel(subject, database.mean_rotations)
     poses = np.asarray(database.poses[frames], dtype=np.float64)
@@ -129,18 +122,18 @@ def _columns(size: int, marker: int) -> slice:
 
 
 def _seen(covariance: Array, size: int, marker: int) -> tuple[Array, Array]:
-    """Return the covariance of everything with a marker (N, 3), and of the marker as it is measured (3, 3)."""
+    """Return the covariances of all with a marker (N, 3), of its measurement (3, 3)."""
     columns = _columns(size, marker)
     return covariance[:, columns], covariance[columns, columns] + _MARKER_SIGMA_M**2 * np.eye(3)
 
 
 def _gain(covariance: Array, size: int, marker: int) -> float:
-    """Return by how much a marker reduces the variance of the joints, metres squared."""
+    """Return the reduction of the joints' variance by a marker, metres squared."""
     across, own = _seen(covariance, size, marker)
     return float(np.einsum("ij,ij->", np.linalg.solve(own, across[:size].T).T, across[:size]))
 
 
 def _given(covariance: Array, size: int, marker: int) -> Array:
-    """Return the covariance once a marker is known."""
+    """Return the covariance given a marker."""
     across, own = _seen(covariance, size, marker)
     return np.asarray(covariance - across @ np.linalg.solve(own, across.T))

@@ -18,17 +18,16 @@ _QUATERNION_MODE = 0  # PoseBone.rotation_mode "QUATERNION" as foreach_get retur
 
 
 class ArmatureDriver:
-    """Writes product poses to the pose bones of one armature object.
+    """Writes poses to the pose bones of one armature object.
 
     Only the object's name is kept: undo, redo and file load replace Blender's data, so it is looked up for every pose.
 
     Args:
-        object_name: an armature object, driven as `plan_for` tells; rest pose, rolls, scale and further bones are
-            its own. Its bones are switched to quaternions.
-        parts: of the body that are moved (see `body_parts`); the bones of the others are left alone.
+        object_name: an armature, driven by `plan_for`; its bones are switched to quaternions.
+        parts: of the body to move (see `body_parts`); other bones stay as they are.
 
     Raises:
-        CharacterError: no such armature, or it cannot be driven (the message says why).
+        CharacterError: there is no such armature, or it cannot be driven.
     """
 
     def __init__(self, object_name: str, skeleton: Skeleton, parts: Collection[str] = PARTS) -> None:
@@ -39,7 +38,7 @@ class ArmatureDriver:
         self.bind()
 
     def bind(self) -> None:
-        """Read the armature's rest pose again, as after an edit of its bones; errors as at construction."""
+        """Read the armature's rest pose, as after an edit; errors as at construction."""
         armature_object = find_armature(self.object_name)
         self.plan = plan_for(armature_object, self._skeleton)
         bones = armature_object.pose.bones
@@ -80,14 +79,14 @@ class ArmatureDriver:
         if pose.object_rotation is not None and pose.object_location is not None and self.only is None:
             turn, way = delta_transforms(armature_object, pose.object_rotation, pose.object_location)
             armature_object.delta_rotation_quaternion, armature_object.delta_location = turn, way
-        # an ordinary assignment last: unlike foreach_set it tells Blender to evaluate and draw the new pose
+        # an ordinary assignment last: unlike foreach_set it makes Blender evaluate and draw the new pose
         for name, place in self._located:
             bones[name].location = pose.locations[place]
         if not self._located and self._names:
             bones[self._names[0]].rotation_quaternion = self._quaternions[self._order[0]]
 
     def apply_again(self) -> None:
-        """Pose the armature as last, after an animation has overwritten it; errors as of `apply`."""
+        """Apply the last pose again, after an animation changed it; errors as of `apply`."""
         if self._last is not None:
             self.apply(*self._last)
 

@@ -1,4 +1,4 @@
-"""The course of one live capture, without Blender: poses in, the newest to be shown, none lost."""
+"""Course of one live capture, without Blender."""
 
 import time
 from collections import deque
@@ -22,7 +22,7 @@ _RATE_WINDOW_S = 1.0
 
 
 class Phase(Enum):
-    """Where a capture stands."""
+    """Phases of a capture."""
 
     STARTING = "starting"
     RUNNING = "capturing"
@@ -31,7 +31,7 @@ class Phase(Enum):
 
 
 class Client(Protocol):
-    """What a capture needs of a worker client."""
+    """Worker client as a capture uses it."""
 
     @property
     def ended(self) -> bool: ...  # noqa: D102
@@ -57,17 +57,17 @@ class Statistics:
     """Figures of a running capture.
 
     Args:
-        received: poses so far, one for each marker frame that the cameras' process handed over.
-        lost: frame numbers that the source left out.
-        waiting: marker frames that wait for the solver.
+        received: poses so far.
+        lost: frame numbers missing in the source.
+        waiting: marker frames in the solver's queue.
         frames_per_s: poses received in the last second.
-        latency_s: from the images in hand to the pose on the armature, newest frame.
+        latency_s: from the images' arrival to the pose on the armature, newest frame.
         solve_s: time in the solver, newest frame.
         confidence: of the newest pose, 0 to 1.
-        not_shown: poses that a newer one overtook before they could be shown; they are recorded all the same.
-        blind: images of single cameras that were of no use (late, repeated, black).
-        skew_s: how much later the last camera's image is than the first's; None where that is not known.
-        handed_over: marker frames that the cameras' process says it handed over in all; -1 until it has ended.
+        not_shown: poses overtaken by newer ones before display; they are recorded.
+        blind: unusable images of single cameras (late, repeated, black).
+        skew_s: delay of the last camera's image behind the first's; None if unknown.
+        handed_over: marker frames sent by the cameras' process in all; -1 until its end.
     """
 
     received: int = 0
@@ -84,11 +84,11 @@ class Statistics:
 
 
 class CaptureRun:
-    """One capture; a worker that dies or hangs in the midst of it is replaced, and the capture goes on.
+    """One capture; a worker that dies or hangs is replaced, and the capture continues.
 
     Args:
-        client: of the worker that was asked to capture.
-        clock: `time.perf_counter`, the clock of the frames' stamps.
+        client: of the worker.
+        clock: of the frames' stamps.
     """
 
     def __init__(self, client: Client, clock: Callable[[], float] = time.perf_counter) -> None:
@@ -97,7 +97,7 @@ class CaptureRun:
         self.fraction: float | None = None
         self.poses: list[ScenePose] = []
         self.warnings: list[str] = []
-        self.persistent_warning = ""  # a warning that holds until the worker takes it back
+        self.persistent_warning = ""  # holds until the worker withdraws it
         self.error: PerfanimError | None = None
         self.statistics = Statistics()
         self._client = client
@@ -106,13 +106,13 @@ class CaptureRun:
         self._arrivals: deque[float] = deque()
         self._stamp = 0.0
         self._preview: Message | None = None
-        self._taken = 0  # poses that came, those that came twice counted
-        self._restarting = ""  # until the worker that was started again hands over a pose
+        self._taken = 0  # poses that came, repeated ones included
+        self._restarting = ""  # until the first pose of the restarted worker
         self._last_arrival = self._stop_asked = clock()
 
     @property
     def notice(self) -> str:
-        """What is wrong at the moment, in plain words; "" when all is well."""
+        """Message about a present problem, "" without one."""
         if self._restarting:
             return self._restarting
         if self.persistent_warning:
@@ -125,11 +125,7 @@ class CaptureRun:
         return self.warnings[-1] if self.warnings else ""
 
     def tick(self) -> ScenePose | None:
-        """Take all poses that have arrived; never waits.
-
-        Returns:
-            The newest pose if there is a new one. After it is shown, call `shown`.
-        """
+        """Receive waiting poses; return the newest, if new. Then call `shown`."""
         if self.phase is Phase.DONE:
             return None
         before, taken = len(self.poses), self._taken
@@ -157,20 +153,20 @@ class CaptureRun:
         self._restarting = f"{cause}: starting it again"
 
     def take_preview(self) -> NDArray[np.uint8] | None:
-        """Return the newest picture (height, width, 3), RGB, of what the cameras see; None when there is no new one."""
+        """Return a new picture (height, width, 3), RGB, of the cameras, None without one."""
         message, self._preview = self._preview, None
         return None if message is None else message.preview()
 
     def shown(self) -> None:
-        """Note that the newest pose stands on the armature now: its latency ends here."""
+        """Measure the latency of the newest pose, now on the armature."""
         self.statistics.latency_s = self._clock() - self._stamp
 
-    def tune(self, shape: Mapping[str, Any]) -> None:
-        """Have poses shown, and kept in `poses`, in another shape from now on (see `core.pose_shaping`)."""
-        self._client.set_filter(shape)
+    def tune(self, settings: Mapping[str, Any]) -> None:
+        """Set the worker's pose filter (see `core.session.pose_filters`)."""
+        self._client.set_filter(settings)
 
     def stop(self) -> None:
-        """Ask for a clean end; go on calling `tick` until the phase is DONE."""
+        """Request a clean end; call `tick` until the phase is DONE."""
         if self.phase in (Phase.STARTING, Phase.RUNNING):
             self.phase = Phase.FINISHING
             self.activity = self.phase.value
@@ -178,7 +174,7 @@ class CaptureRun:
             self._client.request_stop()
 
     def close(self) -> None:
-        """End the worker process; what is solved stays in `poses`."""
+        """End the worker process; `poses` keeps the solved ones."""
         self.phase = Phase.DONE
         self._client.close()
 
@@ -224,7 +220,7 @@ class CaptureRun:
         figures = self.statistics
         self._taken += 1
         if self.poses and solved.pose.number <= self.poses[-1].number:
-            return  # a worker that took another's place solves once more what that had not written to the take
+            return  # a restarted worker repeats poses that were not yet in the take
         if self.poses:
             figures.lost += max(0, solved.pose.number - self.poses[-1].number - 1)
         self.poses.append(solved.pose)

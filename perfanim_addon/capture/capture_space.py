@@ -1,10 +1,8 @@
-"""Transforms from the capture space (metres) to the scene, relative to a character.
+"""Transforms from the capture space (metres) to the scene.
 
-Each character has its own size and steps by its own legs, so two of them share no scale in general. The capture space
-is that of the first performer's character. A further character is offset into it: it turns as its performer does, and
-stands at the place of the space where its performer was first seen; from there it goes by its own steps, and its feet
-do not slide. Two characters then stand to each other as the performers did, but for the difference of their scales
-times the distance from that place.
+The first performer's character defines the capture space with its scale. A further character has its own scale, so
+that its feet do not slide: it turns as its performer does, and its offset puts it at the place where its performer was
+first seen. Distances between characters are off by the difference of scales times the distance from that place.
 """
 
 from dataclasses import dataclass
@@ -33,14 +31,14 @@ class RigidOffset:
     shift_m: Array
 
     def apply(self, rotations: ArrayLike, root_positions_m: ArrayLike) -> tuple[Array, Array]:
-        """Return rotations (..., J, 4) and root positions (..., 3) of poses with the offset."""
+        """Return rotations (..., J, 4) and root positions (..., 3) with the offset."""
         turned = np.array(rotations, dtype=np.float64)
         turned[..., 0, :] = rot.multiply(self.turn, turned[..., 0, :])
         return turned, rot.rotate(self.turn, np.asarray(root_positions_m, dtype=np.float64)) + self.shift_m
 
 
 class CaptureSpace:
-    """Capture space as a character stands in the scene: a step of the performer is one of the character."""
+    """Capture space in the scene: a step of the performer is one of a character."""
 
     def __init__(self, armature_object: bpy.types.Object, plan: RetargetPlan) -> None:
         fit = plan.alignment
@@ -66,14 +64,14 @@ class CaptureSpace:
         target.scale = (float(np.cbrt(abs(np.linalg.det(self._linear)))),) * 3
 
     def offset_into(self, other: "CaptureSpace", place_m: Array) -> RigidOffset:
-        """Return the offset of a character into another's space; the two agree at a place (3,)."""
+        """Return the offset into another's space; both agree at a place (3,)."""
         turn = rot.multiply(rot.conjugate(self._turn), other._turn)
         here_m = np.linalg.solve(self._linear, other.points_to_scene(place_m) - self._origin)
         return RigidOffset(turn, here_m - rot.rotate(turn, place_m))
 
 
 def _still_matrix(armature_object: bpy.types.Object) -> Matrix:
-    """Return an armature's matrix without its delta transform, which holds its root motion."""
+    """Return an armature's matrix without its delta transform (its root motion)."""
     mode = armature_object.rotation_mode
     if mode == "QUATERNION":
         turn = armature_object.rotation_quaternion

@@ -22,9 +22,9 @@ class PerformerTarget:
 
     Args:
         index: of the performer in the poses. The character of the first one defines the capture space.
-        entry: of the scene's additional targets, None if there is none for this performer.
-        armature: name of the character; "", or that of a deleted one: a new character is added.
-        only: bones that are moved, None for all.
+        entry: of the scene's additional targets, or None.
+        armature: name of the character; a new one is added for "" or a deleted one.
+        only: bones to move, None for all.
     """
 
     subject: Subject
@@ -43,7 +43,7 @@ class PerformerTarget:
         return found if self.index == 0 or _is_in_scene(found) else None
 
     def ensure_character(self, context: bpy.types.Context, space: CaptureSpace | None) -> "PerformerTarget":
-        """Return the target with a character; add one if it is missing, and choose it in the settings.
+        """Return the target with a character; add a missing one and choose it.
 
         The first performer's stands in a free position, any other at the origin of the capture space and in its scale:
         both then move as the performers do.
@@ -65,7 +65,7 @@ class PerformerTarget:
         return replace(self, armature=name, only=None)
 
     def offset_into(self, space: CaptureSpace, own: CaptureSpace, poses: Sequence[ScenePose]) -> RigidOffset:
-        """Return the offset from the character's own space; the two agree where the performer is first seen."""
+        """Return the offset into the space; both agree where the performer is first seen."""
         first = self.first_seen(poses)
         if first is None:
             return own.offset_into(space, np.zeros(3))
@@ -76,10 +76,7 @@ class PerformerTarget:
 
 
 def performer_targets(context: bpy.types.Context, subjects: Sequence[Subject]) -> list[PerformerTarget]:
-    """Return the performers of a take or capture, in their order, with the chosen characters.
-
-    The first one's is chosen in the capture settings, the others' in the list of additional targets.
-    """
+    """Return performers with the characters chosen in settings and further targets."""
     main = settings(context).armature
     targets = [PerformerTarget(subjects[0], 0, None, main.name if main else "")]
     entries = context.scene.perfanim_targets.entries
@@ -92,7 +89,7 @@ def performer_targets(context: bpy.types.Context, subjects: Sequence[Subject]) -
 
 
 def add_character(context: bpy.types.Context, skeleton: Skeleton) -> str:
-    """Add a character of these proportions in a free position, and choose it; return its name."""
+    """Add a character in a free position and choose it; return its name."""
     place = find_free_position(context)
     name = create_character(context, skeleton)
     character = bpy.data.objects[name]
@@ -103,5 +100,5 @@ def add_character(context: bpy.types.Context, skeleton: Skeleton) -> str:
 
 
 def _is_in_scene(armature: bpy.types.Object | None) -> bool:
-    """Return False for a deleted armature, which stays in the file as long as a setting names it."""
+    """Return False for a deleted armature (kept in the file by a setting)."""
     return armature is not None and bool(armature.users_scene)

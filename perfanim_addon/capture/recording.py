@@ -1,4 +1,4 @@
-"""Which poses of a capture are recorded: from the end of a countdown on, for as long as was asked for."""
+"""Recorded part of a capture: from the end of a countdown, for a set duration."""
 
 import math
 import time
@@ -9,7 +9,7 @@ from ...core.body.scene_pose import ScenePose
 
 
 class Cue(Enum):
-    """What a sound tells the performer, by its pitch in Hz."""
+    """Sounds for the performer, by pitch in Hz."""
 
     COUNT = 440.0
     BEGIN = 880.0
@@ -20,9 +20,9 @@ class Recording:
     """One recorded part of a capture.
 
     Args:
-        countdown_s: from the first pose, or the moment it is asked for, to the first recorded pose.
-        length_s: of the recording by the poses' times; 0 until it is ended.
-        later: it is asked for in the course of the capture: what came before is left out.
+        countdown_s: from the first pose, or with `later` from now, to the first recorded pose.
+        length_s: by the poses' times; 0 until `end`.
+        later: start during the capture; earlier poses are left out.
         clock: seconds.
     """
 
@@ -35,7 +35,7 @@ class Recording:
     ) -> None:
         self.begun = self.over = False
         self.seconds_left = 0  # of the countdown
-        self.start_frame = 1.0  # where on the timeline it begins
+        self.start_frame = 1.0  # on the timeline
         self._countdown_s = countdown_s
         self._length_s = length_s
         self._from_now = later or countdown_s > 0.0
@@ -45,7 +45,7 @@ class Recording:
         self._stop: int | None = None
 
     def advance(self, poses: Sequence[ScenePose]) -> Cue | None:
-        """Go by the clock and by all poses of the capture so far; return what is to be heard."""
+        """Update with all poses of the capture so far; return the sound to play."""
         if not poses or self.over:
             return None
         if not self.begun:
@@ -61,7 +61,7 @@ class Recording:
             self._due_s = now + self._countdown_s
         if now >= self._due_s:
             self.begun, self.seconds_left = True, 0
-            # poses that came before the end of the countdown are of before it
+            # earlier poses belong to the countdown
             self._first = len(poses) if self._from_now else 0
             return Cue.BEGIN if self._from_now else None
         left = math.ceil(self._due_s - now)
@@ -71,11 +71,11 @@ class Recording:
         return Cue.COUNT
 
     def end(self, poses: Sequence[ScenePose]) -> None:
-        """End it with the last of all poses so far; in the countdown, without any."""
+        """End with the last pose so far; in the countdown, without any."""
         self.over, self.seconds_left, self._stop = True, 0, len(poses)
 
     def recorded(self, poses: Sequence[ScenePose]) -> list[ScenePose]:
-        """Return those of all poses of the capture that are recorded."""
+        """Return the recorded ones of all poses of the capture."""
         kept = list(poses[self._first : self._stop]) if self.begun else []
         if kept and self._length_s:
             end_s = kept[0].time_s + self._length_s

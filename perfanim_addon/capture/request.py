@@ -108,7 +108,7 @@ def _performer_file(index: int, subject: Subject) -> str:
 
 
 def _partners(settings: Any, count: int) -> list[dict[str, Any]]:
-    """Return the behaviours of further simulated performers, other than the first one's."""
+    """Return behaviours of further simulated performers, not the first one's."""
     doing = [behaviour for behaviour in _PARTNERS if behaviour != settings.behaviour]
     return [{"behaviour": doing[index % len(doing)]} for index in range(count)]
 

@@ -1,4 +1,4 @@
-"""Live motion of all characters and objects that follow the performers and props of a capture."""
+"""Live motion of the characters and objects of a capture."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
@@ -56,7 +56,7 @@ class SceneDriver:
         return self._props.props
 
     def start(self, context: bpy.types.Context) -> CaptureSpace:
-        """Make the capture space, and the characters that are missing, once; return the space."""
+        """Return the capture space; create it and missing characters at the first call."""
         if self.space is None:
             main = self._main.start(context, None)
             character = bpy.data.objects[main.object_name]
@@ -89,7 +89,7 @@ class SceneDriver:
 
 
 class _PerformerDriver:
-    """Character of one performer; any but the first one's keeps its action until the performer is seen."""
+    """Driver of one performer's character; a further one keeps its action until seen."""
 
     def __init__(self, target: PerformerTarget, parts: Collection[str], held: SuspendedActions) -> None:
         self.target = target

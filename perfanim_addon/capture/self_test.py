@@ -1,4 +1,4 @@
-"""The self-test: what the worker has loaded, the cameras that it finds, and a capture of the simulated performer."""
+"""Self-test: the worker's libraries, the cameras, and a simulated capture."""
 
 import tempfile
 from collections.abc import Sequence
@@ -13,17 +13,17 @@ from ...core.worker.client import WorkerClient
 from ..jobs.job import Job, command
 from .capture_run import CaptureRun, Phase
 
-PANEL = "diagnostics"  # whose message tells how it ended
+PANEL = "diagnostics"  # shows the result
 MARKER_SET = "boxing"
 WANTED_POSES = 60
 LEAST_CONFIDENCE = 0.5
 
 
 class SelfTest(Job):
-    """One run of the self-test; what it has found stands in `lines` as it goes, one a line.
+    """One run of the self-test; `lines` holds the results so far.
 
     Args:
-        prepare: command that makes it, [] where it is there.
+        prepare: command that makes it, [] if it exists.
         python: interpreter of the worker, None for Blender's own.
     """
 
@@ -38,15 +38,11 @@ class SelfTest(Job):
 
     @property
     def ended(self) -> bool:
-        """Whether all was tried."""
+        """Whether the test is complete."""
         return self._run is not None and self._run.phase is Phase.DONE
 
     def tick(self) -> None:
-        """Go on with it; never waits.
-
-        Raises:
-            PerfanimError: what does not work.
-        """
+        """Continue without waiting; PerfanimError for a failed step."""
         if not self.lines:
             super().tick()
             if self.summary is not None:
@@ -89,7 +85,7 @@ class SelfTest(Job):
         }
 
     def close(self) -> None:
-        """End its workers."""
+        """End the workers."""
         super().close()
         if self._starter is not None:
             self._starter.close()

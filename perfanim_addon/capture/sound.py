@@ -1,4 +1,4 @@
-"""Beeps, as cues for somebody who stands too far from the screen to read it."""
+"""Beeps for performers far from the screen."""
 
 from contextlib import suppress
 

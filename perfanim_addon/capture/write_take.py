@@ -1,4 +1,4 @@
-"""Motion of a take written as actions, by the end of a capture and by Put on Character."""
+"""Writing of a take's motion as actions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class TakeMotion:
 
     Args:
         performers, props: in the order of the poses.
-        poses: all of them, also those outside the recorded part: they show where somebody was first seen.
+        poses: all, also outside the recorded part: they show where a performer was first seen.
     """
 
     performers: Sequence[PerformerTarget]
@@ -68,7 +68,7 @@ def write_take(
         title: of the actions; those of props and further performers add the name.
 
     Returns:
-        The first performer's character, which is added where it is gone, and the actions' names.
+        The first performer's character, added if missing, and the actions' names.
 
     Raises:
         CharacterError: a character or object cannot be animated, or there are no poses.
@@ -104,7 +104,7 @@ def _write_prop(
     space: CaptureSpace,
     title: str,
 ) -> list[str]:
-    """Write the action of the object that follows a prop, with keys where it was found; return the action's name."""
+    """Write the action of a prop's object, with keys where the prop was found."""
     rows = [row for row, pose in enumerate(part.poses) if len(pose.props) > index and pose.props[index].found]
     if not rows:
         return []
@@ -130,10 +130,9 @@ def _write_performer(
     space: CaptureSpace,
     title: str,
 ) -> list[str]:
-    """Write the action of a further performer's character, from the first pose that shows the performer.
+    """Write the action of a further performer's character from its first sure pose.
 
-    Returns:
-        The action's name; nothing for a performer who was not seen, or without any selected bone.
+    None is written for a performer who was not seen, or without any selected bone.
     """
     first = target.first_seen(part.poses)
     if first is None:

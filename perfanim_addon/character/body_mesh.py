@@ -1,4 +1,4 @@
-"""The body of a new character as a Blender mesh: the shipped mesh, fitted to a skeleton.
+"""Body of a new character: the shipped mesh, fitted to a skeleton.
 
 assets/character.npz holds one body in the rest pose of the default skeleton, made by tools/character_mesh.
 """
@@ -86,7 +86,7 @@ def fitted_body(skeleton: Skeleton, heads_m: Array) -> Body:
 
 
 def _bone_map(plain_tip_m: Array, tip_m: Array, girth: float) -> Array:
-    """Return the linear map (3, 3) from the skin around a bone of the default skeleton to that of another."""
+    """Return the linear map (3, 3) of the skin from the default skeleton's bone."""
     before, after = np.linalg.norm(plain_tip_m), np.linalg.norm(tip_m)
     if min(before, after) < 1e-6:
         return girth * np.eye(3)
@@ -131,7 +131,7 @@ def _add_groups(obj: bpy.types.Object, skeleton: Skeleton, weights: Array) -> No
 
 
 def _material(name: str) -> bpy.types.Material:
-    """Return the character material of that name, shared by all characters of the file."""
+    """Return the character material of that name, shared by all characters."""
     full_name = f"Performer {name}"
     found = bpy.data.materials.get(full_name)
     if found is not None:
@@ -148,6 +148,6 @@ def _material(name: str) -> bpy.types.Material:
 
 
 def ensure_nodes(owner: bpy.types.Material | bpy.types.World) -> None:
-    """Give a material or world its shader nodes; from Blender 5.0 on it always has them, and asking is deprecated."""
+    """Enable shader nodes of a material or world (always enabled from Blender 5.0)."""
     if bpy.app.version < (5, 0, 0):
         owner.use_nodes = True

@@ -29,7 +29,7 @@ def board_spec(chosen: PERFANIM_PG_settings) -> str:
 
 
 class PERFANIM_OT_calibrate_cameras(JobOperator, bpy.types.Operator):
-    """Calibrate the two cameras from images of a chessboard, taken at the same moments by both"""
+    """Calibrate both cameras from images of a chessboard, taken at the same moments"""
 
     bl_idname = "perfanim.calibrate_cameras"
     bl_label = "Calibrate from Pictures"
@@ -75,8 +75,8 @@ class _Watching(JobOperator):
 
 
 class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
-    """Calibrate while you hold the chessboard in front of both cameras, still for a moment in each place. Views are
-    taken automatically until the calibration is good"""
+    """Calibrate with the chessboard held still for a moment in each place.
+    Views are taken automatically until the calibration is good"""
 
     bl_idname = "perfanim.calibrate_board"
     bl_label = "Calibrate with Board"
@@ -127,8 +127,8 @@ class _FloorFinding(_Watching):
 
 
 class PERFANIM_OT_set_floor(_FloorFinding, bpy.types.Operator):
-    """Set the floor from the chessboard lying on it, fully visible to both cameras. The middle of the board becomes the
-    scene's origin"""
+    """Set the floor from the chessboard lying on it, fully visible to both cameras.
+    The middle of the board becomes the scene's origin"""
 
     bl_idname = "perfanim.set_floor"
     bl_label = "Set Floor from Board"
@@ -150,8 +150,8 @@ class PERFANIM_OT_set_floor(_FloorFinding, bpy.types.Operator):
 
 
 class PERFANIM_OT_set_floor_markers(_FloorFinding, bpy.types.Operator):
-    """Set the floor from three or more markers lying on it. Leave the floor empty until the status text says so. Their
-    middle becomes the scene's origin"""
+    """Set the floor from three or more markers; their middle becomes the origin.
+    Leave the floor empty until the status text asks for them"""
 
     bl_idname = "perfanim.set_floor_markers"
     bl_label = "Set Floor from Markers"

@@ -20,7 +20,7 @@ SIDEBAR_S = 1.0  # time between redraws of the statistics; moving bones redraw t
 
 
 class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
-    """Animate the character live until Stop Capture or Esc, and record the motion as an action"""
+    """Animate the character live and record an action until Stop Capture or Esc"""
 
     bl_idname = "perfanim.start_capture"
     bl_label = "Start Capture"

@@ -65,7 +65,7 @@ def _candidates(context: bpy.types.Context) -> list[bpy.types.Object]:
 
 
 class PERFANIM_OT_use_active_armature(PanelOperator, bpy.types.Operator):
-    """Animate the armature of the active object; its bones are mapped to joints automatically"""
+    """Animate the active armature; its bones are mapped to joints automatically"""
 
     bl_idname = "perfanim.use_active_armature"
     bl_label = "Use Active Armature"
@@ -129,8 +129,8 @@ class PERFANIM_OT_find_bones(_ArmatureOperator, bpy.types.Operator):
 
 
 class PERFANIM_OT_show_t_pose(_ArmatureOperator, bpy.types.Operator):
-    """Put the character into the T pose to check the bone map: a wrong limb is mapped to a wrong bone. Undo restores
-    the pose"""
+    """Put the character into the T pose to check the bone map; Undo restores the pose.
+    A limb in a wrong place is mapped to a wrong bone"""
 
     bl_idname = "perfanim.show_t_pose"
     bl_label = "Show T Pose"

@@ -70,7 +70,7 @@ class PERFANIM_OT_play_take(TakeOperator, PanelOperator, bpy.types.Operator):
 
 
 class PERFANIM_OT_recover_take(TakeOperator, JobOperator, bpy.types.Operator):
-    """Save the intact part of an unfinished take as a complete take, and put its motion onto the character"""
+    """Save the intact part of an unfinished take, and put it onto the character"""
 
     bl_idname = "perfanim.recover_take"
     bl_label = "Recover Take"

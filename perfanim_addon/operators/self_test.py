@@ -14,7 +14,7 @@ from .jobs import JobOperator
 
 
 class PERFANIM_OT_self_test(JobOperator, bpy.types.Operator):
-    """Check the worker's libraries and the cameras, and capture the simulated performer for a second"""
+    """Check libraries and cameras, and capture the simulated performer for a second"""
 
     bl_idname = "perfanim.self_test"
     bl_label = "Self-Test"

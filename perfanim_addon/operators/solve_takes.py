@@ -84,7 +84,7 @@ class PERFANIM_OT_solve_take(TakeOperator, SolvingOperator, bpy.types.Operator):
 
 
 class PERFANIM_OT_import_takes(SolvingOperator, bpy.types.Operator, ImportHelper):
-    """Solve marker files of other systems with the chosen performer, markers and database, and list them as takes"""
+    """Solve other systems' marker files with the chosen performer, and list them"""
 
     bl_idname = "perfanim.import_takes"
     bl_label = "Import Marker Takes"

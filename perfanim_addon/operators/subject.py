@@ -23,7 +23,7 @@ _TICKS = ("3:", "2:", "1:")  # the seconds before a pose that are heard
 
 
 class PERFANIM_OT_calibrate_subject(JobOperator, bpy.types.Operator):
-    """Measure bone lengths and marker positions from a marker take of the calibration poses"""
+    """Measure bone lengths and marker positions from a take of the calibration poses"""
 
     bl_idname = "perfanim.calibrate_subject"
     bl_label = "Calibrate from Take"
@@ -76,8 +76,8 @@ class _Recording(JobOperator):
 
 
 class PERFANIM_OT_calibrate_performer(_Recording, bpy.types.Operator):
-    """Record T pose, hanging arms and motorcycle pose, each after a countdown, and measure the performer's bone lengths
-    and marker positions. Leave the view empty at the start"""
+    """Record T pose, hanging arms and motorcycle pose to measure the performer.
+    Each has a countdown. Leave the view empty at the start"""
 
     bl_idname = "perfanim.calibrate_performer"
     bl_label = "Calibrate Performer"
@@ -98,7 +98,7 @@ class PERFANIM_OT_calibrate_performer(_Recording, bpy.types.Operator):
 
 
 class PERFANIM_OT_record_t_pose(_Recording, bpy.types.Operator):
-    """Record the T pose after a countdown, for Calibrate from Take. Leave the view empty at the start"""
+    """Record the T pose after a countdown. Leave the view empty at the start"""
 
     bl_idname = "perfanim.record_t_pose"
     bl_label = "Record T Pose"
@@ -116,8 +116,8 @@ class PERFANIM_OT_record_t_pose(_Recording, bpy.types.Operator):
 
 
 class PERFANIM_OT_average_performer(PanelOperator, bpy.types.Operator):
-    """Use an average body of this height with default marker positions. One camera needs this: it cannot measure the
-    performer"""
+    """Use an average body of this height with default marker positions.
+    One camera needs this: it cannot measure the performer"""
 
     bl_idname = "perfanim.average_performer"
     bl_label = "Average Body of This Height"

@@ -20,7 +20,7 @@ class _FileOperator(PanelOperator):
 
 
 class PERFANIM_OT_delete_take(_FileOperator, bpy.types.Operator):
-    """Move the take to the trash of the takes folder; its actions stay. Restore brings it back until Clean Up"""
+    """Move the take to the trash, until Restore or Clean Up; its actions stay"""
 
     bl_idname = "perfanim.delete_take"
     bl_label = "Delete Take"

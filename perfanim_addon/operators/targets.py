@@ -49,7 +49,7 @@ class PERFANIM_OT_remove_target(PanelOperator, bpy.types.Operator):
 
 
 class PERFANIM_OT_measure_target(JobOperator, bpy.types.Operator):
-    """Measure the prop from the take selected under Takes, a capture of the prop alone, lying still or moved slowly"""
+    """Measure the prop from the selected take, a capture of the prop alone"""
 
     bl_idname = "perfanim.measure_target"
     bl_label = "Measure from Take"

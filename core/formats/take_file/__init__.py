@@ -1,1 +1,1 @@
-"""Recorded takes: a file that is written while capturing and survives whatever happens; see docs/take-format.md."""
+"""Recorded takes: files written during a capture; see docs/take-format.md."""

@@ -1,8 +1,7 @@
 """The bytes of a take file: a preamble, then chunks that are only ever appended.
 
 A chunk is a header (magic, kind, sequence number, length and CRC-32 of the payload, CRC-32 of these) and its payload.
-Every bit of the file belongs to a magic, a length or a sum, so that nothing can change unseen; after damage the next
-intact header is looked for.
+A checksum covers every bit of the file. After damage, reading continues at the next intact header.
 """
 
 import struct
@@ -29,14 +28,14 @@ PREAMBLE_BYTES = _PREAMBLE.size
 
 
 class ChunkKind(IntEnum):
-    """What a chunk holds."""
+    """Kinds of chunks."""
 
-    SETUP = 1  # JSON: all that is known when the take begins
+    SETUP = 1  # JSON: the set-up
     FRAMES = 2  # records: stamp and marker frame
     POSES = 3  # records: solved poses
-    EVENT = 4  # JSON: what went wrong or was done
+    EVENT = 4  # JSON: an incident or action
     NOTES = 5  # JSON: name, notes, rating; the last one counts
-    END = 6  # what the file holds and where; nothing is missing
+    END = 6  # the footer: index of a complete file
 
 
 @dataclass(frozen=True)
@@ -51,13 +50,7 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Fault:
-    """Bytes of a take file that cannot be read.
-
-    Args:
-        offset, size: which.
-        what: in plain words.
-        cut: whether it is the end of a file that was cut off, as when its writer was ended, rather than damage.
-    """
+    """Unreadable bytes of a take file: damaged, or `cut` off at its end."""
 
     offset: int
     size: int
@@ -100,11 +93,7 @@ def split_records(payload: memoryview | bytes) -> Iterator[bytes]:
 
 
 def scan(data: bytes, where: str) -> tuple[list[Chunk], list[Fault]]:
-    """Return all intact chunks of a file's bytes, and what cannot be read of it.
-
-    Raises:
-        TakeError: the file is no take, or of another version.
-    """
+    """Return the intact chunks and the faults; TakeError for a other file or version."""
     view = memoryview(data)
     faults = preamble_faults(data, where)
     chunks: list[Chunk] = []
@@ -126,13 +115,13 @@ def scan(data: bytes, where: str) -> tuple[list[Chunk], list[Fault]]:
         elif stop == len(data) or _head(view, stop) is not None:
             faults.append(Fault(position, stop - position, f"chunk {sequence} ({_name(kind)}) is damaged"))
             position = stop
-        else:  # the payload's bytes are not as many as they were
+        else:  # bytes of the payload are missing or added
             position = _skip(data, position, faults)
     return chunks, faults + _gaps(chunks, faults)
 
 
 def _is_known(first: bytes, where: str) -> bool:
-    """Return whether these are the first bytes of a take; False when they might be, but are damaged."""
+    """Return whether a file begins as a take; False where its beginning is damaged."""
     if first[:PREAMBLE_BYTES] == preamble():
         return True
     if len(first) < PREAMBLE_BYTES:
@@ -150,10 +139,10 @@ def _is_known(first: bytes, where: str) -> bool:
 
 
 def preamble_faults(data: bytes, where: str) -> list[Fault]:
-    """Return what is wrong with the beginning of a take, of which preamble and first header are needed.
+    """Return the faults in the first bytes of a take (preamble and first header).
 
     Raises:
-        TakeError: it is no take, one of another version, or ends within the preamble.
+        TakeError: the file is no take, of another version, or ends within the preamble.
     """
     if _is_known(data, where):
         return []
@@ -163,7 +152,7 @@ def preamble_faults(data: bytes, where: str) -> list[Fault]:
 
 
 def read_chunk(file: BinaryIO | FileIO, offset: int) -> Chunk | None:
-    """Return the intact chunk that begins at a byte of an open file, None where none does."""
+    """Return the intact chunk at a byte of an open file, None without one."""
     file.seek(offset)
     first = file.read(HEADER_BYTES)
     head = _head(memoryview(first), 0)
@@ -175,7 +164,7 @@ def read_chunk(file: BinaryIO | FileIO, offset: int) -> Chunk | None:
 
 
 def _head(view: memoryview, position: int) -> tuple[int, int, int, int] | None:
-    """Return kind, sequence number, bytes and sum of the chunk that begins here; None where none does."""
+    """Return kind, sequence number, bytes, checksum of a chunk, None for no header."""
     if position + HEADER_BYTES > len(view) or view[position : position + 4] != _CHUNK_MAGIC:
         return None
     (checksum,) = _SUM.unpack_from(view, position + _HEAD.size)
@@ -186,7 +175,7 @@ def _head(view: memoryview, position: int) -> tuple[int, int, int, int] | None:
 
 
 def _next_head(data: bytes, start: int) -> int:
-    """Return where the next intact header from `start` on is, the end of the file if nowhere."""
+    """Return the position of the next intact header, or of the end of the file."""
     view = memoryview(data)
     found = data.find(_CHUNK_MAGIC, start)
     while found >= 0 and _head(view, found) is None:
@@ -195,7 +184,7 @@ def _next_head(data: bytes, start: int) -> int:
 
 
 def _skip(data: bytes, position: int, faults: list[Fault]) -> int:
-    """Return where the next intact header is, the end of the file if nowhere, and note what lies between."""
+    """Return the position of the next intact header; add skipped bytes to the faults."""
     stop = _next_head(data, position + 1)
     start = data[position : position + len(_CHUNK_MAGIC)]
     cut = stop == len(data) and stop - position < HEADER_BYTES and _CHUNK_MAGIC.startswith(start)
@@ -205,7 +194,7 @@ def _skip(data: bytes, position: int, faults: list[Fault]) -> int:
 
 
 def _gaps(chunks: Sequence[Chunk], faults: Sequence[Fault]) -> list[Fault]:
-    """Return a fault for every run of chunks that is missing although no byte near it is damaged."""
+    """Return a fault for each run of missing chunks without damage near it."""
     result = []
     expected, stop = 0, PREAMBLE_BYTES
     for chunk in chunks:

@@ -1,4 +1,4 @@
-"""What is done with a take after its recording: its notes changed, a cut or damaged one written anew."""
+"""Changes of recorded takes: notes, and recovery of cut or damaged takes."""
 
 import errno
 import json
@@ -16,10 +16,10 @@ from .whole import take_facts, write_chunks
 
 
 def append_notes(path: Path | str, notes: TakeNotes) -> None:
-    """Change what is said about a take; nothing that is in the file is touched.
+    """Append notes to a take, in place of its present ones.
 
     Raises:
-        TakeError: it has no end mark, is being written, or cannot be.
+        TakeError: the take has no end mark, is being recorded, or cannot be written.
     """
     try:
         with Path(path).open("r+b", buffering=0) as file:
@@ -36,13 +36,13 @@ def append_notes(path: Path | str, notes: TakeNotes) -> None:
 
 
 def _append(file: FileIO, footer: Footer, notes: TakeNotes) -> None:
-    """Write notes and another end mark behind the last one, both or neither."""
+    """Append notes and a new end mark, both or neither."""
     start, sequence = file.seek(0, os.SEEK_END), len(footer.index)
-    said = encode_chunk(ChunkKind.NOTES, sequence, notes.to_json())
-    index = (*footer.index, (int(ChunkKind.NOTES), start), (int(ChunkKind.END), start + len(said)))
-    said += encode_chunk(ChunkKind.END, sequence + 1, Footer(footer.facts, index).pack())
+    data = encode_chunk(ChunkKind.NOTES, sequence, notes.to_json())
+    index = (*footer.index, (int(ChunkKind.NOTES), start), (int(ChunkKind.END), start + len(data)))
+    data += encode_chunk(ChunkKind.END, sequence + 1, Footer(footer.facts, index).pack())
     try:
-        if file.write(said) != len(said):
+        if file.write(data) != len(data):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         os.fsync(file.fileno())
     except OSError:
@@ -51,20 +51,20 @@ def _append(file: FileIO, footer: Footer, notes: TakeNotes) -> None:
 
 
 def recover(take: TakeFile, path: Path | str) -> None:
-    """Write all that is intact of a take as a whole take.
+    """Write the intact part of a take as a complete take.
 
     Raises:
-        TakeError: it is being recorded, `path` is its own file, or its calibration and subject are lost.
+        TakeError: the take is being recorded, `path` is its own file, or its set-up is lost.
         FormatError: `path` cannot be written.
     """
     path = Path(path)
     if path.exists() and path.samefile(take.path):
-        raise TakeError("would be overwritten", where=str(path), advice="give another name: what is cut off is kept")
+        raise TakeError("would be overwritten", where=str(path), advice="give another name")
     if is_locked(take.path):
         raise TakeError("is being recorded", where=str(take.path), advice="wait for the end of the capture")
     _ = take.setup
     frames = take.frames
-    told = json.dumps({"frames": len(frames), "text": "recovered: " + ("; ".join(map(str, take.faults)) or "cut off")})
+    event = json.dumps({"frames": len(frames), "text": "recovered: " + ("; ".join(map(str, take.faults)) or "cut off")})
     kept = [(chunk.kind, bytes(chunk.payload)) for chunk in take.chunks if chunk.kind != ChunkKind.END]
-    kept.append((ChunkKind.EVENT, told.encode("utf-8")))
+    kept.append((ChunkKind.EVENT, event.encode("utf-8")))
     write_chunks(path, kept, take_facts(frames, len(take.poses)))

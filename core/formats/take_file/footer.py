@@ -1,4 +1,4 @@
-"""The end of a whole take: how much it holds and where each chunk is, found from the file's last bytes."""
+"""Footer of a complete take: facts, and the index of its chunks."""
 
 import json
 import struct
@@ -18,10 +18,10 @@ _TRAILER = struct.Struct("<Q8s")  # offset of the END chunk, magic
 
 @dataclass(frozen=True)
 class Footer:
-    """What the END chunk holds.
+    """Content of the END chunk.
 
     Args:
-        facts: "frames", "poses", "duration_s" of the recording; "orphaned", whether it outlived who asked for it.
+        facts: "frames", "poses", "duration_s" of the recording; "orphaned", whether the recording outlived Blender.
         index: kind and offset of every chunk, the END chunk's last, by sequence number.
     """
 
@@ -36,7 +36,7 @@ class Footer:
 
     @staticmethod
     def unpack(payload: memoryview | bytes) -> "Footer":
-        """Return the footer of `pack`; TakeError when the bytes are none."""
+        """Return the footer of `pack`; TakeError for other bytes."""
         try:
             (size,) = _FACTS.unpack_from(payload)
             start, stop = _FACTS.size + size, len(payload) - _TRAILER.size
@@ -48,7 +48,7 @@ class Footer:
 
 
 def find_footer(file: BinaryIO | FileIO) -> Footer | None:
-    """Return the footer that ends an open file; None where there is none, as in a take that was cut off."""
+    """Return the footer of an open file, None where the take was cut off."""
     size = file.seek(0, 2)
     if size < _TRAILER.size + HEADER_BYTES:
         return None

@@ -1,4 +1,4 @@
-"""Whether somebody writes a file: a lock of the operating system's, which goes with its process however that ends."""
+"""Locks of files being written; the system frees them when the process ends."""
 
 import os
 import sys
@@ -33,12 +33,12 @@ else:
 
 
 def lock(handle: int) -> bool:
-    """Lock an open file for this process until the handle is closed; False when another holds it."""
+    """Lock an open file until its handle is closed; False if another process has it."""
     return _locked(handle)
 
 
 def is_locked(path: Path | str) -> bool:
-    """Return whether another holds the file; False as well when it cannot be opened."""
+    """Return whether another process locks the file; False where it cannot be opened."""
     try:
         with Path(path).open("r+b") as file:
             return not _locked(file.fileno())

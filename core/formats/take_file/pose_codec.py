@@ -1,6 +1,6 @@
-"""Solved poses as bytes, between processes and in takes; versioned and checked, never pickle.
+"""Codec of solved poses, for takes and between processes.
 
-The bytes of a scene pose begin with its first performer, with the notes of the whole scene in place of the performer's.
+A scene pose begins with its first performer, which has the notes of the scene instead of its own.
 """
 
 import struct
@@ -24,13 +24,13 @@ _TIMED_HEADER = struct.Struct("<ddI")  # stamp, seconds in the solver, frames wa
 
 @dataclass(frozen=True)
 class TimedPose:
-    """Pose as it leaves the solver.
+    """Solved pose of one marker frame.
 
     Args:
-        pose: of one marker frame.
-        stamp_s: `time.perf_counter()` when the frame's images were in hand.
+        pose: of performers and props.
+        stamp_s: `time.perf_counter()` at the arrival of the frame's images.
         solve_s: time in the solver.
-        waiting: marker frames that had arrived by then and were not solved.
+        waiting: marker frames in the queue behind this one.
     """
 
     pose: ScenePose
@@ -45,7 +45,7 @@ def pack_solved(timed: TimedPose) -> bytes:
 
 
 def unpack_solved(data: bytes) -> TimedPose:
-    """Return the pose of `pack_solved`; CaptureError when the bytes are not one whole pose of this version."""
+    """Return the pose of `pack_solved`; CaptureError for other bytes."""
     if len(data) < _TIMED_HEADER.size:
         raise CaptureError("a pose was cut off", where="worker")
     stamp_s, solve_s, waiting = _TIMED_HEADER.unpack_from(data)
@@ -53,7 +53,7 @@ def unpack_solved(data: bytes) -> TimedPose:
 
 
 def pack_pose(pose: ScenePose) -> bytes:
-    """Return a pose as bytes: the first performer, then props and further performers if there are any."""
+    """Return a pose as bytes: first performer, props, further performers."""
     first, further = replace(pose.performers[0], notes=pose.notes), pose.performers[1:]
     if further:
         parts = [_pack_props(pose.props), *(_pack_performer(performer, _ONE_PERFORMER) for performer in further)]
@@ -64,7 +64,7 @@ def pack_pose(pose: ScenePose) -> bytes:
 
 
 def unpack_pose(data: bytes) -> ScenePose:
-    """Return the pose of `pack_pose`; CaptureError when the bytes are not one whole pose of this version."""
+    """Return the pose of `pack_pose`; CaptureError for other bytes."""
     version, first, rest = _unpack_performer(data)
     try:
         if version == _SEVERAL_PERFORMERS:
@@ -138,7 +138,7 @@ def _unpack_performer(data: bytes) -> tuple[int, PerformerPose, bytes]:
 
 
 def _only_performer(data: bytes) -> PerformerPose:
-    """Return the pose of a performer alone; struct.error when anything follows it."""
+    """Return the pose of a performer alone; struct.error for further bytes."""
     version, pose, rest = _unpack_performer(data)
     if version != _ONE_PERFORMER or rest:
         raise struct.error("another length")
@@ -151,7 +151,7 @@ def _pack_props(props: Sequence[PropPose]) -> bytes:
 
 
 def _unpack_props(data: bytes) -> tuple[PropPose, ...]:
-    """Return the props of `_pack_props`; struct.error when the bytes do not hold them."""
+    """Return the props of `_pack_props`; struct.error for other bytes."""
     (count,) = _PROPS.unpack_from(data)
     if len(data) != _PROPS.size + count * _PROP.size:
         raise struct.error("another length")
@@ -160,7 +160,7 @@ def _unpack_props(data: bytes) -> tuple[PropPose, ...]:
 
 
 def _split(data: bytes) -> list[bytes]:
-    """Return parts that have their length before them; struct.error when one is cut off."""
+    """Return parts with their lengths before them; struct.error for a part cut off."""
     parts, position = [], 0
     while position < len(data):
         (length,) = _LENGTH.unpack_from(data, position)

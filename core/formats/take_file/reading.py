@@ -1,4 +1,4 @@
-"""Reading takes: all that is intact, and what is not."""
+"""Reading of recorded takes, also of cut or damaged ones."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -28,7 +28,7 @@ from .setup import TakeNotes, TakeSetup, json_object
 
 ENDING = ".perftake"
 
-_RECOVER = "perfanim take recover writes what is intact as a whole take"
+_RECOVER = "perfanim take recover writes the intact part as a complete take"
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ class Gap:
 
     Args:
         after: number of the last frame before them.
-        seconds: of the performance that are missing; 0 where the source was read again from there.
-        text: what happened, in plain words.
+        seconds: missing duration; 0 where the source was read again from there.
+        text: message for people.
     """
 
     after: int
@@ -48,13 +48,7 @@ class Gap:
 
 @dataclass(frozen=True)
 class TakeFile:
-    """A recorded take, or what is left of it.
-
-    Args:
-        chunks: all that are intact, in the order of the file.
-        faults: what cannot be read.
-        ended: whether the recording came to its end mark.
-    """
+    """Recorded take: intact chunks in order, faults, `ended` by its mark."""
 
     path: Path
     chunks: tuple[Chunk, ...]
@@ -68,7 +62,7 @@ class TakeFile:
 
     @cached_property
     def setup(self) -> TakeSetup:
-        """All that is known since the take began; TakeError when it is lost."""
+        """Set-up of the take; TakeError if it is lost."""
         for chunk in self._of(ChunkKind.SETUP):
             return TakeSetup.from_json(bytes(chunk.payload), str(self.path))
         raise TakeError(
@@ -77,7 +71,7 @@ class TakeFile:
 
     @cached_property
     def notes(self) -> TakeNotes:
-        """What the user last said about the take; its name is the file's if nothing else."""
+        """Last notes of the user; a take without a name has the file's."""
         last = TakeNotes()
         for chunk in self._of(ChunkKind.NOTES):
             last = TakeNotes.from_json(bytes(chunk.payload), str(self.path))
@@ -85,7 +79,7 @@ class TakeFile:
 
     @property
     def events(self) -> tuple[str, ...]:
-        """What happened while recording, in plain words."""
+        """Messages about incidents while recording."""
         return tuple(str(row.get("text", "")) for row in self._event_rows)
 
     @property
@@ -100,54 +94,54 @@ class TakeFile:
 
     @cached_property
     def stamped_frames(self) -> tuple[tuple[float, MarkerFrame], ...]:
-        """The marker frames in order, each with the `time.perf_counter()` at which its images were in hand."""
+        """Marker frames, each with the `time.perf_counter()` of its images' arrival."""
         return tuple(self._records(ChunkKind.FRAMES, unpack_stamped))
 
     @property
     def frames(self) -> tuple[MarkerFrame, ...]:
-        """The marker frames in order."""
+        """Marker frames."""
         return tuple(frame for _, frame in self.stamped_frames)
 
     @cached_property
     def poses(self) -> tuple[TimedPose, ...]:
-        """The poses as they were solved live, in order; there may be fewer than frames."""
+        """Poses as solved live; there may be fewer than frames."""
         return tuple(self._records(ChunkKind.POSES, unpack_solved))
 
     @property
     def recorded_poses(self) -> tuple[ScenePose, ...]:
-        """Poses of the recorded part: without a countdown and without frames after an automatic end."""
+        """Poses without a countdown and without frames after an automatic end."""
         return tuple(solved.pose for solved in self.poses if self.is_recorded(solved.pose.number))
 
     def recorded_poses_of(self, performer: int = 0) -> list[PerformerPose]:
-        """Return the poses of one performer, counted from 0, in the recorded part."""
+        """Return `recorded_poses` of one performer, counted from 0."""
         return [pose.performers[performer] for pose in self.recorded_poses]
 
     def is_recorded(self, number: int) -> bool:
-        """Return whether a frame was asked for, or belongs to the countdown or what came after the end."""
+        """Return whether a frame lies between countdown and automatic end."""
         span = self.notes.recorded
         return span is None or span[0] <= number <= span[1]
 
     @cached_property
     def frame_count(self) -> int:
-        """How many marker frames can be read, without reading them."""
+        """Number of readable marker frames."""
         return sum(1 for chunk in self._of(ChunkKind.FRAMES) for _ in split_records(chunk.payload))
 
     @property
     def declared_frames(self) -> int:
-        """How many frames the end mark says there are; as many as can be read without one."""
+        """Number of frames by the end mark, of readable ones without it."""
         ends = self._of(ChunkKind.END)
         return int(Footer.unpack(ends[0].payload).facts.get("frames", 0)) if ends else self.frame_count
 
     @property
     def problems(self) -> list[str]:
-        """What is wrong with the file, one line each with what to do about it."""
-        told = [str(fault) for fault in self.faults]
+        """Messages about faults of the file, with advice."""
+        faults = [str(fault) for fault in self.faults]
         if not self.ended and not any(fault.cut for fault in self.faults):
-            told.append("the file ends without its end mark")
+            faults.append("the file ends without its end mark")
         missing = self.declared_frames - self.frame_count
         if missing > 0:
-            told.append(f"{missing} of {self.declared_frames} frames are lost with what is damaged")
-        return [f"{line}; {_RECOVER}" for line in told]
+            faults.append(f"{missing} of {self.declared_frames} frames are lost with the damaged part")
+        return [f"{line}; {_RECOVER}" for line in faults]
 
     def _of(self, kind: ChunkKind) -> list[Chunk]:
         return [chunk for chunk in self.chunks if chunk.kind == kind]
@@ -157,7 +151,7 @@ class TakeFile:
             try:
                 for record in split_records(chunk.payload):
                     yield unpack(record)
-            except (CaptureError, TakeError) as error:  # its sum is right: not damage, but another program's
+            except (CaptureError, TakeError) as error:  # its checksum is right: not damage
                 raise TakeError(
                     f"chunk {chunk.sequence} was written by another version ({error.what})",
                     where=str(self.path),
@@ -166,10 +160,10 @@ class TakeFile:
 
 
 def read_take_file(path: Path | str) -> TakeFile:
-    """Return a recorded take with all that is intact of it; it may be one that is still being written.
+    """Return the intact part of a recorded take, even while it is being written.
 
     Raises:
-        TakeError: no take, one of another version, or nothing of it is left.
+        TakeError: the file is no take, of another version, or nothing of it is intact.
         FormatError: the file cannot be read.
     """
     chunks, faults = scan(read_bytes(path), str(path))
@@ -179,12 +173,12 @@ def read_take_file(path: Path | str) -> TakeFile:
 
 
 def take_name(path: Path | str) -> str:
-    """Return what a take is called that has no name: its file's name without the ending."""
+    """Return a name for a take from its file's name."""
     return Path(path).name.removesuffix(ENDING)
 
 
 def unused_path(folder: Path, name: str) -> Path:
-    """Return a file of a folder for a take of that name, where none is yet."""
+    """Return an unused path in a folder for a take of that name."""
     stem = (
         "".join("-" if letter in '<>:"/\\|?*' or ord(letter) < 32 else letter for letter in name).strip(". ") or "take"
     )
@@ -196,16 +190,14 @@ def unused_path(folder: Path, name: str) -> Path:
 
 @dataclass(frozen=True)
 class TakeSummary:
-    """What a list shows of a take, read from its end without reading the rest.
+    """Summary of a take for lists, read from the end of its file.
 
     Args:
-        complete: whether it has its end mark; damage before it is not looked for.
-        frames, duration_s: 0 when it is not complete.
+        complete: whether it has its end mark; damage before it is ignored.
+        frames, duration_s: 0 for an incomplete take.
         created: ISO 8601.
-        notes: name, notes, rating.
         orphaned: whether the recording outlived Blender.
-        marker_set, method, database: names of what it was solved with, "" for the default, or unknown; the marker set
-            is the first performer's.
+        marker_set, method, database: names, "" for the default or unknown; the marker set is the first performer's.
     """
 
     path: Path
@@ -222,11 +214,7 @@ class TakeSummary:
 
 
 def summarise(path: Path | str) -> TakeSummary:
-    """Return what a list shows of a take.
-
-    Raises:
-        TakeError: it is no take, or cannot be read.
-    """
+    """Return the summary of a take; TakeError for other or unreadable files."""
     path = Path(path)
     try:
         with path.open("rb") as file:
@@ -240,11 +228,7 @@ def summarise(path: Path | str) -> TakeSummary:
 
 
 def has_frames(path: Path | str) -> bool:
-    """Return whether a take holds a frame, looking no further than to the first.
-
-    Raises:
-        TakeError: it is no take, or cannot be read.
-    """
+    """Return whether a take holds a frame; errors as of `summarise`."""
     try:
         with Path(path).open("rb") as file:
             preamble_faults(file.read(PREAMBLE_BYTES + HEADER_BYTES), str(path))
@@ -257,7 +241,7 @@ def has_frames(path: Path | str) -> bool:
 
 
 def _listed(path: Path, file: BinaryIO, footer: Footer) -> TakeSummary:
-    """Return the summary of a take from the last notes and a set-up of its index."""
+    """Return the summary from the last notes and set-up of a take's index."""
     last = {kind: offset for kind, offset in footer.index if kind in (ChunkKind.SETUP, ChunkKind.NOTES)}
     known: dict[str, Any] = {}
     notes = TakeNotes()
@@ -274,7 +258,7 @@ def _listed(path: Path, file: BinaryIO, footer: Footer) -> TakeSummary:
 
 
 def _known(setup: TakeSetup) -> dict[str, Any]:
-    """Return what a summary tells of a set-up; its tables are not looked into any further."""
+    """Return the fields of a summary from a set-up."""
     worn = setup.performers[0].get("marker_set")
     return {
         "created": setup.created,

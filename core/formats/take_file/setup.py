@@ -1,4 +1,4 @@
-"""Set-up of a take, known when it begins, and its user's notes, which may change later."""
+"""Set-up and notes of a take; only the notes change after its beginning."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -18,17 +18,17 @@ MOST_STARS = 5
 
 @dataclass(frozen=True)
 class TakeSetup:
-    """All that turns the marker frames of a take into poses, as plain tables that travel as JSON.
+    """Tables of a take's cameras, performers, props, database and settings, for JSON.
 
     Args:
-        rig: tables of the calibration, as in its file; empty for markers that were imported without cameras.
-        performers: tables of each performer's subject and marker set, as in its file; at least one.
-        settings: of the solver, those that differ from its defaults.
-        database: "path", "frames", "fps" and "sha256" (of its header) of the motion database.
-        capture: how the images came and became marker frames, as the capture was asked for.
-        props: tables of the props, as in their files.
-        created: when the take began, ISO 8601 with the time zone.
-        software: program and version that recorded it.
+        rig: as in its file; empty for imported markers without cameras.
+        performers: subjects with marker sets as in their files, at least one.
+        settings: of the solver, where they differ from its defaults.
+        database: "path", "frames", "fps" and "sha256" (of its header).
+        capture: sources and detection as requested.
+        props: as in their files.
+        created: ISO 8601 with the time zone.
+        software: program and version that recorded the take.
     """
 
     rig: Mapping[str, Any]
@@ -63,7 +63,7 @@ class TakeSetup:
         return TakeSetup.from_json(made.to_json(), "")  # as a reader will see it, to the last digit
 
     def to_json(self) -> bytes:
-        """Return the set-up as JSON; the first performer is its "subject", the further ones its "performers"."""
+        """Return JSON; the first performer is "subject", further ones are "performers"."""
         tables = asdict(self)
         subject, *further = tables.pop("performers")
         facts = {"rig": tables.pop("rig"), "subject": subject, **tables, "performers": further}
@@ -71,7 +71,7 @@ class TakeSetup:
 
     @staticmethod
     def from_json(data: bytes, where: str) -> "TakeSetup":
-        """Return the set-up of `to_json`; TakeError when it lacks a part. Parts of later versions are ignored."""
+        """Return the set-up of `to_json`; ignore new parts, TakeError for missing ones."""
         facts = json_object(data, where)
         try:
             parts = {name: dict(facts[name]) for name in ("rig", "settings", "database", "capture")}
@@ -83,32 +83,31 @@ class TakeSetup:
         return TakeSetup(**parts, performers=performers, props=props, created=created, software=software)
 
     def camera_rig(self) -> CameraRig | None:
-        """Return the cameras, None for imported markers without any; TakeError when the tables are damaged."""
+        """Return the cameras, None without any; TakeError for damaged tables."""
         if not self.rig:
             return None
         return _made("calibration", lambda: rig_from(self.rig, "calibration of the take"))
 
     def subjects(self) -> tuple[Subject, ...]:
-        """Return the performers with their markers; TakeError when the tables are damaged."""
+        """Return the performers with their markers; TakeError for damaged tables."""
         return _made("subject", lambda: tuple(subject_from(table, "subject of the take") for table in self.performers))
 
     def carried_props(self) -> tuple[Prop, ...]:
-        """Return the props; TakeError or PropError when the tables are damaged."""
+        """Return the props; TakeError or PropError for damaged tables."""
         return _made("prop", lambda: tuple(prop_from(table, "prop of the take") for table in self.props))
 
 
 @dataclass(frozen=True)
 class TakeNotes:
-    """What the user says about a take; may change at any time.
+    """Notes of the user on a take.
 
     Args:
         name: "" for the file's.
         rating: 0 (none) to 5 stars.
-        character: who was driven, "" when nobody.
-        played: whether it was put onto a character after the recording.
-        recorded: numbers of the first and last frame that were asked for, where a countdown or an end by itself left
-            others beside them; None: all.
-        filters: settings of the pose filter while it was captured, as `FilterSettings` reads them; None: not stored.
+        character: animated live, "" for none.
+        played: whether the take was put onto a character later.
+        recorded: first and last frame number between countdown and automatic end; None: all.
+        filters: table of `FilterSettings` at the capture; None: not stored.
     """
 
     name: str = ""
@@ -129,7 +128,7 @@ class TakeNotes:
 
     @staticmethod
     def from_json(data: bytes, where: str) -> "TakeNotes":
-        """Return the notes of `to_json`; parts of later versions are passed over."""
+        """Return the notes of `to_json`, without parts of later versions."""
         facts = json_object(data, where)
         texts = {name: str(facts.get(name, "")) for name in ("name", "notes", "character")}
         rating = facts.get("rating", 0)
@@ -142,7 +141,7 @@ class TakeNotes:
 
 
 def json_object(data: bytes, where: str) -> dict[str, Any]:
-    """Return a JSON object; TakeError when it is none."""
+    """Return a JSON object; TakeError for other bytes."""
     try:
         value = json.loads(data)
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
@@ -162,5 +161,5 @@ def _made(what: str, make: Any) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """Return numpy scalars and arrays as Python's own, dates, paths and the like as text."""
+    """Return numpy values as Python's own, others as text."""
     return value.tolist() if hasattr(value, "tolist") else str(value)

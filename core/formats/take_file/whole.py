@@ -1,4 +1,4 @@
-"""A take that is written in one go, of frames that are there already: imported, or solved anew."""
+"""Writing of a take from frames in memory: imported or solved again."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -12,7 +12,7 @@ from .footer import Footer
 from .pose_codec import TimedPose, pack_solved
 from .setup import TakeNotes, TakeSetup
 
-_RECORDS_PER_CHUNK = 64  # what one damaged byte costs
+_RECORDS_PER_CHUNK = 64  # lost by one damaged byte
 
 
 def write_whole_take(
@@ -26,10 +26,10 @@ def write_whole_take(
     """Write a take with its end mark.
 
     Args:
-        path: what is there is replaced.
+        path: an existing file is replaced.
         frames: each with its stamp, as `TakeFile.stamped_frames`.
         poses: of these frames.
-        events: payloads of the event chunks, as another take of the same frames has them.
+        events: payloads of event chunks.
 
     Raises:
         FormatError: `path` cannot be written.
@@ -43,13 +43,13 @@ def write_whole_take(
 
 
 def take_facts(frames: Sequence[MarkerFrame], poses: int) -> dict[str, Any]:
-    """Return what the end mark of a take with these frames and so many poses tells."""
+    """Return the end mark's facts about frames and a number of poses."""
     duration_s = frames[-1].time_s - frames[0].time_s if frames else 0.0
     return {"frames": len(frames), "poses": poses, "duration_s": duration_s, "orphaned": False}
 
 
 def write_chunks(path: Path | str, chunks: Iterable[tuple[int, bytes]], facts: Mapping[str, Any]) -> None:
-    """Write a take of chunks, kind and payload each, and its end mark with the facts; errors as above."""
+    """Write a take of chunks (kind and payload) and its end mark; errors as above."""
     index: list[tuple[int, int]] = []
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         file.write(preamble())

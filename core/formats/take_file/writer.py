@@ -1,9 +1,7 @@
-"""Writing a take while capturing: nothing that is handed over waits longer than a tenth of a second in memory.
+"""Writing of a take during a capture; data wait 0.1 s in memory at most.
 
-Two threads do the work, so that neither a slow disk nor a full one holds the capture up: one writes, one asks the
-system every half second to bring what is written to the disk. Whoever hands something over only appends to a list.
-Should the process be killed, what it has written stays in the system's hands; half a chunk at the end is known by its
-sum.
+Two threads keep a slow or full disk from delaying the capture: one writes, one synchronises the disk every half second.
+If the process is killed, the operating system keeps the written bytes; the checksum shows a chunk cut off at the end.
 """
 
 import contextlib
@@ -36,13 +34,13 @@ class TakeWriter:
     """One take while it is recorded.
 
     Args:
-        path: must not exist, or with `resumed` be a take whose writer was killed.
-        setup, notes: of the take; one that is resumed has its notes.
-        tell: called with one line when nothing can be written, with "" once it can again; from another thread.
-        resumed: go on with what is there: half a chunk at its end is cut off.
+        path: a new file, or with `resumed` a take without an end mark.
+        setup, notes: of the take; a resumed take keeps its notes.
+        report: called from another thread with one line when writing fails, with "" once it succeeds again.
+        resumed: continue the file; half a chunk at its end is cut off.
 
     Raises:
-        TakeError: the file exists or cannot be written, or there is nothing to go on with.
+        TakeError: the file exists, cannot be written or cannot be resumed.
     """
 
     def __init__(
@@ -50,15 +48,15 @@ class TakeWriter:
         path: Path | str,
         setup: TakeSetup,
         notes: TakeNotes | None = None,
-        tell: Callable[[str], None] = lambda problem: None,
+        report: Callable[[str], None] = lambda problem: None,
         *,
         resumed: bool = False,
     ) -> None:
         self.path = Path(path)
         self.frames = self.poses = 0
-        self._tell = tell
+        self._report = report
         self._setup = setup
-        self._whole = 0  # bytes of the file that are whole chunks
+        self._whole = 0  # bytes of whole chunks in the file
         self._index: list[tuple[int, int]] = []  # kind and offset, by sequence number
         self._frames_in: deque[bytes] = deque()
         self._poses_in: deque[bytes] = deque()
@@ -66,15 +64,15 @@ class TakeWriter:
         self._first_frame = self._last_frame = b""
         self._waiting = bytearray()  # encoded, not written
         self._dropped = 0
-        self._told = ""
+        self._problem = ""
         self._closed = False
         self._ending = threading.Event()
         self._unsynced = threading.Event()
         if resumed:
-            self._file = _opened(self.path)
-            self._go_on()
+            self._file = _open_locked(self.path, 0)
+            self._resume()
         else:
-            self._file = _created(self.path)
+            self._file = _open_locked(self.path, os.O_CREAT | os.O_EXCL)
             self._waiting += preamble()
             self._queue(ChunkKind.SETUP, setup.to_json())
             self._queue(ChunkKind.NOTES, (notes or TakeNotes()).to_json())
@@ -83,8 +81,8 @@ class TakeWriter:
         for thread in self._threads:
             thread.start()
 
-    def _go_on(self) -> None:
-        """Take over what is whole of the file, and cut off what is not."""
+    def _resume(self) -> None:
+        """Read the index and counts of the file, and cut off an incomplete chunk."""
         try:
             chunks, faults = scan(self.path.read_bytes(), str(self.path))
             if not chunks or chunks[-1].kind == ChunkKind.END or not all(fault.cut for fault in faults):
@@ -94,8 +92,8 @@ class TakeWriter:
             os.lseek(self._file, self._whole, os.SEEK_SET)
         except (OSError, TakeError) as error:
             os.close(self._file)
-            advice = "what it holds is kept: recover it later"
-            raise TakeError(f"cannot be gone on with ({error})", where=str(self.path), advice=advice) from error
+            advice = "recover it later: its content is kept"
+            raise TakeError(f"cannot be resumed ({error})", where=str(self.path), advice=advice) from error
         self._index = [(chunk.kind, chunk.offset) for chunk in chunks]
         self._setup = TakeSetup.from_json(bytes(chunks[0].payload), str(self.path))
         records = [list(split_records(chunk.payload)) for chunk in chunks if chunk.kind == ChunkKind.FRAMES]
@@ -106,43 +104,34 @@ class TakeWriter:
 
     @property
     def last_frame(self) -> tuple[float, MarkerFrame] | None:
-        """Stamp and marker frame that were written last; None before the first."""
+        """Last written marker frame with its stamp; None before the first."""
         return unpack_stamped(self._last_frame) if self._last_frame else None
 
     def add_frame(self, record: bytes) -> None:
-        """Keep a marker frame (`marker_frame.pack_stamped`)."""
+        """Write a marker frame (`marker_frame_codec.pack_stamped`)."""
         self._frames_in.append(record)
 
     def add_pose(self, record: bytes) -> None:
-        """Keep a solved pose (`pose_bytes.pack_solved`)."""
+        """Write a solved pose (`pose_codec.pack_solved`)."""
         self._poses_in.append(record)
 
     def add_event(self, text: str, **facts: Any) -> None:
-        """Keep a line about what went wrong, with facts for programs."""
+        """Write a message about an incident, with facts for programs."""
         self._events_in.append({"text": text, **facts})
 
     def add_gap(self, text: str, after: int, seconds: float) -> None:
-        """Keep that frames are missing because a process was replaced.
-
-        Args:
-            after: number of the last frame before the gap.
-            seconds: of the performance that are missing; 0 where the source was read again from there.
-        """
+        """Write a gap; arguments as of `reading.Gap`."""
         self.add_event(text, gap={"after": after, "seconds": seconds})
 
     def close(self, orphaned: bool = False) -> None:
-        """Write what is left and the end mark; safe to call twice.
-
-        Args:
-            orphaned: whether who asked for the capture is gone, and has perhaps made nothing of it.
-        """
+        """Write waiting data and end mark, `orphaned` if Blender is gone; repeatable."""
         if self._closed:
             return
         self._ending.set()
         for thread in self._threads:
             thread.join()
         self._collect()
-        self._tell_dropped()
+        self._report_dropped()
         self._queue(ChunkKind.SETUP, self._setup.to_json())  # again, for the case that the first is damaged
         self._queue_end(orphaned)
         self._write()
@@ -152,13 +141,13 @@ class TakeWriter:
         os.close(self._file)
 
     def _write_loop(self) -> None:
-        while not self._ending.wait(RETRY_EVERY_S if self._told else WRITE_EVERY_S):
+        while not self._ending.wait(RETRY_EVERY_S if self._problem else WRITE_EVERY_S):
             try:
                 self._collect()
                 self._write()
-            except Exception as error:  # a defect: it must be told, and what comes later may still be written
-                self._told = f"the take is not being written ({type(error).__name__}: {error}): report this"
-                self._tell(self._told)
+            except Exception as error:  # a defect: report it, later data may still be written
+                self._problem = f"the take is not being written ({type(error).__name__}: {error}): report this"
+                self._report(self._problem)
 
     def _sync_loop(self) -> None:
         while not self._ending.wait(SYNC_EVERY_S):
@@ -168,13 +157,13 @@ class TakeWriter:
                     os.fsync(self._file)
 
     def _collect(self) -> None:
-        """Make chunks of what has been handed over."""
+        """Encode the waiting data as chunks."""
         frames = [self._frames_in.popleft() for _ in range(len(self._frames_in))]
         poses = [self._poses_in.popleft() for _ in range(len(self._poses_in))]
         if len(self._waiting) > MOST_WAITING:
             self._dropped += len(frames)
             return
-        self._tell_dropped()
+        self._report_dropped()
         self.frames += len(frames)
         self.poses += len(poses)
         if frames:
@@ -185,7 +174,7 @@ class TakeWriter:
         while self._events_in:
             self._event(**self._events_in.popleft())
 
-    def _tell_dropped(self) -> None:
+    def _report_dropped(self) -> None:
         if self._dropped:
             self._event(f"{self._dropped} frames could not be kept: the disk was full")
             self._dropped = 0
@@ -210,7 +199,7 @@ class TakeWriter:
         return unpack_stamped(self._last_frame)[1].time_s - unpack_stamped(self._first_frame)[1].time_s
 
     def _write(self) -> None:
-        """Write what waits; what the disk does not take goes on waiting."""
+        """Write the encoded chunks; keep them if the disk does not take them."""
         if not self._waiting:
             return
         try:
@@ -221,29 +210,20 @@ class TakeWriter:
             os.lseek(self._file, self._whole, os.SEEK_SET)
             with contextlib.suppress(OSError):
                 os.ftruncate(self._file, self._whole)
-            if not self._told:
-                self._told = f"the take is not being written ({error.strerror}): free some space on its disk"
-                self._tell(self._told)
+            if not self._problem:
+                self._problem = f"the take is not being written ({error.strerror}): free some space on its disk"
+                self._report(self._problem)
             return
         self._whole += len(self._waiting)
         self._waiting = bytearray()
         self._unsynced.set()
-        if self._told:
-            self._told = ""
-            self._tell("")
+        if self._problem:
+            self._problem = ""
+            self._report("")
 
 
-def _created(path: Path) -> int:
-    """Return the handle of a new file, locked for this process."""
-    return _locked(path, os.O_CREAT | os.O_EXCL)
-
-
-def _opened(path: Path) -> int:
-    """Return the handle of a take that is gone on with, locked for this process."""
-    return _locked(path, 0)
-
-
-def _locked(path: Path, flags: int) -> int:
+def _open_locked(path: Path, flags: int) -> int:
+    """Return the handle of a file, locked for this process."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle = os.open(path, os.O_RDWR | flags | getattr(os, "O_BINARY", 0), 0o666)
@@ -251,7 +231,7 @@ def _locked(path: Path, flags: int) -> int:
         raise TakeError(
             f"cannot be recorded ({error.strerror})", where=str(path), advice="choose another name or folder"
         ) from error
-    for _ in range(_LOCK_TRIES):  # a reader who looks whether it is locked holds it for a moment
+    for _ in range(_LOCK_TRIES):  # `is_locked` in another process holds the lock for a moment
         if lock(handle):
             break
         time.sleep(_LOCK_PAUSE_S)

@@ -165,7 +165,7 @@ def open_simulated(spec: Mapping[str, Any]) -> SimulatedSource:
 
 @dataclass(frozen=True)
 class Extras:
-    """Prop in the first performer's hand, and motions with marker sets of further performers."""
+    """Prop of the first performer; motions and marker sets of further performers."""
 
     prop: Carried | None = None
     partners: tuple[tuple[Motion, str], ...] = ()

@@ -306,7 +306,7 @@ def test_a_full_disk_is_told_and_nothing_is_lost_when_there_is_space_again(
         return os.pwrite(handle, part, os.lseek(handle, 0, os.SEEK_CUR)) + 0 * os.lseek(handle, len(part), os.SEEK_CUR)
 
     monkeypatch.setattr(writer_module, "WRITE_EVERY_S", 3600.0)  # the test plays the thread
-    writer = TakeWriter(tmp_path / "a.perftake", setup, tell=told.append)
+    writer = TakeWriter(tmp_path / "a.perftake", setup, report=told.append)
     monkeypatch.setattr(writer_module.os, "write", limited)
     for number in range(8):
         space[0] = 500 if number < 4 else 10**9
