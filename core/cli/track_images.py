@@ -21,11 +21,11 @@ from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from ..system.progress import Progress
 from ..vision.calibration.floor import rig_on_floor
-from ..vision.detection.detector import DetectionSettings
+from ..vision.detection.blob_detector import DetectionSettings
 from ..vision.image_take import image_take
 from ..vision.pipeline import MarkerPipeline, PipelineSettings
 from ..vision.reprojection import labelled_rms_px
-from ..vision.sources.spec import open_image_source
+from ..vision.sources.source_kinds import open_image_source
 from ..vision.synchronise import synchronise_frames
 
 Facts = dict[str, Any]

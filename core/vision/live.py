@@ -6,11 +6,11 @@ from concurrent.futures import ThreadPoolExecutor
 
 from ..markers.marker_frame import MarkerFrame
 from .bump_watch import BumpDetector
-from .detection.detector import DetectionSettings
+from .detection.blob_detector import DetectionSettings
 from .matching.time_alignment import TimeAligner
 from .matching.time_offset import TimeOffset
 from .pipeline import MarkerPipeline, PipelineSettings
-from .sources.spec import ImageSetLike
+from .sources.source_kinds import ImageSetLike
 from .time_offset_watch import TimeOffsetWatch
 
 _WHOLE_EVERY = 4  # images: 50 ms at 60 Hz until a marker from elsewhere is found

@@ -10,13 +10,13 @@ from ..geometry.arrays import Array, FloatArray, Image
 from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
 from .detection.background import Background, background_from_take, learn_backgrounds
-from .detection.detector import DetectionSettings, Detector
+from .detection.blob_detector import DetectionSettings, Detector
 from .matching.camera_swap import CameraSwapDetector
 from .matching.point_prediction import PointPredictor
 from .matching.stereo import Matches, StereoMatcher, StereoSettings, unused_blobs
 from .matching.time_alignment import TimeAligner
 from .sources.image_set import usable_images
-from .sources.spec import ImageSetLike
+from .sources.source_kinds import ImageSetLike
 
 _NO_BLOBS = np.empty((0, 5), dtype=np.float32)
 

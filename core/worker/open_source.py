@@ -7,7 +7,7 @@ from ..errors import SettingsError
 from ..vision.sources.camera_controls import CameraControls
 from ..vision.sources.cameras import CameraSource
 from ..vision.sources.images import ImageFileSource
-from ..vision.sources.spec import ImageSource, frame_rate, listed_values
+from ..vision.sources.source_kinds import ImageSource, frame_rate, listed_values
 from ..vision.sources.videos import VideoSource
 
 

@@ -31,7 +31,7 @@ from ...solver.subject_model import SubjectModel
 from ...system.assets import MOTION
 from ...system.progress import Progress
 from ...vision.detection.background import learn_backgrounds
-from ...vision.detection.detector import Detector
+from ...vision.detection.blob_detector import Detector
 from .data import BANDAI, CMU, FPS, LEFT_OUT, SPLIT, WALKING, data_folders, read_take
 from .figure6 import MARKER_SET
 from .report import write_json, write_rows

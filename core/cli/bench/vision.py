@@ -21,7 +21,7 @@ from ...simulate.studio.settings import StudioSettings
 from ...simulate.studio.source import SimulatedSource, simulated_source
 from ...system.assets import MOTION
 from ...system.progress import Progress
-from ...vision.detection.detector import Detector
+from ...vision.detection.blob_detector import Detector
 from ...vision.pipeline import MarkerPipeline
 from .report import write_json, write_rows
 

@@ -62,9 +62,9 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 def _watch(args: argparse.Namespace, rig: Any, progress: Progress) -> Any:
     from ...vision.calibration.floor_markers import FloorWatch
-    from ...vision.detection.detector import DetectionSettings
+    from ...vision.detection.blob_detector import DetectionSettings
     from ...vision.pipeline import MarkerPipeline, PipelineSettings
-    from ...vision.sources.spec import open_image_source
+    from ...vision.sources.source_kinds import open_image_source
 
     pipeline = MarkerPipeline(rig, PipelineSettings(detection=(DetectionSettings(threshold=args.threshold),)))
     if args.background:

@@ -34,7 +34,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ...geometry.rig_file import load_rig, save_rig
     from ...vision.calibration.refine import refine_rig
     from ...vision.pipeline import MarkerPipeline
-    from ...vision.sources.spec import open_image_source
+    from ...vision.sources.source_kinds import open_image_source
 
     rig = load_rig(args.cameras)
     source = open_image_source(args.left, args.right, *args.camera)

@@ -1,6 +1,6 @@
 """Images to marker frames until STOP or the end of the source.
 
-Request: "source" (see `sources.spec`), "rig" (calibration file; null for the simulated performer with known cameras),
+Request: "source" (see `source_kinds`), "rig" (calibration file; null for the simulated performer with known cameras),
 "background_s" (seconds to learn the empty room, cameras only), "threshold" (grey levels or null), "in_flight" (frames
 that may be on their way; null: no limit. Cameras cannot wait, all other sources can), "preview" (see `camera_preview`),
 "background_file" (keeps the backgrounds for a process that takes this one's place).
@@ -29,7 +29,7 @@ from ...vision.blob_preview import draw_blobs
 from ...vision.detection.background import Background
 from ...vision.live import live_frames, live_settings
 from ...vision.pipeline import MarkerPipeline
-from ...vision.sources.spec import ImageSetLike, ImageSource
+from ...vision.sources.source_kinds import ImageSetLike, ImageSource
 from ..channel import Channel
 from ..open_source import open_source
 from ..source_traits import is_live, is_repeatable, is_simulated

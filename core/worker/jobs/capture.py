@@ -123,7 +123,7 @@ def _output(request: Mapping[str, Any], setup: TakeSetup, cameras: Mapping[str, 
     ahead = _POSES_AHEAD if is_simulated(cameras) else None
     if not request.get("vmc"):
         return PoseOutput(shaper, channel, ahead)
-    from ..vmc_output import VmcSender  # a capture that sends nothing does not load it
+    from ..vmc_sender import VmcSender  # a capture that sends nothing does not load it
 
     host, port = request["vmc"]
     return PoseOutput(shaper, channel, ahead, VmcSender(skeletons[0], str(host), int(port), channel.send_warning))

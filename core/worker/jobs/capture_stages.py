@@ -13,7 +13,7 @@ from ..channel import Channel
 from ..restart_point import FrameOffset, RestartPoint, gap_text
 
 if TYPE_CHECKING:
-    from ..vmc_output import VmcSender
+    from ..vmc_sender import VmcSender
 
 _REPORT_EVERY_S = 0.5
 _ACK_LIMIT_S = 0.25

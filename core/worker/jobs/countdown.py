@@ -5,7 +5,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ...vision.sources.spec import ImageSetLike
+from ...vision.sources.source_kinds import ImageSetLike
 from ..channel import Channel
 from .cameras import Stopped
 

@@ -1,6 +1,6 @@
 """Calibrate the cameras from a board carried before them.
 
-Request: "source" (see `sources.spec`), "board" (its SPEC), "limit" (views at which it ends though the result is not
+Request: "source" (see `source_kinds`), "board" (its SPEC), "limit" (views at which it ends though the result is not
 good), "every_s" (null: a view is taken when the board is held still; else seconds between two views), "out" (folder;
 gets a folder for each camera with the pictures taken), "preview" (see `camera_preview`).
 
@@ -29,7 +29,7 @@ from ...vision.calibration.board_preview import draw_corners, draw_coverage, dra
 from ...vision.calibration.board_session import BoardSession, Guidance
 from ...vision.calibration.calibration_summary import calibration_summary
 from ...vision.sources.image_set import camera_title, moment_of, usable_images
-from ...vision.sources.spec import ImageSetLike, ImageSource
+from ...vision.sources.source_kinds import ImageSetLike, ImageSource
 from ..channel import Channel
 from ..open_source import open_source
 from .camera_preview import PreviewSender

@@ -1,6 +1,6 @@
 """Find the floor from the board lying on it.
 
-Request: "source" (see `sources.spec`), "board" (its SPEC), "rig" (calibration file), "preview" (see `camera_preview`).
+Request: "source" (see `source_kinds`), "board" (its SPEC), "rig" (calibration file), "preview" (see `camera_preview`).
 The RESULT has "rig", the calibration as tables in a world with its origin in the board's middle and its floor at y = 0,
 and "scale", size of the board by the calibration / by its SPEC. There is none after a STOP.
 """
@@ -22,7 +22,7 @@ from ...vision.calibration.board_preview import draw_corners
 from ...vision.calibration.board_watch import BoardObservation, BoardWatch
 from ...vision.calibration.floor import board_in_space, rig_on_floor
 from ...vision.sources.image_set import moment_of, usable_images
-from ...vision.sources.spec import ImageSource
+from ...vision.sources.source_kinds import ImageSource
 from ..channel import Channel
 from ..open_source import open_source
 from .camera_preview import PreviewSender

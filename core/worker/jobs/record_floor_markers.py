@@ -22,7 +22,7 @@ from ...vision.calibration.floor_markers import FloorWatch, scaled_to
 from ...vision.live import live_settings
 from ...vision.pipeline import MarkerPipeline
 from ...vision.sources.image_set import moment_of
-from ...vision.sources.spec import ImageSource
+from ...vision.sources.source_kinds import ImageSource
 from ..channel import Channel
 from ..source_traits import is_simulated
 from .camera_preview import PreviewSender

@@ -28,7 +28,7 @@ from ...markers.marker_take import MarkerTake
 from ...simulate.studio.placement import ARRIVAL_S
 from ...subjects.pose_calibration import check_poses
 from ...vision.calibration.floor import rig_on_floor
-from ...vision.sources.spec import ImageSetLike, ImageSource
+from ...vision.sources.source_kinds import ImageSetLike, ImageSource
 from ..channel import Channel
 from ..source_traits import is_live, is_simulated
 from .cameras import Stopped, open_pipeline

@@ -6,7 +6,7 @@ import pytest
 from perfanim.core.errors import CaptureError, SettingsError
 from perfanim.core.vision.sources.cameras import CameraSource
 from perfanim.core.vision.sources.images import ImageFileSource
-from perfanim.core.vision.sources.spec import open_image_source
+from perfanim.core.vision.sources.source_kinds import open_image_source
 from perfanim.core.vision.sources.videos import VideoSource
 from perfanim.core.worker.open_source import open_source
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...errors import CaptureError, SettingsError
 from ...geometry.arrays import Array, FloatArray, Image, IntArray, Mask
 from .background import Background
-from .blobs import (
+from .blob_measurement import (
     BRIGHTNESS,
     COLUMNS,
     CONTRAST,

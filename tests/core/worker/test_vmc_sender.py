@@ -9,7 +9,7 @@ from perfanim.core.formats.vmc.link import Receiver
 from perfanim.core.formats.vmc.packets import BONE, Placement, frame_packet, read_packet
 from perfanim.core.session.pose_filters import FilterSettings, PoseFilter
 from perfanim.core.worker.jobs.capture_stages import PoseOutput
-from perfanim.core.worker.vmc_output import VmcSender
+from perfanim.core.worker.vmc_sender import VmcSender
 
 SMOOTH = FilterSettings(smoothing_s=0.05)
 

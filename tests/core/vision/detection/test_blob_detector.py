@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError, SettingsError
 from perfanim.core.vision.detection.background import BackgroundLearner, background_from_take, learn_backgrounds
-from perfanim.core.vision.detection.detector import DetectionSettings, Detector
+from perfanim.core.vision.detection.blob_detector import DetectionSettings, Detector
 
 
 def grid(seed: int, count: int = 12) -> np.ndarray:
