@@ -10,9 +10,9 @@ import numpy as np
 from ..errors import CalibrationError
 from ..system.files import read_bytes, read_toml, write_toml
 from . import rotations as rot
-from .arrays import Array
 from .camera import Camera, CameraRig
 from .rig_import import caliscope_rows, level_from_world, qualisys_rows
+from .rigid_transform import nearest_rotation
 
 
 def save_rig(rig: CameraRig, path: str | Path) -> None:
@@ -97,7 +97,9 @@ def _camera_from(row: Mapping[str, Any], where: str) -> Camera:
             )
         rotation = np.asarray(row["rotation"], dtype=np.float64)
         if rotation.shape == (3, 3):
-            matrix = _nearest_rotation(rotation)  # other programs' have few digits, or come out of a bundle adjustment
+            matrix = rotation
+            if 1e-9 < np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-3:  # few digits, or from a bundle adjustment
+                matrix = nearest_rotation(matrix)
         else:
             matrix = rot.to_matrix(rot.from_rotation_vector(rotation))
         return Camera(
@@ -112,14 +114,6 @@ def _camera_from(row: Mapping[str, Any], where: str) -> Camera:
         raise CalibrationError(
             f"a camera table is incomplete ({error})", where=where, advice="calibrate the cameras again"
         ) from error
-
-
-def _nearest_rotation(matrix: Array) -> Array:
-    """Return the rotation nearest to an almost orthogonal matrix (3, 3)."""
-    if not 1e-9 < np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-3:
-        return matrix
-    u, _, vt = np.linalg.svd(matrix)
-    return np.asarray(u @ vt)
 
 
 def _spread(cameras: Sequence[Camera]) -> float:

@@ -1,4 +1,4 @@
-"""Rigid motions between point sets."""
+"""Fits of rigid transforms and axes to points."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,3 +28,21 @@ def transform(rotation: ArrayLike, translation: ArrayLike, points: ArrayLike) ->
     """Return R p + t for points `[..., 3]`."""
     p = np.asarray(points, dtype=np.float64)
     return np.asarray(p @ np.asarray(rotation, dtype=np.float64).T + np.asarray(translation, dtype=np.float64))
+
+
+def nearest_rotation(matrix: Array) -> Array:
+    """Return the rotation nearest to an almost orthogonal matrix (3, 3)."""
+    u, _, vt = np.linalg.svd(matrix)
+    return np.asarray(u @ vt)
+
+
+def principal_axes(points: Array) -> tuple[Array, Array, Array]:
+    """Fit axes to points (N, 3).
+
+    Returns:
+        The middle (3,), the root of the summed squares along each axis (3,), and the axes (3, 3) in rows, longest
+        first: the last is the normal of the nearest plane.
+    """
+    middle = points.mean(axis=0)
+    _, sizes, axes = np.linalg.svd(points - middle)
+    return middle, sizes, axes

@@ -11,7 +11,7 @@ from ..errors import TakeError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array
 from ..geometry.camera import CameraRig
-from ..geometry.rigid_transform import transform
+from ..geometry.rigid_transform import principal_axes, transform
 from ..markers.floor_from_feet import floor_points, upright_rotation
 from ..markers.label_matching import join_names, match_labels
 from ..markers.marker_set import MarkerSet
@@ -104,9 +104,8 @@ def _axis_up(take: MarkerTake, marker_set: MarkerSet) -> str:
 def _on_floor(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
     """Return the take with the floor under the feet at y = 0, its heading kept."""
     points = floor_points(take, marker_set)
-    middle = points.mean(axis=0)
-    normal = np.linalg.svd(points - middle)[2][2]
-    normal = normal if normal[1] > 0.0 else -normal
+    middle, _, axes = principal_axes(points)
+    normal = axes[2] if axes[2, 1] > 0.0 else -axes[2]
     turn = rot.to_matrix(rot.between(normal, _UP))
     return _turn(take, turn, np.array([0.0, -float((turn @ middle)[1]), 0.0]))
 

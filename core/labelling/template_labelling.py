@@ -9,8 +9,7 @@ import numpy as np
 
 from ..geometry.arrays import Array, IntArray
 from ..geometry.gated_assignment import assign
-
-IntArray = IntArray
+from ..geometry.rigid_transform import kabsch
 
 _GATE_M = 0.30  # a marker further from where the calibration pose has it is not that marker
 _ROUNDS = 8
@@ -104,10 +103,7 @@ def _refine(points: Array, template: Array, placed: _Placement) -> tuple[float, 
 
 def _similarity(source: Array, target: Array) -> _Placement:
     """Return the least-squares similarity (Umeyama 1991), the scale within bounds."""
-    source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)
-    p, q = source - source_mean, target - target_mean
-    u, sizes, vt = np.linalg.svd(q.T @ p)
-    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
-    turn = (u * signs) @ vt
-    scale = float(np.clip(np.sum(sizes * signs) / np.sum(p * p), *_SCALES))
-    return _Placement(turn, target_mean - scale * turn @ source_mean, scale)
+    turn, _ = kabsch(source, target)
+    p = (source - source.mean(axis=0)) @ turn.T
+    scale = float(np.clip(np.sum(p * target) / np.sum(p * p), *_SCALES))
+    return _Placement(turn, target.mean(axis=0) - scale * turn @ source.mean(axis=0), scale)

@@ -2,14 +2,13 @@
 
 The rest pose of most files is a T or A pose with the world's joint axes. Some put all bones along one axis, so
 that their zero pose is no pose of a body at all: for those the axes in the T pose are known from the convention
-(`AxisRig`). Trunk, collars, neck and head are upright in any such pose and feet stand flat, so they keep their
+(`_BONES_ALONG_X`). Trunk, collars, neck and head are upright in any such pose and feet stand flat, so they keep their
 attitude, whatever way their bones point; legs and arms are turned the shortest way until their bones point as in the
 product's rest pose (feet and toes with them); upper arms and forearms also about the bone, until the elbow's hinge
 lies as there.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -38,22 +37,9 @@ _TURNED = (*BONE_ENDS, "foot", "toes", "fingers", "thumb")  # what follows the t
 _HINGED = ("humerus", "radius")
 _UPRIGHT = 0.35  # share of the body's length by which head, hips and feet must lie above one another in a usable pose
 
-
-@dataclass(frozen=True)
-class AxisRig:
-    """A convention of joint axes: local X and Y of each joint in a T pose."""
-
-    axes: Mapping[str, tuple[tuple[float, float, float], tuple[float, float, float]]]
-
-    def orientation(self, joint: str) -> Array:
-        """Return the (4,) world-from-joint quaternion in the T pose."""
-        x, y = (np.array(axis) for axis in self.axes[joint])
-        return rot.from_matrix(np.stack((x, y, np.cross(x, y)), axis=-1))
-
-
-# Bones along X, away from the body on the left side and towards it on the right one; knees and elbows turn about Y
-# (Bandai-Namco's data set; seen in it: the hinge axes of all knees and elbows are Y without exception, and the bones
-# of a foot that stands still point 39.6 degrees down, those of its toes 23).
+# Local X and Y of each joint in a T pose. Bones along X, away from the body on the left side and towards it on the
+# right one; knees and elbows turn about Y (Bandai-Namco's data set: the hinge axes of all knees and elbows are Y, the
+# bones of a foot that stands still point 39.6 degrees down, those of its toes 23).
 _FOOT_DOWN, _TOES_DOWN = np.radians(39.6), np.radians(23.0)
 
 
@@ -61,31 +47,22 @@ def _pitched(angle: float, sign: float) -> tuple[float, float, float]:
     return (0.0, -sign * float(np.sin(angle)), sign * float(np.cos(angle)))
 
 
-BONES_ALONG_X = AxisRig(
-    {
-        "root": (_UP, _RIGHT),
-        **dict.fromkeys(("lowerback", "upperback", "thorax", "lowerneck", "upperneck", "head"), (_UP, _FRONT)),
-        **dict.fromkeys(("lfemur", "ltibia"), (_DOWN, _LEFT)),
-        **dict.fromkeys(("rfemur", "rtibia"), (_UP, _LEFT)),
-        "lfoot": (_pitched(_FOOT_DOWN, 1.0), _LEFT),
-        "ltoes": (_pitched(_TOES_DOWN, 1.0), _LEFT),
-        "rfoot": (_pitched(_FOOT_DOWN, -1.0), _LEFT),
-        "rtoes": (_pitched(_TOES_DOWN, -1.0), _LEFT),
-        **dict.fromkeys(("lclavicle", "lhumerus", "lradius", "lwrist", "lhand"), (_LEFT, _UP)),
-        **dict.fromkeys(("rclavicle", "rhumerus", "rradius", "rwrist", "rhand"), (_LEFT, _DOWN)),
-    }
-)
+_BONES_ALONG_X = {
+    "root": (_UP, _RIGHT),
+    **dict.fromkeys(("lowerback", "upperback", "thorax", "lowerneck", "upperneck", "head"), (_UP, _FRONT)),
+    **dict.fromkeys(("lfemur", "ltibia"), (_DOWN, _LEFT)),
+    **dict.fromkeys(("rfemur", "rtibia"), (_UP, _LEFT)),
+    "lfoot": (_pitched(_FOOT_DOWN, 1.0), _LEFT),
+    "ltoes": (_pitched(_TOES_DOWN, 1.0), _LEFT),
+    "rfoot": (_pitched(_FOOT_DOWN, -1.0), _LEFT),
+    "rtoes": (_pitched(_TOES_DOWN, -1.0), _LEFT),
+    **dict.fromkeys(("lclavicle", "lhumerus", "lradius", "lwrist", "lhand"), (_LEFT, _UP)),
+    **dict.fromkeys(("rclavicle", "rhumerus", "rradius", "rwrist", "rhand"), (_LEFT, _DOWN)),
+}
 
 
-@dataclass(frozen=True)
-class RestAlignment:
-    """Source-joint-from-world quaternion (4,) of each joint in the rest pose."""
-
-    source_from_world: dict[str, Array]
-
-
-def align_rest(source: SourceMotion, found: Mapping[str, int]) -> RestAlignment:
-    """Return how the product's joint axes lie in the file's.
+def align_rest(source: SourceMotion, found: Mapping[str, int]) -> dict[str, Array]:
+    """Return the source-joint-from-world quaternion (4,) of each joint at rest.
 
     Raises:
         SkeletonError: neither the zero pose nor the first frame is a standing body, and the axes follow no known
@@ -110,7 +87,7 @@ def align_rest(source: SourceMotion, found: Mapping[str, int]) -> RestAlignment:
 @lru_cache(maxsize=64)
 def _align_zero_pose(
     names: tuple[str, ...], joints: tuple[tuple[str, int], ...], parents: bytes, offsets_m: bytes
-) -> RestAlignment | None:
+) -> dict[str, Array] | None:
     found = dict(joints)
     parent_of = np.frombuffer(parents, dtype=np.int64)
     offsets = np.frombuffer(offsets_m, dtype=np.float64).reshape(-1, 3)
@@ -118,7 +95,7 @@ def _align_zero_pose(
     if _is_body(zero, found):
         return _from_pose(zero, np.tile(rot.identity(), (len(names), 1)), found)
     if _has_bones_along_x(parent_of, offsets, found):
-        return _from_rig(parent_of, offsets, found, BONES_ALONG_X)
+        return _from_bones_along_x(parent_of, offsets, found)
     return None
 
 
@@ -162,7 +139,7 @@ def _square(direction: Array) -> Array:
     return axis
 
 
-def _from_pose(positions: Array, world: Array, found: Mapping[str, int]) -> RestAlignment:
+def _from_pose(positions: Array, world: Array, found: Mapping[str, int]) -> dict[str, Array]:
     up, left, _ = _body_axes(positions, found)
     if abs(float(np.max(np.abs(up)))) > 0.9 and abs(float(np.max(np.abs(left)))) > 0.9:
         up, left = _square(up), _square(left)  # a rest pose faces along an axis; its body is never quite even
@@ -179,8 +156,12 @@ def _from_pose(positions: Array, world: Array, found: Mapping[str, int]) -> Rest
     return _aligned(orientations, bones)
 
 
-def _from_rig(parents: IntArray, offsets_m: Array, found: Mapping[str, int], rig: AxisRig) -> RestAlignment:
-    orientations = {name: rig.orientation(name) for name in found if name in rig.axes}
+def _from_bones_along_x(parents: IntArray, offsets_m: Array, found: Mapping[str, int]) -> dict[str, Array]:
+    orientations: dict[str, Array] = {}
+    for name in found:
+        if name in _BONES_ALONG_X:
+            x, y = (np.array(axis) for axis in _BONES_ALONG_X[name])
+            orientations[name] = rot.from_matrix(np.stack((x, y, np.cross(x, y)), axis=-1))
     bones: dict[str, Array] = {}
     for name in orientations:
         end = _bone_end(name, found)
@@ -206,7 +187,7 @@ def _bone_end(name: str, found: Mapping[str, int]) -> str | None:
     return next((name[0] + end for end in BONE_ENDS.get(name[1:], ()) if name[0] + end in found), None)
 
 
-def _aligned(orientations: dict[str, Array], bones: dict[str, Array]) -> RestAlignment:
+def _aligned(orientations: dict[str, Array], bones: dict[str, Array]) -> dict[str, Array]:
     """Turn each joint from the file's T or A pose to the standard rest pose."""
     default = default_skeleton()
     turns: dict[str, Array] = {}  # product rest from pose, by joint
@@ -221,7 +202,7 @@ def _aligned(orientations: dict[str, Array], bones: dict[str, Array]) -> RestAli
             turned = rot.rotate(inherited, bones[name])
             turns[name] = rot.multiply(rot.between(turned, wanted), inherited)
         rolls[name] = rot.multiply(_hinge_roll(name, turns[name]), turns[name])
-    return RestAlignment({name: rot.conjugate(rot.multiply(rolls[name], orientations[name])) for name in rolls})
+    return {name: rot.conjugate(rot.multiply(rolls[name], orientations[name])) for name in rolls}
 
 
 def _inherited_turn(name: str, turns: Mapping[str, Array], parents: IntArray) -> Array:

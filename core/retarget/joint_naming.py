@@ -80,7 +80,7 @@ def naming_of(name: str) -> dict[str, str]:
 
 
 def rename_joints(motion: Motion, naming: str) -> Motion:
-    """Return a motion with its joints rename_joints."""
+    """Return a motion with its joints renamed."""
     names = naming_of(naming)
     skeleton = motion.skeleton
     return replace(motion, skeleton=replace(skeleton, names=tuple(names[name] for name in skeleton.names)))

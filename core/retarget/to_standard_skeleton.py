@@ -56,7 +56,7 @@ def to_standard_skeleton(source: SourceMotion) -> Motion:
     if written is not None and _has_product_parents(written):
         return _renamed(written)
     found = match_joints(source)
-    alignment = align_rest(source, found).source_from_world
+    alignment = align_rest(source, found)
     found = {name: joint for name, joint in found.items() if name in alignment}
     positions, world = _y_up(*source_kinematics(source), found)
     product_world = {name: rot.multiply(world[:, joint], alignment[name]) for name, joint in found.items()}

@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import PropError
 from ..geometry.arrays import Array, Mask
 from ..geometry.point_patterns import planarity_m
-from ..geometry.rigid_transform import kabsch, transform
+from ..geometry.rigid_transform import kabsch, principal_axes, transform
 from ..markers.marker_take import MarkerTake
 from ..markers.prop import FEWEST_MARKERS, MOST_MARKERS, Prop
 
@@ -146,7 +146,7 @@ def _mean_shape(positions_m: Array, where: str) -> tuple[Array, float, int]:
 
 def _upright(shape_m: Array) -> Array:
     """Return the markers (M, 3) in the prop's own frame (see `PropCalibration`)."""
-    centred = shape_m - shape_m.mean(axis=0)
-    _, _, axes = np.linalg.svd(centred)
+    middle, _, axes = principal_axes(shape_m)
+    centred = shape_m - middle
     along, across = (axis * (1.0 if np.sum((centred @ axis) ** 3) >= 0.0 else -1.0) for axis in axes[:2])
     return np.asarray(centred @ np.stack((across, along, np.cross(across, along)), axis=1))

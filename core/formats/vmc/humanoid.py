@@ -82,7 +82,7 @@ class Humanoid:
         names, self._parents = tuple(BONES), _parents(tuple(BONES))
         self._offsets = _t_pose_offsets(skeleton, self._joints, self._parents)
         still = _source("T pose", 1.0, names, self._offsets, rot.identity((1, len(names))), np.zeros((1, 3)))
-        bone_from_joint = align_rest(still, match_joints(still)).source_from_world
+        bone_from_joint = align_rest(still, match_joints(still))
         self._joint_from_bone = rot.conjugate([bone_from_joint[joint] for joint, _ in BONES.values()])
 
     def poses(self, rotations: Array, root_positions_m: Array) -> BonePoses:

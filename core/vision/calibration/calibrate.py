@@ -13,6 +13,7 @@ import numpy as np
 from ...errors import CalibrationError
 from ...geometry.arrays import Array
 from ...geometry.camera import WORLD_FROM_CAMERA, Camera, CameraRig
+from ...geometry.rigid_transform import nearest_rotation
 from ...system.progress import Progress
 from .board import Board, BoardView
 from .board_quality import Coverage, coverage
@@ -198,7 +199,7 @@ def _result(
             single.image_size,
             matrix_of(intrinsics),
             intrinsics[5:],
-            _orthonormal(rotation) @ WORLD_FROM_CAMERA.T,
+            nearest_rotation(rotation) @ WORLD_FROM_CAMERA.T,
             translation,
         )
         for single, intrinsics, (rotation, translation) in zip(singles, fit.intrinsics, fit.poses, strict=True)
@@ -273,11 +274,6 @@ def _tilt_advice(camera: SingleCamera) -> list[str]:
     if max(tilts) >= 15.0:
         return []
     return [f"{camera.name} saw the board almost straight on only: tilt it by 20 to 45 degrees"]
-
-
-def _orthonormal(rotation: Array) -> Array:
-    u, _, vt = np.linalg.svd(rotation)
-    return np.asarray(u @ vt)
 
 
 def _fit_advice(fit: RigFit, singles: Sequence[SingleCamera]) -> list[str]:

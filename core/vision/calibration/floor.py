@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from ...errors import CalibrationError
 from ...geometry.arrays import Array
 from ...geometry.camera import Camera, CameraRig
+from ...geometry.rigid_transform import principal_axes
 from ...geometry.triangulation import triangulate
 from .board import Board, BoardView
 
@@ -35,8 +36,7 @@ def rig_on_floor(rig: CameraRig, floor_points_m: ArrayLike, behind_m: float = 0.
     points = np.asarray(floor_points_m, dtype=np.float64)
     if len(points) < 3:
         raise CalibrationError("three points are needed to find the floor", advice="lay the board on the floor")
-    middle = points.mean(axis=0)
-    _, sizes, axes = np.linalg.svd(points - middle)
+    middle, sizes, axes = principal_axes(points)
     if sizes[2] / np.sqrt(len(points)) > _FLATNESS_M or sizes[1] < 1e-3 * sizes[0]:
         raise CalibrationError(
             "the points of the floor do not lie in one plane", advice="lay flat, on level ground, what marks the floor"

@@ -10,6 +10,7 @@ from scipy.spatial.distance import pdist
 from ...errors import CalibrationError
 from ...geometry.arrays import Array, IntArray
 from ...geometry.camera import CameraRig
+from ...geometry.rigid_transform import principal_axes
 
 FEWEST = 3
 STILL_S = 1.0
@@ -70,9 +71,8 @@ def _as_before(before_m: Array, points_m: Array) -> IntArray | None:
 
 def _thinnest_m(points_m: Array) -> float:
     """Return how wide points (N, 3) are across the longest line through them."""
-    away = points_m - points_m.mean(axis=0)
-    _, _, axes = np.linalg.svd(away)
-    across = away @ axes[1]
+    middle, _, axes = principal_axes(points_m)
+    across = (points_m - middle) @ axes[1]
     return float(across.max() - across.min())
 
 
