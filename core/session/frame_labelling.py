@@ -19,7 +19,7 @@ _EXAMPLES = 2048  # poses of the database that a body without a past is compared
 
 
 class BodyExamples:
-    """Markers of many poses for labelling a body without a past.
+    """Markers of many poses, for labels without a past.
 
     Attributes:
         start_poses_m: markers (M, 3) of the T pose and of standing.
@@ -113,10 +113,7 @@ class FrameLabeller:
         return self._initial.distance_m(pose_observed_m, pose_markers_m)
 
     def displacements_m(self, start: InitialLabels, points_m: Array, observed_m: Array) -> Array:
-        """Return the distance (M,) of each marker's point from the observed one.
-
-        NaN where either is missing.
-        """
+        """Return the distance (M,) of markers from the observed ones, NaN if missing."""
         return np.asarray(np.linalg.norm(self._by_marker(points_m, start.labels) - observed_m, axis=1))
 
     def _relabel(self, frame: MarkerFrame, observation: Observation, unlabelled_m: Array) -> Observation:

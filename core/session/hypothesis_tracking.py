@@ -1,9 +1,8 @@
 """Labels of one camera's blobs, by several hypotheses side by side.
 
-A marker that comes back from behind the body, and two that pass each other in the image, may be labelled in more than
-one way, and only the following motion decides (multiple hypothesis tracking, Reid 1979). Each hypothesis has a state of
-the solver; its expectation of each frame gives its likelihood. Where no hypothesis explains all blobs, examples of the
-database are placed at the body's root, and at the last certain one, and their labels become hypotheses as well.
+Markers that reappear or cross in the image have several possible labels, and only the following motion decides
+(multiple hypothesis tracking, Reid 1979). Each hypothesis has a state of the solver, with a likelihood of each frame.
+Where none explains all blobs, database examples at the body's root and at the last certain root add hypotheses.
 """
 
 from collections.abc import Sequence

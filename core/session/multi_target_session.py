@@ -1,8 +1,6 @@
 """Session of several targets before the same cameras: performers and props.
 
-Each observed point is assigned to at most one target. Props come first: their distances are exact, so four points that
-fit a prop are nothing else, while a performer's markers are expected only to within 0.1 m. Each prop leaves the other
-points to the next, and the performers share the rest.
+Each point has at most one target. Props come first, as their patterns are exact; performers share the rest.
 """
 
 from collections.abc import Sequence

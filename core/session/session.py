@@ -72,10 +72,7 @@ class Session:
         return self._state.markers_m is not None
 
     def expected_markers(self, time_s: float) -> tuple[Array, Array] | None:
-        """Return the expected marker positions (M, 3) and their uncertainty (M,), metres.
-
-        None while no body is tracked.
-        """
+        """Return expected markers (M, 3) and uncertainty (M,), metres, None if untracked."""
         if self._state.markers_m is None:
             return None
         return self._labeller.expected(self._state.markers_m, self._elapsed_s(time_s))

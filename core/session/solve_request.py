@@ -85,10 +85,9 @@ class BodyFiles:
 
 @dataclass(frozen=True)
 class MotionOutput:
-    """The file to write, and the options of the motion in it.
+    """Motion file or recorded take to write, with options.
 
     Args:
-        path: a motion, or a recorded take with the new poses.
         units, naming, rate_hz: as of `write_motion`.
         smooth_hz: low-pass of labelled markers before and of motion after; None for none.
         feet: mode of `hold_feet`.

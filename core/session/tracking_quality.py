@@ -132,8 +132,7 @@ class TrackingQuality:
     def is_label_check_due(self, pose: PerformerPose) -> bool:
         """Return whether to compare the labels with new ones now.
 
-        A wrong start can last: its pose explains the markers, if badly. So labels are checked soon after a start, then
-        ever more rarely, and in the end at low confidence only.
+        Due soon after a start, then ever more rarely, at last only at low confidence: a wrong start can last.
         """
         check = self._label_check
         if not check.is_due(pose.time_s) or (check.is_longest and pose.confidence > self.settings.doubtful):
@@ -144,8 +143,7 @@ class TrackingQuality:
     def is_pose_check_due(self, time_s: float, observation: Observation, solution: Solution | None) -> bool:
         """Return whether to compare the pose with one without a past now.
 
-        Due when the pose has been far from the database for a moment and most markers are located, then ever more
-        rarely.
+        Due for a pose far from the database with most markers located, ever more rarely.
         """
         check = self._pose_check
         if solution is None or not solution.nearest_m > self.settings.familiar_m:

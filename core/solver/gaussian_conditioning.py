@@ -72,30 +72,19 @@ def condition(prior: Prior, observed: Array, variances: Array) -> Prior:
 def continue_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
     """Return the product of a prior and the Gaussian of a continued motion.
 
-    The form is a Kalman update with a direct observation of the pose.
-
-    Args:
-        prior: of the pose.
-        expected: (D,) pose by which the motion continues.
-        covariance: (D, D) of the pose about it.
+    A Kalman update with the expected pose (D,) and its covariance (D, D).
     """
     gain = _solve(prior.covariance + covariance, prior.covariance).T
     return Prior(prior.mean + gain @ (expected - prior.mean), _product(gain, covariance))
 
 
 def _product(left: Array, right: Array) -> Array:
-    """Return left @ right by SciPy, see `_gram`.
-
-    Computed as the product of the transposes without a copy.
-    """
+    """Return left @ right by SciPy (see `_gram`), without copies of the transposes."""
     return np.asarray(dgemm(1.0, right.T, left.T)).T
 
 
 def _gram(rows: NDArray[Any]) -> NDArray[Any]:
-    """Return rows.T @ rows.
-
-    By SciPy, as its wheels bring OpenBLAS; the NumPy of some Blenders is linked to the system's reference BLAS.
-    """
+    """Return rows.T @ rows by SciPy's OpenBLAS; Blender's NumPy may be slow."""
     columns = rows.T
     return np.asarray(get_blas_funcs("gemm", (columns,))(1.0, columns, columns, trans_b=True))
 

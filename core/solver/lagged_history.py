@@ -34,10 +34,7 @@ class LaggedHistory:
     values: tuple[Array, ...] = ()
 
     def remember(self, time_s: float, value: Array) -> "LaggedHistory":
-        """Return the history with one more value.
-
-        A time that does not ascend begins another history.
-        """
+        """Return the history with one more value; a falling time begins a new one."""
         if not self.lags_s:
             return self
         if self.times_s and time_s <= self.times_s[-1]:
@@ -67,10 +64,7 @@ class LaggedFrames:
         self._starts = np.array([clip.start for clip in database.clips])[database.clip_of_frame]
 
     def of(self, frames: IntArray) -> IntArray:
-        """Return (K, L) frames before those (K,).
-
-        Before its first frame a clip stood still.
-        """
+        """Return (K, L) frames before those (K,), in a clip's beginning its first."""
         return np.asarray(np.maximum(frames[:, None] - self._lags, self._starts[frames][:, None]))
 
 
@@ -89,10 +83,7 @@ class LaggedMarkers:
         self._earlier = LaggedFrames(database, lags_s)
 
     def observed(self, history: LaggedHistory, time_s: float, root: RootPose) -> Array:
-        """Return the observed markers before a time, (L, M, 3) in the root's frame.
-
-        NaN where unknown.
-        """
+        """Return earlier observed markers (L, M, 3) in the root's frame, NaN if unknown."""
         result = np.full((len(history.lags_s), *self._markers.shape[1:]), np.nan)
         for row, points in zip(result, history.before(time_s), strict=True):
             if points is not None:
@@ -127,10 +118,7 @@ class LaggedPoses:
         self._earlier = LaggedFrames(database, lags_s)
 
     def observed(self, history: LaggedHistory, time_s: float) -> Array:
-        """Return the components (L, C) of the poses solved before a time.
-
-        NaN where unknown.
-        """
+        """Return the components (L, C) of earlier solved poses, NaN if unknown."""
         result = np.full((len(history.lags_s), self._components.shape[1]), np.nan)
         for row, pose in zip(result, history.before(time_s), strict=True):
             if pose is not None:

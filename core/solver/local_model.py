@@ -45,12 +45,7 @@ class LocalModel:
 
 @dataclass(frozen=True)
 class Validation:
-    """Cross-validation scores, and the model that won.
-
-    Args:
-        model: the local model of the best K and B.
-        scores: (K candidates, B candidates) mean squared error of left-out poses, rad^2; inf where not tried.
-    """
+    """Model of the best K and B; mean squared errors (K, B), rad^2, inf if not tried."""
 
     model: LocalModel
     scores: Array
@@ -83,20 +78,18 @@ def cross_validate(
 ) -> Validation:
     """Choose K and B by leaving out the examples closest to the query.
 
-    Each is left out with the rest of its clip, in turn.
-
-    A frame's neighbours in its own clip are near copies of it: leaving out single frames would only show how well a
-    model copies, and always favour the smallest neighbourhood. For each K the model is learned without the clip; each
-    left-out example is then reconstructed for every B from its own markers, with the prior of Eq. 6 and the control
-    term of Eq. 7 in their linear form (markers as a linear function of the weights, by least squares).
+    Each is left out with its whole clip, as a frame's neighbours in its own clip are near copies of it. For each K the
+    model is learned without the clip; each left-out example is then reconstructed for every B from its markers, with
+    the prior of Eq. 6 and the control term of Eq. 7 in their linear form (markers as a linear function of the weights,
+    by least squares).
 
     Args:
         poses: (K_max, D) neighbours, closest first.
         markers: (K_max, m) their marker coordinates, metres.
         groups: (K_max,) frames of equal number are left out together.
         neighbours, dimensions: candidates, ascending.
-        marker_variance_m2: variance that the control term allows each marker coordinate.
-        examples: how many of the closest are left out.
+        marker_variance_m2: variance of a marker coordinate in the control term.
+        examples: number of the closest to leave out.
     """
     sizes = [k for k in neighbours if k <= len(poses)] or [len(poses)]
     space = fit(poses, max(_VALIDATION_DIRECTIONS, dimensions[-1]))
@@ -110,12 +103,12 @@ def cross_validate(
                              marker_variance_m2, min(examples, sizes[0]))
             for group in tested
         ]  # fmt: skip
-        # all K are judged by the same examples: one that is too small to do without a clip is not tried
+        # all K are scored by the same examples: one too small without a clip is not tried
         known = [error for error in errors if error is not None]
         if len(known) == len(errors):
             scores[row] = np.mean(np.concatenate(known, axis=1), axis=1)
     scores += np.maximum(outside[:examples], 0.0).mean()
-    if np.all(np.isinf(scores)):  # one clip is all there is: nothing can be left out, the largest model is taken
+    if np.all(np.isinf(scores)):  # one clip only: nothing can be left out, take the largest model
         return Validation(fit(poses[: sizes[-1]], dimensions[-1]), scores)
     best_row, best_column = divmod(int(np.argmin(scores)), len(dimensions))
     return Validation(fit(poses[: sizes[best_row]], dimensions[best_column]), scores)
@@ -125,10 +118,7 @@ def _left_out_errors(
     coordinates: Array, markers: Array, left_out: Mask, dimensions: tuple[int, ...], variance: float,
     examples: int,
 ) -> Array | None:  # fmt: skip
-    """Return squared errors (B candidates, tested) of the left-out closest examples.
-
-    None when too few neighbours remain.
-    """
+    """Return squared errors (B, tested) of left-out examples, None if too few remain."""
     kept = ~left_out
     count = int(kept.sum())
     if count < _FEWEST_KEPT:

@@ -9,7 +9,7 @@ from ..database.store import Database
 from ..geometry.arrays import Array, FloatArray, IntArray
 from . import gaussian_conditioning, local_model, synthesis
 from .gaussian_conditioning import Expectation, Prior
-from .lagged_history import LaggedHistory, LaggedMarkers, LaggedPoses
+from .lagged_history import LaggedMarkers, LaggedPoses
 from .observation import Observation
 from .root import root_from_torso
 from .settings import BestSettings, LocalPcaSettings, LwrSettings, NearestSettings, SolveSettings
@@ -44,15 +44,14 @@ class Method(Protocol):
     """A method prepared for one subject and one database.
 
     Attributes:
-        examples: how many closest examples it wants.
+        examples: number of closest examples to search.
         query_pose_m_per_rad: metres of marker distance that a radian of pose counts in its search.
+        history_s: ascending times looked back at markers and solved poses.
     """
 
     examples: int
     query_pose_m_per_rad: float
-
-    def initial_state(self) -> SolverState:
-        """Return the state before the first frame."""
+    history_s: tuple[float, ...]
 
     def estimate(self, problem: FrameProblem) -> Estimate:
         """Return the pose of a frame."""
@@ -73,35 +72,20 @@ def prepare_method(settings: SolveSettings, subject: SubjectModel, database: Dat
     return NearestMethod(settings.nearest, subject)
 
 
-def fit_root(
-    subject: SubjectModel, observation: Observation, local_m: Array, previous: RootPose | None
-) -> RootPose | None:
-    """Return z_t from the torso markers.
-
-    Args:
-        subject: torso markers and their joints.
-        local_m: (M, 3) the pose's markers in the root's frame.
-        previous: root of the last frame.
-    """
-    return root_from_torso(observation, local_m, subject.torso, subject.joints, previous)
-
-
 def _settle_root(subject: SubjectModel, observation: Observation, pose: Array, root: RootPose) -> RootPose:
     """Return z_t under a pose (D,)."""
-    return fit_root(subject, observation, subject.markers(pose.reshape(-1, 3)), root) or root
+    return root_from_torso(observation, subject.markers(pose.reshape(-1, 3)), subject, root) or root
 
 
 class NearestMethod:
     """The closest example."""
 
+    history_s: tuple[float, ...] = ()
+
     def __init__(self, settings: NearestSettings, subject: SubjectModel) -> None:
         self._subject = subject
         self.examples = settings.examples
         self.query_pose_m_per_rad = settings.query_pose_m_per_rad
-
-    def initial_state(self) -> SolverState:
-        """Return the state before the first frame."""
-        return SolverState()
 
     def estimate(self, problem: FrameProblem) -> Estimate:
         """Return the closest example's pose."""
@@ -130,14 +114,12 @@ class LwrMethod(NearestMethod):
 class LocalPcaMethod:
     """The paper's: pose of least energy in a local model (Eq. 9)."""
 
+    history_s: tuple[float, ...] = ()
+
     def __init__(self, settings: LocalPcaSettings, subject: SubjectModel, clips: IntArray) -> None:
         self._settings, self._subject, self._clips = settings, subject, clips
         self.examples = settings.neighbours[-1]
         self.query_pose_m_per_rad = settings.query_pose_m_per_rad
-
-    def initial_state(self) -> SolverState:
-        """Return the state before the first frame."""
-        return SolverState()
 
     def estimate(self, problem: FrameProblem) -> Estimate:
         """Return the pose of least energy in the local model, and its root, in turn."""
@@ -189,7 +171,7 @@ class BestMethod:
     ) -> None:
         self._settings, self._query_alpha, self._subject = settings, query_alpha, subject
         self.examples = settings.neighbours
-        self.query_pose_m_per_rad = settings.query_pose_m_per_rad
+        self.query_pose_m_per_rad, self.history_s = settings.query_pose_m_per_rad, settings.history_s
         poses = database.poses.reshape(database.frames, -1)
         broad_frames = np.arange(0, len(poses), max(1, len(poses) // _BROAD_SAMPLES))
         broad_poses = poses[broad_frames].astype(np.float64)
@@ -202,11 +184,6 @@ class BestMethod:
         size = poses.shape[1]
         self._change = settings.change_share * broad[:size, :size]
         self._change[np.diag_indices(size)] += settings.change_rad**2
-
-    def initial_state(self) -> SolverState:
-        """Return the state before the first frame."""
-        history = LaggedHistory(self._settings.history_s)
-        return SolverState(observed=history, solved=history)
 
     def estimate(self, problem: FrameProblem) -> Estimate:
         """Return the pose expected for the markers, fitted to them together with the root."""

@@ -31,12 +31,10 @@ class Observation:
         return cls(points_m, np.full(count, -1, dtype=np.int64), np.full((count, 2), np.nan))
 
     def back_projected(self, markers_m: Array) -> "Observation":
-        """Return the observation with single-camera markers located on their rays.
+        """Return the observation with single-camera markers at points on their rays.
 
-        Each lies where its ray passes closest to the expected marker (M, 3).
-
-        What needs points in space (the root, the search) can so do with one camera; as its error lies along the ray,
-        the pose itself is fitted to the rays.
+        Each point is the closest to the expected marker (M, 3). Root and search use the points; the pose is fitted to
+        the rays, as the error lies along them.
         """
         points = self.points_m.copy()
         for marker in np.flatnonzero(self.single):
@@ -59,10 +57,7 @@ class Observation:
 def control_residual(observation: Observation, markers_m: Array) -> Array:
     """Return marker minus observation (Eq. 7), metres.
 
-    Rows: 3 a located marker, then 2 a single-camera marker.
-
-    A single-camera marker is compared in its camera's image; the difference is multiplied by the marker's depth, so
-    that it is a distance across the ray and has the unit and weight of the others.
+    Rows: 3 for each located marker, then 2 for each single-camera marker: its distance across the ray.
     """
     located, single = observation.located, observation.single
     parts = [(markers_m[located] - observation.points_m[located]).ravel()]

@@ -7,8 +7,10 @@ import numpy as np
 from ..database.store import Database
 from ..errors import DatabaseError
 from ..geometry.arrays import Array, IntArray
-from .methods import FrameProblem, fit_root, prepare_method
+from .lagged_history import LaggedHistory
+from .methods import FrameProblem, prepare_method
 from .observation import Observation
+from .root import root_from_torso
 from .search.choose import choose_search
 from .search.exhaustive import Query
 from .settings import SolveSettings
@@ -41,7 +43,8 @@ class PoseSolver:
         self._method = prepare_method(settings, subject, database, self._markers)
         self._frame_s = 1.0 / database.fps
         self._typical_markers = np.mean(self._markers[:: max(1, len(self._markers) // 2048)], axis=0, dtype=np.float64)
-        self.initial_state = self._method.initial_state()
+        history = LaggedHistory(self._method.history_s)
+        self.initial_state = SolverState(observed=history, solved=history)
 
     @property
     def visited(self) -> int:
@@ -53,19 +56,13 @@ class PoseSolver:
         return replace(self.initial_state, root=state.root)
 
     def closest_m(self, state: SolverState, observation: Observation) -> float:
-        """Return the RMS distance of observed markers to the closest example's, metres.
-
-        `step` would begin with this example. NaN when the root is not seen.
-        """
+        """Return the RMS distance (m) of markers to the closest example; NaN if unseen."""
         in_space = self._in_space(state, observation)
         located = self._locate(state, in_space)
         return _nearest_distance(in_space, *located[:2]) if located is not None else float("nan")
 
     def negative_log_likelihood(self, state: SolverState) -> float:
-        """Return minus the logarithm of the last markers' density under their prior.
-
-        In metres, as `control_residual` has them. 0 at the start, and of methods other than "best".
-        """
+        """Return minus the log of the last markers' density (m); 0 except for "best"."""
         return 0.0 if state.expectation is None else state.expectation.negative_log_likelihood(self.subject)
 
     def step(
@@ -127,21 +124,17 @@ class PoseSolver:
     def _locate(
         self, state: SolverState, observation: Observation
     ) -> tuple[RootPose, Examples, IntArray | None] | None:
-        """Find the root and the closest examples, each from the other in turn.
-
-        Returns:
-            Root, examples, and frames from which the next search may begin; None where the root is not seen.
-        """
+        """Find root, closest examples and the next search's start; None without a root."""
         continued = state.continued_pose
         local = self._typical_markers if continued is None else self.subject.markers(continued.reshape(-1, 3))
         root, found = state.root, state.found
         frames: IntArray | None = None
         for _ in range(_ROOT_PASSES if continued is not None else _FIRST_ROOT_PASSES):
-            root = fit_root(self.subject, observation, local, root)
+            root = root_from_torso(observation, local, self.subject, root)
             if root is None:
                 return None
             query = self._query(observation, root, continued)
-            # of a followed motion the root moves little from here on: the search need not start again
+            # while tracking, the root moves little from here on: rank the same candidates
             if frames is None or continued is None:
                 frames, distances = self._search.nearest(query, self._method.examples * _SPARE_CANDIDATES, found)
                 found = frames

@@ -18,13 +18,12 @@ def markers_at_rest(
 ) -> FloatArray:
     """Return the markers (F, M, 3), metres, of poses with the root at rest.
 
-    What `rotations_from_pose` and `skeleton.marker_positions` compute, in a seventh of the time: each component of a
-    rotation is an array over the poses, which numpy goes through without gaps, and joints that carry nothing are left
-    out.
+    Equals `rotations_from_pose` and `skeleton.marker_positions` in a seventh of the time: arrays over the poses for
+    each component of a rotation, and only for joints that carry markers.
 
     Args:
-        joints: (M,) index of the joint that carries each marker.
-        offsets_m: (M, 3) joint origin to marker in the joint's own axes.
+        joints: (M,) joint of each marker.
+        offsets_m: (M, 3) joint origin to marker in the joint's axes.
         mean_rotations: (J, 4) that the poses are relative to.
         poses: (F, J - 1, 3) rotation vectors.
     """

@@ -3,10 +3,10 @@
 import numpy as np
 
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array, IntArray, Mask
+from ..geometry.arrays import Array
 from ..geometry.rigid_transform import kabsch
 from .observation import Observation
-from .subject_model import RootPose
+from .subject_model import RootPose, SubjectModel
 
 _CARRIED_BY_ROOT = 4.0  # weight of markers on the root itself against torso markers on the spine and shoulders
 
@@ -14,24 +14,20 @@ _CARRIED_BY_ROOT = 4.0  # weight of markers on the root itself against torso mar
 def root_from_torso(
     observation: Observation,
     local_markers_m: Array,
-    torso: Mask,
-    joints: IntArray,
+    subject: SubjectModel,
     previous: RootPose | None,
 ) -> RootPose | None:
-    """Return the root that lays the pose's torso markers onto the observed ones.
+    """Return the root that moves the pose's torso markers onto the observed ones.
+
+    With fewer than three torso markers the previous root is shifted; None without one.
 
     Args:
         local_markers_m: (M, 3) markers of the assumed pose in the root's frame.
-        torso: (M,) which markers lie on the torso.
-        joints: (M,) carrying joints; markers on the root itself count more.
-        previous: root of the last frame, which decides what too few markers leave open; None at the start.
-
-    Returns:
-        None with fewer than three torso markers and no previous root.
+        previous: root of the last frame, None at the start.
     """
-    seen = torso & observation.located
+    seen = subject.torso & observation.located
     if seen.sum() >= 3:
-        weights = np.where(joints[seen] == 0, _CARRIED_BY_ROOT, 1.0)
+        weights = np.where(subject.joints[seen] == 0, _CARRIED_BY_ROOT, 1.0)
         matrix, translation = kabsch(local_markers_m[seen], observation.points_m[seen], weights)
         return RootPose(rot.from_matrix(matrix), translation)
     if previous is None:

@@ -99,10 +99,7 @@ class SubjectModel:
 
 
 def _exponential_and_right_jacobian(vectors: Array) -> tuple[Array, Array]:
-    """Return exp(v) (N, 3, 3) and its right Jacobian (Sola 2018, Eq. 143).
-
-    exp(v + d) = exp(v) exp(J_r d) + O(d^2).
-    """
+    """Return exp(v) (N, 3, 3) and its right Jacobian (Sola 2018, Eq. 143)."""
     angle2 = np.sum(vectors**2, axis=-1)
     angle = np.sqrt(angle2)
     small = angle < 1e-4

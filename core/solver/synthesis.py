@@ -38,10 +38,7 @@ class SynthesisProblem:
     smoothness_weight: float
 
     def residual(self, weights: Array) -> Array:
-        """Return the residuals (prior, control, smoothness).
-
-        Their squared sum is Eq. 9 up to a constant.
-        """
+        """Return prior, control and smoothness; the squared sum is Eq. 9 + constant."""
         markers = self.subject.markers(self.model.pose(weights).reshape(-1, 3), self.root)
         return self._stacked(weights, control_residual(self.observation, markers))
 
@@ -61,10 +58,7 @@ class SynthesisProblem:
 
     @cached_property
     def _smooth_weights(self) -> Array | None:
-        """Weights of the pose that continues the motion.
-
-        The basis is orthonormal, so Eq. 8 is a distance to them.
-        """
+        """Weights of the continued pose: Eq. 8 is the distance to them."""
         if self.continued_pose is None or self.smoothness_weight == 0.0:
             return None
         return self.model.weights(self.continued_pose)
@@ -77,12 +71,9 @@ class SynthesisProblem:
 
 
 def solve(problem: SynthesisProblem, start: Array) -> tuple[Array, int]:
-    """Return the weights (B,) of least energy and the iterations taken.
+    """Return the weights (B,) of least energy and the iterations from `start`.
 
-    Levenberg-Marquardt with Marquardt's scaling.
-
-    Args:
-        start: (B,) first weights; the paper's are those of the closest example.
+    Levenberg-Marquardt with Marquardt's scaling; the paper starts from the closest example.
     """
     weights = start
     residual, jacobian = problem.residual_and_jacobian(weights)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...database.graph import NeighbourGraph, build_graph
+from ...database.graph import build_graph
 from ...database.store import Database
 from ...geometry.arrays import FloatArray
 from .exhaustive import ExhaustiveSearch, Search
@@ -16,21 +16,16 @@ def choose_search(name: str, database: Database, markers_m: FloatArray, poses: F
     """Return the search of a name.
 
     Args:
-        name: "exhaustive", "cells" (inverted file), "graph" (the paper's), or "auto": exhaustive, which misses
-            nothing, in a database below 150,000 frames or stored without its graph; the graph in a larger one.
-        database: stored with its graph, or it is built here, which takes half a minute for a million frames.
-        markers_m: (F, M, 3) the subject's markers of the database frames with the root at rest.
-        poses: (F, D) poses of the database frames.
+        name: "exhaustive", "cells" (inverted file), "graph" (the paper's), or "auto": "graph" for a database from
+            150,000 frames on that is stored with its graph, else "exhaustive".
+        database: a missing graph is built here (half a minute for a million frames).
+        markers_m, poses: as of `ExhaustiveSearch`.
     """
     if name == "auto":
         name = "exhaustive" if database.graph is None or database.frames < _EXHAUSTIVE_UP_TO else "graph"
     if name == "exhaustive":
         return ExhaustiveSearch(markers_m, poses)
-    graph = database.graph or _built(database, poses)
+    graph = database.graph or build_graph(np.asarray(poses), database.clip_of_frame, database.fps)
     if name == "cells":
         return CellSearch(markers_m, poses, np.asarray(graph.clusters))
     return GraphSearch(markers_m, poses, graph)
-
-
-def _built(database: Database, poses: FloatArray) -> NeighbourGraph:
-    return build_graph(np.asarray(poses), database.clip_of_frame, database.fps)

@@ -69,8 +69,7 @@ class ExhaustiveSearch:
         """Return the `count` closest frames (ascending) and their Eq. 2 distances."""
         distances = self.distances(query)
         self.visited += len(distances)
-        chosen, found = closest(distances, count)
-        return chosen, found
+        return closest(distances, count)
 
     def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
         """Return the candidate frames by their Eq. 2 distances, ascending, and these."""
@@ -94,10 +93,7 @@ class ExhaustiveSearch:
 
 
 def _times(rows: NDArray[Any], vector: FloatArray) -> FloatArray:
-    """Return rows @ vector, by SciPy's OpenBLAS.
-
-    Some Blenders' NumPy uses a BLAS without vector instructions.
-    """
+    """Return rows @ vector by SciPy's OpenBLAS; Blender's NumPy may be slow."""
     if len(rows) == 0:  # which it refuses
         return np.zeros(0, dtype=np.float32)
     return np.asarray(sgemv(1.0, rows.T, vector, trans=1))

@@ -83,9 +83,9 @@ class GraphSearch:
         """Return the closest visited frames after following the graph from the closest.
 
         Args:
-            groups: representatives that are looked at when the graph leads no closer.
-            limit: distance of representatives that are followed.
-            most: frames looked at, after which the search ends.
+            groups: representatives to visit once the graph leads no closer.
+            limit: distance up to which representatives are followed.
+            most: frames to visit at most.
         """
         followed: list[IntArray] = []
         batch = max(1, int(_EXPANDED * count))
@@ -103,7 +103,7 @@ class GraphSearch:
                 if group is None:
                     break
                 self._enter(visit, group, limit)
-                idle = _IDLE - 1  # one look from what that has brought, if it is closer more
+                idle = _IDLE - 1  # one look from these, more if they are closer
             middle = distances[len(distances) // 2]
             found, distances = visit.closest(count)
             idle = 0 if distances[len(distances) // 2] < middle else idle + 1
@@ -126,7 +126,7 @@ class _Visit:
 
     @property
     def count(self) -> int:
-        """Frames looked at."""
+        """Number of visited frames."""
         return sum(map(len, self._found))
 
     def look(self, frames: IntArray) -> tuple[IntArray, FloatArray]:
@@ -145,5 +145,5 @@ class _Visit:
         return np.concatenate(self._found)[order], ascending
 
     def end(self) -> None:
-        """Leave `seen` as it was."""
+        """Clear `seen`."""
         self._seen[np.concatenate(self._found)] = False

@@ -18,10 +18,9 @@ class CellSearch:
     """Searches the cells with the mean frames closest to the query.
 
     Args:
-        markers_m: (F, M, 3) markers of the database frames with the root at rest.
-        poses: (F, D) poses of the database frames.
+        markers_m, poses: as of `ExhaustiveSearch`.
         cells: (F,) cell of each frame, none empty.
-        probed: cells that are searched; more, if they hold too few frames.
+        probed: cells to search at least.
     """
 
     def __init__(

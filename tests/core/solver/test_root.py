@@ -25,14 +25,14 @@ def test_exact_on_a_noise_free_torso(model, case, hidden):
     points = root.to_world(local)
     points[4:] += 0.3  # hands and feet are elsewhere: they do not count
     points[list(hidden)] = np.nan
-    assert_same(root_from_torso(Observation.of_points(points), local, model.torso, model.joints, None), root)
+    assert_same(root_from_torso(Observation.of_points(points), local, model, None), root)
 
 
 def test_markers_on_the_root_itself_count_more(model, case):
     local, root = case
     points = root.to_world(local)
     points[:2] += np.array([0.0, 0.0, 0.04])  # the shoulders, which the back carries, lean
-    found = root_from_torso(Observation.of_points(points), local, model.torso, model.joints, None)
+    found = root_from_torso(Observation.of_points(points), local, model, None)
     waist = np.flatnonzero(model.torso & (model.joints == 0))
     errors = np.linalg.norm(found.to_world(local) - points, axis=1)
     assert errors[waist].max() < errors[:2].min()
@@ -43,13 +43,13 @@ def test_too_few_torso_markers_move_the_last_root(model, case):
     shift = np.array([0.02, -0.01, 0.03])
     points = root.to_world(local) + shift
     points[[0, 3]] = np.nan
-    found = root_from_torso(Observation.of_points(points), local, model.torso, model.joints, root)
+    found = root_from_torso(Observation.of_points(points), local, model, root)
     assert_same(found, RootPose(root.rotation, root.position_m + shift))
-    assert root_from_torso(Observation.of_points(points), local, model.torso, model.joints, None) is None
+    assert root_from_torso(Observation.of_points(points), local, model, None) is None
 
 
 def test_nothing_seen_keeps_the_last_root(model, case):
     local, root = case
     nothing = Observation.of_points(np.full((8, 3), np.nan))
-    assert root_from_torso(nothing, local, model.torso, model.joints, root) is root
-    assert root_from_torso(nothing, local, model.torso, model.joints, None) is None
+    assert root_from_torso(nothing, local, model, root) is root
+    assert root_from_torso(nothing, local, model, None) is None
