@@ -43,12 +43,7 @@ def rest_markers(model: SubjectModel, rotations: Array) -> Array:
 
 
 class FrameLabeller:
-    """Labels the marker frames of one body in order.
-
-    Args:
-        cameras: that see the body, for markers that only one of them sees.
-        examples: by which a body without a past is labelled.
-    """
+    """Labels the marker frames of one body in order."""
 
     def __init__(
         self, names: tuple[str, ...], model: SubjectModel, cameras: tuple[Camera, ...], examples: BodyExamples
@@ -68,11 +63,7 @@ class FrameLabeller:
         return self._relabeller.changed
 
     def expected(self, predicted_m: Array, elapsed_s: float) -> tuple[Array, Array]:
-        """Return the expected marker positions (M, 3) and their uncertainty (M,), metres.
-
-        Args:
-            predicted_m: (M, 3) markers of the last synthesized pose.
-        """
+        """Return the expected marker positions (M, 3) and their uncertainty (M,), metres."""
         return self._labeller.expected(predicted_m, elapsed_s)
 
     def label_initially(self, points_m: Array) -> InitialLabels | None:
@@ -82,9 +73,7 @@ class FrameLabeller:
     def label(self, frame: MarkerFrame, predicted_m: Array | None, elapsed_s: float) -> Observation:
         """Return the labelled markers of the next frame.
 
-        Args:
-            frame: with the labels of the source, or without any.
-            predicted_m: (M, 3) markers of the last synthesized pose, None without a past.
+        `predicted_m` (M, 3) are the markers of the last synthesized pose, None without a past.
         """
         if is_labelled(frame):
             return self._observe_known_labels(frame)

@@ -40,7 +40,6 @@ class Hypothesis:
     """One sequence of labels of the blobs so far.
 
     Args:
-        labeller: with the markers' movements in the image.
         labels: (N,) of the last frame's blobs.
         markers_m: (M, 3) of the last synthesized pose.
         observation, solution: of the last frame.
@@ -78,13 +77,9 @@ class HypothesisTracker:
         self._searched_s = -np.inf
 
     def step(self, frame: MarkerFrame, confidence: float) -> Hypothesis | None:
-        """Return the best hypothesis after the next frame.
+        """Return the best hypothesis after the next frame, None before a start pose.
 
-        Args:
-            confidence: in the pose of the frame before.
-
-        Returns:
-            None until the performer stands in one of the start poses.
+        `confidence` is that of the pose before.
         """
         if self._hypotheses:
             self._continue(frame, frame.time_s - self._time_s)

@@ -18,8 +18,7 @@ class MultiTargetSession:
     """Session of performers and props.
 
     Args:
-        sessions: one for each performer, which have seen nothing yet; their order as of `PerformerAssignment`.
-        props: each with a pattern of its own.
+        sessions: new ones, in the order of `PerformerAssignment`.
 
     Raises:
         PropError: two props have patterns that cannot be distinguished.

@@ -23,13 +23,7 @@ from .tracking_quality import TrackingNote, TrackingQuality, assess_fit
 
 
 class Session:
-    """Labels and solves the frames of one capture in order.
-
-    Args:
-        subject: performer with the worn markers.
-        database: motion that the pose is completed from.
-        rig: the cameras; needed for markers that one camera sees alone.
-    """
+    """Labels and solves the frames of one subject; single-camera markers need `rig`."""
 
     def __init__(
         self, subject: Subject, database: Database, rig: CameraRig | None = None, settings: SolveSettings | None = None
@@ -109,8 +103,7 @@ class Session:
     def _escape_local_minimum(self, time_s: float, observation: Observation, solution: Solution) -> Solution:
         """Return the pose solved without a past if it is much nearer to the database.
 
-        A wrong pose keeps itself, as examples are searched near the continued motion: all markers may then be in place
-        on a body in knots.
+        A wrong pose persists, as examples are searched near the continued motion.
         """
         settings = self._quality.settings
         state = self._solver.forget_poses(self._state)

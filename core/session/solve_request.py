@@ -211,9 +211,9 @@ class SolveRecorded:
     """Solve a recorded take again.
 
     Args:
-        take: the file; its set-up stands for all that is None or empty here.
-        props, performers: files of props and of further performers.
-        retriangulate: `vision.relocate.retriangulate`, needed with `cameras`; this package loads no OpenCV.
+        take: the file; its set-up replaces None and empty values here.
+        performers: files of further performers.
+        retriangulate: function needed with `cameras`; this package loads no OpenCV.
     """
 
     take: str

@@ -37,9 +37,8 @@ class TrackingSettings:
         sure_m: labels this near to an example are right: limbs exchanged across a hand's breadth are further off.
         elsewhere_m: distance by which new labels must move a marker.
         sufficient: share of located markers needed to doubt a pose: some example or other is near to fewer.
-        promising: share of the distance to the closest example; a pose without a past is solved only if its closest
-            example is nearer.
-        nearer: share of the same distance; a pose without a past that is nearer is the right one.
+        promising: share of the distance to the closest example, below which a pose without a past is solved.
+        nearer: share of the same distance, below which a pose without a past is the right one.
     """
 
     explained_m: float = 0.03
@@ -103,11 +102,9 @@ class _Lapse:
 
 
 class TrackingQuality:
-    """Decides when the labels or the pose of a tracked body are worth doubt.
+    """Decides when to doubt the labels or the pose of a tracked body.
 
-    Args:
-        torso: (M,) which markers lie on the torso.
-        one_camera: whether rays of one camera count as seen.
+    With `one_camera`, markers on its rays count as seen.
     """
 
     def __init__(self, torso: Mask, one_camera: bool, settings: TrackingSettings = SETTINGS) -> None:

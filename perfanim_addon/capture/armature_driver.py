@@ -59,7 +59,7 @@ class ArmatureDriver:
 
         Args:
             rotations: (J, 4) parent-from-joint quaternions relative to rest.
-            root_position_m: (3,) root in product space, metres.
+            root_position_m: (3,) root in the world, metres.
 
         Raises:
             CharacterError: the armature is gone or has lost bones.

@@ -84,12 +84,7 @@ class Statistics:
 
 
 class CaptureRun:
-    """One capture; a worker that dies or hangs is replaced, and the capture continues.
-
-    Args:
-        client: of the worker.
-        clock: of the frames' stamps.
-    """
+    """One capture; a worker that dies or hangs is replaced, and the capture continues."""
 
     def __init__(self, client: Client, clock: Callable[[], float] = time.perf_counter) -> None:
         self.phase = Phase.STARTING

@@ -196,8 +196,7 @@ class LiveCapture:
     def keep(self, context: bpy.types.Context) -> str:
         """Write each recording as one action, once; return a report, "" for no recording.
 
-        A frame captured t seconds after the first stands at the start frame + t * the scene's frames per second, so a
-        60 Hz capture in a 24 fps scene has keys between the scene's frames and plays at its true speed.
+        Keys lie at the poses' times, also between the scene's frames, so that the motion has its true speed.
         """
         if self._kept is None:
             self._kept = ""  # a second try would fail alike

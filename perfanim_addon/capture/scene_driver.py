@@ -20,8 +20,8 @@ class SceneDriver:
     """Moves characters and objects. Only names are held, nothing of Blender's data.
 
     Args:
-        performers, props: of the capture, in the order of its poses.
-        parts: of the body that are moved.
+        performers, props: in the order of the poses.
+        parts: of the body to move.
 
     Raises:
         CharacterError: a chosen object or armature cannot follow.
@@ -137,9 +137,7 @@ class _PerformerDriver:
 class PropDriver:
     """Objects that follow props; an object is made when its prop is first seen.
 
-    Args:
-        props: of the capture, in the order of its poses' props.
-        held: takes the objects' actions.
+    `held` takes the objects' actions.
     """
 
     def __init__(self, props: Sequence[Prop], held: SuspendedActions) -> None:

@@ -64,7 +64,6 @@ def write_take(
     """Write parts of a take as actions of the characters and objects.
 
     Args:
-        parts: to write, one action each.
         title: of the actions; those of props and further performers add the name.
 
     Returns:
