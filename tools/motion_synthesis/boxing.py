@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from .curves import Array
 from .feet import Swing
 from .proportions import outward
-from .timeline import Score
+from .timeline import Timeline
 
 _LEG_M = 0.85
 _COMBINATIONS: tuple[tuple[str, ...], ...] = (
@@ -73,26 +73,26 @@ class _Trunk:
 
 
 class Boxer:
-    """Writes a boxer's keys into a score."""
+    """Writes a boxer's keys into a timeline."""
 
-    def __init__(self, score: Score, lead: str) -> None:
-        self.score, self.lead = score, lead
+    def __init__(self, timeline: Timeline, lead: str) -> None:
+        self.timeline, self.lead = timeline, lead
         self.rear = "r" if lead == "l" else "l"
         self.mirror = outward(lead)
-        self.size = score.body.leg_m / _LEG_M
-        self.spot = score.spot
-        self.heading = score.front_rad
+        self.size = timeline.body.leg_m / _LEG_M
+        self.spot = timeline.spot
+        self.heading = timeline.front_rad
 
     # ---- postures
 
     def trunk(self, time_s: float, pose: _Trunk, looseness: float = 1.0) -> None:
         """Key the trunk; small chance differences are added."""
-        score, m, j = self.score, self.mirror, self.score.jitter
-        slouch = score.style.slouch_rad
+        timeline, m, j = self.timeline, self.mirror, self.timeline.jitter
+        slouch = timeline.style.slouch_rad
         scatter = 0.03 * looseness
-        score.set(
+        timeline.set(
             time_s,
-            height=score.body.standing_m - (pose.sink + abs(j(0.006)) * looseness) * self.size,
+            height=timeline.body.standing_m - (pose.sink + abs(j(0.006)) * looseness) * self.size,
             pelvis=(m * pose.yaw + j(scatter), pose.pitch + j(0.5 * scatter), 0.0),
             spine=(pose.flex + 0.5 * slouch + j(0.7 * scatter), m * pose.side + j(0.6 * scatter), m * pose.twist),
             head=(j(0.04), 0.14 + j(0.02), -0.3 * m * pose.side),
@@ -103,17 +103,17 @@ class Boxer:
 
     def fist(self, side: str, time_s: float, hand: _Hand, scatter: float = 0.03) -> None:
         """Key a fist given for the left hand on the side that it belongs to."""
-        score, m = self.score, outward(side)
-        arm = score.body.arm_m
-        shift = np.array([score.jitter(scatter) for _ in range(3)])
+        timeline, m = self.timeline, outward(side)
+        arm = timeline.body.arm_m
+        shift = np.array([timeline.jitter(scatter) for _ in range(3)])
         target = arm * (np.array(hand.target) * [m, 1.0, 1.0] + shift)
-        score.hand(side, time_s, target, _flip(hand.fingers, m), _flip(hand.palm, m))
+        timeline.hand(side, time_s, target, _flip(hand.fingers, m), _flip(hand.palm, m))
         values: dict[str, ArrayLike] = {
-            f"{side}.swivel": max(0.05, hand.swivel + score.jitter(0.08)),
+            f"{side}.swivel": max(0.05, hand.swivel + timeline.jitter(0.08)),
             f"{side}.shrug": hand.shrug,
             f"{side}.grip": 0.95,
         }
-        score.set(time_s, **values)
+        timeline.set(time_s, **values)
 
     def guard(self, time_s: float, scatter: float = 0.03) -> None:
         """Key the guard: both fists up, knees soft, the body turned."""
@@ -126,7 +126,7 @@ class Boxer:
     def foot(self, time_s: float, side: str, heel_up: float, pivot: float) -> None:
         """Key a standing foot: heel height and inward pivot about the ball."""
         turn = -outward(side) * pivot
-        self.score.set(time_s, **{f"{side}.pitch": heel_up, f"{side}.pivot": turn, f"{side}.knee": 0.10})
+        self.timeline.set(time_s, **{f"{side}.pitch": heel_up, f"{side}.pivot": turn, f"{side}.knee": 0.10})
 
     # ---- feet
 
@@ -136,15 +136,15 @@ class Boxer:
         Returns:
             time at which the second foot has landed.
         """
-        score = self.score
+        timeline = self.timeline
         x, z = self.spot
         x += self.size * (left * np.cos(self.heading) + forward * np.sin(self.heading))
         z += self.size * (forward * np.cos(self.heading) - left * np.sin(self.heading))
         self.spot = (float(np.clip(x, -0.6, 0.6)), float(np.clip(z, -0.8, 0.9)))
         first = first or (self.lead if forward >= 0.0 else self.rear)
         second = self.rear if first == self.lead else self.lead
-        air = 0.17 / score.style.tempo
-        time_s = max(lift_s, score.feet[first].free_s + 0.05, score.feet[second].free_s + 0.05)
+        air = 0.17 / timeline.style.tempo
+        time_s = max(lift_s, timeline.feet[first].free_s + 0.05, timeline.feet[second].free_s + 0.05)
         for side in (first, second):
             self._step(side, time_s, time_s + air)
             time_s += air + 0.05
@@ -152,18 +152,18 @@ class Boxer:
 
     def _step(self, side: str, lift_s: float, land_s: float) -> None:
         front = side == self.lead
-        left = self.mirror * (0.10 if front else -0.13) * self.score.style.width
-        yaw = self.mirror * (-0.20 if front else -0.75) + self.score.jitter(0.05)
+        left = self.mirror * (0.10 if front else -0.13) * self.timeline.style.width
+        yaw = self.mirror * (-0.20 if front else -0.75) + self.timeline.jitter(0.05)
         forward = 0.20 if front else -0.22
-        spot = self.score.placed(
-            side, self.spot, self.heading, left * self.size, (forward + self.score.jitter(0.015)) * self.size, yaw
+        spot = self.timeline.placed(
+            side, self.spot, self.heading, left * self.size, (forward + self.timeline.jitter(0.015)) * self.size, yaw
         )
         rest = 0.0 if front else 0.22
-        self.score.step(
+        self.timeline.step(
             side, Swing(lift_s, land_s, spot, 0.030 * self.size), heel_up_rad=max(0.18, rest),
             toe_up_rad=0.05 if front else -rest, rise_s=0.08, roll_s=0.06,
         )  # fmt: skip
-        self.score.set(land_s + 0.06, **{f"{side}.pitch": rest})
+        self.timeline.set(land_s + 0.06, **{f"{side}.pitch": rest})
 
 
 def _flip(vector: tuple[float, float, float], mirror: float) -> Array:
@@ -178,13 +178,13 @@ def _blow(
     bodies: tuple[_Trunk, _Trunk],
 ) -> float:  # fmt: skip
     """Key one blow: wind-up, impact, return, each with its trunk pose."""
-    score = boxer.score
-    pace = score.vary(1.0, 0.08) / score.style.tempo
+    timeline = boxer.timeline
+    pace = timeline.vary(1.0, 0.08) / timeline.style.tempo
     wind_s, hit_s, back_s = (start_s + pace * t for t in np.cumsum(times))
     other = boxer.rear if side == boxer.lead else boxer.lead
     guard = _LEAD_GUARD if side == boxer.lead else _REAR_GUARD
     cover = _REAR_GUARD if side == boxer.lead else _LEAD_GUARD
-    score.anchor(start_s, f"{side}.target", f"{side}.palm", f"{side}.swivel", f"{side}.shrug")
+    timeline.anchor(start_s, f"{side}.target", f"{side}.palm", f"{side}.swivel", f"{side}.shrug")
     if wind is not None:
         boxer.fist(side, wind_s, wind)
     boxer.fist(side, hit_s, hit, 0.035)
@@ -199,16 +199,16 @@ def _blow(
 
 
 def _jab(boxer: Boxer, start_s: float) -> float:
-    reach = 1.16 * (0.9 + 0.1 * boxer.score.style.amplitude)
+    reach = 1.16 * (0.9 + 0.1 * boxer.timeline.style.amplitude)
     hit = _Hand((-0.01, 0.13, reach), (0.0, 0.02, 1.0), (-0.15, -1.0, 0.0), 0.55, (0.10, 0.18))
-    if boxer.score.rng.random() < 0.35:
+    if boxer.timeline.rng.random() < 0.35:
         boxer.stand(start_s, forward=0.10 if boxer.spot[1] < 0.5 else -0.06)
     bodies = (_Trunk(yaw=-0.52, weight=-0.1), _Trunk(yaw=-0.72, twist=-0.22, flex=0.18, weight=0.25))
     return _blow(boxer, start_s, boxer.lead, (0.05, 0.15, 0.26), None, hit, bodies)
 
 
 def _cross(boxer: Boxer, start_s: float) -> float:
-    reach = 1.15 * (0.9 + 0.1 * boxer.score.style.amplitude)
+    reach = 1.15 * (0.9 + 0.1 * boxer.timeline.style.amplitude)
     hit = _Hand((-0.04, 0.11, reach), (0.0, 0.0, 1.0), (-0.2, -1.0, 0.0), 0.60, (0.10, 0.20))
     bodies = (
         _Trunk(yaw=-0.62, twist=-0.08, weight=-0.25),
@@ -258,11 +258,11 @@ def _uppercut(boxer: Boxer, start_s: float) -> float:
 def _pivot(boxer: Boxer, side: str, start_s: float, end_s: float, heel_up: float, turn: float) -> None:
     """Turn a foot inwards on its ball with a blow and back."""
     rest = 0.0 if side == boxer.lead else 0.22
-    if boxer.score.feet[side].free_s > start_s:
+    if boxer.timeline.feet[side].free_s > start_s:
         return  # it is stepping
-    score = boxer.score
-    score.anchor(start_s, f"{side}.pitch", f"{side}.pivot")
-    boxer.foot(start_s + 0.5 * (end_s - start_s), side, score.vary(heel_up, 0.1), score.vary(turn, 0.1))
+    timeline = boxer.timeline
+    timeline.anchor(start_s, f"{side}.pitch", f"{side}.pivot")
+    boxer.foot(start_s + 0.5 * (end_s - start_s), side, timeline.vary(heel_up, 0.1), timeline.vary(turn, 0.1))
     boxer.foot(end_s + 0.05, side, rest, 0.0)
 
 
@@ -274,15 +274,15 @@ def _duck(boxer: Boxer, start_s: float) -> float:
 
 
 def _slip(boxer: Boxer, start_s: float) -> float:
-    away = 1.0 if boxer.score.rng.random() < 0.5 else -1.0
+    away = 1.0 if boxer.timeline.rng.random() < 0.5 else -1.0
     pose = _Trunk(yaw=-0.55 + 0.25 * away, twist=0.15 * away, side=0.30 * away, flex=0.24, sink=0.09, weight=0.4 * away)
     return _evade(boxer, start_s, pose, (0.26, 0.04, 0.28))
 
 
 def _weave(boxer: Boxer, start_s: float) -> float:
-    score = boxer.score
-    away = 1.0 if score.rng.random() < 0.5 else -1.0
-    pace = score.vary(1.0, 0.08) / score.style.tempo
+    timeline = boxer.timeline
+    away = 1.0 if timeline.rng.random() < 0.5 else -1.0
+    pace = timeline.vary(1.0, 0.08) / timeline.style.tempo
     low = {"pitch": 0.34, "flex": 0.34}
     boxer.trunk(start_s + 0.30 * pace, _Trunk(sink=0.13, side=0.22 * away, weight=0.5 * away, **low))
     boxer.trunk(start_s + 0.54 * pace, _Trunk(sink=0.20, **low))
@@ -293,8 +293,8 @@ def _weave(boxer: Boxer, start_s: float) -> float:
 
 
 def _evade(boxer: Boxer, start_s: float, pose: _Trunk, times: tuple[float, float, float]) -> float:
-    score = boxer.score
-    down, hold, up = (score.vary(t, 0.08) / score.style.tempo for t in times)
+    timeline = boxer.timeline
+    down, hold, up = (timeline.vary(t, 0.08) / timeline.style.tempo for t in times)
     boxer.trunk(start_s + down, pose)
     for side, guard in ((boxer.lead, _LEAD_GUARD), (boxer.rear, _REAR_GUARD)):
         high = _Hand((guard.target[0], guard.target[1] + 0.08, guard.target[2] - 0.04), guard.fingers, guard.palm, 0.2)
@@ -321,48 +321,48 @@ _ACTIONS: dict[str, Callable[[Boxer, float], float]] = {
 # ---- the fight
 
 
-def box(score: Score, seconds: float) -> None:
+def box(timeline: Timeline, seconds: float) -> None:
     """Take guard, move, strike in combinations, lower the hands."""
-    end = score.time_s + seconds
-    boxer = Boxer(score, "r" if score.rng.random() < 0.1 else "l")
+    end = timeline.time_s + seconds
+    boxer = Boxer(timeline, "r" if timeline.rng.random() < 0.1 else "l")
     time_s, first = _take_guard(boxer), True
     while time_s < end - _LEAVE_S - 0.4:
-        if time_s > score.time_s + 1.5 or score.rng.random() < 0.6:
+        if time_s > timeline.time_s + 1.5 or timeline.rng.random() < 0.6:
             time_s = _move(boxer, time_s)
         if time_s > end - _LEAVE_S - 0.2:
             break
-        combination = _COMBINATIONS[int(score.rng.integers(len(_COMBINATIONS)))]
+        combination = _COMBINATIONS[int(timeline.rng.integers(len(_COMBINATIONS)))]
         if first and seconds < _SHORT_S:  # little time: show at least what boxing is
             combination = ("jab", "cross")
         first = False
         for action in combination:
-            time_s = _ACTIONS[action](boxer, time_s) + max(0.0, score.jitter(0.03))
+            time_s = _ACTIONS[action](boxer, time_s) + max(0.0, timeline.jitter(0.03))
             if time_s > end - _LEAVE_S:
                 break
     _lower_guard(boxer, time_s)
 
 
 def _take_guard(boxer: Boxer) -> float:
-    score = boxer.score
-    start = score.time_s
-    score.anchor(start)
+    timeline = boxer.timeline
+    start = timeline.time_s
+    timeline.anchor(start)
     ready = boxer.stand(start + 0.15) + 0.1
     for side, guard in ((boxer.lead, _LEAD_GUARD), (boxer.rear, _REAR_GUARD)):
         boxer.fist(side, start, guard)  # not seen while `guide` is 0
-        score.set(start, **{f"{side}.grip": 0.3})
-        score.set(start + 0.55, **{f"{side}.guide": 1.0})
+        timeline.set(start, **{f"{side}.grip": 0.3})
+        timeline.set(start + 0.55, **{f"{side}.guide": 1.0})
     boxer.guard(ready)
-    score.set(start + 0.55, height=score.body.standing_m - 0.03 * boxer.size)
+    timeline.set(start + 0.55, height=timeline.body.standing_m - 0.03 * boxer.size)
     return ready
 
 
 def _move(boxer: Boxer, start_s: float) -> float:
     """Bounce in the guard and shuffle about."""
-    score = boxer.score
-    beat = score.vary(0.23, 0.06) / score.style.tempo
-    count = int(score.rng.integers(2, 6))
-    if score.rng.random() < 0.75:
-        forward, left = score.jitter(0.13), score.jitter(0.10)
+    timeline = boxer.timeline
+    beat = timeline.vary(0.23, 0.06) / timeline.style.tempo
+    count = int(timeline.rng.integers(2, 6))
+    if timeline.rng.random() < 0.75:
+        forward, left = timeline.jitter(0.13), timeline.jitter(0.10)
         if abs(boxer.spot[1]) > 0.45:
             forward = -0.15 * float(np.sign(boxer.spot[1]))
         first = "" if abs(forward) > abs(left) else ("l" if left > 0.0 else "r")
@@ -370,27 +370,27 @@ def _move(boxer: Boxer, start_s: float) -> float:
     time_s = start_s
     for i in range(count):
         time_s = start_s + (i + 1) * beat
-        low = 0.050 if i % 2 == 0 else 0.050 - 0.022 * score.style.bounce
-        boxer.trunk(time_s, _Trunk(sink=low, weight=score.jitter(0.18), side=score.jitter(0.04)))
+        low = 0.050 if i % 2 == 0 else 0.050 - 0.022 * timeline.style.bounce
+        boxer.trunk(time_s, _Trunk(sink=low, weight=timeline.jitter(0.18), side=timeline.jitter(0.04)))
     for side, guard in ((boxer.lead, _LEAD_GUARD), (boxer.rear, _REAR_GUARD)):
         boxer.fist(side, start_s + 0.5 * count * beat, guard)
         boxer.fist(side, time_s, guard)
-    return max(time_s, score.feet["l"].free_s, score.feet["r"].free_s)
+    return max(time_s, timeline.feet["l"].free_s, timeline.feet["r"].free_s)
 
 
 def _lower_guard(boxer: Boxer, start_s: float) -> None:
     """Drop the hands and step back to stand square."""
-    score = boxer.score
-    score.anchor(start_s)
+    timeline = boxer.timeline
+    timeline.anchor(start_s)
     lift = start_s + 0.25
-    x, z = score.spot
+    x, z = timeline.spot
     for side in (boxer.rear, boxer.lead):
-        to = score.placement(side, x, z, boxer.heading)
+        to = timeline.placement(side, x, z, boxer.heading)
         base = 0.22 if side == boxer.rear else 0.1
-        score.step(side, Swing(lift, lift + 0.34, to, 0.04 * boxer.size), heel_up_rad=base + 0.15)
+        timeline.step(side, Swing(lift, lift + 0.34, to, 0.04 * boxer.size), heel_up_rad=base + 0.15)
         lift += 0.42
-    score.time_s = lift + 0.2
-    score.set(start_s + 0.85, height=0.99 * score.body.standing_m)
-    ease = score.at_ease()
-    score.set(start_s + 0.95, **{k: v for k, v in ease.items() if ".pitch" not in k})
-    score.set(score.time_s, height=score.body.standing_m * 0.997, **ease)
+    timeline.time_s = lift + 0.2
+    timeline.set(start_s + 0.85, height=0.99 * timeline.body.standing_m)
+    ease = timeline.at_ease()
+    timeline.set(start_s + 0.95, **{k: v for k, v in ease.items() if ".pitch" not in k})
+    timeline.set(timeline.time_s, height=timeline.body.standing_m * 0.997, **ease)

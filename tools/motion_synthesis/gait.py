@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from .curves import Track
 from .feet import Placement, Swing
 from .proportions import GRAVITY_M_S2, SIDES, outward
-from .timeline import STANDING_HEIGHT, Score
+from .timeline import STANDING_HEIGHT, Timeline
 
 
 @dataclass(frozen=True)
@@ -82,13 +82,13 @@ class _Step:
     amount: float
 
 
-def styled(gait: Gait, score: Score) -> Gait:
+def styled(gait: Gait, timeline: Timeline) -> Gait:
     """Return the gait as this style and repetition have it."""
-    style = score.style
+    style = timeline.style
     swing = style.arm_swing * np.sqrt(style.amplitude)
     return replace(
         gait,
-        step_s=score.vary(gait.step_s, 0.03) / style.tempo,
+        step_s=timeline.vary(gait.step_s, 0.03) / style.tempo,
         lift=gait.lift * style.amplitude * style.bounce,
         heel_up=gait.heel_up * style.amplitude**0.5,
         toe_up=gait.toe_up * style.amplitude,
@@ -102,29 +102,29 @@ def styled(gait: Gait, score: Score) -> Gait:
     )
 
 
-def stepped(score: Score, gait: Gait, path: Track, until_s: float) -> None:
+def stepped(timeline: Timeline, gait: Gait, path: Track, until_s: float) -> None:
     """Step along `path` from the timeline's time until both feet stand at its end.
 
     Args:
         path: keys of (x, z, heading); the ground point between the ankles.
         until_s: no step starts in place after this time; the timeline's time ends after the last landing.
     """
-    steps = _planned(score, gait, path, until_s)
+    steps = _planned(timeline, gait, path, until_s)
     swing_s = [s.land_s - s.lift_s for s in steps]
     for step, air_s in zip(steps, swing_s, strict=True):
-        _place(score, gait, step, path, air_s)
-    _key_trunk_and_arms(score, gait, steps)
+        _place(timeline, gait, step, path, air_s)
+    _key_trunk_and_arms(timeline, gait, steps)
     if gait.duty < 0.5:
-        _key_flights(score, gait, steps)
+        _key_flights(timeline, gait, steps)
     else:
-        _key_heights(score, gait, steps)
-    _key_heading(score, path, score.time_s, steps[-1].land_s)
-    score.time_s = steps[-1].land_s + 0.12
+        _key_heights(timeline, gait, steps)
+    _key_heading(timeline, path, timeline.time_s, steps[-1].land_s)
+    timeline.time_s = steps[-1].land_s + 0.12
 
 
-def _planned(score: Score, gait: Gait, path: Track, until_s: float) -> list[_Step]:
-    start = score.time_s
-    side = _first_side(score, path, gait)
+def _planned(timeline: Timeline, gait: Gait, path: Track, until_s: float) -> list[_Step]:
+    start = timeline.time_s
+    side = _first_side(timeline, path, gait)
     air = 2.0 * gait.step_s * (1.0 - gait.duty)
     land = start + 0.32 + air
     steps: list[_Step] = []
@@ -133,63 +133,63 @@ def _planned(score: Score, gait: Gait, path: Track, until_s: float) -> list[_Ste
         steps.append(_Step(side, land - air, land, 1.0))
         settled = settled + 1 if _middle_of_stance(gait, land) >= path.last().time_s else 0
         side = "r" if side == "l" else "l"
-        limp = 1.0 + score.style.asymmetry * outward(side)
-        land += max(score.vary(gait.step_s, 0.025) * limp, 0.2)
+        limp = 1.0 + timeline.style.asymmetry * outward(side)
+        land += max(timeline.vary(gait.step_s, 0.025) * limp, 0.2)
     return steps
 
 
-def _first_side(score: Score, path: Track, gait: Gait) -> str:
+def _first_side(timeline: Timeline, path: Track, gait: Gait) -> str:
     """Return the foot on the side that the path turns or goes to, else a random one."""
-    soon = path.value_at(score.time_s + 1.5 * gait.step_s) - path.value_at(score.time_s)
-    heading = path.value_at(score.time_s)[2]
+    soon = path.value_at(timeline.time_s + 1.5 * gait.step_s) - path.value_at(timeline.time_s)
+    heading = path.value_at(timeline.time_s)[2]
     aside = soon[0] * np.cos(heading) - soon[1] * np.sin(heading)
     lean = aside + 0.2 * soon[2]
     if abs(lean) > 0.05:
         return "l" if lean > 0.0 else "r"
-    return SIDES[int(score.rng.integers(2))]
+    return SIDES[int(timeline.rng.integers(2))]
 
 
 def _middle_of_stance(gait: Gait, land_s: float) -> float:
     return land_s + gait.duty * gait.step_s
 
 
-def _target(score: Score, gait: Gait, side: str, path: Track, land_s: float) -> Placement:
+def _target(timeline: Timeline, gait: Gait, side: str, path: Track, land_s: float) -> Placement:
     x, z, heading = path.value_at(_middle_of_stance(gait, land_s))
     going = path.value_at(land_s + 0.1) - path.value_at(land_s - 0.1)
     speed = min(1.0, float(np.hypot(going[0], going[1])) / 0.16)
     width = 1.0 + (gait.width - 1.0) * speed  # who walks sets the feet closer together than who stands
-    spot = score.placement(side, x, z, heading, width)
+    spot = timeline.placement(side, x, z, heading, width)
     scatter = 0.012 * speed
-    return Placement(spot.x_m + score.jitter(scatter), spot.z_m + score.jitter(scatter), spot.yaw_rad)
+    return Placement(spot.x_m + timeline.jitter(scatter), spot.z_m + timeline.jitter(scatter), spot.yaw_rad)
 
 
-def _place(score: Score, gait: Gait, step: _Step, path: Track, air_s: float) -> None:
-    old = score.feet[step.side].current
-    new = _target(score, gait, step.side, path, step.land_s)
+def _place(timeline: Timeline, gait: Gait, step: _Step, path: Track, air_s: float) -> None:
+    old = timeline.feet[step.side].current
+    new = _target(timeline, gait, step.side, path, step.land_s)
     heading = float(path.value_at(step.land_s)[2])
     dx, dz = new.x_m - old.x_m, new.z_m - old.z_m
     forward = dx * np.sin(heading) + dz * np.cos(heading)
     # a swing covers two steps; in place some life stays
-    step.amount = float(np.clip(forward / (2.0 * gait.stride * score.body.leg_m), -0.6, 1.25))
-    size = float(np.clip(np.hypot(dx, dz) / (2.0 * gait.stride * score.body.leg_m), 0.0, 1.2))
+    step.amount = float(np.clip(forward / (2.0 * gait.stride * timeline.body.leg_m), -0.6, 1.25))
+    size = float(np.clip(np.hypot(dx, dz) / (2.0 * gait.stride * timeline.body.leg_m), 0.0, 1.2))
     running = gait.duty < 0.5
     lively = 0.75 + 0.25 * size if running else 0.45 + 0.55 * size
     backwards = forward < -0.05
     heel_up = gait.heel_up * (0.5 + 0.5 * size) * (0.75 if backwards else 1.0)
     toe_up = -0.25 * size if backwards else gait.toe_up * min(1.0, size * 1.3)
-    height_m = score.vary(gait.lift, 0.08) * lively * score.body.leg_m
+    height_m = timeline.vary(gait.lift, 0.08) * lively * timeline.body.leg_m
     swing = Swing(step.lift_s, step.land_s, new, height_m, peak=0.48 if running else 0.42)
-    score.step(
+    timeline.step(
         step.side, swing, heel_up_rad=heel_up, toe_up_rad=toe_up,
         rise_s=0.45 * gait.duty * 2.0 * gait.step_s, roll_s=0.22 * gait.duty * gait.step_s,
     )  # fmt: skip
     if gait.mid_up > 0.0:
-        peak = gait.mid_up * (0.75 + 0.35 * size) * score.vary(1.0, 0.05)
-        score.set(step.lift_s + 0.36 * air_s, **{f"{step.side}.pitch": max(peak, heel_up)})
+        peak = gait.mid_up * (0.75 + 0.35 * size) * timeline.vary(1.0, 0.05)
+        timeline.set(step.lift_s + 0.36 * air_s, **{f"{step.side}.pitch": max(peak, heel_up)})
 
 
-def _key_trunk_and_arms(score: Score, gait: Gait, steps: list[_Step]) -> None:
-    score.anchor(score.time_s)
+def _key_trunk_and_arms(timeline: Timeline, gait: Gait, steps: list[_Step]) -> None:
+    timeline.anchor(timeline.time_s)
     running = gait.duty < 0.5
     for i, step in enumerate(steps):
         last = i >= len(steps) - 1
@@ -197,77 +197,79 @@ def _key_trunk_and_arms(score: Score, gait: Gait, steps: list[_Step]) -> None:
         if last:
             amount *= 0.35
         s = outward(step.side)
-        turn = -s * gait.pelvis_yaw * amount * score.vary(1.0, 0.12)
+        turn = -s * gait.pelvis_yaw * amount * timeline.vary(1.0, 0.12)
         land, middle = step.land_s, step.land_s + 0.5 * gait.step_s
-        free = abs(amount) ** 0.5 * gait.pelvis_roll * s * score.vary(1.0, 0.15)
-        score.set(land, pelvis=(turn, gait.pelvis_pitch, 0.0))
+        free = abs(amount) ** 0.5 * gait.pelvis_roll * s * timeline.vary(1.0, 0.15)
+        timeline.set(land, pelvis=(turn, gait.pelvis_pitch, 0.0))
         twist = (s * gait.twist * amount - turn) * 0.9
-        score.set(land, spine=(gait.lean + score.jitter(0.01), 0.0, twist))
-        score.set(land, head=(score.jitter(0.05), 0.06 + score.style.head_drop_rad + score.jitter(0.02), 0.0))
+        timeline.set(land, spine=(gait.lean + timeline.jitter(0.01), 0.0, twist))
+        timeline.set(
+            land, head=(timeline.jitter(0.05), 0.06 + timeline.style.head_drop_rad + timeline.jitter(0.02), 0.0)
+        )
         if not last:
-            score.set(middle, pelvis=(0.2 * turn, gait.pelvis_pitch, free))
-            score.set(middle, spine=(gait.lean, -0.7 * free, 0.15 * twist))
+            timeline.set(middle, pelvis=(0.2 * turn, gait.pelvis_pitch, free))
+            timeline.set(middle, spine=(gait.lean, -0.7 * free, 0.15 * twist))
         for side in SIDES:
-            _key_arm(score, gait, side, land + 0.05 * gait.step_s, amount if side != step.side else -amount)
+            _key_arm(timeline, gait, side, land + 0.05 * gait.step_s, amount if side != step.side else -amount)
 
 
-def _key_arm(score: Score, gait: Gait, side: str, time_s: float, amount: float) -> None:
+def _key_arm(timeline: Timeline, gait: Gait, side: str, time_s: float, amount: float) -> None:
     """Set an arm at the end of its swing: forward for a positive amount."""
-    share = 1.0 + score.style.asymmetry * outward(side)
+    share = 1.0 + timeline.style.asymmetry * outward(side)
     reach = gait.arm_forward if amount > 0.0 else gait.arm_back
-    swing = amount * reach * share * score.vary(1.0, 0.10)
-    bend = gait.elbow + gait.elbow_swing * (amount if amount > 0.0 else 0.6 * amount) * score.vary(1.0, 0.1)
+    swing = amount * reach * share * timeline.vary(1.0, 0.10)
+    bend = gait.elbow + gait.elbow_swing * (amount if amount > 0.0 else 0.6 * amount) * timeline.vary(1.0, 0.1)
     inward = gait.arm_in + (0.25 if gait.duty < 0.5 else 0.08) * max(amount, 0.0)
     values: dict[str, ArrayLike] = {
-        f"{side}.arm": (0.04 + swing, gait.arm_out + 0.02 * abs(amount) + score.jitter(0.015), inward),
+        f"{side}.arm": (0.04 + swing, gait.arm_out + 0.02 * abs(amount) + timeline.jitter(0.015), inward),
         f"{side}.elbow": max(0.1, bend),
-        f"{side}.hand": (0.05 + score.jitter(0.05), 0.12 + 0.10 * amount, score.jitter(0.04)),
+        f"{side}.hand": (0.05 + timeline.jitter(0.05), 0.12 + 0.10 * amount, timeline.jitter(0.04)),
         f"{side}.grip": gait.grip,
         f"{side}.shrug": (0.0, 0.05 * amount),
     }
-    score.set(time_s, **values)
+    timeline.set(time_s, **values)
 
 
-def _key_heights(score: Score, gait: Gait, steps: list[_Step]) -> None:
-    high = gait.height * score.body.standing_m
+def _key_heights(timeline: Timeline, gait: Gait, steps: list[_Step]) -> None:
+    high = gait.height * timeline.body.standing_m
     for i, step in enumerate(steps):
         size = abs(step.amount)
-        score.set(step.land_s, height=high - gait.dip * (0.3 + size) * score.body.standing_m)
-        rise = 0.004 * size * score.style.bounce * score.body.standing_m
+        timeline.set(step.land_s, height=high - gait.dip * (0.3 + size) * timeline.body.standing_m)
+        rise = 0.004 * size * timeline.style.bounce * timeline.body.standing_m
         if i + 1 < len(steps):
-            score.set(step.land_s + 0.48 * gait.step_s, height=high + rise + score.jitter(0.002))
-    score.set(steps[-1].land_s + 0.45, height=STANDING_HEIGHT * score.body.standing_m)
+            timeline.set(step.land_s + 0.48 * gait.step_s, height=high + rise + timeline.jitter(0.002))
+    timeline.set(steps[-1].land_s + 0.45, height=STANDING_HEIGHT * timeline.body.standing_m)
 
 
-def _key_flights(score: Score, gait: Gait, steps: list[_Step]) -> None:
+def _key_flights(timeline: Timeline, gait: Gait, steps: list[_Step]) -> None:
     """Key free flight of the body from each lift-off to the next landing.
 
     The stance's curve follows from its ends.
     """
-    height = gait.height * score.body.standing_m
+    height = gait.height * timeline.body.standing_m
     for before, after in itertools.pairwise(steps):
         lift, land = after.lift_s, before.land_s
         if lift >= land or lift <= before.lift_s:
             continue
         # off the toes of a straightened leg, down on a bent one
-        if score.tracks["height"].last().time_s < lift - 0.45:  # the first time: sink a little before
-            score.set(lift - 0.24, height=0.965 * height)
+        if timeline.tracks["height"].last().time_s < lift - 0.45:  # the first time: sink a little before
+            timeline.set(lift - 0.24, height=0.965 * height)
         # long strides need lower hips
         tall = height * (1.0 + 0.024 * (1.0 - min(1.0, abs(after.amount))))
         high, low = tall * (1.0 + 0.5 * _LAND_BENT), tall * (1.0 - 0.5 * _LAND_BENT)
-        fly_high(score, lift, high, land, low)
-    score.set(steps[-1].land_s + 0.30, height=STANDING_HEIGHT * score.body.standing_m)
+        fly_high(timeline, lift, high, land, low)
+    timeline.set(steps[-1].land_s + 0.30, height=STANDING_HEIGHT * timeline.body.standing_m)
 
 
-def fly_high(score: Score, lift_s: float, lift_m: float, land_s: float, land_m: float) -> None:
+def fly_high(timeline: Timeline, lift_s: float, lift_m: float, land_s: float, land_m: float) -> None:
     """Key the root's height for a free flight between two heights at two times."""
     air = land_s - lift_s
     up = (land_m - lift_m) / air + 0.5 * GRAVITY_M_S2 * air
-    score.move("height", lift_s, lift_m, up, -GRAVITY_M_S2)
-    score.move("height", land_s, land_m, up - GRAVITY_M_S2 * air, -GRAVITY_M_S2)
+    timeline.move("height", lift_s, lift_m, up, -GRAVITY_M_S2)
+    timeline.move("height", land_s, land_m, up - GRAVITY_M_S2 * air, -GRAVITY_M_S2)
 
 
-def _key_heading(score: Score, path: Track, start_s: float, end_s: float) -> None:
-    score.anchor(start_s, "heading")
+def _key_heading(timeline: Timeline, path: Track, start_s: float, end_s: float) -> None:
+    timeline.anchor(start_s, "heading")
     for time_s in np.arange(start_s + 0.15, max(end_s, path.last().time_s) + 0.1, 0.15):
-        score.set(float(time_s), heading=path.value_at(float(time_s))[2])
+        timeline.set(float(time_s), heading=path.value_at(float(time_s))[2])

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from .feet import Swing
 from .proportions import SIDES
-from .timeline import STANDING_HEIGHT, Score
+from .timeline import STANDING_HEIGHT, Timeline
 
 _LEG_M = 0.85
 _LEAVE_S = 1.4  # what putting the sword away takes
@@ -25,39 +25,39 @@ _TSUKI: _Held = ((0.0, -0.34, 0.56), (0.10, 0.0, 0.0))
 
 
 class Kendoka:
-    """Writes a swordsman's keys into a score."""
+    """Writes a swordsman's keys into a timeline."""
 
-    def __init__(self, score: Score) -> None:
-        self.score = score
-        self.size = score.body.leg_m / _LEG_M
-        self.spot = score.spot
-        self.heading = score.front_rad
+    def __init__(self, timeline: Timeline) -> None:
+        self.timeline = timeline
+        self.size = timeline.body.leg_m / _LEG_M
+        self.spot = timeline.spot
+        self.heading = timeline.front_rad
 
     def sword(self, time_s: float, held: _Held, aside: float = 0.0, scatter: float = 1.0) -> None:
         """Key the sword; `aside` turns a cut to the left, with the edge."""
-        j = self.score.jitter
+        j = self.timeline.jitter
         fist = np.add(held[0], [j(0.012 * scatter), j(0.018 * scatter), j(0.015 * scatter)])
         aim = np.add(held[1], [j(0.04 * scatter), aside + j(0.025 * scatter), -0.8 * aside + j(0.02 * scatter)])
-        self.score.set(time_s, sword=fist, aim=aim)
+        self.timeline.set(time_s, sword=fist, aim=aim)
 
     def trunk(self, time_s: float, lean: float = 0.03, twist: float = 0.0, sink: float = 0.035) -> None:
         """Key an upright trunk."""
-        score, j = self.score, self.score.jitter
-        score.set(
+        timeline, j = self.timeline, self.timeline.jitter
+        timeline.set(
             time_s,
-            height=score.body.standing_m - (sink + abs(j(0.005))) * self.size,
+            height=timeline.body.standing_m - (sink + abs(j(0.005))) * self.size,
             pelvis=(-0.06 + j(0.015), 0.5 * lean + 0.03, 0.0),
-            spine=(0.5 * lean + 0.5 * score.style.slouch_rad + j(0.012), j(0.012), twist + j(0.015)),
+            spine=(0.5 * lean + 0.5 * timeline.style.slouch_rad + j(0.012), j(0.012), twist + j(0.015)),
             head=(j(0.02), 0.05 + 0.2 * lean + j(0.015), 0.0),
             heading=self.heading,
         )
-        raised = self.score.value("sword")[1] > 0.2
+        raised = self.timeline.value("sword")[1] > 0.2
         for side in SIDES:
             values: dict[str, ArrayLike] = {
                 f"{side}.swivel": (0.75 if raised else 0.30) + j(0.04),
                 f"{side}.grip": 0.85,
             }
-            score.set(time_s, **values)
+            timeline.set(time_s, **values)
 
     def advance(
         self, lift_s: float, forward_m: float, left_m: float = 0.0, *, stamp: bool = False, quick: float = 1.0
@@ -67,36 +67,36 @@ class Kendoka:
         Returns:
             times at which the first and second foot land.
         """
-        score = self.score
+        timeline = self.timeline
         x = self.spot[0] + self.size * (left_m * np.cos(self.heading) + forward_m * np.sin(self.heading))
         z = self.spot[1] + self.size * (forward_m * np.cos(self.heading) - left_m * np.sin(self.heading))
         self.spot = (float(np.clip(x, -0.5, 0.5)), float(np.clip(z, -0.95, 1.0)))
         first, second = ("r", "l") if forward_m >= 0.0 else ("l", "r")
-        lift = max(lift_s, score.feet[first].free_s + 0.04)
+        lift = max(lift_s, timeline.feet[first].free_s + 0.04)
         air = (0.24 if stamp else 0.22) / quick
         self._step(first, lift, lift + air, stamp)
-        lift_2 = max(lift + 0.75 * air if stamp else lift + air - 0.02, score.feet[second].free_s + 0.04)
+        lift_2 = max(lift + 0.75 * air if stamp else lift + air - 0.02, timeline.feet[second].free_s + 0.04)
         if stamp:
             lift_2 = max(lift_2, lift + air + 0.02)
         self._step(second, lift_2, lift_2 + 0.9 * air, False)
         return lift + air, lift_2 + 0.9 * air
 
     def _step(self, side: str, lift_s: float, land_s: float, stamp: bool) -> None:
-        score = self.score
+        timeline = self.timeline
         right = side == "r"
-        left = (-0.085 if right else 0.085) * score.style.width
+        left = (-0.085 if right else 0.085) * timeline.style.width
         forward = 0.16 if right else -0.19
-        to = score.placed(
-            side, self.spot, self.heading, left * self.size, (forward + score.jitter(0.012)) * self.size,
-            0.04 * (-1.0 if right else 1.0) + score.jitter(0.03),
+        to = timeline.placed(
+            side, self.spot, self.heading, left * self.size, (forward + timeline.jitter(0.012)) * self.size,
+            0.04 * (-1.0 if right else 1.0) + timeline.jitter(0.03),
         )  # fmt: skip
         rest = 0.0 if right else _HEEL_UP
-        score.step(
+        timeline.step(
             side, Swing(lift_s, land_s, to, (0.075 if stamp else 0.018) * self.size, peak=0.55 if stamp else 0.5),
-            heel_up_rad=0.12 if right else score.vary(0.55, 0.1), toe_up_rad=0.0 if right else -rest,
+            heel_up_rad=0.12 if right else timeline.vary(0.55, 0.1), toe_up_rad=0.0 if right else -rest,
             rise_s=0.10, roll_s=0.05,
         )  # fmt: skip
-        score.set(land_s + 0.05, **{f"{side}.pitch": rest})
+        timeline.set(land_s + 0.05, **{f"{side}.pitch": rest})
 
     def room(self) -> float:
         """Return metres to the front end of the space."""
@@ -108,14 +108,14 @@ class Kendoka:
 
 def _cut(k: Kendoka, start_s: float, raised: _Held, hit: _Held, reach_m: float, *, recover: bool = True) -> float:
     """Raise, cut with a stamping step, pause, return to the guard (if `recover`)."""
-    score = k.score
-    pace = score.vary(1.0, 0.07) / score.style.tempo
+    timeline = k.timeline
+    pace = timeline.vary(1.0, 0.07) / timeline.style.tempo
     up_s = start_s + (0.40 if raised is _RAISED else 0.24) * pace
     hit_s = up_s + 0.23 * pace
-    k.score.anchor(start_s, "sword", "aim")
+    k.timeline.anchor(start_s, "sword", "aim")
     k.sword(up_s, raised)
     k.trunk(up_s, 0.0)
-    landed, closed = k.advance(hit_s - 0.25, score.vary(reach_m, 0.1), stamp=True)
+    landed, closed = k.advance(hit_s - 0.25, timeline.vary(reach_m, 0.1), stamp=True)
     hit_s = max(hit_s, landed - 0.01)
     k.sword(hit_s, hit)
     k.trunk(hit_s, 0.14, -0.10 if hit is _DO else 0.0, 0.06)
@@ -131,7 +131,7 @@ def _cut(k: Kendoka, start_s: float, raised: _Held, hit: _Held, reach_m: float, 
 
 
 def _men(k: Kendoka, start_s: float) -> float:
-    return _cut(k, start_s, _RAISED if k.score.rng.random() < 0.7 else _HALF_RAISED, _MEN, 0.42)
+    return _cut(k, start_s, _RAISED if k.timeline.rng.random() < 0.7 else _HALF_RAISED, _MEN, 0.42)
 
 
 def _kote(k: Kendoka, start_s: float) -> float:
@@ -153,11 +153,11 @@ def _kote_men(k: Kendoka, start_s: float) -> float:
 
 def _practice_swings(k: Kendoka, start_s: float) -> float:
     """Full swings with a step forward and a step back in turn."""
-    score = k.score
+    timeline = k.timeline
     time_s = start_s
-    k.score.anchor(start_s, "sword", "aim")
-    for i in range(int(score.rng.integers(3, 6))):
-        pace = score.vary(1.0, 0.06) / score.style.tempo
+    k.timeline.anchor(start_s, "sword", "aim")
+    for i in range(int(timeline.rng.integers(3, 6))):
+        pace = timeline.vary(1.0, 0.06) / timeline.style.tempo
         up_s, hit_s = time_s + 0.52 * pace, time_s + 0.80 * pace
         k.sword(up_s, _RAISED)
         k.trunk(up_s, -0.02, 0.0, 0.03)
@@ -175,13 +175,13 @@ def _practice_swings(k: Kendoka, start_s: float) -> float:
 
 def _alternating(k: Kendoka, start_s: float) -> float:
     """Cut the head's left and right by turns, with sliding steps forward, then back."""
-    score = k.score
+    timeline = k.timeline
     time_s = start_s
-    k.score.anchor(start_s, "sword", "aim")
-    count = 2 * int(score.rng.integers(2, 4))
+    k.timeline.anchor(start_s, "sword", "aim")
+    count = 2 * int(timeline.rng.integers(2, 4))
     for i in range(count):
-        pace = score.vary(0.9, 0.06) / score.style.tempo
-        aside = (0.32 if i % 2 == 0 else -0.32) * score.vary(1.0, 0.1)
+        pace = timeline.vary(0.9, 0.06) / timeline.style.tempo
+        aside = (0.32 if i % 2 == 0 else -0.32) * timeline.vary(1.0, 0.1)
         up_s, hit_s = time_s + 0.36 * pace, time_s + 0.58 * pace
         k.sword(up_s, _RAISED, -0.5 * aside)
         k.trunk(up_s, 0.0)
@@ -203,13 +203,13 @@ _ACTIONS: tuple[Callable[[Kendoka, float], float], ...] = (
 # ---- the bout
 
 
-def fence(score: Score, seconds: float) -> None:
+def fence(timeline: Timeline, seconds: float) -> None:
     """Draw up in the middle guard, step about, cut, put the sword away."""
-    end = score.time_s + seconds
-    k = Kendoka(score)
+    end = timeline.time_s + seconds
+    k = Kendoka(timeline)
     time_s, first = _take_guard(k), True
     while time_s < end - _LEAVE_S - 0.6:
-        if time_s > score.time_s + 1.5 or score.rng.random() < 0.5:
+        if time_s > timeline.time_s + 1.5 or timeline.rng.random() < 0.5:
             time_s = _wait(k, time_s)
         if time_s > end - _LEAVE_S - 0.6:
             break
@@ -217,23 +217,23 @@ def fence(score: Score, seconds: float) -> None:
         if first and seconds < _SHORT_S:  # little time: show at least what kendo is
             choices = (_men,)
         first = False
-        time_s = choices[int(score.rng.integers(len(choices)))](k, time_s)
+        time_s = choices[int(timeline.rng.integers(len(choices)))](k, time_s)
     _put_away(k, time_s)
 
 
 def _take_guard(k: Kendoka) -> float:
-    score = k.score
-    start = score.time_s
-    score.anchor(start)
+    timeline = k.timeline
+    start = timeline.time_s
+    timeline.anchor(start)
     for time_s in (start, start + 0.3):
-        score.set(time_s, sword=(0.0, -0.70, 0.36), aim=(-0.1, 0.0, 0.0))
-    score.set(start, holds=0.0)
-    score.set(start + 1e-3, holds=1.0)
+        timeline.set(time_s, sword=(0.0, -0.70, 0.36), aim=(-0.1, 0.0, 0.0))
+    timeline.set(start, holds=0.0)
+    timeline.set(start + 1e-3, holds=1.0)
     _, landed = k.advance(start + 0.25, 0.0, quick=0.7)
     for side in SIDES:
-        score.set(start + 0.75, **{f"{side}.guide": 1.0})
+        timeline.set(start + 0.75, **{f"{side}.guide": 1.0})
     ready = max(landed, start + 1.1)
-    score.set(start + 0.6, height=score.body.standing_m - 0.02 * k.size)
+    timeline.set(start + 0.6, height=timeline.body.standing_m - 0.02 * k.size)
     k.sword(ready, _CHUDAN)
     k.trunk(ready)
     return ready
@@ -241,39 +241,39 @@ def _take_guard(k: Kendoka) -> float:
 
 def _wait(k: Kendoka, start_s: float) -> float:
     """Keep the guard, the point alive, with sliding steps."""
-    score = k.score
+    timeline = k.timeline
     time_s = start_s
-    for _ in range(int(score.rng.integers(1, 4))):
-        forward = score.jitter(0.16)
+    for _ in range(int(timeline.rng.integers(1, 4))):
+        forward = timeline.jitter(0.16)
         if k.room() < 0.55:
-            forward = -abs(score.vary(0.30, 0.2))
+            forward = -abs(timeline.vary(0.30, 0.2))
         elif k.spot[1] < -0.55:
-            forward = abs(score.vary(0.25, 0.2))
-        _, landed = k.advance(time_s + 0.04, forward, score.jitter(0.06))
+            forward = abs(timeline.vary(0.25, 0.2))
+        _, landed = k.advance(time_s + 0.04, forward, timeline.jitter(0.06))
         time_s = max(landed, time_s + 0.3) + 0.02
         k.sword(time_s, _CHUDAN, 0.0, 1.6)
-        k.trunk(time_s, 0.03 + score.jitter(0.02))
+        k.trunk(time_s, 0.03 + timeline.jitter(0.02))
     return time_s
 
 
 def _put_away(k: Kendoka, start_s: float) -> None:
     """Lower the sword and bring the feet together."""
-    score = k.score
-    score.anchor(start_s)
-    score.set(start_s + 0.55, sword=(0.0, -0.68, 0.36), aim=(-0.15, 0.0, 0.0))
+    timeline = k.timeline
+    timeline.anchor(start_s)
+    timeline.set(start_s + 0.55, sword=(0.0, -0.68, 0.36), aim=(-0.15, 0.0, 0.0))
     lift = start_s + 0.25
-    x, z = score.spot
+    x, z = timeline.spot
     for side in ("l", "r"):
-        to = score.placement(side, x, z, k.heading)
+        to = timeline.placement(side, x, z, k.heading)
         base = _HEEL_UP if side == "l" else 0.0
-        score.step(side, Swing(lift, lift + 0.34, to, 0.03 * k.size), heel_up_rad=base + 0.25)
+        timeline.step(side, Swing(lift, lift + 0.34, to, 0.03 * k.size), heel_up_rad=base + 0.25)
         lift += 0.42
-    score.time_s = lift + 0.25
-    ease = score.at_ease()
+    timeline.time_s = lift + 0.25
+    ease = timeline.at_ease()
     for side in SIDES:
-        score.set(start_s + 0.25, **{f"{side}.guide": 1.0})
+        timeline.set(start_s + 0.25, **{f"{side}.guide": 1.0})
     early = {name: value for name, value in ease.items() if ".pitch" not in name}
-    score.set(start_s + 1.05, height=STANDING_HEIGHT * score.body.standing_m, **early)
-    score.set(score.time_s, height=STANDING_HEIGHT * score.body.standing_m, **ease)
-    score.set(score.time_s - 2e-3, holds=1.0)
-    score.set(score.time_s, holds=0.0)
+    timeline.set(start_s + 1.05, height=STANDING_HEIGHT * timeline.body.standing_m, **early)
+    timeline.set(timeline.time_s, height=STANDING_HEIGHT * timeline.body.standing_m, **ease)
+    timeline.set(timeline.time_s - 2e-3, holds=1.0)
+    timeline.set(timeline.time_s, holds=0.0)

@@ -11,7 +11,7 @@ from .curves import Array, ease, pendulum_filtered, smoothed, wander
 from .feet import FootSamples, foot_pose, toe_bend
 from .proportions import GRAVITY_M_S2, SIDES, Sole, about, outward, turned
 from .sword import gripping
-from .timeline import Score
+from .timeline import Timeline
 
 _GRID_HZ = 240.0
 _REACH = 0.997  # of the leg's length: knees keep a little bend
@@ -36,19 +36,19 @@ _STRAIGHT_ELBOW_RAD = 0.04
 _UNREST_HAND_RAD, _UNREST_TARGET_M = 0.035, 0.006
 
 
-class Stage:
+class MotionSynthesis:
     """Sampled controls of a timeline, and the pose built from them step by step."""
 
-    def __init__(self, score: Score, fps: float) -> None:
-        self.score, self.body = score, score.body
+    def __init__(self, timeline: Timeline, fps: float) -> None:
+        self.timeline, self.body = timeline, timeline.body
         self.per_frame = max(1, round(_GRID_HZ / fps))
         self.step_s = 1.0 / (fps * self.per_frame)
-        count = round(score.time_s * fps) * self.per_frame + 1
+        count = round(timeline.time_s * fps) * self.per_frame + 1
         self.times = np.arange(count) * self.step_s
-        self.tracks = {name: track.sample(self.times) for name, track in score.tracks.items()}
-        _add_unrest(score, self.times, self.tracks)
+        self.tracks = {name: track.sample(self.times) for name, track in timeline.tracks.items()}
+        _add_unrest(timeline, self.times, self.tracks)
         self._grip_sword()
-        self.feet = {side: score.feet[side].sample(self.times) for side in SIDES}
+        self.feet = {side: timeline.feet[side].sample(self.times) for side in SIDES}
         self.local = rot.identity((count, len(self.body.skeleton)))
 
     def _grip_sword(self) -> None:
@@ -79,7 +79,7 @@ class Stage:
         bias = self.tracks["weight"][:, 0]
         weights, points = [], []
         for side in SIDES:
-            carries = self.score.feet[side].contact_weight(self.times, 0.12)
+            carries = self.timeline.feet[side].contact_weight(self.times, 0.12)
             weights.append(carries * (1.0 + outward(side) * bias))
             points.append(_ankle_ground(self.feet[side].ground, self.body.sole(side)))
         total = weights[0] + weights[1]
@@ -118,7 +118,7 @@ class Stage:
     # ---- legs
 
     def legs(self, root: Array, orientation: Array) -> None:
-        """Pose the legs so that the feet are where the score has them."""
+        """Pose the legs so that the feet are where the timeline has them."""
         for side in SIDES:
             sole = self.body.sole(side)
             ankle, foot = self._foot(side)
@@ -146,7 +146,7 @@ class Stage:
         return rot.multiply(orientation, whole)
 
     def head(self, chest: Array) -> None:
-        """Let the head look where the score says, steady against the trunk's motion."""
+        """Let the head look where the timeline says, steady against the trunk's motion."""
         yaw, pitch, roll = self.tracks["head"].T
         gaze = rot.multiply(about("Y", self.tracks["heading"][:, 0] + yaw), about("X", pitch))
         wanted = rot.multiply(gaze, about("Z", roll))
@@ -228,17 +228,17 @@ class Stage:
         self.local[:, self.body.skeleton.index(joint)] = rotations
 
 
-def _add_unrest(score: Score, times: Array, tracks: dict[str, Array]) -> None:
+def _add_unrest(timeline: Timeline, times: Array, tracks: dict[str, Array]) -> None:
     """Add small random motion and constant habits to the tracks, in place."""
-    rng = np.random.default_rng(score.rng.integers(2**63))
-    amount = 0.6 + 0.4 * score.style.variation
+    rng = np.random.default_rng(timeline.rng.integers(2**63))
+    amount = 0.6 + 0.4 * timeline.style.variation
     for name, track in tracks.items():
         kind = name.split(".")[-1]
         deviation = {"hand": _UNREST_HAND_RAD, "target": _UNREST_TARGET_M}.get(kind, _UNREST.get(kind, 0.0))
         if deviation > 0.0:
             track += deviation * amount * wander(rng, times, track.shape[1], 4.0, 0.6)
             habit = _HABITS.get(kind, 0.0) * np.clip(rng.standard_normal(track.shape[1]), -2.0, 2.0)
-            track += habit * ease((times - score.natural_from_s) / _HABITS_IN_S)[:, None]
+            track += habit * ease((times - timeline.natural_from_s) / _HABITS_IN_S)[:, None]
 
 
 def _ankle_ground(ground: Array, sole: Sole) -> Array:
@@ -266,15 +266,15 @@ def _mean_lateral(pelvis: Array, foot: Array, flat: Array) -> Array:
     return unit(0.4 * rot.rotate(pelvis, left) + 0.6 * of_foot)
 
 
-def staged(score: Score, fps: float, name: str) -> Motion:
+def synthesise_motion(timeline: Timeline, fps: float, name: str) -> Motion:
     """Return a timeline's motion from its start to `time_s`, sampled at `fps`."""
-    stage = Stage(score, fps)
-    root, orientation = stage.root()
-    stage.put("root", orientation)
-    stage.legs(root, orientation)
-    chest = stage.trunk(orientation)
-    stage.head(chest)
-    stage.arms(root, orientation, chest)
-    pick = slice(None, None, stage.per_frame)
-    rotations = rot.continuous(rot.normalize(stage.local[pick]))
-    return Motion(name=name, fps=fps, skeleton=score.body.skeleton, rotations=rotations, root_positions_m=root[pick])
+    synthesis = MotionSynthesis(timeline, fps)
+    root, orientation = synthesis.root()
+    synthesis.put("root", orientation)
+    synthesis.legs(root, orientation)
+    chest = synthesis.trunk(orientation)
+    synthesis.head(chest)
+    synthesis.arms(root, orientation, chest)
+    pick = slice(None, None, synthesis.per_frame)
+    rotations = rot.continuous(rot.normalize(synthesis.local[pick]))
+    return Motion(name=name, fps=fps, skeleton=timeline.body.skeleton, rotations=rotations, root_positions_m=root[pick])

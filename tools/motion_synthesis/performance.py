@@ -14,13 +14,13 @@ from .bodies import body
 from .boxing import box
 from .kendo import fence
 from .leaping import hop, jump
-from .motion_synthesis import staged
+from .motion_synthesis import synthesise_motion
 from .proportions import SIDES, Body
 from .style import Style
-from .timeline import STANDING_HEIGHT, Score
+from .timeline import STANDING_HEIGHT, Timeline
 from .walking import run, walk
 
-BEHAVIOURS: dict[str, Callable[[Score, float], None]] = {
+BEHAVIOURS: dict[str, Callable[[Timeline, float], None]] = {
     "walking": walk,
     "running": run,
     "hopping": hop,
@@ -57,10 +57,10 @@ def perform(
     Raises:
         SettingsError: unknown behaviour, too short a time.
     """
-    score = _new_score(skeleton, style, seed)
-    _act(score, behaviour, seconds - 0.8)
-    rest(score, max(seconds - score.time_s, 0.8))
-    return _cut(staged(score, fps, f"{behaviour}-{score.style.name}-{seed}"), seconds)
+    timeline = _new_score(skeleton, style, seed)
+    _act(timeline, behaviour, seconds - 0.8)
+    rest(timeline, max(seconds - timeline.time_s, 0.8))
+    return _cut(synthesise_motion(timeline, fps, f"{behaviour}-{timeline.style.name}-{seed}"), seconds)
 
 
 def performance(
@@ -80,18 +80,18 @@ def performance(
     for behaviour, seconds in script:
         if seconds < _LEAST_S and behaviour != "rest":
             raise _too_short(behaviour, seconds)
-    score = _new_score(skeleton, style, seed)
-    _t_pose(score)
-    end_s = score.time_s
+    timeline = _new_score(skeleton, style, seed)
+    _t_pose(timeline)
+    end_s = timeline.time_s
     for behaviour, seconds in script:
         end_s += seconds
-        left_s = end_s - score.time_s  # what one behaviour leaves over the next one takes
+        left_s = end_s - timeline.time_s  # what one behaviour leaves over the next one takes
         if behaviour == "rest":
-            rest(score, max(left_s, 0.5))
+            rest(timeline, max(left_s, 0.5))
         else:
-            _act(score, behaviour, max(left_s, _LEAST_S))
-    rest(score, _END_S)
-    return staged(score, fps, name)
+            _act(timeline, behaviour, max(left_s, _LEAST_S))
+    rest(timeline, _END_S)
+    return synthesise_motion(timeline, fps, name)
 
 
 def demo_performance(
@@ -116,17 +116,17 @@ def demo_performance(
     return performance(script, fps, person, style, DEMO_STREAM + seed, "demo")
 
 
-def _new_score(skeleton: Skeleton | None, style: Style | None, seed: int) -> Score:
+def _new_score(skeleton: Skeleton | None, style: Style | None, seed: int) -> Timeline:
     body = Body(skeleton if skeleton is not None else default_skeleton())
-    return Score(body, style or Style(), np.random.default_rng(seed))
+    return Timeline(body, style or Style(), np.random.default_rng(seed))
 
 
-def _act(score: Score, behaviour: str, seconds: float) -> None:
+def _act(timeline: Timeline, behaviour: str, seconds: float) -> None:
     if behaviour not in BEHAVIOURS:
         raise SettingsError(f"there is no behaviour {behaviour!r}", advice="behaviours: " + ", ".join(BEHAVIOURS))
     if seconds < _LEAST_S:
         raise _too_short(behaviour, seconds)
-    BEHAVIOURS[behaviour](score, seconds)
+    BEHAVIOURS[behaviour](timeline, seconds)
 
 
 def _too_short(behaviour: str, seconds: float) -> SettingsError:
@@ -137,17 +137,17 @@ def _cut(motion: Motion, seconds: float) -> Motion:
     return sliced(motion, 0, round(seconds * motion.fps) + 1)
 
 
-def rest(score: Score, seconds: float) -> None:
+def rest(timeline: Timeline, seconds: float) -> None:
     """Come to stand at ease and stay so."""
-    start = score.time_s
-    score.anchor(start)
+    start = timeline.time_s
+    timeline.anchor(start)
     settle = min(0.7, 0.8 * seconds)
-    score.set(start + settle, height=score.body.standing_m * STANDING_HEIGHT, **score.at_ease())
-    score.time_s = start + seconds
-    score.anchor(score.time_s)
+    timeline.set(start + settle, height=timeline.body.standing_m * STANDING_HEIGHT, **timeline.at_ease())
+    timeline.time_s = start + seconds
+    timeline.anchor(timeline.time_s)
 
 
-def _t_pose(score: Score) -> None:
+def _t_pose(timeline: Timeline) -> None:
     """Stand in the T pose for `T_POSE_S`, then let the arms sink."""
     straight: dict[str, ArrayLike] = {}
     for side in SIDES:
@@ -159,8 +159,8 @@ def _t_pose(score: Score) -> None:
         }
     upright: dict[str, ArrayLike] = {"spine": (0.0, 0.0, 0.0), "head": (0.0, 0.0, 0.0), "pelvis": (0.0, 0.0, 0.0)}
     for time_s in (0.0, T_POSE_S):
-        score.set(time_s, height=score.body.standing_m, **straight, **upright)
-    score.natural_from_s = T_POSE_S
-    score.time_s = T_POSE_S + ARMS_DOWN_S
-    score.set(score.time_s, height=score.body.standing_m * STANDING_HEIGHT, **score.at_ease())
-    score.anchor(score.time_s)
+        timeline.set(time_s, height=timeline.body.standing_m, **straight, **upright)
+    timeline.natural_from_s = T_POSE_S
+    timeline.time_s = T_POSE_S + ARMS_DOWN_S
+    timeline.set(timeline.time_s, height=timeline.body.standing_m * STANDING_HEIGHT, **timeline.at_ease())
+    timeline.anchor(timeline.time_s)

@@ -1,6 +1,6 @@
 """Timeline of a performance: keys of all controls, and the feet's steps.
 
-Behaviours append to it; `motion_synthesis.staged` turns it into joint rotations. As every behaviour starts from the
+Behaviours append to it; `synthesise_motion` turns it into joint rotations. As every behaviour starts from the
 timeline's end, transitions need no blending of poses.
 """
 
@@ -75,7 +75,7 @@ STANDING_HEIGHT = 0.997  # root height of somebody at ease, share of that on str
 
 
 @dataclass
-class Score:
+class Timeline:
     """Keys and steps of one performance of one body in one style."""
 
     body: Body
