@@ -9,9 +9,9 @@ from ...database.labels import subject_of
 from ...database.store import Database
 from ...system.progress import Progress
 from .data import BOXING, CMU, WALKING, TestTake, read_take, whole_database, without_tests
-from .figure6 import describe, solved
+from .figure6 import describe, solve_truth
 from .methods import METHODS
-from .report import write_json, write_rows
+from .report import write_figures
 
 TAKES = (
     WALKING,
@@ -50,7 +50,7 @@ def accuracy(data: Path, out: Path, workers: int, progress: Progress) -> dict[st
         for half, (condition, database) in enumerate(_conditions(whole, out / "databases", take).items()):
             databases[f"{condition}: {take.title}"] = describe(database)
             progress(0.2 + 0.8 * (number + 0.5 * half) / len(TAKES), f"{take.title}, {condition}")
-            errors = {method: evaluate(solved(truth, database, s)[0], truth) for method, s in METHODS.items()}
+            errors = {method: evaluate(solve_truth(truth, database, s)[0], truth) for method, s in METHODS.items()}
             rows += [
                 {"condition": condition, "take": take.title, "method": method, "frames": truth.frames}
                 | {unit: round(error[unit], 4) for unit in _UNITS}
@@ -58,9 +58,7 @@ def accuracy(data: Path, out: Path, workers: int, progress: Progress) -> dict[st
                 for method, error in errors.items()
             ]
     figures = {"rows": rows, "means": _means(rows), "databases": databases}
-    write_json(out / "accuracy.json", figures)
-    write_rows(out / "accuracy.csv", rows)
-    return figures | {"outputs": [str(out / "accuracy.json"), str(out / "accuracy.csv")]}
+    return write_figures(out, "accuracy", figures, {"": rows})
 
 
 def _conditions(whole: Database, folder: Path, take: TestTake) -> dict[str, Database]:

@@ -37,15 +37,6 @@ class TestTake:
 
 WALKING = TestTake("walking (16_16)", "16_16")
 BOXING = TestTake("boxing (14_02, last third)", SPLIT, SPLIT_AT)
-# settings are chosen on these, with their frames and those of the test takes out of the database
-DEVELOPMENT_SPLIT_AT = 1 / 3
-DEVELOPMENT = (
-    TestTake("walking (16_31)", "16_31"),
-    TestTake("walking (07_08)", "07_08"),
-    TestTake("jumping (16_06)", "16_06"),
-    TestTake("running (09_06)", "09_06"),
-    TestTake("boxing (14_02, second third)", SPLIT, DEVELOPMENT_SPLIT_AT, SPLIT_AT),
-)
 
 
 def data_folders(data: Path, names: tuple[str, ...]) -> list[Path]:
@@ -61,12 +52,12 @@ def data_folders(data: Path, names: tuple[str, ...]) -> list[Path]:
     return folders
 
 
-def read_take(data: Path, take: TestTake, fps: float = FPS) -> Motion:
-    """Return a test take, by default at the rate of the databases."""
+def read_take(data: Path, take: TestTake) -> Motion:
+    """Return a test take at the rate of the databases."""
     with motion_files(data_folders(data, (CMU,))) as files:
         for file in files:
             if file.stem == take.trial:
-                motion = resampled(read_motion(file.path, file.skeleton), fps)
+                motion = resampled(read_motion(file.path, file.skeleton), FPS)
                 return sliced(motion, int(motion.frames * take.first), int(motion.frames * take.last))
     raise FormatError(f"take {take.trial} is missing", where=str(data / CMU))
 
@@ -84,16 +75,10 @@ def whole_database(data: Path, out: Path, sets: tuple[str, ...], workers: int, p
     return open_database(path)
 
 
-def without_tests(
-    database: Database, path: Path, chosen: Callable[[Clip], bool] = lambda clip: True, split_at: float = SPLIT_AT
-) -> Database:
-    """Return a database of the chosen clips without the test takes, built if missing.
-
-    Args:
-        split_at: share to keep of the take that is split.
-    """
+def without_tests(database: Database, path: Path, chosen: Callable[[Clip], bool] = lambda clip: True) -> Database:
+    """Return a database of the chosen clips without the test takes, built if missing."""
     if path.exists():
         return open_database(path)
     frames = {clip: clip.stop - clip.start for clip in database.clips if clip.name not in LEFT_OUT and chosen(clip)}
-    frames |= {clip: int(count * split_at) for clip, count in frames.items() if clip.name == SPLIT}
+    frames |= {clip: int(count * SPLIT_AT) for clip, count in frames.items() if clip.name == SPLIT}
     return write_subset(database, path, [(clip, 0, count) for clip, count in frames.items() if count > 0])

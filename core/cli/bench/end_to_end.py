@@ -34,7 +34,7 @@ from ...subjects.prototype_bodies import load_bodies
 from ...system.progress import Progress
 from ...vision.pipeline import MarkerPipeline
 from .data import BOXING, CMU, WALKING, read_take, whole_database, without_tests
-from .report import write_json, write_rows
+from .report import write_figures
 
 Seen = Mask
 
@@ -72,9 +72,7 @@ def end_to_end(data: Path, out: Path, workers: int, progress: Progress) -> dict[
         progress(0.2 + 0.8 * (number + 0.6) / len(takes), f"{take.title}: solving")
         rows += [{"take": take.title} | row for row in _solved(source, database, rig, frames, both, taken)]
     figures = {"rows": rows, "paper_deg_per_angle": PAPER, "marker_set": MARKER_SET}
-    write_json(out / "end-to-end.json", figures)
-    write_rows(out / "end-to-end.csv", rows)
-    return figures | {"outputs": [str(out / name) for name in ("end-to-end.json", "end-to-end.csv")]}
+    return write_figures(out, "end-to-end", figures, {"": rows})
 
 
 def _filmed(source: SimulatedSource, rig: CameraRig) -> tuple[list[MarkerFrame], Seen]:

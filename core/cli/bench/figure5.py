@@ -19,7 +19,7 @@ from ...system.progress import Progress
 from .data import BANDAI, CMU, whole_database
 from .plots import Line, Panel, check_plots, write_plot
 from .pose_models import gplvm, has_gplvm, linear, mixture
-from .report import write_json, write_rows
+from .report import write_figures
 
 DIMENSIONS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 15, 18, 21, 24, 27, 30, 34, 38, 42, 46, 50)
 GPLVM_DIMENSIONS = tuple(d for d in DIMENSIONS if d <= 10)  # 14 s each
@@ -95,12 +95,8 @@ def figure5(data: Path, out: Path, workers: int, progress: Progress) -> dict[str
         title = f"{name}, {database.frames:,} frames"
         panels.append(Panel(title, _lines(name, curves), _GOOD_ENOUGH_DEG, _SHOWN_DEG))
     figures = {"rows": rows, "needed": needed}
-    write_json(out / "figure5.json", figures)
-    write_rows(out / "figure5.csv", rows)
-    write_rows(out / "figure5-needed.csv", needed)
     plots = write_plot(out / "figure5", panels, "number of dimensions", "error (degrees per joint angle)", True)
-    names = [str(out / name) for name in ("figure5.json", "figure5.csv", "figure5-needed.csv")]
-    return figures | {"outputs": names + [str(path) for path in plots]}
+    return write_figures(out, "figure5", figures, {"": rows, "needed": needed}, plots)
 
 
 def reconstruction_errors(database: Database) -> dict[str, Curve]:

@@ -19,7 +19,7 @@ from ...system.progress import Progress
 from .data import BOXING, CMU, WALKING, read_take, whole_database, without_tests
 from .methods import METHODS
 from .plots import Line, Panel, check_plots, write_plot
-from .report import write_json, write_rows
+from .report import write_figures
 
 # degrees per joint angle
 PAPER = {
@@ -49,7 +49,7 @@ def figure6(data: Path, out: Path, workers: int, progress: Progress) -> dict[str
         for done, (name, settings) in enumerate(METHODS.items()):
             at = 0.25 + 0.75 * (number + done / len(METHODS)) / len(takes)
             progress(at, f"{take.title}: {name}")
-            motion, milliseconds = solved(truth, database, settings)
+            motion, milliseconds = solve_truth(truth, database, settings)
             errors = evaluate(motion, truth)
             row = {"take": take.title, "method": name, "frames": truth.frames}
             row |= {unit: round(errors[unit], 4) for unit in _UNITS}
@@ -63,19 +63,18 @@ def figure6(data: Path, out: Path, workers: int, progress: Progress) -> dict[str
             ]
         panels.append(Panel(f"{take.title}, {truth.fps:g} Hz", lines))
     figures = {"rows": rows, "ratios": ratios(rows), "database": describe(database), "marker_set": MARKER_SET}
-    write_json(out / "figure6.json", figures)
-    write_rows(out / "figure6.csv", rows)
-    write_rows(out / "figure6-frames.csv", curves)
     plots = write_plot(out / "figure6", panels, "frame", "error (degrees per joint)")
-    names = ("figure6.json", "figure6.csv", "figure6-frames.csv")
-    return figures | {"outputs": [str(out / name) for name in names] + [str(path) for path in plots]}
+    return write_figures(out, "figure6", figures, {"": rows, "frames": curves}, plots)
 
 
-def solved(
-    truth: Motion, database: Database, settings: SolveSettings, marker_set: str = MARKER_SET
-) -> tuple[Motion, float]:
+def true_subject(truth: Motion) -> Subject:
+    """Return the subject of a motion's own skeleton with the benches' markers."""
+    return Subject(truth.name, truth.skeleton, load_marker_set(MARKER_SET))
+
+
+def solve_truth(truth: Motion, database: Database, settings: SolveSettings) -> tuple[Motion, float]:
     """Solve a motion's markers; return the motion and the median time of a frame, ms."""
-    subject = Subject(truth.name, truth.skeleton, load_marker_set(marker_set))
+    subject = true_subject(truth)
     take, _ = simulate_markers(truth, subject)
     result = solve_take(take, subject, database, settings, lambda fraction, text: None)
     return result.motion, 1e3 * float(np.median(result.seconds))

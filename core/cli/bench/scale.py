@@ -11,17 +11,15 @@ from ...body.motion_metrics import evaluate
 from ...database.build import BuildSettings, build_database
 from ...database.store import Clip, Database, open_database
 from ...database.subset import write_subset
-from ...markers.marker_set import load_marker_set
-from ...markers.subject import Subject
 from ...markers.take_frames import take_frames
 from ...session.session import Session
 from ...session.solve_take import motion_of
 from ...simulate.markers import simulate_markers
 from ...system.progress import Progress
 from .data import BANDAI, CMU, FPS, LEFT_OUT, SPLIT, WALKING, data_folders, read_take
-from .figure6 import MARKER_SET
+from .figure6 import true_subject
 from .plots import Line, Panel, check_plots, write_plot
-from .report import write_json, write_rows
+from .report import write_figures
 from .speed import reference_ms
 from .table1 import SEARCHES, search_times
 
@@ -59,12 +57,10 @@ def scale(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, 
         database = mirrored if share is None else _part(mirrored, originals, share, out / "databases")
         rows.append(_row(truth, database, reference))
     figures = {"rows": rows, "reference_ms": round(reference, 3)}
-    write_json(out / "scale.json", figures)
-    write_rows(out / "scale.csv", rows)
     sizes = np.array([row["frames"] for row in rows])
     lines = [Line(name, sizes, np.array([row[f"{name}_ms_median"] for row in rows])) for name in _TIMED]
     plots = write_plot(out / "scale", [Panel("best, a walk", lines)], "frames in the database", "median (ms)")
-    return figures | {"outputs": [str(out / "scale.json"), str(out / "scale.csv"), *(str(plot) for plot in plots)]}
+    return write_figures(out, "scale", figures, {"": rows}, plots)
 
 
 def _part(whole: Database, clips: list[Clip], share: float, folder: Path) -> Database:
@@ -80,7 +76,7 @@ def _row(truth: Motion, database: Database, reference_ms: float) -> dict[str, An
     started_s = time.perf_counter()
     open_database(database.path)
     opened_s = time.perf_counter()
-    subject = Subject(truth.name, truth.skeleton, load_marker_set(MARKER_SET))
+    subject = true_subject(truth)
     session = Session(subject, database)
     ready_s = time.perf_counter()
     taken, poses = [], []

@@ -18,8 +18,6 @@ from ...database.build import BuildSettings, build_database
 from ...database.store import Database, open_database
 from ...database.subset import write_subset
 from ...geometry.arrays import Array, FloatArray, Image, IntArray
-from ...markers.marker_set import load_marker_set
-from ...markers.subject import Subject
 from ...markers.take_frames import take_frames
 from ...session.session import Session
 from ...simulate.markers import simulate_markers
@@ -33,8 +31,8 @@ from ...system.progress import Progress
 from ...vision.detection.background import learn_backgrounds
 from ...vision.detection.blob_detector import Detector
 from .data import BANDAI, CMU, FPS, LEFT_OUT, SPLIT, WALKING, data_folders, read_take
-from .figure6 import MARKER_SET
-from .report import write_json, write_rows
+from .figure6 import true_subject
+from .report import write_figures
 from .streams import Streams, render_streams, stage_times, throughput
 from .table1 import SEARCHES, search_times, searched
 
@@ -53,9 +51,6 @@ def speed(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, 
     """Time the chain and write the figures.
 
     Processor time counts all threads of a process; for figures of one core run this with OPENBLAS_NUM_THREADS=1.
-
-    Args:
-        data: folder that holds `cmu` and `bandai`.
 
     Returns:
         rows (work, value, unit, goal or "", ratio to the reference search or ""), searches (database, search, times,
@@ -87,11 +82,7 @@ def speed(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, 
         "searches": searches,
         "machine": {"processors": os.cpu_count(), "load_before": load_before, "load_after": _load()},
     }
-    write_json(out / "speed.json", figures)
-    write_rows(out / "speed.csv", rows)
-    write_rows(out / "speed-searches.csv", searches)
-    names = ("speed.json", "speed.csv", "speed-searches.csv")
-    return figures | {"outputs": [str(out / name) for name in names]}
+    return write_figures(out, "speed", figures, {"": rows, "searches": searches})
 
 
 def _load() -> list[float]:
@@ -252,7 +243,7 @@ def _solving(truth: Motion, database: Database) -> list[Row]:
     The take is not in the database.
     """
     rows = _Rows()
-    subject = Subject(truth.name, truth.skeleton, load_marker_set(MARKER_SET))
+    subject = true_subject(truth)
     frames = list(take_frames(simulate_markers(truth, subject)[0], subject.marker_set))
     session = Session(subject, database)
     search = _TimedSearch(session._solver._search)
@@ -275,7 +266,7 @@ def _solving(truth: Motion, database: Database) -> list[Row]:
 
 def _searches(truth: Motion, database: Database) -> list[Row]:
     """Time each search, and compare its poses with those of the exhaustive one."""
-    subject = Subject(truth.name, truth.skeleton, load_marker_set(MARKER_SET))
+    subject = true_subject(truth)
     model = SubjectModel(subject, database.mean_rotations)
     markers = simulate_markers(truth, subject)[0].positions_m[:_COMPARED_FRAMES]
     exhaustive = PoseSolver(model, database, SolveSettings(search="exhaustive"))

@@ -11,8 +11,6 @@ from ...body.motion import Motion
 from ...database.store import Clip, Database, pose_from_rotations
 from ...geometry import rotations as rot
 from ...geometry.arrays import FloatArray
-from ...markers.marker_set import load_marker_set
-from ...markers.subject import Subject
 from ...simulate.markers import simulate_markers
 from ...solver.observation import Observation
 from ...solver.pose_solver import PoseSolver
@@ -21,9 +19,9 @@ from ...solver.search.exhaustive import Query
 from ...solver.subject_model import SubjectModel
 from ...system.progress import Progress
 from .data import BANDAI, BOXING, CMU, WALKING, TestTake, read_take, whole_database, without_tests
-from .figure6 import MARKER_SET
+from .figure6 import true_subject
 from .methods import METHODS, PAPER_RANGE
-from .report import write_json, write_rows
+from .report import write_figures
 
 # frames, mean, minimum, maximum visited, error in degrees per joint
 PAPER = {"boxing": (71597, 752.31, 36, 8968, 0.025), "heterogeneous": (433622, 710.1, 31, 9101, 0.014)}
@@ -87,11 +85,7 @@ def table1(data: Path, out: Path, workers: int, progress: Progress) -> dict[str,
     totals = _totals(rows)
     paper = [{"database": name} | dict(zip(_COLUMNS, row, strict=True)) for name, row in PAPER.items()]
     figures = {"rows": totals, "takes": rows, "times": times, "paper": paper, "compared_every": _EVERY}
-    write_json(out / "table1.json", figures)
-    tables = {"table1.csv": totals, "table1-takes.csv": rows, "table1-times.csv": times}
-    for file, table in tables.items():
-        write_rows(out / file, table)
-    return figures | {"outputs": [str(out / file) for file in ("table1.json", *tables)]}
+    return write_figures(out, "table1", figures, {"": totals, "takes": rows, "times": times})
 
 
 def _is_cmu(clip: Clip) -> bool:
@@ -111,7 +105,7 @@ def _motion(database: Database, clip: Clip) -> Motion:
 
 
 def _compared(truth: Motion, database: Database) -> list[dict[str, Any]]:
-    subject = Subject(truth.name, truth.skeleton, load_marker_set(MARKER_SET))
+    subject = true_subject(truth)
     markers = simulate_markers(truth, subject)[0].positions_m
     model = _Model(subject, database.mean_rotations)
     rows = []
@@ -173,7 +167,7 @@ def searched(tested: PoseSolver, exhaustive: PoseSolver, markers_m: Any, every: 
 
 def search_times(truth: Motion, database: Database) -> list[dict[str, Any]]:
     """Return each search's time for true queries, and its share of the exhaustive's."""
-    subject = Subject(truth.name, truth.skeleton, load_marker_set(MARKER_SET))
+    subject = true_subject(truth)
     model = SubjectModel(subject, database.mean_rotations)
     true_poses = pose_from_rotations(truth.rotations, database.mean_rotations)
     markers = model.markers(true_poses)

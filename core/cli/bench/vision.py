@@ -23,7 +23,7 @@ from ...system.assets import MOTION
 from ...system.progress import Progress
 from ...vision.detection.blob_detector import Detector
 from ...vision.pipeline import MarkerPipeline
-from .report import write_json, write_rows
+from .report import write_figures
 
 _NOISE = 2.0  # grey levels
 _DARK, _BRIGHT = 16.0, 220.0
@@ -75,11 +75,7 @@ def vision(data: Path, out: Path, workers: int, progress: Progress) -> dict[str,
         progress(0.4 + 0.6 * number / len(_CASES), f"labels: {case.title}")
         labels.append(_labels(case, database))
     figures: dict[str, Any] = {"centroids": centroids, "points": points, "labels": labels}
-    write_json(out / "vision.json", figures)
-    for name, rows in figures.items():
-        write_rows(out / f"vision-{name}.csv", rows)
-    names = ("vision.json", *(f"vision-{name}.csv" for name in figures))
-    return figures | {"outputs": [str(out / name) for name in names]}
+    return write_figures(out, "vision", figures, figures)
 
 
 def centroid_row(radius_px: float) -> dict[str, float]:
