@@ -4,9 +4,7 @@ import numpy as np
 
 from ..body.skeleton import Skeleton
 from ..geometry.arrays import Array, FloatArray, IntArray
-
-_Components = tuple[Array, Array, Array]
-_Quaternions = tuple[Array, Array, Array, Array]
+from ..geometry.quaternion_components import Quaternion, Vector, multiply
 
 _CHUNK = 8192  # poses at once: enough that numpy's calls cost nothing, few enough for the processor's cache
 _SMALLEST_RAD = 1e-12
@@ -32,12 +30,12 @@ def markers_at_rest(
     for start in range(0, len(poses), _CHUNK):
         part = slice(start, start + _CHUNK)
         vectors = np.ascontiguousarray(poses[part].transpose(1, 2, 0), dtype=np.float64)
-        world: dict[int, _Quaternions] = {}
-        origins: dict[int, _Components] = {0: _ORIGIN}
+        world: dict[int, Quaternion] = {}
+        origins: dict[int, Vector] = {0: _ORIGIN}
         for joint in carrying:
             parent = int(skeleton.parents[joint])
-            turn = _product(mean_rotations[joint], _exponential(vectors[joint - 1]))
-            world[joint] = _product(world[parent], turn) if parent else turn
+            turn = multiply(tuple(mean_rotations[joint]), _exponential(vectors[joint - 1]))
+            world[joint] = multiply(world[parent], turn) if parent else turn
             origins[joint] = _moved(origins[parent], world.get(parent), skeleton.offsets_m[joint])
         for marker, joint in enumerate(joints.tolist()):
             place = _moved(origins[joint], world.get(joint), offsets_m[marker])
@@ -46,7 +44,7 @@ def markers_at_rest(
     return result
 
 
-def _exponential(vectors: Array) -> _Quaternions:
+def _exponential(vectors: Array) -> Quaternion:
     """Return the rotations by |v| about v, (3, F)."""
     x, y, z = vectors
     angle = np.sqrt(x * x + y * y + z * z)
@@ -54,18 +52,7 @@ def _exponential(vectors: Array) -> _Quaternions:
     return np.cos(0.5 * angle), x * factor, y * factor, z * factor
 
 
-def _product(left: "_Quaternions | Array", right: _Quaternions) -> _Quaternions:
-    aw, ax, ay, az = left
-    bw, bx, by, bz = right
-    return (
-        aw * bw - ax * bx - ay * by - az * bz,
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-    )
-
-
-def _moved(origin: _Components, turn: _Quaternions | None, offset_m: Array) -> _Components:
+def _moved(origin: Vector, turn: Quaternion | None, offset_m: Array) -> Vector:
     """Return an origin plus a turned offset (3,); None turns nothing."""
     a, b, c = offset_m
     ox, oy, oz = origin
