@@ -95,9 +95,11 @@ class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
         row.prop(chosen, "record_sound", text="", icon="OUTLINER_OB_SPEAKER")
         draw_props(column, chosen, "record_length_s")
         column.prop(chosen.id_data.perfanim_result, "start")
-        row = column.row(align=True)
+        row = column.split(factor=0.4)  # as wide as the names above
         row.use_property_split = False
-        row.label(text="Body Parts")
+        name = row.column()
+        name.alignment = "RIGHT"
+        name.label(text="Body Parts")
         parts = row.grid_flow(columns=2, align=True, row_major=True)
         for part in PARTS:
             parts.prop_enum(chosen, "body_parts", part)

@@ -91,7 +91,7 @@ class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
         layout.prop(chosen, "calibration")
         box = layout.box().column()
         box.prop(chosen, "board_kind")
-        box.label(text="Squares" if chosen.board_kind == "CHARUCO" else "Inner corners")
+        box.label(text="Squares" if chosen.board_kind == "CHARUCO" else "Inner Corners")
         draw_props(box, chosen, "board_columns", "board_rows", "board_square_mm")
         if chosen.board_kind == "CHARUCO":
             draw_props(box, chosen, "board_code_mm", "board_dictionary")

@@ -212,7 +212,7 @@ class CalibrationSettings:
         max=200,
     )
     floor_longest_mm: bpy.props.FloatProperty(
-        name="Largest Distance (mm)",
+        name="Span (mm)",
         description="Distance between the centres of the two markers farthest apart; scales the calibration. "
         "0 keeps the calibration's scale",
         default=0,

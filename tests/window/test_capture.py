@@ -36,7 +36,7 @@ def wait_for_frames(window: BlenderWindow) -> None:
         capture = state["capture"]
         return capture.get("phase") == "RUNNING" or capture["activity"] is None
 
-    window.wait(lambda state: state["capture"]["activity"] == "Capture" or state["capture"]["messages"], "a start")
+    window.wait(lambda state: state["capture"]["activity"] == "LiveCapture" or state["capture"]["messages"], "a start")
     state = window.wait(running_or_ended, "capture that runs")
     assert state["capture"].get("phase") == "RUNNING", state["capture"]["messages"]
 
@@ -73,7 +73,7 @@ def test_the_bones_change_as_often_as_a_bare_timer_changes_them(desktop: Desktop
     for number in range(ROUNDS):
         if number > 0:
             desktop.click(*window.tall_button("rate-again"))
-            window.wait(lambda s: s["capture"]["activity"] == "Capture", "start")
+            window.wait(lambda s: s["capture"]["activity"] == "LiveCapture", "start")
             wait_for_frames(window)
         time.sleep(MEASURED_S + 3.0)
         live = window.order("rates", seconds=MEASURED_S)
@@ -93,7 +93,7 @@ def test_recorded_images_lose_nothing_while_the_viewport_draws_slowly(
     window.open_tab("Perfanim")
     window.order("set", values=recorded)
     desktop.click(*window.tall_button("recorded-1-start"))
-    window.wait(lambda s: s["capture"]["activity"] == "Capture", "start")
+    window.wait(lambda s: s["capture"]["activity"] == "LiveCapture", "start")
     wait_for_frames(window)
     desktop.screenshot("recorded-2-live")
     state = window.wait(lambda s: s["capture"]["activity"] is None, "end of the images")
@@ -150,7 +150,7 @@ def test_a_second_capture_uses_the_same_character(desktop: Desktop, window: Blen
     for number in (1, 2):
         if number > 1:
             desktop.click(*window.tall_button(f"second-{number}-start"))
-            window.wait(lambda s: s["capture"]["activity"] == "Capture", "second start")
+            window.wait(lambda s: s["capture"]["activity"] == "LiveCapture", "second start")
             wait_for_frames(window)
         time.sleep(2.0)
         state = stop(desktop, window, f"second-{number}-stop")
