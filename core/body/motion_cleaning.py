@@ -31,12 +31,11 @@ from itertools import pairwise
 import numpy as np
 
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array, Mask
+from ..geometry.arrays import Array, Mask, runs
 from .motion import Motion, sliced
 from .skeleton import forward_kinematics
 from .standard_skeleton import JOINT_NAMES
 
-BoolArray = Mask
 Apart = Callable[[int, int], float]  # of two frames
 
 # Shoulders and elbows of pitchers reach 130 rad/s and some 5,000 rad/s^2; nothing in everyday motion is near.
@@ -85,7 +84,7 @@ class CleanedMotion:
     defects: tuple[Defect, ...]
 
 
-def clean_motion(motion: Motion, angle_jumps: BoolArray) -> CleanedMotion:
+def clean_motion(motion: Motion, angle_jumps: Mask) -> CleanedMotion:
     """Return the sound parts of a motion of the standard skeleton's joints.
 
     Args:
@@ -123,7 +122,7 @@ def _isolated(steps: Array) -> Array:
     return np.minimum(np.linalg.norm(steps - before, axis=-1), np.linalg.norm(steps - after, axis=-1))
 
 
-def _joint_jumps(motion: Motion) -> BoolArray:
+def _joint_jumps(motion: Motion) -> Mask:
     """Return (F, J) true at the first frame after a jump of a joint's rotation."""
     jumps = np.zeros(motion.rotations.shape[:2], dtype=np.bool_)
     if motion.frames < 3:
@@ -137,7 +136,7 @@ def _joint_jumps(motion: Motion) -> BoolArray:
     return jumps
 
 
-def _root_jumps(motion: Motion) -> BoolArray:
+def _root_jumps(motion: Motion) -> Mask:
     """Return (F,) true at the first frame after a jump of the root."""
     jumps = np.zeros(motion.frames, dtype=np.bool_)
     if motion.frames < 3:
@@ -149,7 +148,7 @@ def _root_jumps(motion: Motion) -> BoolArray:
     return jumps
 
 
-def _pops(jumps: BoolArray, apart: Apart, start: int, longest: int) -> tuple[BoolArray, list[int]]:
+def _pops(jumps: Mask, apart: Apart, start: int, longest: int) -> tuple[Mask, list[int]]:
     """Return (F,) true in pops, from a jump to the one back, and the lone jumps.
 
     A pop lasts at most `longest` frames, and shorter than what goes before or comes after; the frame after it is nearer
@@ -188,7 +187,7 @@ def _pops(jumps: BoolArray, apart: Apart, start: int, longest: int) -> tuple[Boo
     return popped, lone
 
 
-def _with_short_pieces(popped: BoolArray, lone: Sequence[int], start: int, longest: int) -> BoolArray:
+def _with_short_pieces(popped: Mask, lone: Sequence[int], start: int, longest: int) -> Mask:
     """Return the pops and the short parts between lone jumps, or one and an end."""
     result = popped.copy()
     edges = [start, *lone, len(popped)]
@@ -198,12 +197,6 @@ def _with_short_pieces(popped: BoolArray, lone: Sequence[int], start: int, longe
     return result
 
 
-def _ranges(flags: BoolArray) -> list[tuple[int, int]]:
-    """Return the ranges [first, stop) of set flags."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
-    return [(int(first), int(stop)) for first, stop in zip(edges[::2], edges[1::2], strict=True)]
-
-
 def _turned(motion: Motion, joint: int) -> Apart:
     def apart(i: int, j: int) -> float:
         return float(rot.angle_between(motion.rotations[i, joint], motion.rotations[j, joint]))
@@ -211,7 +204,7 @@ def _turned(motion: Motion, joint: int) -> Apart:
     return apart
 
 
-def _ends_repaired(motion: Motion, jumps: BoolArray, start: int, defects: list[Defect]) -> Motion:
+def _ends_repaired(motion: Motion, jumps: Mask, start: int, defects: list[Defect]) -> Motion:
     """Return the motion with short flips of hands, fingers and toes bridged."""
     longest = int(_LONGEST_POP_S * motion.fps)
     rotations = motion.rotations.copy()
@@ -222,7 +215,7 @@ def _ends_repaired(motion: Motion, jumps: BoolArray, start: int, defects: list[D
         if np.all(popped[start:]):
             defects.append(Defect(f"flip of {name} again and again", start + 1, motion.frames, "kept"))
             continue
-        for first, stop in _ranges(popped):
+        for first, stop in runs(popped):
             rotations[first:stop, joint] = _bridge(motion.rotations[:, joint], first, stop, start)
             defects.append(Defect(f"flip of {name}", first + 1, stop, "rotation interpolated"))
         kept = [at for at in lone if not (popped[at] or popped[at - 1])]
@@ -244,13 +237,13 @@ def _bridge(rotations: Array, first: int, stop: int, start: int) -> Array:
 
 
 def _sound_parts(
-    motion: Motion, jumps: BoolArray, moved: BoolArray, start: int, defects: list[Defect]
+    motion: Motion, jumps: Mask, moved: Mask, start: int, defects: list[Defect]
 ) -> list[tuple[int, Motion]]:
     """Return the parts between jumps of root and limbs, without the frames of pops."""
     limbs = jumps & ~_ENDS
     longest = int(_LONGEST_POP_S * motion.fps)
     positions = motion.root_positions_m
-    kinds: list[tuple[BoolArray, Apart]] = [(moved, lambda i, j: float(np.linalg.norm(positions[j] - positions[i])))]
+    kinds: list[tuple[Mask, Apart]] = [(moved, lambda i, j: float(np.linalg.norm(positions[j] - positions[i])))]
     kinds += [(limbs[:, joint], _turned(motion, joint)) for joint in np.flatnonzero(np.any(limbs, axis=0))]
     out = np.zeros(motion.frames, dtype=np.bool_)
     single: set[int] = set()
@@ -260,17 +253,17 @@ def _sound_parts(
         single.update(lone)
     out = _with_short_pieces(out, sorted(single), start, longest)
     at_jump = moved | np.any(limbs, axis=1)
-    for first, stop in _ranges(out):
+    for first, stop in runs(out):
         edges = [at for at in range(first, min(stop + 1, motion.frames)) if at_jump[at]]
         defects.append(Defect(_kind(limbs, moved, edges), first + 1, stop, "cut out"))
     cuts = [at for at in sorted(single) if not (out[at] or out[at - 1])]
     defects += [Defect(_kind(limbs, moved, [at]), at + 1, at + 1, "cut, goes on as another clip") for at in cuts]
     out[:start] = True
-    bounds = sorted({bound for pair in _ranges(~out) for bound in pair} | set(cuts))
+    bounds = sorted({bound for pair in runs(~out) for bound in pair} | set(cuts))
     return [(first, sliced(motion, first, stop)) for first, stop in pairwise(bounds) if not np.any(out[first:stop])]
 
 
-def _kind(limbs: BoolArray, moved: BoolArray, edges: list[int]) -> str:
+def _kind(limbs: Mask, moved: Mask, edges: list[int]) -> str:
     if np.any(moved[edges]) or np.any(limbs[edges, 0]):
         return "root jump"
     names = [JOINT_NAMES[joint] for joint in np.flatnonzero(np.any(limbs[edges], axis=0))]

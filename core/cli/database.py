@@ -1,13 +1,14 @@
 """`perfanim database build` and `perfanim database info`."""
 
 import argparse
+import math
 from typing import Any
 
 from ..database.build import BuildSettings, build_database
 from ..database.culling import DEFAULT_CULL_DEG
 from ..database.store import open_database
-from ..errors import SettingsError
 from ..system.progress import Progress
+from .options import check_fps, check_range
 
 
 def add_parser(subparsers: Any) -> None:
@@ -53,12 +54,9 @@ def add_parser(subparsers: Any) -> None:
 
 
 def _build(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    if not 1.0 <= args.fps <= 1000.0:
-        raise SettingsError(f"--fps {args.fps:g} is out of range", advice="give 1 to 1000 frames per second")
-    if args.workers is not None and args.workers < 1:
-        raise SettingsError(f"--workers {args.workers} is out of range", advice="give 1 or more")
-    if not 0.0 <= args.cull <= 20.0:
-        raise SettingsError(f"--cull {args.cull:g} is out of range", advice="give 0 to 20 degrees")
+    check_fps(args.fps)
+    check_range("--workers", args.workers, 1, math.inf, "give 1 or more")
+    check_range("--cull", args.cull, 0.0, 20.0, "give 0 to 20 degrees")
     return build_database(
         args.sources,
         args.out,

@@ -8,10 +8,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ..errors import CharacterError, SettingsError
+from ..errors import CharacterError
 from ..system.files import atomic_path
 from ..system.progress import Progress
 from .main import jsonable
+from .options import check_range
 
 
 def add_parser(subparsers: Any) -> None:
@@ -28,8 +29,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Run the demo, write the character where Blender is at hand, and the report."""
     from ..simulate.demo import run_demo, write_report  # images and plots load only for the command that needs them
 
-    if not 5.0 <= args.seconds <= 600.0:
-        raise SettingsError(f"--seconds {args.seconds:g} is out of range", advice="give 5 to 600")
+    check_range("--seconds", args.seconds, 5.0, 600.0, "give 5 to 600")
     out = Path(args.out)
     report = run_demo(out, args.seconds, progress)
     if importlib.util.find_spec("bpy") is not None:
@@ -49,13 +49,8 @@ def _write_blend(out: Path, progress: Progress) -> Path:
     progress(0.97, "writing the character")
     target = out / "demo.blend"
     package = __package__.rsplit(".", 2)[0]
-    command = [
-        sys.executable,
-        "-m",
-        f"{package}.perfanim_addon.export.export_blend",
-        str(out / "demo.bvh"),
-        str(target),
-    ]
+    module = f"{package}.perfanim_addon.export.export_blend"
+    command = [sys.executable, "-m", module, str(out / "demo.bvh"), str(target)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         reason = (done.stderr.strip().splitlines() or ["no message"])[-1]

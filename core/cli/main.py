@@ -10,7 +10,7 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
-from types import ModuleType
+from importlib import import_module
 from typing import Any
 
 from .. import __version__
@@ -18,21 +18,22 @@ from ..errors import PerfanimError
 from .partial_result import PartialResult
 
 # Each command's module has add_parser(subparsers), which sets `run`: (args, progress) -> summary or `PartialResult`.
-COMMANDS = (
-    "demo",
-    "calibrate",
-    "track",
-    "take",
-    "database",
-    "solve",
-    "evaluate",
-    "retarget",
-    "vmc",
-    "batch",
-    "simulate",
-    "bench",
-    "diagnose",
-)
+_MODULES = {
+    "demo": "demo",
+    "calibrate": "calibrate.command",
+    "track": "track",
+    "take": "take.command",
+    "database": "database",
+    "solve": "solve",
+    "evaluate": "evaluate",
+    "retarget": "retarget",
+    "vmc": "vmc",
+    "batch": "batch.command",
+    "simulate": "simulate",
+    "bench": "bench.command",
+    "diagnose": "diagnose",
+}
+COMMANDS = tuple(_MODULES)
 
 
 # The solver's matrices are small: threads cost more than they gain, most of all beside other processes.
@@ -76,68 +77,10 @@ def build_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"perfanim {__version__}")
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for name in commands:
-        _command(name).add_parser(subparsers)
+        # one command's module: the others' take a second to load
+        import_module(f".{_MODULES[name]}", __package__).add_parser(subparsers)
     _add_json_option(parser)
     return parser
-
-
-def _command(name: str) -> ModuleType:
-    """Import and return the module of a command; the others' take a second to load."""
-    match name:
-        case "demo":
-            from . import demo
-
-            return demo
-        case "calibrate":
-            from .calibrate import command as calibrate
-
-            return calibrate
-        case "track":
-            from . import track
-
-            return track
-        case "take":
-            from .take import command as take
-
-            return take
-        case "database":
-            from . import database
-
-            return database
-        case "solve":
-            from . import solve
-
-            return solve
-        case "evaluate":
-            from . import evaluate
-
-            return evaluate
-        case "retarget":
-            from . import retarget
-
-            return retarget
-        case "vmc":
-            from . import vmc
-
-            return vmc
-        case "batch":
-            from .batch import command as batch
-
-            return batch
-        case "simulate":
-            from . import simulate
-
-            return simulate
-        case "bench":
-            from .bench import command as bench
-
-            return bench
-        case "diagnose":
-            from . import diagnose
-
-            return diagnose
-        case _:
-            raise ValueError(f"no command {name!r}")
 
 
 def _add_json_option(parser: argparse.ArgumentParser) -> None:

@@ -3,7 +3,9 @@
 import argparse
 from typing import Any
 
+from ..errors import SettingsError
 from ..retarget.joint_naming import NAMINGS, OWN
+from ..retarget.retargeter import RootMotion
 
 _MOST_HZ = 1000.0
 
@@ -51,4 +53,54 @@ def add_motion_options(parser: Any, *, defaults: bool = True) -> None:
     )
     parser.add_argument(
         "--rate", type=rate_hz, metavar="HZ", help="frames per second of the motion (default: as it was recorded)"
+    )
+
+
+def check_range(option: str, value: float | None, least: float, most: float, advice: str) -> None:
+    """Raise SettingsError for an option's value that is out of range."""
+    if value is not None and not least <= value <= most:
+        raise SettingsError(f"{option} {value:g} is out of range", advice=advice)
+
+
+def check_fps(fps: float | None) -> None:
+    """Raise SettingsError for a --fps that is out of range."""
+    check_range("--fps", fps, 1.0, 1000.0, "give 1 to 1000 frames per second")
+
+
+def check_height(height_m: float) -> None:
+    """Raise SettingsError for a --height that is no adult's."""
+    check_range("--height", height_m, 1.0, 2.5, "give metres, 1 to 2.5")
+
+
+def add_names_option(parser: Any) -> None:
+    """Add --names, a file of the markers' labels."""
+    parser.add_argument(
+        "--names",
+        metavar="FILE",
+        help='TOML file with a table [names] from label to marker ("Knee 1" = "LKNE"); other labels match '
+        "markers of the same spelling, whatever the case, separators and the subject before them",
+    )
+
+
+def add_character_options(parser: Any, root_motion: str | None = "hips") -> None:
+    """Add how a motion goes onto a character; `root_motion` is the default of --root-motion."""
+    parser.add_argument(
+        "--map", metavar="PRESET_OR_FILE", help="bone map: rigify-controls or a TOML file (default: detected)"
+    )
+    parser.add_argument(
+        "--root-motion",
+        choices=[kind.name.lower().replace("_", "-") for kind in RootMotion],
+        default=root_motion,
+        help="bone that carries the character through the scene (default hips)",
+    )
+    parser.add_argument("--blender", metavar="FILE", help="Blender to do it with (default: its Python module, bpy)")
+
+
+def add_source_options(parser: Any, source: str) -> None:
+    """Add the calibration and one source of images per camera; `source` describes the left one."""
+    parser.add_argument("--cameras", metavar="cameras.toml", required=True, help="the calibration")
+    parser.add_argument("--left", metavar="SRC", required=True, help=source)
+    parser.add_argument("--right", metavar="SRC", required=True, help="the same for the right camera")
+    parser.add_argument(
+        "--camera", metavar="SRC", action="append", default=[], help="any further camera, in the calibration's order"
     )

@@ -12,9 +12,9 @@ from typing import Any
 
 from ..errors import CharacterError, FormatError
 from ..retarget.joint_naming import NAMINGS
-from ..retarget.retargeter import RootMotion
 from ..system import helper_process
 from ..system.progress import Progress
+from .options import add_character_options
 
 BLENDER_VARIABLE = "PERFANIM_BLENDER"  # of the environment: the program to retarget with where none is named
 
@@ -29,18 +29,7 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--to", required=True, metavar="CHARACTER", help="humanoid of a .blend, .glb, .gltf, .vrm or .fbx file"
     )
-    parser.add_argument(
-        "--map",
-        metavar="PRESET_OR_FILE",
-        help="bone map: rigify-controls or a TOML file (default: detected)",
-    )
-    parser.add_argument(
-        "--root-motion",
-        choices=[kind.name.lower().replace("_", "-") for kind in RootMotion],
-        default="hips",
-        help="bone that carries the character through the scene (default hips)",
-    )
-    parser.add_argument("--blender", metavar="FILE", help="Blender to do it with (default: its Python module, bpy)")
+    add_character_options(parser)
     parser.add_argument("--skeleton", metavar="FILE.asf", help="skeleton of an .amc motion")
     parser.add_argument("--render", metavar="FILE.png", help="also render a picture")
     parser.add_argument("--frame", type=int, metavar="N", help="frame of the picture, from 1 (default: the middle one)")
@@ -108,14 +97,5 @@ def _command(blender: str | None, arguments: Sequence[str]) -> list[str]:
         package = (__package__ or "").rpartition(".core.")[0]
         return [sys.executable, "-m", f"{package}.perfanim_addon.export.retarget_file", *arguments]
     order = helper_process.order("perfanim.perfanim_addon.export.retarget_file:main", arguments)
-    return [
-        blender,
-        "--background",
-        "--factory-startup",
-        "--python-exit-code",
-        "1",
-        "--python",
-        helper_process.SCRIPT,
-        "--",
-        order,
-    ]
+    options = ("--background", "--factory-startup", "--python-exit-code", "1")
+    return [blender, *options, "--python", helper_process.SCRIPT, "--", order]

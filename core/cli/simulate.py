@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from ..body.motion import resampled
-from ..errors import SettingsError
 from ..formats.markers.marker_files import check_writable, write_take
 from ..formats.motion.bvh import write_bvh
 from ..formats.motion.read_motion import read_motion
@@ -13,7 +12,7 @@ from ..markers.marker_set import load_marker_set
 from ..simulate.markers import simulate_markers
 from ..system.progress import Progress
 from . import simulate_cameras
-from .options import seed
+from .options import check_fps, seed
 
 
 def add_parser(subparsers: Any) -> None:
@@ -42,8 +41,7 @@ def _add_markers(commands: Any) -> None:
 
 
 def _markers(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    if args.fps is not None and not 1.0 <= args.fps <= 1000.0:
-        raise SettingsError(f"--fps {args.fps:g} is out of range", advice="give 1 to 1000 frames per second")
+    check_fps(args.fps)
     check_writable(args.out)
     progress(0.0, "reading")
     motion = read_motion(args.motion, args.skeleton)

@@ -17,7 +17,7 @@ from ..session.solve_request import BodyFiles, MotionOutput, SolveMarkers, Solve
 from ..session.solve_take import SolvedTake
 from ..solver.settings import METHODS
 from ..system.progress import Progress
-from .options import add_motion_options
+from .options import add_motion_options, add_names_option
 
 
 def add_parser(subparsers: Any) -> None:
@@ -70,12 +70,7 @@ def _add_performer_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_marker_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--names",
-        metavar="FILE",
-        help='TOML file with a table [names] from label to marker ("Knee 1" = "LKNE"); other labels match '
-        "markers of the same spelling, whatever the case, separators and the subject before them",
-    )
+    add_names_option(parser)
     parser.add_argument(
         "--use",
         metavar="N|NAME,...",

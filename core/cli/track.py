@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import SettingsError
 from ..system.progress import Progress
+from .options import check_fps
 
 
 def add_parser(subparsers: Any) -> None:
@@ -105,8 +106,7 @@ def _check(args: argparse.Namespace) -> None:
         raise SettingsError(f"--markers {args.markers} cannot be", advice="use 1 to 200")
     if args.seconds is not None and not 0.0 < args.seconds <= 86400.0:
         raise SettingsError(f"--seconds {args.seconds:g} is out of range", advice="give more than 0, a day at most")
-    if args.fps is not None and not 1.0 <= args.fps <= 1000.0:
-        raise SettingsError(f"--fps {args.fps:g} is out of range", advice="give 1 to 1000 frames per second")
+    check_fps(args.fps)
     check_writable(args.out)
     if args.floor == "feet" and not args.marker_set:
         raise SettingsError("--floor feet needs --marker-set", advice="name the marker set that is worn")

@@ -11,11 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..geometry.arrays import FloatArray, IntArray, Mask
+from ..geometry.arrays import FloatArray, IntArray, Mask, runs
 from .graph import JOINT_ANGLES
 from .store import Clip
-
-BoolArray = Mask
 
 DEFAULT_CULL_DEG = 1.0
 
@@ -29,7 +27,7 @@ _SAMPLES = 20_000  # frames that the components are taken from
 _TREE = 4096  # frames that are gathered before they get a search tree
 
 
-def near_duplicates(poses: FloatArray, clips: Sequence[Clip], fps: float, distance_deg: float) -> BoolArray:
+def near_duplicates(poses: FloatArray, clips: Sequence[Clip], fps: float, distance_deg: float) -> Mask:
     """Return (F,) true for the frames that may go.
 
     Args:
@@ -76,7 +74,7 @@ class _Kept:
         halves = features.reshape(len(features), 2, -1) - self._middle
         return (halves @ self._axes).reshape(len(features), -1)
 
-    def holds(self, features: FloatArray) -> BoolArray:
+    def holds(self, features: FloatArray) -> Mask:
         """Return (n,) whether a kept frame lies within the radius."""
         result = np.zeros(len(features), dtype=np.bool_)
         components = self._components(features)
@@ -104,7 +102,7 @@ class _Kept:
         self._parts.append((tree, features))
 
 
-def _shrunk(flags: BoolArray, by: int) -> BoolArray:
+def _shrunk(flags: Mask, by: int) -> Mask:
     """Return the flags without those within `by` frames of one that is not set."""
     unset = np.concatenate(([0], np.cumsum(~flags)))
     places = np.arange(len(flags))
@@ -112,21 +110,19 @@ def _shrunk(flags: BoolArray, by: int) -> BoolArray:
     return np.asarray(unset[stop] == unset[first])
 
 
-def _long_runs(flags: BoolArray, shortest: float) -> BoolArray:
+def _long_runs(flags: Mask, shortest: float) -> Mask:
     """Return the flags without the runs that are shorter."""
     result = flags.copy()
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in runs(flags):
         if stop - start < shortest:
             result[start:stop] = False
     return result
 
 
-def clips_after_culling(clips: Sequence[Clip], culled: BoolArray, fps: float) -> list[Clip]:
+def clips_after_culling(clips: Sequence[Clip], culled: Mask, fps: float) -> list[Clip]:
     """Return the clips of the remaining frames, renumbered."""
     kept: list[Clip] = []
     for clip in clips:
-        edges = np.flatnonzero(np.diff(np.concatenate(([True], culled[clip.start : clip.stop], [True]))))
-        for first, stop in zip(edges[::2], edges[1::2], strict=True):
-            kept.append(clip.part(int(first), int(stop), kept[-1].stop if kept else 0, fps))
+        for first, stop in runs(~culled[clip.start : clip.stop]):
+            kept.append(clip.part(first, stop, kept[-1].stop if kept else 0, fps))
     return kept

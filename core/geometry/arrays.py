@@ -1,4 +1,4 @@
-"""Types of NumPy arrays."""
+"""Types of NumPy arrays, and runs in masks."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,3 +8,9 @@ FloatArray = NDArray[np.float32]  # of 32 bits, where memory or time counts
 IntArray = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 Image = NDArray[np.uint8]  # (height, width) grey, or (height, width, 3)
+
+
+def runs(flags: Mask) -> list[tuple[int, int]]:
+    """Return [start, stop) of each unbroken run of set flags (F,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

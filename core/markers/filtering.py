@@ -8,7 +8,7 @@ from ..body.motion import Motion
 from ..body.skeleton import forward_kinematics
 from ..errors import SettingsError
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array, Mask
+from ..geometry.arrays import Array, runs
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
 
@@ -31,7 +31,7 @@ def smooth_take(take: MarkerTake, cutoff_hz: float) -> MarkerTake:
     sections = _low_pass(cutoff_hz, take.fps, take.name)
     positions = take.positions_m.copy()
     for marker, visible in enumerate(take.visible.T):
-        for start, stop in _stretches(visible):
+        for start, stop in runs(visible):
             positions[start:stop, marker] = _filter(sections, positions[start:stop, marker])
     return replace(take, positions_m=positions)
 
@@ -108,9 +108,3 @@ def _filter(sections: Array | None, path: Array) -> Array:
     from scipy.signal import sosfiltfilt
 
     return np.asarray(sosfiltfilt(sections, path, axis=0))
-
-
-def _stretches(visible: Mask) -> list[tuple[int, int]]:
-    """Return (start, stop) of each unbroken run."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], visible, [False])).astype(np.int8)))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

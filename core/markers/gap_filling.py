@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 from ..body.motion import Motion
 from ..body.skeleton import forward_kinematics
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array, IntArray, Mask
+from ..geometry.arrays import Array, IntArray, Mask, runs
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
 
@@ -51,8 +51,7 @@ def find_gaps(visible: Mask) -> list[Gap]:
     found = []
     for marker, seen in enumerate(visible.T):
         if seen.any():
-            edges = np.flatnonzero(np.diff(np.concatenate(([True], seen, [True])).astype(np.int8)))
-            found += [Gap(marker, int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+            found += [Gap(marker, start, stop) for start, stop in runs(~seen)]
     return found
 
 

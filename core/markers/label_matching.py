@@ -90,6 +90,11 @@ def match_best_set(labels: Sequence[str], where: str) -> LabelMatch:
     return max(matches, key=lambda match: (len(match.label_of), -len(match.marker_set)))
 
 
+def choose_marker_set(name_or_path: str, labels: Sequence[str], where: str) -> MarkerSet:
+    """Return the named marker set; for AUTO the best one for the labels."""
+    return match_best_set(labels, where).marker_set if name_or_path == AUTO else load_marker_set(name_or_path)
+
+
 def join_names(names: Sequence[str]) -> str:
     """Return names for a message, long lists cut."""
     left = len(names) - _MOST_NAMES

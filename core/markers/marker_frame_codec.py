@@ -32,18 +32,8 @@ def pack(frame: MarkerFrame) -> bytes:
     layout = _layout(len(frame.points_m), len(frame.single_cameras), len(frame.blobs))
     parts += [np.ascontiguousarray(getattr(frame, name), dtype=kind).tobytes() for name, _, kind in layout]
     body = b"".join(parts) + notes
-    header = _HEADER.pack(
-        _MAGIC,
-        _VERSION,
-        len(frame.blobs),
-        frame.number,
-        frame.time_s,
-        len(frame.points_m),
-        len(frame.single_cameras),
-        len(notes),
-        len(body),
-    )
-    return header + body
+    sizes = (len(frame.points_m), len(frame.single_cameras), len(notes), len(body))
+    return _HEADER.pack(_MAGIC, _VERSION, len(frame.blobs), frame.number, frame.time_s, *sizes) + body
 
 
 def unpack(data: bytes) -> MarkerFrame:

@@ -16,10 +16,23 @@ Requests (JSON):
 import signal
 import sys
 import traceback
+from importlib import import_module
 from types import ModuleType
 
 from ..errors import CaptureError, PerfanimError
 from .channel import Channel
+
+JOBS = (
+    "capture",
+    "cameras",
+    "trackers",
+    "command",
+    "record board",
+    "record floor",
+    "record floor markers",
+    "record pose",
+    "calibrate performer",
+)
 
 
 def main(port: int, token: str, name: str) -> int:
@@ -49,42 +62,6 @@ def main(port: int, token: str, name: str) -> int:
 
 def _job(name: str) -> ModuleType:
     """Import and return the module of a job; the others' libraries are slow to load."""
-    match name:
-        case "capture":
-            from .jobs import capture
-
-            return capture
-        case "cameras":
-            from .jobs import cameras
-
-            return cameras
-        case "trackers":
-            from .jobs import trackers
-
-            return trackers
-        case "command":
-            from .jobs import command
-
-            return command
-        case "record board":
-            from .jobs import record_board
-
-            return record_board
-        case "record floor":
-            from .jobs import record_floor
-
-            return record_floor
-        case "record floor markers":
-            from .jobs import record_floor_markers
-
-            return record_floor_markers
-        case "record pose":
-            from .jobs import record_pose
-
-            return record_pose
-        case "calibrate performer":
-            from .jobs import calibrate_performer
-
-            return calibrate_performer
-        case _:
-            raise CaptureError(f"does not know the job {name!r}", where="worker", advice="restart Blender")
+    if name not in JOBS:
+        raise CaptureError(f"does not know the job {name!r}", where="worker", advice="restart Blender")
+    return import_module(f".jobs.{name.replace(' ', '_')}", __package__)

@@ -18,23 +18,18 @@ from ...labelling.take_import import UPS
 from ...markers.label_matching import AUTO, load_names
 from ...markers.marker_set import load_marker_set
 from ...markers.subject import load_subject
-from ...retarget.retargeter import RootMotion
 from ...solver.settings import METHODS
 from ...system.progress import Progress
-from ..options import add_motion_options
+from ..options import add_character_options, add_motion_options, add_names_option, check_range
 from ..partial_result import PartialResult
 from ..retarget import check_blender
 from . import worker
-from .plan import ALSO, SAVED_AS, Plan, TakePlan, Value, plan_of, read_plan
+from .plan import ALSO, KEYS, SAVED_AS, Plan, TakePlan, Value, plan_of, read_plan
 from .processes import in_processes
 from .run import BatchResult, DoTasks, run_batch
 from .summary import counts, facts, text_table
 from .take_record import BAD
 
-_GIVEN = (
-    "database", "subject", "skeleton", "marker_set", "names", "use", "up", "method", "smooth", "feet", "units",
-    "naming", "rate", "also", "cameras", "to", "map", "root_motion", "save_as", "blender",
-)  # fmt: skip
 _CHECKS: dict[str, Callable[[str], object]] = {
     "database": open_database,
     "subject": load_subject,
@@ -67,9 +62,7 @@ def add_parser(subparsers: Any) -> None:
     shared.add_argument(
         "--marker-set", metavar="NAME", help=f"shipped marker set or TOML file, or {AUTO} (of marker files)"
     )
-    shared.add_argument(
-        "--names", metavar="FILE", help="TOML file that says which label of marker files is which marker"
-    )
+    add_names_option(shared)
     shared.add_argument("--use", metavar="N|NAME,...", help="solve marker takes with a few of a suit's markers")
     shared.add_argument("--up", choices=UPS, help="axis of marker files that points up (default: y)")
     shared.add_argument("--method", choices=METHODS, help="how poses are found (default best)")
@@ -81,14 +74,8 @@ def add_parser(subparsers: Any) -> None:
     )
     shared.add_argument("--cameras", metavar="cameras.toml", help="calibration of videos, another of .perftakes")
     shared.add_argument("--to", metavar="CHARACTER", help="also retarget: .blend, .glb, .gltf, .vrm or .fbx file")
-    shared.add_argument("--map", metavar="PRESET_OR_FILE", help="bone map (default: found)")
-    shared.add_argument(
-        "--root-motion",
-        choices=[kind.name.lower().replace("_", "-") for kind in RootMotion],
-        help="bone that carries the character through the scene (default hips)",
-    )
+    add_character_options(shared, root_motion=None)
     shared.add_argument("--save-as", choices=SAVED_AS, help="kind of the characters' files (default blend)")
-    shared.add_argument("--blender", metavar="FILE", help="Blender to retarget with (default: its Python module, bpy)")
     parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: one a core)")
     parser.add_argument(
         "--scheduler", metavar="ADDRESS", help="Dask cluster that does the takes (tcp://HOST:8786), see docs/batch.md"
@@ -98,8 +85,7 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Do the takes and return the facts about each."""
-    if args.jobs is not None and not 1 <= args.jobs <= 1000:
-        raise SettingsError(f"--jobs {args.jobs} is out of range", advice="give 1 to 1000")
+    check_range("--jobs", args.jobs, 1, 1000, "give 1 to 1000")
     if args.jobs is not None and args.scheduler is not None:
         args.wrong_usage("argument --jobs: with --scheduler the cluster's workers count")
     plan = _plan(args)
@@ -113,7 +99,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 def _plan(args: argparse.Namespace) -> Plan:
-    given: dict[str, Value] = {key: value for key in _GIVEN if (value := getattr(args, key)) is not None}
+    given: dict[str, Value] = {key: value for key in KEYS if (value := getattr(args, key, None)) is not None}
     if any(name.lower().endswith(".toml") for name in args.takes):
         if len(args.takes) > 1:
             args.wrong_usage("a plan stands alone: name further takes in it")

@@ -9,7 +9,7 @@ import numpy as np
 from ...body.motion import Motion
 from ...body.scene_pose import PerformerPose
 from ...body.skeleton import forward_kinematics
-from ...geometry.arrays import Mask
+from ...geometry.arrays import Mask, runs
 
 if TYPE_CHECKING:
     from ...session.solve_take import SolvedTake
@@ -67,7 +67,8 @@ def quality_figures(solved: "SolvedTake") -> dict[str, float | int | None]:
         "confidence": float(np.mean(confidence)),
         "confidence_low": float(np.percentile(confidence, 5)),
         "hidden": float(np.mean(hidden)),
-        "longest_gap_s": _longest_run(hidden) / motion.fps,
+        "longest_gap_s": max((stop - start for marker in hidden.T for start, stop in runs(marker)), default=0)
+        / motion.fps,
         "unsolved": float(np.mean(is_unsolved(poses))),
         "foot_skate_cm_s": foot_skate_cm_s(motion),
     }
@@ -123,15 +124,6 @@ def why_doubtful(figures: dict[str, float | int | None]) -> list[str]:
     if confidence is not None and confidence < LEAST_CONFIDENCE:
         reasons.append(f"confidence is {confidence:.0%}")
     return reasons
-
-
-def _longest_run(hidden: Mask) -> int:
-    """Return the longest run of true along the frames of any column."""
-    longest = 0
-    for column in hidden.T:
-        edges = np.flatnonzero(np.diff(np.concatenate(([False], column, [False])).astype(np.int8)))
-        longest = max(longest, *(edges[1::2] - edges[::2]).tolist(), 0)
-    return longest
 
 
 def _round(value: float | int) -> float | int | None:

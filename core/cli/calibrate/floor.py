@@ -4,6 +4,7 @@ import argparse
 from typing import Any
 
 from ...system.progress import Progress
+from ..options import add_source_options
 
 _BACKGROUND_SAMPLES = 240
 
@@ -11,13 +12,7 @@ _BACKGROUND_SAMPLES = 240
 def add_parser(group: Any) -> None:
     """Add `calibrate floor`."""
     parser = group.add_parser("floor", help="floor, origin and scale from three or more markers lying on the floor")
-    parser.add_argument("--cameras", metavar="cameras.toml", required=True, help="the calibration")
-    source = "a video, or a folder or pattern of images, in which the markers lie still for a second"
-    parser.add_argument("--left", metavar="SRC", required=True, help=source)
-    parser.add_argument("--right", metavar="SRC", required=True, help="the same for the right camera")
-    parser.add_argument(
-        "--camera", metavar="SRC", action="append", default=[], help="any further camera, in the calibration's order"
-    )
+    add_source_options(parser, "a video, or a folder or pattern of images, in which the markers lie still for a second")
     parser.add_argument(
         "--background", metavar="SRC", nargs="+", help="the same room without the markers, one source per camera "
         "(default: all else is taken for dark)"

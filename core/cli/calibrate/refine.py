@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...system.progress import Progress
+from ..options import add_source_options
 
 _LOOKED_AT = 300  # moments of a take
 _BACKGROUND_SAMPLES = 31
@@ -17,13 +18,8 @@ def add_parser(group: Any) -> None:
     parser = group.add_parser(
         "refine", help="find out whether a camera was bumped, and where it is now, from any moving markers"
     )
-    parser.add_argument("--cameras", metavar="cameras.toml", required=True, help="the calibration to refine")
     source = "a video, or a folder or pattern of images, in which markers (or a single one) move through the space"
-    parser.add_argument("--left", metavar="SRC", required=True, help=source)
-    parser.add_argument("--right", metavar="SRC", required=True, help="the same for the right camera")
-    parser.add_argument(
-        "--camera", metavar="SRC", action="append", default=[], help="any further camera, in the calibration's order"
-    )
+    add_source_options(parser, source)
     parser.add_argument("--out", metavar="refined.toml", required=True, help="the calibration to write")
     parser.set_defaults(run=run)
 

@@ -11,8 +11,8 @@ from ...body.standard_skeleton import default_skeleton
 from ...database.store import open_database
 from ...errors import SettingsError
 from ...formats.markers.marker_files import read_take
-from ...markers.label_matching import AUTO, load_names, match_best_set, match_labels, rename_labels
-from ...markers.marker_set import MarkerSet, load_marker_set
+from ...markers.label_matching import AUTO, choose_marker_set, load_names, match_labels, rename_labels
+from ...markers.marker_set import MarkerSet
 from ...markers.marker_take import MarkerTake
 from ...markers.subject import Subject, load_subject, save_subject
 from ...subjects.from_motion import frames_of, subject_from_motion
@@ -25,6 +25,7 @@ from ...subjects.pose_calibration import (
 )
 from ...subjects.prototype_bodies import load_bodies
 from ...system.progress import Progress
+from ..options import add_names_option, check_height
 
 _DOUBTFUL_M = 0.015  # a body that explains the motion's markers no better is not to be trusted
 
@@ -36,7 +37,7 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--marker-set", required=True, metavar="NAME", help=f"shipped marker set or TOML file, or {AUTO}: by the labels"
     )
-    parser.add_argument("--names", metavar="FILE", help="TOML file that says which label is which marker, as for solve")
+    add_names_option(parser)
     parser.add_argument("--out", required=True, metavar="subject.toml", help="subject to write")
     parser.add_argument("--name", metavar="NAME", help="of the person (default: --skeleton-from's, or the file's)")
     held = parser.add_mutually_exclusive_group()
@@ -80,10 +81,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     take = part(read_take(args.take), args.frames)
     if args.names is not None:
         take = rename_labels(take, load_names(args.names))
-    by_labels = args.marker_set == AUTO
-    marker_set = (
-        match_best_set(take.names, str(args.take)).marker_set if by_labels else load_marker_set(args.marker_set)
-    )
+    marker_set = choose_marker_set(args.marker_set, take.names, str(args.take))
     take = match_labels(take.names, marker_set).rename(take)
     if args.refine and (not args.database or args.height is not None):
         raise SettingsError("--refine needs --database and no --height", advice="the subject has its height")
@@ -157,8 +155,7 @@ def _from_motion(
         start = Subject(name, before.skeleton, before.marker_set.subset(marker_set.names))
     else:
         height_m = 1.7 if args.height is None else args.height
-        if not 1.0 <= height_m <= 2.5:
-            raise SettingsError(f"--height {height_m:g} is out of range", advice="give metres, 1 to 2.5")
+        check_height(height_m)
         start = Subject(name, default_skeleton(height_m), marker_set)
     return subject_from_motion(take, start, open_database(args.database), progress).subject
 

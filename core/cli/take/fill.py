@@ -6,13 +6,12 @@ from typing import Any
 
 from ...body.standard_skeleton import default_skeleton
 from ...database.store import Database, open_database
-from ...errors import SettingsError, TakeError
+from ...errors import TakeError
 from ...formats.markers.marker_files import WRITABLE, check_writable, is_recorded, read_take
 from ...formats.markers.rewrite_take import rewrite_take
 from ...markers.filtering import smooth_on_body
 from ...markers.gap_filling import fill_gaps, find_gaps, widen_gaps
-from ...markers.label_matching import AUTO, load_names, match_best_set, match_labels, rename_labels
-from ...markers.marker_set import load_marker_set
+from ...markers.label_matching import AUTO, choose_marker_set, load_names, match_labels, rename_labels
 from ...markers.marker_take import MarkerTake
 from ...markers.subject import Subject, load_subject
 from ...markers.take_frames import is_unnamed
@@ -20,6 +19,7 @@ from ...session.solve_take import solve_take
 from ...solver.settings import SolveSettings
 from ...subjects.from_motion import subject_from_motion
 from ...system.progress import Progress
+from ..options import add_names_option, check_height
 
 
 def add_parser(group: Any) -> None:
@@ -43,7 +43,7 @@ def add_parser(group: Any) -> None:
         metavar="NAME",
         help=f"without --subject: shipped marker set or TOML file, or {AUTO}: by the take's labels (default {AUTO})",
     )
-    parser.add_argument("--names", metavar="FILE", help="TOML file that says which label is which marker, as for solve")
+    add_names_option(parser)
     parser.add_argument(
         "--filter",
         type=float,
@@ -56,8 +56,7 @@ def add_parser(group: Any) -> None:
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Fill the gaps of a take and write it."""
-    if not 1.0 <= args.height <= 2.5:
-        raise SettingsError(f"--height {args.height:g} is out of range", advice="give metres, 1 to 2.5")
+    check_height(args.height)
     check_writable(args.out)
     progress(0.0, "reading")
     database, read = open_database(args.database), read_take(args.take)
@@ -95,10 +94,7 @@ def _subject_and_take(
     if args.subject is not None:
         subject = load_subject(args.subject)
         return subject, match_labels(take.names, subject.marker_set).rename(take)
-    by_labels = args.marker_set == AUTO
-    marker_set = (
-        match_best_set(take.names, str(args.take)).marker_set if by_labels else load_marker_set(args.marker_set)
-    )
+    marker_set = choose_marker_set(args.marker_set, take.names, str(args.take))
     named = match_labels(take.names, marker_set).rename(take)
     start = Subject("performer", default_skeleton(args.height), marker_set)
     return subject_from_motion(named, start, database, progress).subject, named

@@ -8,7 +8,7 @@ from typing import Any
 
 from ...body.standard_skeleton import default_skeleton
 from ...database.store import Database, open_database
-from ...errors import FormatError, MarkerSetError, PerfanimError, SettingsError, SubjectError, TakeError
+from ...errors import FormatError, MarkerSetError, PerfanimError, SubjectError, TakeError
 from ...formats.markers.marker_files import READABLE, declared_frames, is_recorded, read_take
 from ...formats.take_file.edit import recover
 from ...formats.take_file.reading import ENDING, read_take_file, take_name, unused_path
@@ -21,6 +21,7 @@ from ...session.save_solved_take import save_imported_take
 from ...solver.marker_selection import worn_in
 from ...solver.settings import METHODS, SolveSettings
 from ...system.progress import Progress
+from ..options import add_names_option, check_height
 
 _DOUBTFUL_MM = 100.0  # live, solved markers so far off mean that labels or pose are wrong
 
@@ -41,12 +42,7 @@ def add_parser(group: Any) -> None:
         help=f"shipped marker set or TOML file, or {AUTO}: the shipped one to which most of a take's labels belong "
         f"(default: the subject's, {AUTO} without a subject)",
     )
-    parser.add_argument(
-        "--names",
-        metavar="FILE",
-        help='TOML file with a table [names] from label to marker ("Knee 1" = "LKNE"); other labels match '
-        "markers of the same spelling, whatever the case, separators and the subject before them",
-    )
+    add_names_option(parser)
     parser.add_argument("--method", choices=METHODS, default="best", help="how poses are found (default best)")
     parser.add_argument(
         "--up",
@@ -61,8 +57,8 @@ def add_parser(group: Any) -> None:
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Keep marker takes as recorded ones; a bad one does not keep the others out."""
     progress(0.0, "reading")
-    if args.subject is None and not 1.0 <= args.height <= 2.5:
-        raise SettingsError(f"--height {args.height:g} is out of range", advice="give metres, 1 to 2.5")
+    if args.subject is None:
+        check_height(args.height)
     database = open_database(args.database)
     chosen = load_marker_set(args.marker_set) if args.marker_set not in (None, AUTO) else None
     by_take = args.marker_set == AUTO or (args.marker_set is None and args.subject is None)

@@ -12,7 +12,7 @@ from ...body.skeleton import Skeleton
 from ...body.source_motion import frame_range, source_of_motion
 from ...body.standard_skeleton import JOINT_NAMES
 from ...errors import FormatError
-from ...geometry.arrays import Mask
+from ...geometry.arrays import Mask, runs
 from ...retarget.to_standard_skeleton import to_standard_skeleton
 from ...system.files import read_bytes
 from .amc import CMU_FPS, amc_motion, parse_amc_values
@@ -91,8 +91,7 @@ def read_motion_parts(path: Path, skeleton: Path | None = None, name: str = "") 
 
 def _finite_ranges(finite: Mask, where: str) -> tuple[list[tuple[int, int]], list[Defect]]:
     """Return the ranges of frames that have all their numbers, and the gaps between."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], finite, [False]))))
-    ranges = [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
+    ranges = runs(finite)
     if not ranges:
         raise FormatError("has numbers that are not finite in every frame", where=where)
     bounds = [0, *(bound for pair in ranges for bound in pair), len(finite)]

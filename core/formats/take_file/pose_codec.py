@@ -84,19 +84,9 @@ def unpack_pose(data: bytes) -> ScenePose:
 
 def _pack_performer(pose: PerformerPose, version: int) -> bytes:
     notes = "\n".join(pose.notes).encode("utf-8")
-    header = _HEADER.pack(
-        _MAGIC,
-        version,
-        len(pose.rotations),
-        len(pose.markers_m),
-        len(notes),
-        pose.number,
-        pose.time_s,
-        pose.confidence,
-        pose.marker_rms_m,
-        pose.neighbours,
-        pose.dimensions,
-    )
+    sizes = (len(pose.rotations), len(pose.markers_m), len(notes))
+    facts = (pose.number, pose.time_s, pose.confidence, pose.marker_rms_m, pose.neighbours, pose.dimensions)
+    header = _HEADER.pack(_MAGIC, version, *sizes, *facts)
     arrays = (pose.rotations, pose.root_position_m, pose.markers_m, pose.observed_m)
     floats = np.concatenate([np.ravel(array) for array in arrays])
     return header + floats.astype("<f8").tobytes() + pose.single_cameras.astype("<i8").tobytes() + notes
