@@ -83,7 +83,7 @@ def add_names_option(parser: Any) -> None:
 
 
 def add_character_options(parser: Any, root_motion: str | None = "hips") -> None:
-    """Add how a motion goes onto a character; `root_motion` is the default of --root-motion."""
+    """Add how a motion goes onto a character, with the default of --root-motion."""
     parser.add_argument(
         "--map", metavar="PRESET_OR_FILE", help="bone map: rigify-controls or a TOML file (default: detected)"
     )
@@ -97,7 +97,7 @@ def add_character_options(parser: Any, root_motion: str | None = "hips") -> None
 
 
 def add_source_options(parser: Any, source: str) -> None:
-    """Add the calibration and one source of images per camera; `source` describes the left one."""
+    """Add the calibration, and a source of images per camera with this description."""
     parser.add_argument("--cameras", metavar="cameras.toml", required=True, help="the calibration")
     parser.add_argument("--left", metavar="SRC", required=True, help=source)
     parser.add_argument("--right", metavar="SRC", required=True, help="the same for the right camera")

@@ -7,7 +7,6 @@ class PartialResult(dict[str, Any]):
     """A summary with a text of its own for people.
 
     Args:
-        summary: as any command's.
         text: printed without --json.
         failure: one line for stderr, and exit status 1; "" for none.
     """

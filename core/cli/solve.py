@@ -150,8 +150,7 @@ def check(args: argparse.Namespace) -> None:
 def solve(args: argparse.Namespace, progress: Progress, cache: SessionCache) -> tuple[SolvedTake, dict[str, Any]]:
     """Solve the take of checked options and write the output; return poses and facts.
 
-    Args:
-        cache: shared by takes that are solved one after another.
+    Takes that are solved one after another share the cache.
     """
     body = BodyFiles(args.subject, args.skeleton, args.marker_set)
     output = MotionOutput(str(args.out), args.units, args.naming, args.rate, args.smooth, args.feet)

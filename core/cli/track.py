@@ -80,22 +80,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     rig, sources = _cameras_and_sources(args, load_rig(args.cameras))
     if args.ignore_distortion:
         rig = replace(rig, cameras=tuple(replace(camera, distortion=np.zeros(5)) for camera in rig.cameras))
-    request = TrackImages(
-        rig,
-        sources,
-        str(args.out),
-        marker_set,
-        args.markers,
-        background=args.background or (),
-        threshold=args.threshold,
-        fps=args.fps,
-        seconds=args.seconds,
-        align_time=not args.no_time_offset,
-        on_floor=args.floor == "feet",
-        floor_cameras=args.floor_cameras,
-        truth=args.truth,
-    )
-    return request.run(progress)
+    return TrackImages(args, rig, sources, marker_set).run(progress)
 
 
 def _check(args: argparse.Namespace) -> None:

@@ -1,5 +1,6 @@
 """Request to track the markers in images of calibrated cameras."""
 
+import argparse
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -39,34 +40,16 @@ class TrackImages:
     """Images to a marker take.
 
     Args:
+        options: of `perfanim track`.
         rig: one camera for each source.
         sources: videos, folders or patterns of images, devices.
-        out: take to write.
         marker_set: names the trajectories; None for M01, M02, ...
-        markers: worn; None for the set's, or as many as are seen at most times.
-        background: sources without the performer; empty to learn from the take.
-        threshold: grey levels above the background; None for automatic.
-        fps: of sources that do not say it.
-        seconds: to track; None for all.
-        align_time: bring late cameras' markers to the time of the others.
-        on_floor: put the floor under the feet at y = 0.
-        floor_cameras: file for the calibration with that floor; None for none.
-        truth: take to compare with; None for none.
     """
 
+    options: argparse.Namespace
     rig: CameraRig
     sources: Sequence[str]
-    out: str
     marker_set: MarkerSet | None = None
-    markers: int | None = None
-    background: Sequence[str] = ()
-    threshold: float | None = None
-    fps: float | None = None
-    seconds: float | None = None
-    align_time: bool = True
-    on_floor: bool = False
-    floor_cameras: str | None = None
-    truth: str | None = None
 
     def run(self, progress: Progress) -> Facts:
         """Track, write the take, return the summary.
@@ -74,13 +57,13 @@ class TrackImages:
         Raises:
             PerfanimError: a source cannot be opened or has no end, or the output cannot be written.
         """
-        source: Any = open_image_source(*self.sources, fps=self.fps, size=self.rig.cameras[0].image_size)
+        source: Any = open_image_source(*self.sources, fps=self.options.fps, size=self.rig.cameras[0].image_size)
         try:
             pipeline = self._pipeline(source, progress)
             frames, seconds = self._detect(pipeline, source, progress)
         finally:
             source.close()
-        count = len(self.marker_set) if self.marker_set else self.markers
+        count = len(self.marker_set) if self.marker_set else self.options.markers
         if len(self.rig) == 1:
             take, found = self._one_camera_take(frames, source.fps, count)
         else:
@@ -91,19 +74,19 @@ class TrackImages:
             "names": list(take.names),
             "frames_per_s": len(frames) / max(seconds, 1e-9),
             "warnings": [*getattr(source, "warnings", ()), *dict.fromkeys(note for f in frames for note in f.notes)],
-            "out": self.out,
+            "out": self.options.out,
         }
-        if self.truth:
-            facts |= compare_takes(take, read_take(self.truth))
-        write_take(self._moved_to_floor(take) if self.on_floor else take, self.out)
+        if self.options.truth:
+            facts |= compare_takes(take, read_take(self.options.truth))
+        write_take(self._moved_to_floor(take) if self.options.floor == "feet" else take, self.options.out)
         return facts
 
     def _pipeline(self, source: Any, progress: Progress) -> MarkerPipeline:
-        settings = PipelineSettings(detection=(DetectionSettings(threshold=self.threshold),))
+        settings = PipelineSettings(detection=(DetectionSettings(threshold=self.options.threshold),))
         pipeline = MarkerPipeline(self.rig, settings)
         progress(0.0, "learning the background")
-        if self.background:
-            empty: Any = open_image_source(*self.background)
+        if self.options.background:
+            empty: Any = open_image_source(*self.options.background)
             try:
                 pipeline.learn_empty(empty.samples(_EMPTY_SAMPLES))
             finally:
@@ -116,13 +99,13 @@ class TrackImages:
 
     def _detect(self, pipeline: MarkerPipeline, source: Any, progress: Progress) -> tuple[list[MarkerFrame], float]:
         """Return the marker frames, and the seconds that the pipeline took."""
-        if self.seconds is None and _is_endless(source):
+        if self.options.seconds is None and _is_endless(source):
             raise SettingsError("a camera has no end", advice="say how long to record, e.g. --seconds 10")
-        total = int(getattr(source, "frames", 0)) or round((self.seconds or 0.0) * source.fps)
+        total = int(getattr(source, "frames", 0)) or round((self.options.seconds or 0.0) * source.fps)
         frames: list[MarkerFrame] = []
         seconds = 0.0
         for images in source:
-            if self.seconds is not None and max(images.times_s) >= self.seconds:
+            if self.options.seconds is not None and max(images.times_s) >= self.options.seconds:
                 break
             start = time.perf_counter()
             frames.append(pipeline.process(images))
@@ -136,7 +119,7 @@ class TrackImages:
     ) -> tuple[MarkerTake, Facts]:
         """Return the take of two or more cameras, and its figures."""
         aligned: Facts = {}
-        if self.align_time:
+        if not self.options.no_time_offset:
             progress(0.95, "comparing the cameras' times")
             frames, offsets = synchronise_frames(self.rig, frames, settings)
             aligned = {
@@ -175,13 +158,13 @@ class TrackImages:
         if self.marker_set is None:
             raise SettingsError("--floor feet needs --marker-set", advice="name the marker set that is worn")
         level = rig_on_floor(self.rig, floor_points(take, self.marker_set))
-        if self.floor_cameras:
-            save_rig(level, self.floor_cameras)
+        if self.options.floor_cameras:
+            save_rig(level, self.options.floor_cameras)
         return to_rig_world(take, self.rig, level)
 
     @property
     def _name(self) -> str:
-        return Path(self.out).name.removesuffix(".npz").removesuffix(".take").split(".")[0] or "take"
+        return Path(self.options.out).name.removesuffix(".npz").removesuffix(".take").split(".")[0] or "take"
 
 
 def _is_endless(source: Any) -> bool:

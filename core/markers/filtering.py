@@ -39,10 +39,8 @@ def smooth_take(take: MarkerTake, cutoff_hz: float) -> MarkerTake:
 def smooth_motion(motion: Motion, cutoff_hz: float) -> Motion:
     """Return the motion with joint rotations and root path low-passed without lag.
 
-    Joints without markers follow the database's examples, which change from frame to frame.
-
-    Raises:
-        SettingsError: as for `smooth_take`.
+    Joints without markers follow the database's examples, which change from frame to frame. Cut-off and errors are as
+    for `smooth_take`.
     """
     sections = _low_pass(cutoff_hz, motion.fps, motion.name)
     steps = np.sum(motion.rotations[1:] * motion.rotations[:-1], axis=-1, keepdims=True)
@@ -65,10 +63,7 @@ def smooth_on_body(take: MarkerTake, marker_set: MarkerSet, motion: Motion, cuto
     Args:
         take: its markers under the set's names; others stay as they are.
         motion: solved from the take, in its world, frame by frame.
-        cutoff_hz: of the path; a fifth of it of the place on the body.
-
-    Raises:
-        SettingsError: as for `smooth_take`.
+        cutoff_hz: of the path; a fifth of it of the place on the body. Errors are as for `smooth_take`.
     """
     joints, turns = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
     worn = [marker for marker in marker_set.markers if marker.name in take.names]

@@ -21,7 +21,6 @@ class Marker:
     """One marker.
 
     Args:
-        joint: the joint that carries it.
         offset_m: (3) joint origin to marker in the rest pose in the joint's axes (x left, y up, z forward), metres;
             None until the subject is calibrated.
         torso: whether it serves to find the root.

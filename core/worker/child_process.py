@@ -38,7 +38,6 @@ class ChildProcess:
     """A Python process that runs `process.main`.
 
     Args:
-        port, token: of the connection that it opens.
         python: the interpreter, this process' by default; never Blender's own binary.
 
     Raises:

@@ -1,22 +1,11 @@
 """Client of a worker that is replaced when it dies or hangs."""
 
 from collections.abc import Callable
-from typing import Any, Protocol
 
 from ..errors import CaptureError
+from .client import WorkerClient
 from .protocol import Message
 from .restart_point import RestartPoint
-
-
-class Restartable(Protocol):
-    """Worker client that can replace its process (`WorkerClient`)."""
-
-    @property
-    def may_restart(self) -> bool: ...  # noqa: D102
-
-    def poll(self) -> list[Message]: ...  # noqa: D102
-
-    def restart(self, **changes: Any) -> None: ...  # noqa: D102
 
 
 class SupervisedClient:
@@ -30,7 +19,7 @@ class SupervisedClient:
     """
 
     def __init__(
-        self, client: Restartable, name: str, on_restart: Callable[[RestartPoint, str], None] | None = None
+        self, client: WorkerClient, name: str, on_restart: Callable[[RestartPoint, str], None] | None = None
     ) -> None:
         self._client = client
         self._name = name

@@ -12,10 +12,7 @@ class VmcSender:
     """Sends the first performer's poses.
 
     Here, in the solver's process, every pose passes at the pace of the cameras, however slowly Blender draws. At the
-    first failure it warns once and stops sending: the capture continues.
-
-    Args:
-        warn: called with the problem in plain words.
+    first failure it calls `warn` once and stops sending: the capture continues.
     """
 
     def __init__(self, skeleton: Skeleton, host: str, port: int, warn: Callable[[str], None]) -> None:

@@ -2,9 +2,9 @@
 
 import os
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING
 
 from ...errors import PerfanimError
 from ...formats.markers.marker_files import declared_frames
@@ -17,21 +17,11 @@ from .quality import quality_figures, why_bad, why_doubtful
 from .take_record import BAD, DOUBTFUL, GOOD, REPORT, Record, Task, failed_record, record_path
 from .thumbnail_strip import write_strip
 
-
-class TakeCommands(Protocol):
-    """Commands of the command line for a take; each raises PerfanimError."""
-
-    def track(self, options: Sequence[str]) -> dict[str, Any]:
-        """Run `perfanim track`."""
-
-    def solve(self, options: Sequence[str]) -> tuple[SolvedTake, dict[str, Any]]:
-        """Run `perfanim solve`; return poses and motion, and facts."""
-
-    def retarget(self, options: Sequence[str]) -> dict[str, Any]:
-        """Run `perfanim retarget`."""
+if TYPE_CHECKING:
+    from .worker import CommandLine
 
 
-def run_task(task: Task, commands: TakeCommands) -> Record:
+def run_task(task: Task, commands: "CommandLine") -> Record:
     """Do one take: write all of its outputs and its record, or none."""
     take, out, work = task.take, Path(task.out), Path(task.work) / task.take.name
     try:
@@ -51,7 +41,7 @@ def run_task(task: Task, commands: TakeCommands) -> Record:
 class TakePipeline:
     """The steps of one take, in a folder of its own."""
 
-    def __init__(self, take: TakePlan, work: Path, commands: TakeCommands) -> None:
+    def __init__(self, take: TakePlan, work: Path, commands: "CommandLine") -> None:
         self._take = take
         self._work = work
         self._commands = commands

@@ -44,7 +44,6 @@ def run_batch(takes: Sequence[TakePlan], out: Path, do_tasks: DoTasks, progress:
 
     Args:
         takes: with names that differ.
-        out: folder of the results; made if it is not there.
         do_tasks: does takes and yields their records in any order (see `in_processes`, `on_cluster`).
 
     Raises:

@@ -16,12 +16,7 @@ _LONGEST = 36  # letters of a name in the table that people read
 
 
 def write_summary(records: Sequence[Record], out: Path, work: Path) -> Path:
-    """Write summary.csv, summary.json and summary.html; return the page.
-
-    Args:
-        records: sorted by name.
-        work: folder below it for unfinished files.
-    """
+    """Write summary.csv, summary.json and summary.html; return the page."""
     texts = {
         "summary.csv": _table(records),
         "summary.json": json.dumps(counts(records) | {"takes": [facts(record) for record in records]}, indent=1) + "\n",

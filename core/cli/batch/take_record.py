@@ -58,7 +58,6 @@ class Task:
     """One take to be done, as it goes to another process.
 
     Args:
-        take: its plan.
         out: folder of the results.
         work: folder below it for unfinished files.
     """

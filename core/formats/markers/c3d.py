@@ -22,6 +22,8 @@ _BLOCK = 512
 _KEY = 0x50
 _INTEL, _DEC, _MIPS = 84, 85, 86
 
+Parameters = dict[tuple[str, str], list[Any]]  # values by group and name
+
 
 @dataclass(frozen=True)
 class Layout:
@@ -30,7 +32,6 @@ class Layout:
     Args:
         points, analog_words: of a frame, which has four words for each point, then the analog ones.
         frames: that are stored whole.
-        first_frame: its number.
         scale: of integers; negative: the words are real numbers.
         start: first byte of the frames.
         processor: of the file's header: the order of bytes and the kind of real numbers.
@@ -120,7 +121,7 @@ class _C3dParser:
         frames = max(self._word(5) - self._word(4) + 1, 0)
         return frames if frames < 0xFFFF else 0
 
-    def _names(self, parameters: dict[tuple[str, str], list[Any]], count: int) -> list[str]:
+    def _names(self, parameters: Parameters, count: int) -> list[str]:
         labels: list[str] = []
         for suffix in ("", "2", "3", "4"):  # a parameter holds at most 255 labels
             labels += [str(label) for label in parameters.get(("POINT", "LABELS" + suffix), [])]
@@ -137,25 +138,25 @@ class _C3dParser:
         value: int = struct.unpack_from(self.order + "H", self.data, 2 * (index - 1))[0]
         return value
 
-    def layout(self, parameters: dict[tuple[str, str], list[Any]]) -> Layout:
+    def layout(self, parameters: Parameters) -> Layout:
         try:
             return self._layout(parameters)
         except (struct.error, ValueError, IndexError) as error:
             raise FormatError(f"is damaged ({error})", where=self.where) from error
 
-    def _layout(self, parameters: dict[tuple[str, str], list[Any]]) -> Layout:
-        points = int(_first(parameters.get(("POINT", "USED")), self._word(2))) & 0xFFFF
+    def _layout(self, parameters: Parameters) -> Layout:
+        points = int(_point(parameters, "USED", self._word(2))) & 0xFFFF
         if points == 0:
             raise FormatError("has no points", where=self.where)
         scale = self._real(self.data[12:16])  # where the parameter differs, the data are scaled as the header says
         if not np.isfinite(scale) or scale == 0.0:
-            scale = float(_first(parameters.get(("POINT", "SCALE")), -1.0))
-        fps = float(_first(parameters.get(("POINT", "RATE")), 0.0))
+            scale = float(_point(parameters, "SCALE", -1.0))
+        fps = float(_point(parameters, "RATE", 0.0))
         if not (np.isfinite(fps) and fps > 0.0):
             fps = self._real(self.data[20:24])
         if not (np.isfinite(fps) and fps > 0.0):
             raise FormatError("gives no frame rate", where=self.where)
-        block = int(_first(parameters.get(("POINT", "DATA_START")), 0)) & 0xFFFF or self._word(9)
+        block = int(_point(parameters, "DATA_START", 0)) & 0xFFFF or self._word(9)
         if not 0 < (block - 1) * _BLOCK < len(self.data):
             block = self._word(9)
         start = (block - 1) * _BLOCK
@@ -164,13 +165,13 @@ class _C3dParser:
         frames = self._frame_count(parameters, max(len(self.data) - start, 0) // size)
         if start <= 0 or frames == 0:
             raise FormatError("stores no frames", where=self.where, advice="the file is cut off or damaged")
-        unit = str(_first(parameters.get(("POINT", "UNITS")), "mm") or "mm")
+        unit = str(_point(parameters, "UNITS", "mm") or "mm")
         metres = metres_of(unit, self.where)
         return Layout(points, analog, frames, self._word(4), scale, start, fps, self.processor, metres)
 
-    def _frame_count(self, parameters: dict[tuple[str, str], list[Any]], stored: int) -> int:
+    def _frame_count(self, parameters: Parameters, stored: int) -> int:
         declared = max(self._word(5) - self._word(4) + 1, 0)
-        long_count = int(_first(parameters.get(("POINT", "FRAMES")), 0)) & 0xFFFF
+        long_count = int(_point(parameters, "FRAMES", 0)) & 0xFFFF
         # 65535 means "more than fits", then the trial's fields or the file's size tell
         if max(declared, long_count) >= 0xFFFF or declared == 0:
             return stored
@@ -188,13 +189,13 @@ class _C3dParser:
         with np.errstate(invalid="ignore"):  # damaged files hold signalling NaN
             return reals.reshape(-1, width).astype(np.float64)
 
-    def parameters(self) -> dict[tuple[str, str], list[Any]]:
+    def parameters(self) -> Parameters:
         try:
             return self._parameters()
         except (struct.error, ValueError, IndexError) as error:
             raise FormatError(f"is damaged ({error})", where=self.where) from error
 
-    def _parameters(self) -> dict[tuple[str, str], list[Any]]:
+    def _parameters(self) -> Parameters:
         groups: dict[int, str] = {}
         found: list[tuple[int, str, list[Any]]] = []
         at = self.parameter_start + 4
@@ -232,8 +233,9 @@ class _C3dParser:
         return [int(value) for value in np.frombuffer(raw, self.order + ("i1" if kind == 1 else "i2"))]
 
 
-def _first(values: list[Any] | None, default: Any) -> Any:
-    return values[0] if values else default
+def _point(parameters: Parameters, name: str, default: Any) -> Any:
+    """Return the first value of a parameter of the group POINT."""
+    return next(iter(parameters.get(("POINT", name), ())), default)
 
 
 def _from_dec(words: NDArray[np.uint16]) -> Array:

@@ -13,9 +13,6 @@ HEADER = ("frame", "time_s", "x", "y", "z", "qw", "qx", "qy", "qz", "rms_mm", "m
 def write_prop_csv(poses: Sequence[ScenePose], index: int, name: str, fps: float, path: Path | str) -> None:
     """Write a prop's position and rotation, a row a frame; blank while hidden.
 
-    Args:
-        index: which of them.
-
     Raises:
         FormatError: `path` cannot be written.
     """

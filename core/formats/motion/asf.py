@@ -47,9 +47,7 @@ class AsfFile:
 
     Args:
         metres_per_unit: length of the file's unit.
-        degrees: whether angles are degrees.
         bones: by name, without the root.
-        parents: parent's name by bone name.
         root: the root as a bone of no length; its channels are the file's `order`.
         root_position: (3,) rest position in the file's unit.
         root_orientation: (4,) rest orientation.

@@ -47,10 +47,9 @@ class FrameAssembler:
         self._placed: dict[Key, Placement] = {}
 
     def add(self, packet: bytes, arrival_s: float) -> list[VmcFrame]:
-        """Add a packet and return the frames that ended; a malformed one only counts.
+        """Add a UDP packet and return the frames that ended; a malformed one only counts.
 
-        Args:
-            arrival_s: when it came, by any clock that only goes forwards.
+        `arrival_s` is of any clock that only goes forwards.
         """
         self.packets += 1
         try:

@@ -63,8 +63,6 @@ def frame_packet(time_s: float, names: Sequence[str], positions_m: Array, rotati
     """Return the bundle of one frame: available, time, root and bones.
 
     Args:
-        time_s: seconds from the first frame.
-        names: (B) names of bones.
         positions_m, rotations: (B, 3) and (B, 4) in our axes, relative to the bone above; the root rests in the origin.
     """
     bundle = OscBundleBuilder(IMMEDIATELY)

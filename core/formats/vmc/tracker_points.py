@@ -19,9 +19,5 @@ def axis_names(tracker: str) -> tuple[str, ...]:
 
 
 def axis_points(position_m: Array, rotation: Array) -> Array:
-    """Return points (..., 3, 3), each 0.1 m along one of the tracker's axes.
-
-    Args:
-        position_m, rotation: (..., 3) and (..., 4) of the tracker in the world.
-    """
+    """Return points (..., 3, 3), 0.1 m along each axis of a tracker (..., 3), (..., 4)."""
     return position_m[..., None, :] + rot.rotate(rotation[..., None, :], _LENGTH_M * np.eye(3))

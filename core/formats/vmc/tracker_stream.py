@@ -47,11 +47,7 @@ class TrackerStream:
         return tuple(tracker_names(self._labels).values())
 
     def add(self, packet: bytes, arrival_s: float) -> list[MarkerFrame]:
-        """Add a packet and return the marker frames that ended.
-
-        Args:
-            arrival_s: when it came, by a clock that only goes forwards.
-        """
+        """Add a packet and return the marker frames that ended, as `FrameAssembler.add`."""
         frames = [self._marker_frame(frame) for frame in self.gathering.add(packet, arrival_s)]
         if self._expected and self.gathering.has_all(self._expected):
             frames += [self._marker_frame(frame) for frame in self.gathering.end()]

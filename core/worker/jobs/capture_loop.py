@@ -31,7 +31,6 @@ class CaptureLoop:
     """Solves every marker frame in order; drops none.
 
     Args:
-        client: of the cameras' process.
         take: keeps poses and events; None for no take.
         is_live: whether the source does not wait; other sources may stand still for long.
     """

@@ -20,9 +20,9 @@ _ACK_LIMIT_S = 0.25
 
 
 class FrameRecorder:
-    """Unpacks each marker frame once and keeps its bytes in the take.
+    """Unpacks each marker frame once and keeps its bytes in the take, if there is one.
+
     Args:
-        take: keeps the frames; None for no take.
         is_repeatable: whether a source that is opened again continues with its own numbers and times.
     """
 

@@ -3,23 +3,14 @@
 import math
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from ...vision.sources.source_kinds import ImageSetLike
 from ..channel import Channel
 from .cameras import Stopped
 
 
-@dataclass
-class Line:
-    """Text beside the countdown, and the fraction of the work done."""
-
-    text: str
-    fraction: float | None = None
-
-
-def count_down(images: Iterator[ImageSetLike], seconds: float, channel: Channel, line: Line) -> ImageSetLike | None:
-    """Send the seconds left; return the first image set after them, None at the end."""
+def count_down(images: Iterator[ImageSetLike], seconds: float, channel: Channel, text: str) -> ImageSetLike | None:
+    """Send the seconds left and a text; return the first image set after them, or None."""
     due_s, sent = time.perf_counter() + seconds, 0
     for image_set in images:
         if channel.stop_requested.is_set():
@@ -29,5 +20,5 @@ def count_down(images: Iterator[ImageSetLike], seconds: float, channel: Channel,
             return image_set
         if left != sent:
             sent = left
-            channel.send_status(f"{left}: {line.text}", line.fraction)
+            channel.send_status(f"{left}: {text}")
     return None

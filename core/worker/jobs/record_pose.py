@@ -9,7 +9,7 @@ The take continues between the poses, so that its trajectories do; `pose_points`
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -32,7 +32,7 @@ from ...vision.sources.source_kinds import ImageSetLike, ImageSource
 from ..channel import Channel
 from ..source_traits import is_live, is_simulated
 from .cameras import Stopped, open_pipeline
-from .countdown import Line, count_down
+from .countdown import count_down
 
 _LONGEST_S = 60.0  # of a recording in which poses are looked for
 
@@ -87,29 +87,20 @@ def _moments(
     """Yield the image sets from the first pose to the last; send the instructions."""
     hold_s, between_s = float(request["seconds"]), float(request["between_s"])
     if is_live(request):
-        count_down(images, float(request["countdown_s"]), channel, Line(INSTRUCTIONS[poses[0]]))
+        count_down(images, float(request["countdown_s"]), channel, INSTRUCTIONS[poses[0]])
     elif not is_simulated(request) and len(poses) > 1:
         # no instructions can be given: the poses are somewhere in the recording
-        yield from _for_seconds(images, _LONGEST_S, channel, lambda left_s: "looking for the markers")
+        yield from _for_seconds(images, _LONGEST_S, channel, "looking for the markers")
         return
     for number, pose in enumerate(poses):
         words = INSTRUCTIONS[pose]
         if number:
-            yield from _for_seconds(images, between_s, channel, _counting(words))
-        yield from _for_seconds(images, hold_s, channel, _holding(words))
+            yield from _for_seconds(images, between_s, channel, f"{{left}}: {words}")
+        yield from _for_seconds(images, hold_s, channel, f"hold still: {words}")
 
 
-def _counting(words: str) -> Callable[[float], str]:
-    return lambda left_s: f"{math.ceil(left_s)}: {words}"
-
-
-def _holding(words: str) -> Callable[[float], str]:
-    return lambda left_s: f"hold still: {words}"
-
-
-def _for_seconds(
-    images: Iterator[ImageSetLike], seconds: float, channel: Channel, line: Callable[[float], str]
-) -> Iterator[ImageSetLike]:
+def _for_seconds(images: Iterator[ImageSetLike], seconds: float, channel: Channel, text: str) -> Iterator[ImageSetLike]:
+    """Yield the image sets of some time; send the text, with the seconds for {left}."""
     start_s = None
     for image_set in images:
         start_s = image_set.times_s[0] if start_s is None else start_s
@@ -118,7 +109,7 @@ def _for_seconds(
             raise Stopped
         if passed_s >= seconds:
             return
-        channel.send_status(line(seconds - passed_s), passed_s / seconds)
+        channel.send_status(text.format(left=math.ceil(seconds - passed_s)), passed_s / seconds)
         yield image_set
 
 
