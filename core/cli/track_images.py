@@ -82,15 +82,8 @@ class TrackImages:
         return facts
 
     def _pipeline(self, source: Any, progress: Progress) -> MarkerPipeline:
-        settings = PipelineSettings(detection=(DetectionSettings(threshold=self.options.threshold),))
-        pipeline = MarkerPipeline(self.rig, settings)
-        progress(0.0, "learning the background")
+        pipeline = make_pipeline(self.options, self.rig, progress)
         if self.options.background:
-            empty: Any = open_image_source(*self.options.background)
-            try:
-                pipeline.learn_empty(empty.samples(_EMPTY_SAMPLES))
-            finally:
-                empty.close()
             return pipeline
         samples = [] if _is_endless(source) else list(source.samples(_BACKGROUND_SAMPLES))
         if len(samples) > 1:
@@ -165,6 +158,19 @@ class TrackImages:
     @property
     def _name(self) -> str:
         return Path(self.options.out).name.removesuffix(".npz").removesuffix(".take").split(".")[0] or "take"
+
+
+def make_pipeline(options: argparse.Namespace, rig: CameraRig, progress: Progress) -> MarkerPipeline:
+    """Return the pipeline of --threshold, with the background learned from --background."""
+    pipeline = MarkerPipeline(rig, PipelineSettings(detection=(DetectionSettings(threshold=options.threshold),)))
+    progress(0.0, "learning the background")
+    if options.background:
+        empty: Any = open_image_source(*options.background)
+        try:
+            pipeline.learn_empty(empty.samples(_EMPTY_SAMPLES))
+        finally:
+            empty.close()
+    return pipeline
 
 
 def _is_endless(source: Any) -> bool:

@@ -6,8 +6,6 @@ from typing import Any
 from ...system.progress import Progress
 from ..options import add_source_options
 
-_BACKGROUND_SAMPLES = 240
-
 
 def add_parser(group: Any) -> None:
     """Add `calibrate floor`."""
@@ -57,18 +55,10 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 def _watch(args: argparse.Namespace, rig: Any, progress: Progress) -> Any:
     from ...vision.calibration.floor_markers import FloorWatch
-    from ...vision.detection.blob_detector import DetectionSettings
-    from ...vision.pipeline import MarkerPipeline, PipelineSettings
     from ...vision.sources.source_kinds import open_image_source
+    from ..track_images import make_pipeline
 
-    pipeline = MarkerPipeline(rig, PipelineSettings(detection=(DetectionSettings(threshold=args.threshold),)))
-    if args.background:
-        progress(0.0, "learning the background")
-        empty = open_image_source(*args.background)
-        try:
-            pipeline.learn_empty(empty.samples(_BACKGROUND_SAMPLES))
-        finally:
-            empty.close()
+    pipeline = make_pipeline(args, rig, progress)
     watch = FloorWatch()
     source = open_image_source(args.left, args.right, *args.camera)
     try:
