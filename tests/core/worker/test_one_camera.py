@@ -47,5 +47,5 @@ def test_one_camera_starts_in_the_t_pose_and_follows(tmp_path: Path) -> None:
     finally:
         client.close()
     true_m = source.motion.root_positions_m[[pose.number for pose in poses]]
-    away_m = np.linalg.norm([pose.root_position_m for pose in poses] - true_m, axis=1)
+    away_m = np.linalg.norm([pose.performers[0].root_position_m for pose in poses] - true_m, axis=1)
     assert away_m.max() < 0.1
