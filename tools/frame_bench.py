@@ -20,9 +20,9 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from bench.data import BOXING, FPS, WALKING, read_take, whole_database
+from bench.speed import part_of, reference_ms
 from perfanim.core.body.motion import Motion
-from perfanim.core.cli.bench.data import BOXING, FPS, WALKING, read_take, whole_database
-from perfanim.core.cli.bench.speed import part_of, reference_ms
 from perfanim.core.database.store import Database, identity, open_database
 from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_solved
 from perfanim.core.formats.take_file.setup import TakeSetup

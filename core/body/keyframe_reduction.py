@@ -14,8 +14,6 @@ from numpy.typing import ArrayLike
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray
 
-IntArray = IntArray
-
 
 def rotation_keys(frames: ArrayLike, quaternions: ArrayLike, bound_rad: float) -> IntArray:
     """Return the frames (K,) that keep a rotation within an angle of the record.

@@ -14,8 +14,6 @@ from ..errors import SkeletonError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, Mask
 
-IntArray = IntArray
-
 
 @dataclass(frozen=True)
 class Skeleton:

@@ -10,8 +10,6 @@ from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, Mask
 from .motion import Motion
 
-IntArray = IntArray
-
 
 @dataclass(frozen=True)
 class SourceMotion:

@@ -30,7 +30,7 @@ _MODULES = {
     "vmc": "vmc",
     "batch": "batch.command",
     "simulate": "simulate",
-    "bench": "bench.command",
+    "bench": "bench",
     "diagnose": "diagnose",
 }
 COMMANDS = tuple(_MODULES)

@@ -26,8 +26,6 @@ from .reading import ReadClip, read_files
 from .selection import select_files
 from .store import Clip, Database, mean_and_poses, save_database
 
-Progress = Progress
-
 _SAME_BONES_M = 2e-4  # offsets that differ by less are one body, written with other rounding
 _SHORTEST_CLIP = 4  # frames; the query metric looks at accelerations
 _WORTH_PROCESSES = 8 << 20  # bytes of motion that take longer to read than processes take to start

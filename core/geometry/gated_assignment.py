@@ -5,8 +5,6 @@ from numpy.typing import ArrayLike
 
 from .arrays import IntArray
 
-IntArray = IntArray
-
 
 def assign(costs: ArrayLike, gate: float = 1.0) -> tuple[IntArray, IntArray]:
     """Return rows (K,) and columns (K,) of the cheapest one-to-one assignment.

@@ -5,8 +5,6 @@ import numpy as np
 from .arrays import Array, IntArray, Mask
 from .rigid_transform import kabsch, transform
 
-IntArray = IntArray
-
 _MOST_WAYS = 2000
 
 

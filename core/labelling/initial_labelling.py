@@ -11,8 +11,6 @@ import numpy as np
 from ..geometry.arrays import Array, FloatArray, IntArray, Mask
 from ..geometry.gated_assignment import assign
 
-IntArray = IntArray
-
 _FEWEST_TORSO = 3  # from which the root can be placed
 _STRETCH = 0.1  # share by which torso distances may lie outside those of the examples,
 _STRETCH_M = 0.03  # and metres

@@ -15,8 +15,6 @@ from ..geometry.gated_assignment import assign
 from ..geometry.triangulation import triangulate
 from ..markers.marker_frame import MarkerFrame, undistort_blobs
 
-IntArray = IntArray
-
 _GATE_M = 0.08  # plus what the marker moves in a frame
 _GATE_SPEED_SHARE = 0.6  # of the predicted movement, by which the gate grows
 _GATE_LOST_M_S = 2.0  # growth of the gate with the time that a marker has been lost

@@ -15,8 +15,6 @@ from ..geometry.rigid_transform import transform
 from ..markers.marker_frame import MarkerFrame, undistort_blobs
 from ..markers.prop import Prop
 
-IntArray = IntArray
-
 _STEPS = 6
 _SMALL_STEP = 1e-5
 _LEAST_DEPTH_M = 0.1

@@ -20,8 +20,6 @@ from ..markers.marker_frame_subset import without_blobs, without_points
 from ..markers.prop import LEAST_PLANARITY_M, Prop
 from .prop_image_fit import Placed, PropImages
 
-IntArray = IntArray
-
 _FEWEST = 3  # markers that place a prop
 _SPAN_M = 0.006  # distances between located markers may be off by this,
 _SPAN_SIGMAS = 0.5  # and by this share of what the cameras' geometry says (it is said for poor centres)

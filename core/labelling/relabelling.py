@@ -9,10 +9,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..geometry.arrays import Array, IntArray, Mask
+from ..geometry.arrays import Array, Mask
 from .initial_labelling import MISSED_M, InitialLabeller
-
-IntArray = IntArray
 
 _GAIN_M2 = 0.5 * MISSED_M**2  # of squared distance to an example: half of what a missed marker costs
 _BETTER = 0.7  # of the labels' distance to the examples, where a marker that has a point is given another

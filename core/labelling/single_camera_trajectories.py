@@ -17,8 +17,6 @@ from ..markers.marker_frame import MarkerFrame, undistort_blobs
 from ..markers.marker_take import SingleViews
 from .trajectory_linking import Tracking
 
-IntArray = IntArray
-
 _GATE_M = 0.03  # at the marker's depth, from where it is expected
 _GATE_M_S = 0.5  # growth with the time since it was last seen in this image
 _GATE_MOST_M = 0.08

@@ -14,8 +14,6 @@ from ..geometry.arrays import Array, IntArray, Mask
 from ..geometry.camera import Camera
 from ..geometry.gated_assignment import assign
 
-IntArray = IntArray
-
 _MEMORY_S = 0.1  # a movement in the image older than this is of no use
 # standard deviations across the ray at the marker's distance
 _IMAGE_M = 0.006  # of a marker that moves on as it did

@@ -15,8 +15,6 @@ from ..geometry.arrays import Array, IntArray
 from ..geometry.camera import Camera
 from ..geometry.gated_assignment import assign
 
-IntArray = IntArray
-
 _TURNS_DEG = (-60.0, -40.0, -20.0, 0.0, 20.0, 40.0, 60.0)  # from facing the camera
 _PAIRS = 4  # of markers, the farthest apart, that two blobs are taken for
 _NEAREST_M, _FARTHEST_M = 0.8, 10.0

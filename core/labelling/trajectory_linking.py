@@ -17,8 +17,6 @@ from ..geometry.gated_assignment import assign
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_take import MarkerTake
 
-IntArray = IntArray
-
 _GATE_M = 0.05
 _GATE_SPEED_M_S = 3.0
 _YOUNG_GATE = 0.6

@@ -14,8 +14,6 @@ from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from .template_labelling import label_by_template
 
-IntArray = IntArray
-
 _SAMPLES = 25
 _FEWEST_VOTES = 0.3  # share of the sampled frames in which most markers must have been recognised
 

@@ -20,7 +20,6 @@ from ..geometry.arrays import Array, IntArray, Mask, runs
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
 
-IntArray = IntArray
 _SHOULDER_S = 0.1  # of a trajectory beside a gap: its place on the body is taken from there
 _SETTLED_S = 0.04  # after so long what the first and last frame beside the gap had alone has faded to 1/e
 _LEAVING_S = 0.1  # after so long from the gap's ends the body's error has grown to 1 - 1/e

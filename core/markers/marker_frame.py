@@ -9,8 +9,6 @@ from ..errors import CaptureError
 from ..geometry.arrays import Array, FloatArray, IntArray
 from ..geometry.camera import Camera, undistort_all
 
-IntArray = IntArray
-
 
 def _no_points() -> Array:
     return np.empty((0, 3))

@@ -17,8 +17,6 @@ from ..markers.marker_frame_subset import without_blobs, without_points
 from .frame_labelling import is_labelled
 from .session import Session
 
-IntArray = IntArray
-
 _NOBODY = -1
 _PATIENCE_S = 1.0  # wait for all untracked performers before a body is assigned out of order
 _LOOK_S = 0.1  # between two searches for several bodies, each as slow as solving some frames

@@ -6,8 +6,6 @@ import numpy as np
 
 from ..geometry.arrays import Array, IntArray, Mask
 
-IntArray = IntArray
-
 _VARIANCE_FLOOR = 1e-8  # rad^2: keeps directions in which the neighbours do not differ from being infinitely stiff
 _VALIDATION_DIRECTIONS = 32  # cross-validation looks at the neighbours in so many directions, which hold nearly all
 _FEWEST_KEPT = 8  # neighbours from which a model can still be learned

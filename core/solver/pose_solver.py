@@ -17,8 +17,6 @@ from .settings import SolveSettings
 from .solution import Examples, Solution, SolverState
 from .subject_model import RootPose, SubjectModel
 
-IntArray = IntArray
-
 _ROOT_PASSES = 2  # the root needs the pose's torso markers and the pose needs the root
 _FIRST_ROOT_PASSES = 4  # at the start nothing is known about either
 _TORSO_EXAMPLES = 8  # closest examples; the root is fitted to the mean of their torsos

@@ -14,11 +14,10 @@ import numpy as np
 from ..body.skeleton import Skeleton, forward_kinematics
 from ..body.standard_skeleton import mirrored_name
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array, IntArray
+from ..geometry.arrays import Array
 from ..geometry.rigid_transform import kabsch
 from ..markers.marker_set import MarkerSet
 
-IntArray = IntArray
 Pose = Callable[[Skeleton], Array]
 
 _ROUNDS = 30

@@ -17,8 +17,6 @@ from ...core.geometry import rotations as rot
 from ...core.geometry.arrays import Array, IntArray
 from ...core.retarget.armature_rest import ArmatureRest
 
-IntArray = IntArray
-
 _FK_SWITCH = "IK_FK"  # Rigify's property of a limb: 0 inverse, 1 forward kinematics
 _FOLLOW_SWITCHES = ("neck_follow", "head_follow")  # 1: the neck goes along with the chest, the head with the neck
 _TRIED = Quaternion((0.3, 0.8, -0.5), 0.7)

@@ -14,8 +14,6 @@ from .humanoid import BONES, Humanoid
 from .packets import FramePackets
 from .recording import Recording
 
-Progress = Progress
-
 _LARGEST_PACKET = 65535
 _BUFFER_BYTES = 1 << 22  # what the system may keep while this process is busy
 _MOST_WAITING = 1000  # packets that are still read at the end

@@ -14,7 +14,6 @@ from ...errors import CalibrationError
 from ...geometry.arrays import Array
 from ...geometry.camera import WORLD_FROM_CAMERA, Camera, CameraRig
 from ...geometry.rigid_transform import nearest_rotation
-from ...system.progress import Progress
 from .board import Board, BoardView
 from .board_quality import Coverage, coverage
 from .bundle import Bundle, CornerObservation, adjust, intrinsics_of, matrix_of, rms, rms_by_moment
@@ -30,8 +29,6 @@ from .rig_fit import (
     is_outlier,
     lens_prior,
 )
-
-Progress = Progress
 
 _GOOD_VIEWS = 8
 _GOOD_RMS = 0.5 / 640.0  # of the image width

@@ -9,8 +9,6 @@ from scipy.spatial.distance import cdist
 from ...geometry.arrays import Array, IntArray, Mask
 from ...geometry.gated_assignment import assign
 
-IntArray = IntArray
-
 # Gates at 640 pixels of width; a marker at 5 m/s crosses such an image in less than a second.
 _GATE_PX, _GATE_PX_S = 6.0, 400.0
 _NEW_PX_S = 900.0  # more for a blob of unknown velocity

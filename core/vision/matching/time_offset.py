@@ -17,8 +17,6 @@ from ...markers.marker_frame import MarkerFrame
 from .image_tracks import BlobLinker, ImageTracks, image_tracks
 from .stereo import essential_matrix, homogeneous
 
-IntArray = IntArray
-
 _GRID_STEP_S = 0.004
 _GRID_IMAGES, _IMAGES = 600, 6000  # of the reference are enough
 _CAP_PX = 5.0  # a distance above this says no more than that the blobs are not the same marker

@@ -8,31 +8,31 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from perfanim.core.body.calibration_poses import CALIBRATION
+from perfanim.core.body.motion import Motion, sliced
+from perfanim.core.body.motion_metrics import evaluate
+from perfanim.core.database.store import Database
+from perfanim.core.geometry.arrays import Mask
+from perfanim.core.geometry.camera import CameraRig
+from perfanim.core.markers.marker_frame import MarkerFrame
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.marker_take import MarkerTake
+from perfanim.core.markers.subject import Subject
+from perfanim.core.session.session import Session
+from perfanim.core.session.solve_take import motion_of, solve_take
+from perfanim.core.simulate.calibrated_studio import calibrate_studio, studio_on_floor
+from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.studio.placement import on_stage, on_treadmill, with_poses
+from perfanim.core.simulate.studio.render import Renderer
+from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.settings import StudioSettings
+from perfanim.core.simulate.studio.source import SimulatedSource, simulated_source
+from perfanim.core.solver.settings import SolveSettings
+from perfanim.core.subjects.from_recording import subject_from_recording
+from perfanim.core.subjects.prototype_bodies import load_bodies
+from perfanim.core.system.progress import Progress
+from perfanim.core.vision.pipeline import MarkerPipeline
 
-from ...body.calibration_poses import CALIBRATION
-from ...body.motion import Motion, sliced
-from ...body.motion_metrics import evaluate
-from ...database.store import Database
-from ...geometry.arrays import Mask
-from ...geometry.camera import CameraRig
-from ...markers.marker_frame import MarkerFrame
-from ...markers.marker_set import load_marker_set
-from ...markers.marker_take import MarkerTake
-from ...markers.subject import Subject
-from ...session.session import Session
-from ...session.solve_take import motion_of, solve_take
-from ...simulate.calibrated_studio import calibrate_studio, studio_on_floor
-from ...simulate.markers import simulate_markers
-from ...simulate.studio.placement import on_stage, on_treadmill, with_poses
-from ...simulate.studio.render import Renderer
-from ...simulate.studio.rig import default_rig
-from ...simulate.studio.settings import StudioSettings
-from ...simulate.studio.source import SimulatedSource, simulated_source
-from ...solver.settings import SolveSettings
-from ...subjects.from_recording import subject_from_recording
-from ...subjects.prototype_bodies import load_bodies
-from ...system.progress import Progress
-from ...vision.pipeline import MarkerPipeline
 from .data import BOXING, CMU, WALKING, read_take, whole_database, without_tests
 from .report import write_figures
 

@@ -6,18 +6,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from perfanim.core.body.motion import Motion
+from perfanim.core.database.store import Clip, Database, pose_from_rotations
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.geometry.arrays import FloatArray
+from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.solver.observation import Observation
+from perfanim.core.solver.pose_solver import PoseSolver
+from perfanim.core.solver.search.choose import choose_search
+from perfanim.core.solver.search.exhaustive import Query
+from perfanim.core.solver.subject_model import SubjectModel
+from perfanim.core.system.progress import Progress
 
-from ...body.motion import Motion
-from ...database.store import Clip, Database, pose_from_rotations
-from ...geometry import rotations as rot
-from ...geometry.arrays import FloatArray
-from ...simulate.markers import simulate_markers
-from ...solver.observation import Observation
-from ...solver.pose_solver import PoseSolver
-from ...solver.search.choose import choose_search
-from ...solver.search.exhaustive import Query
-from ...solver.subject_model import SubjectModel
-from ...system.progress import Progress
 from .data import BANDAI, BOXING, CMU, WALKING, TestTake, read_take, whole_database, without_tests
 from .figure6 import true_subject
 from .methods import METHODS, PAPER_RANGE

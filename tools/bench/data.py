@@ -4,14 +4,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...body.motion import Motion, resampled, sliced
-from ...database.build import BuildSettings, build_database
-from ...database.store import Clip, Database, open_database
-from ...database.subset import write_subset
-from ...errors import FormatError
-from ...formats.motion.motion_sources import motion_files
-from ...formats.motion.read_motion import read_motion
-from ...system.progress import Progress
+from perfanim.core.body.motion import Motion, resampled, sliced
+from perfanim.core.database.build import BuildSettings, build_database
+from perfanim.core.database.store import Clip, Database, open_database
+from perfanim.core.database.subset import write_subset
+from perfanim.core.errors import FormatError
+from perfanim.core.formats.motion.motion_sources import motion_files
+from perfanim.core.formats.motion.read_motion import read_motion
+from perfanim.core.system.progress import Progress
 
 FPS = 60.0
 CMU, BANDAI = "cmu", "bandai"

@@ -5,17 +5,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from perfanim.core.body.motion import Motion, sliced
+from perfanim.core.body.motion_metrics import evaluate
+from perfanim.core.database.build import BuildSettings, build_database
+from perfanim.core.database.store import Clip, Database, open_database
+from perfanim.core.database.subset import write_subset
+from perfanim.core.markers.take_frames import take_frames
+from perfanim.core.session.session import Session
+from perfanim.core.session.solve_take import motion_of
+from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.system.progress import Progress
 
-from ...body.motion import Motion, sliced
-from ...body.motion_metrics import evaluate
-from ...database.build import BuildSettings, build_database
-from ...database.store import Clip, Database, open_database
-from ...database.subset import write_subset
-from ...markers.take_frames import take_frames
-from ...session.session import Session
-from ...session.solve_take import motion_of
-from ...simulate.markers import simulate_markers
-from ...system.progress import Progress
 from .data import BANDAI, CMU, FPS, LEFT_OUT, SPLIT, WALKING, data_folders, read_take
 from .figure6 import true_subject
 from .plots import Line, Panel, check_plots, write_plot

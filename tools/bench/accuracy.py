@@ -3,11 +3,12 @@
 from pathlib import Path
 from typing import Any
 
-from ...body.motion import sliced
-from ...body.motion_metrics import evaluate
-from ...database.labels import subject_of
-from ...database.store import Database
-from ...system.progress import Progress
+from perfanim.core.body.motion import sliced
+from perfanim.core.body.motion_metrics import evaluate
+from perfanim.core.database.labels import subject_of
+from perfanim.core.database.store import Database
+from perfanim.core.system.progress import Progress
+
 from .data import BOXING, CMU, WALKING, TestTake, read_take, whole_database, without_tests
 from .figure6 import describe, solve_truth
 from .methods import METHODS

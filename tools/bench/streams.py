@@ -10,20 +10,19 @@ from multiprocessing.shared_memory import SharedMemory
 
 import cv2
 import numpy as np
-
-from ...body.scene_pose import PerformerPose
-from ...database.store import Database
-from ...errors import CaptureError
-from ...geometry.arrays import Array, Image
-from ...geometry.camera import CameraRig
-from ...markers.marker_frame import MarkerFrame
-from ...markers.marker_frame_codec import pack, unpack
-from ...markers.subject import Subject
-from ...session.session import Session
-from ...simulate.studio.source import open_simulated
-from ...vision.live import live_frames, live_settings
-from ...vision.pipeline import MarkerPipeline
-from ...vision.sources.image_set import ImageSet
+from perfanim.core.body.scene_pose import PerformerPose
+from perfanim.core.database.store import Database
+from perfanim.core.errors import CaptureError
+from perfanim.core.geometry.arrays import Array, Image
+from perfanim.core.geometry.camera import CameraRig
+from perfanim.core.markers.marker_frame import MarkerFrame
+from perfanim.core.markers.marker_frame_codec import pack, unpack
+from perfanim.core.markers.subject import Subject
+from perfanim.core.session.session import Session
+from perfanim.core.simulate.studio.source import open_simulated
+from perfanim.core.vision.live import live_frames, live_settings
+from perfanim.core.vision.pipeline import MarkerPipeline
+from perfanim.core.vision.sources.image_set import ImageSet
 
 STAGES = ("detect", "locate", "label")
 _FPS = 240.0  # of the cameras: as many as are to be followed

@@ -4,18 +4,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from perfanim.core.body.motion import Motion
+from perfanim.core.body.motion_metrics import evaluate
+from perfanim.core.database.store import Database
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.geometry.arrays import Array
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.subject import Subject
+from perfanim.core.session.solve_take import solve_take
+from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.solver.settings import SolveSettings
+from perfanim.core.system.progress import Progress
 
-from ...body.motion import Motion
-from ...body.motion_metrics import evaluate
-from ...database.store import Database
-from ...geometry import rotations as rot
-from ...geometry.arrays import Array
-from ...markers.marker_set import load_marker_set
-from ...markers.subject import Subject
-from ...session.solve_take import solve_take
-from ...simulate.markers import simulate_markers
-from ...solver.settings import SolveSettings
-from ...system.progress import Progress
 from .data import BOXING, CMU, WALKING, read_take, whole_database, without_tests
 from .methods import METHODS
 from .plots import Line, Panel, check_plots, write_plot

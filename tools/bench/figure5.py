@@ -6,16 +6,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from perfanim.core.body.joint_angle_frames import with_angle_frames
+from perfanim.core.body.motion_metrics import angle_errors_deg
+from perfanim.core.body.standard_skeleton import default_skeleton
+from perfanim.core.database.store import Clip, Database, rotations_from_pose
+from perfanim.core.database.subset import write_subset
+from perfanim.core.errors import DatabaseError
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.geometry.arrays import Array
+from perfanim.core.system.progress import Progress
 
-from ...body.joint_angle_frames import with_angle_frames
-from ...body.motion_metrics import angle_errors_deg
-from ...body.standard_skeleton import default_skeleton
-from ...database.store import Clip, Database, rotations_from_pose
-from ...database.subset import write_subset
-from ...errors import DatabaseError
-from ...geometry import rotations as rot
-from ...geometry.arrays import Array
-from ...system.progress import Progress
 from .data import BANDAI, CMU, whole_database
 from .plots import Line, Panel, check_plots, write_plot
 from .pose_models import gplvm, has_gplvm, linear, mixture

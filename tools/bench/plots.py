@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from ...errors import SettingsError
-from ...system.files import atomic_path
+from perfanim.core.errors import SettingsError
+from perfanim.core.system.files import atomic_path
 
 _COLOURS = ("#2a9d3a", "#1f5fd0", "#d02a2a", "#8a4fbf", "#111111")
 

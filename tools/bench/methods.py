@@ -4,7 +4,7 @@ The paper names neither the units of its terms nor its grid of K. Both were chos
 16_31, 07_08, 16_06, 09_06 and the second third of 14_02, with their frames out of the database.
 """
 
-from ...solver.settings import LocalPcaSettings, SolveSettings
+from perfanim.core.solver.settings import LocalPcaSettings, SolveSettings
 
 PAPER_RANGE = SolveSettings(
     method="local-pca",

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from perfanim.core.cli.bench.vision import centroid_row, in_world_of
+from bench.vision import centroid_row, in_world_of
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.simulate.studio.rig import default_rig

@@ -7,12 +7,9 @@ import importlib.util
 from collections.abc import Sequence
 
 import numpy as np
+from perfanim.core.geometry.arrays import Array, IntArray
+from perfanim.core.solver.local_model import fit
 from scipy.optimize import minimize
-
-from ...geometry.arrays import Array, IntArray
-from ...solver.local_model import fit
-
-IntArray = IntArray
 
 _ROUNDS = 30  # of k-means, at most
 _FRAMES_PER_CLUSTER = 400  # a few times the size of the covariance that is learned from them

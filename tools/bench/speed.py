@@ -12,24 +12,24 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from perfanim.core.body.motion import Motion
+from perfanim.core.database.build import BuildSettings, build_database
+from perfanim.core.database.store import Database, open_database
+from perfanim.core.database.subset import write_subset
+from perfanim.core.geometry.arrays import Array, FloatArray, Image, IntArray
+from perfanim.core.markers.take_frames import take_frames
+from perfanim.core.session.session import Session
+from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.studio.discs import draw_disc
+from perfanim.core.solver.pose_solver import PoseSolver
+from perfanim.core.solver.search.exhaustive import Query, Search
+from perfanim.core.solver.settings import SolveSettings
+from perfanim.core.solver.subject_model import SubjectModel
+from perfanim.core.system.assets import MOTION
+from perfanim.core.system.progress import Progress
+from perfanim.core.vision.detection.background import learn_backgrounds
+from perfanim.core.vision.detection.blob_detector import Detector
 
-from ...body.motion import Motion
-from ...database.build import BuildSettings, build_database
-from ...database.store import Database, open_database
-from ...database.subset import write_subset
-from ...geometry.arrays import Array, FloatArray, Image, IntArray
-from ...markers.take_frames import take_frames
-from ...session.session import Session
-from ...simulate.markers import simulate_markers
-from ...simulate.studio.discs import draw_disc
-from ...solver.pose_solver import PoseSolver
-from ...solver.search.exhaustive import Query, Search
-from ...solver.settings import SolveSettings
-from ...solver.subject_model import SubjectModel
-from ...system.assets import MOTION
-from ...system.progress import Progress
-from ...vision.detection.background import learn_backgrounds
-from ...vision.detection.blob_detector import Detector
 from .data import BANDAI, CMU, FPS, LEFT_OUT, SPLIT, WALKING, data_folders, read_take
 from .figure6 import true_subject
 from .report import write_figures

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ...system.files import atomic_path
+from perfanim.core.system.files import atomic_path
 
 Rows = Sequence[dict[str, Any]]
 

@@ -5,24 +5,24 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from perfanim.core.database.build import build_database
+from perfanim.core.database.store import Database, open_database
+from perfanim.core.geometry.arrays import Array, Image
+from perfanim.core.geometry.camera import Camera, CameraRig
+from perfanim.core.geometry.rigid_transform import kabsch
+from perfanim.core.session.session import Session
+from perfanim.core.simulate.calibrated_studio import calibrate_studio
+from perfanim.core.simulate.performance import DEMO, performance
+from perfanim.core.simulate.studio.discs import draw_disc
+from perfanim.core.simulate.studio.render import Renderer
+from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.settings import StudioSettings
+from perfanim.core.simulate.studio.source import SimulatedSource, simulated_source
+from perfanim.core.system.assets import MOTION
+from perfanim.core.system.progress import Progress
+from perfanim.core.vision.detection.blob_detector import Detector
+from perfanim.core.vision.pipeline import MarkerPipeline
 
-from ...database.build import build_database
-from ...database.store import Database, open_database
-from ...geometry.arrays import Array, Image
-from ...geometry.camera import Camera, CameraRig
-from ...geometry.rigid_transform import kabsch
-from ...session.session import Session
-from ...simulate.calibrated_studio import calibrate_studio
-from ...simulate.performance import DEMO, performance
-from ...simulate.studio.discs import draw_disc
-from ...simulate.studio.render import Renderer
-from ...simulate.studio.rig import default_rig
-from ...simulate.studio.settings import StudioSettings
-from ...simulate.studio.source import SimulatedSource, simulated_source
-from ...system.assets import MOTION
-from ...system.progress import Progress
-from ...vision.detection.blob_detector import Detector
-from ...vision.pipeline import MarkerPipeline
 from .report import write_figures
 
 _NOISE = 2.0  # grey levels

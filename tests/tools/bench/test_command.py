@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from perfanim.core.body.motion import sliced
-from perfanim.core.cli.bench.accuracy import UNSEEN_CLIP, UNSEEN_SUBJECT, accuracy
-from perfanim.core.cli.bench.data import WALKING
-from perfanim.core.cli.bench.figure5 import (
+from bench.accuracy import UNSEEN_CLIP, UNSEEN_SUBJECT, accuracy
+from bench.data import WALKING
+from bench.figure5 import (
     DIMENSIONS,
     GPLVM,
     LOCAL,
@@ -22,13 +21,14 @@ from perfanim.core.cli.bench.figure5 import (
     gplvm_missing,
     reconstruction_errors,
 )
-from perfanim.core.cli.bench.figure6 import degrees_per_joint, figure6, ratios
-from perfanim.core.cli.bench.methods import METHODS, PAPER_RANGE
-from perfanim.core.cli.bench.plots import Line, Panel, check_plots, write_plot
-from perfanim.core.cli.bench.scale import scale
-from perfanim.core.cli.bench.speed import speed
-from perfanim.core.cli.bench.streams import STAGES, Streams
-from perfanim.core.cli.bench.table1 import searched, table1
+from bench.figure6 import degrees_per_joint, figure6, ratios
+from bench.methods import METHODS, PAPER_RANGE
+from bench.plots import Line, Panel, check_plots, write_plot
+from bench.scale import scale
+from bench.speed import speed
+from bench.streams import STAGES, Streams
+from bench.table1 import searched, table1
+from perfanim.core.body.motion import sliced
 from perfanim.core.cli.main import main
 from perfanim.core.database.store import open_database
 from perfanim.core.database.subset import write_subset
@@ -87,8 +87,8 @@ def test_figure6_writes_what_it_measures(data, tmp_path):
 
 
 def test_table1_counts_frames(data, tmp_path, monkeypatch):
-    monkeypatch.setattr("perfanim.core.cli.bench.table1.TAKES", (WALKING,))
-    monkeypatch.setattr("perfanim.core.cli.bench.table1.BANDAI_TAKES", ("dataset-1_walk_04_001",))
+    monkeypatch.setattr("bench.table1.TAKES", (WALKING,))
+    monkeypatch.setattr("bench.table1.BANDAI_TAKES", ("dataset-1_walk_04_001",))
     figures = table1(data, tmp_path, 1, silent)
     assert {row["search"] for row in figures["rows"]} == {"graph", "cells"}
     for row in figures["rows"]:
@@ -108,7 +108,7 @@ def test_table1_counts_frames(data, tmp_path, monkeypatch):
 
 
 def test_accuracy_leaves_out_the_clip_and_then_whoever_moves(data, tmp_path, monkeypatch):
-    monkeypatch.setattr("perfanim.core.cli.bench.accuracy.TAKES", (WALKING,))
+    monkeypatch.setattr("bench.accuracy.TAKES", (WALKING,))
     figures = accuracy(data, tmp_path, 1, silent)
     rows = {(row["condition"], row["method"]): row for row in figures["rows"]}
     assert set(rows) == {(condition, method) for condition in (UNSEEN_CLIP, UNSEEN_SUBJECT) for method in METHODS}
@@ -124,8 +124,8 @@ def test_accuracy_leaves_out_the_clip_and_then_whoever_moves(data, tmp_path, mon
 
 
 def test_scale_goes_from_a_few_clips_to_all_of_them_twice(data, tmp_path, monkeypatch):
-    monkeypatch.setattr("perfanim.core.cli.bench.speed._REFERENCE", (3000, 60, 32))
-    monkeypatch.setattr("perfanim.core.cli.bench.scale._SHARES", (1 / 2, 1.0))
+    monkeypatch.setattr("bench.speed._REFERENCE", (3000, 60, 32))
+    monkeypatch.setattr("bench.scale._SHARES", (1 / 2, 1.0))
     figures = scale(data, tmp_path, 1, silent)
     half, whole, mirrored = figures["rows"]
     assert half["frames"] < whole["frames"] == mirrored["frames"] / 2
@@ -138,7 +138,7 @@ def test_scale_goes_from_a_few_clips_to_all_of_them_twice(data, tmp_path, monkey
 def test_speed_times_every_part_beside_a_search_in_numpy(data, tmp_path, monkeypatch):
     small = {"_PAIRS": 6, "_PASSES": 1, "_RUNS": 1, "_REFERENCE": (3000, 60, 32), "_IMAGES": 3, "_DATABASE_FRAMES": 100}
     for name, value in small.items():
-        monkeypatch.setattr(f"perfanim.core.cli.bench.speed.{name}", value)
+        monkeypatch.setattr(f"bench.speed.{name}", value)
     figures = speed(data, tmp_path, 1, silent)
     rows = {(row["work"], row["clock"]): row for row in figures["rows"]}
     assert all(row["value"] > 0.0 for row in rows.values())
@@ -184,10 +184,10 @@ def test_figure5_orders_the_models(database):
 
 
 def test_figure5_writes_a_table_that_says_what_is_missing(data, tmp_path, monkeypatch):
-    monkeypatch.setattr("perfanim.core.cli.bench.figure5._SMALL_FRAMES", 90)
-    monkeypatch.setattr("perfanim.core.cli.bench.figure5._MARTIAL", ("walk",))
-    monkeypatch.setattr("perfanim.core.cli.bench.figure5._TESTED", 50)
-    monkeypatch.setattr("perfanim.core.cli.bench.figure5.has_gplvm", lambda: False)
+    monkeypatch.setattr("bench.figure5._SMALL_FRAMES", 90)
+    monkeypatch.setattr("bench.figure5._MARTIAL", ("walk",))
+    monkeypatch.setattr("bench.figure5._TESTED", 50)
+    monkeypatch.setattr("bench.figure5.has_gplvm", lambda: False)
     figures = figure5(data, tmp_path, 1, silent)
     models = {(row["database"], row["model"]): row for row in figures["needed"]}
     assert "pip install 'perfanim[gplvm]'" in models["walking", GPLVM]["note"]
@@ -203,7 +203,7 @@ def test_figure5_writes_a_table_that_says_what_is_missing(data, tmp_path, monkey
 
 
 def test_gplvm_is_learned_of_small_databases_only(database, monkeypatch):
-    monkeypatch.setattr("perfanim.core.cli.bench.figure5.has_gplvm", lambda: True)
+    monkeypatch.setattr("bench.figure5.has_gplvm", lambda: True)
     assert "cube of the frames" in gplvm_missing(database)
     assert gplvm_missing(replace(database, poses=database.poses[:300])) is None
 

@@ -4,8 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from ...errors import SettingsError
-from ...system.progress import Progress
+from perfanim.core.errors import SettingsError
+from perfanim.core.system.progress import Progress
+
 from .accuracy import accuracy
 from .end_to_end import end_to_end
 from .figure5 import figure5
