@@ -8,7 +8,7 @@ from ..jobs import activity
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import readiness
 from ..settings.capture_settings import settings
-from .drawing import draw_progress, draw_props, draw_text
+from .drawing import draw_progress, draw_props, draw_text, header_status
 
 
 class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
@@ -21,7 +21,7 @@ class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
         capture = activity.current()
         row = self.layout.row()
         if isinstance(capture, LiveCapture):
-            row.label(text=capture.line, icon="REC")
+            row.label(text=header_status(context, self.bl_label, capture.line), icon="REC")
         else:
             problem = readiness.first_missing_step(settings(context))
             row.alert = bool(problem)

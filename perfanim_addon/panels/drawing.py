@@ -10,6 +10,8 @@ from ..jobs.job import Job
 # Width of a character, and of icon, margins and tabs beside the text, in unscaled pixels.
 CHARACTER_PX = 6.2
 MARGIN_PX = 90.0
+ICON_CHARACTERS = 5  # width of an icon and its margin, in characters
+LEAST_STATUS = 8  # characters of a status, in any sidebar
 
 
 def draw_props(layout: bpy.types.UILayout, chosen: Any, *names: str) -> None:
@@ -46,6 +48,11 @@ def characters(context: bpy.types.Context) -> int:
     """Return the number of characters that fit a line of the sidebar beside its icon."""
     unscaled_px = context.region.width / context.preferences.system.ui_scale
     return max(16, int((unscaled_px - MARGIN_PX) / CHARACTER_PX))
+
+
+def header_status(context: bpy.types.Context, title: str, text: str) -> str:
+    """Shorten a status to fit a panel's header beside the title."""
+    return shortened(text, max(LEAST_STATUS, characters(context) - len(title) - ICON_CHARACTERS))
 
 
 def shortened(text: str, width: int) -> str:

@@ -15,11 +15,8 @@ from ..settings.capture_settings import settings
 from . import character
 from .camera_controls import PERFANIM_PT_camera_controls
 from .capture import PERFANIM_PT_capture, PERFANIM_PT_capture_settings
-from .drawing import characters, draw_job, draw_props, draw_text, shortened
+from .drawing import draw_job, draw_props, draw_text, header_status
 from .vmc import PERFANIM_PT_sending
-
-ICON_CHARACTERS = 4  # width of an icon, in characters
-LEAST_SAID = 8  # characters of a status, in any sidebar
 
 
 class _Step(SidebarPanel):
@@ -38,8 +35,8 @@ class _Step(SidebarPanel):
         else:
             state = type(self).state(settings(context))
             row.alert = not state.ready
-            room = max(LEAST_SAID, characters(context) - len(self.bl_label) - ICON_CHARACTERS)
-            row.label(text=shortened(state.text, room), icon="CHECKMARK" if state.ready else "ERROR")
+            text = header_status(context, self.bl_label, state.text)
+            row.label(text=text, icon="CHECKMARK" if state.ready else "ERROR")
         row.separator()
 
     def draw(self, context: bpy.types.Context) -> None:
