@@ -8,7 +8,7 @@ from perfanim.core.simulate.studio.settings import StudioSettings
 from perfanim.core.simulate.studio.source import simulated_source
 from perfanim.core.vision.pipeline import MarkerPipeline
 from perfanim.core.vision.sources.image_set import ImageSet
-from perfanim.core.vision.synchronise import synchronised
+from perfanim.core.vision.synchronise import synchronise_frames
 
 FPS = 60.0
 
@@ -35,6 +35,6 @@ def test_a_late_camera_is_found_in_its_images():
         pipeline.process(ImageSet(number, (number / FPS, number / FPS), source.frame(number).images))
         for number in range(round(2.0 * FPS))
     ]
-    moved, offsets = synchronised(rig, frames)
+    moved, offsets = synchronise_frames(rig, frames)
     assert abs(offsets[1].offset_s - late_s) <= 0.001
     assert p90_mm(moved, source.performance) < p90_mm(frames, source.performance)
