@@ -1,4 +1,7 @@
-"""`perfanim bench`: the benchmarks of a source checkout (tools/bench), which the extension does not ship."""
+"""`perfanim bench`: benchmarks of a source checkout (tools/bench).
+
+The extension does not ship them.
+"""
 
 import argparse
 import sys

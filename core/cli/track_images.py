@@ -161,7 +161,7 @@ class TrackImages:
 
 
 def make_pipeline(options: argparse.Namespace, rig: CameraRig, progress: Progress) -> MarkerPipeline:
-    """Return the pipeline of --threshold, with the background learned from --background."""
+    """Return the pipeline of --threshold, its background learned from --background."""
     pipeline = MarkerPipeline(rig, PipelineSettings(detection=(DetectionSettings(threshold=options.threshold),)))
     progress(0.0, "learning the background")
     if options.background:

@@ -19,5 +19,8 @@ def axis_names(tracker: str) -> tuple[str, ...]:
 
 
 def axis_points(position_m: Array, rotation: Array) -> Array:
-    """Return points (..., 3, 3), 0.1 m along each axis of a tracker (..., 3), (..., 4)."""
+    """Return points (..., 3, 3), 0.1 m along each tracker's axis.
+
+    Positions are (..., 3), rotations (..., 4).
+    """
     return position_m[..., None, :] + rot.rotate(rotation[..., None, :], _LENGTH_M * np.eye(3))

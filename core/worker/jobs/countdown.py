@@ -10,7 +10,10 @@ from .cameras import Stopped
 
 
 def count_down(images: Iterator[ImageSetLike], seconds: float, channel: Channel, text: str) -> ImageSetLike | None:
-    """Send the seconds left and a text; return the first image set after them, or None."""
+    """Send the seconds left and a text; return the first image set after them.
+
+    Returns None if the source ends before.
+    """
     due_s, sent = time.perf_counter() + seconds, 0
     for image_set in images:
         if channel.stop_requested.is_set():
