@@ -31,6 +31,7 @@ from perfanim.core.markers.marker_frame_codec import pack_stamped, unpack_stampe
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
 from perfanim.core.markers.take_frames import take_frames
+from perfanim.core.session.multi_target_session import MultiTargetSession
 from perfanim.core.session.session import Session
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.simulate.studio.rig import default_rig
@@ -85,7 +86,8 @@ def _taken(motion: Motion, database: Database, character: str, path: Path) -> li
     subject = Subject(motion.name, motion.skeleton, load_marker_set("boxing"))
     frames = take_frames(simulate_markers(motion, subject)[0], subject.marker_set)
     packets = [pack_stamped(number / FPS, frame) for number, frame in enumerate(frames)]
-    session, driver = Session(subject, database), ArmatureDriver(character, motion.skeleton)
+    session = MultiTargetSession([Session(subject, database)])
+    driver = ArmatureDriver(character, motion.skeleton)
     setup = TakeSetup.of(default_rig(), (subject,), {}, identity(database), {"source": {"kind": "simulated"}})
     take, decoder = TakeWriter(path, setup), Decoder()
     handle = _handled(session, driver, take, decoder)
@@ -98,7 +100,9 @@ def _taken(motion: Motion, database: Database, character: str, path: Path) -> li
     return taken
 
 
-def _handled(session: Session, driver: ArmatureDriver, take: TakeWriter, decoder: Decoder) -> Callable[[bytes], float]:
+def _handled(
+    session: MultiTargetSession, driver: ArmatureDriver, take: TakeWriter, decoder: Decoder
+) -> Callable[[bytes], float]:
     """Return a packet handler that returns the solver's seconds."""
 
     def handle(packet: bytes) -> float:
@@ -110,7 +114,7 @@ def _handled(session: Session, driver: ArmatureDriver, take: TakeWriter, decoder
         record = pack_solved(TimedPose(pose, stamp_s, solver_s))
         take.add_pose(record)
         (message,) = decoder.feed(encode(MessageKind.POSE, record))
-        shown = message.pose().pose
+        (shown,) = message.pose().pose.performers
         driver.apply(shown.rotations, shown.root_position_m)
         return solver_s
 
