@@ -103,7 +103,7 @@ class PropTracker:
 
     def step(self, frame: MarkerFrame) -> PropDetection:
         """Return the prop's pose in the next frame, and the frame without its markers."""
-        if self._last is not None and frame.time_s - self._last.time_s > _HELD_S:
+        if self._last is not None and not 0.0 <= frame.time_s - self._last.time_s <= _HELD_S:
             self._forget()
         expected = self._predict(frame.time_s)
         if self._cameras and len(frame.blobs) == len(self._cameras):
@@ -239,7 +239,7 @@ class PropTracker:
             self._doubted_since_s = None
         self._before, self._last = self._last, placed
         if self._doubted_since_s is not None:
-            return PropDetection(self._last_pose(), rest)
+            return PropDetection(self.last_pose(), rest)
         quaternion = rot.from_matrix(placed.turn)
         sign = 1.0 if np.dot(quaternion, self._pose.rotation) >= 0.0 else -1.0
         self._pose = PropPose(sign * quaternion, placed.shift, rms_m, seen)
@@ -258,9 +258,10 @@ class PropTracker:
     def _miss(self, rest: MarkerFrame) -> PropDetection:
         if self._doubted_since_s is not None:  # it was chance
             self._forget()
-        return PropDetection(self._last_pose(), rest)
+        return PropDetection(self.last_pose(), rest)
 
-    def _last_pose(self) -> PropPose:
+    def last_pose(self) -> PropPose:
+        """Return where the prop was last, as not found."""
         return PropPose(self._pose.rotation, self._pose.position_m)
 
     def _forget(self) -> None:

@@ -21,6 +21,18 @@ def without_points(frame: MarkerFrame, taken: Mask) -> MarkerFrame:
     )
 
 
+def without_rays(frame: MarkerFrame, taken: Mask) -> MarkerFrame:
+    """Return the frame without the rays (R,) that are taken; their blobs stay."""
+    kept = ~taken
+    return replace(
+        frame,
+        single_cameras=frame.single_cameras[kept],
+        single_blobs=frame.single_blobs[kept],
+        single_points=frame.single_points[kept],
+        single_labels=frame.single_labels[kept],
+    )
+
+
 def without_blobs(frame: MarkerFrame, taken: Sequence[IntArray]) -> MarkerFrame:
     """Return the frame without some blobs, and without the points and rays of these.
 
@@ -36,24 +48,18 @@ def without_blobs(frame: MarkerFrame, taken: Sequence[IntArray]) -> MarkerFrame:
     places = [np.append(np.where(left, np.cumsum(left) - 1, -1), -1) for left in kept]
     point_blobs = np.stack([place[column] for place, column in zip(places, frame.point_blobs.T, strict=True)], axis=1)
     lost = np.any((frame.point_blobs >= 0) & (point_blobs < 0), axis=1)
-    rays = np.arange(len(frame.single_cameras))
     single_blobs = np.array(
         [places[camera][blob] for camera, blob in zip(frame.single_cameras, frame.single_blobs, strict=True)],
         dtype=np.int64,
     )
-    alone = rays[(single_blobs >= 0) | (frame.single_blobs < 0)]
+    gone = (single_blobs < 0) & (frame.single_blobs >= 0)
     blobs = tuple(rows[left] for rows, left in zip(frame.blobs, kept, strict=True))
-    return replace(
+    renumbered = replace(
         frame,
-        points_m=frame.points_m[~lost],
-        covariances_m2=frame.covariances_m2[~lost],
-        labels=frame.labels[~lost],
         blobs=blobs,
         detected=blobs,
         normalised=tuple(rows[left] for rows, left in zip(frame.normalised, kept, strict=bool(frame.normalised))),
-        point_blobs=point_blobs[~lost],
-        single_cameras=frame.single_cameras[alone],
-        single_blobs=single_blobs[alone],
-        single_points=frame.single_points[alone],
-        single_labels=frame.single_labels[alone],
+        point_blobs=point_blobs,
+        single_blobs=single_blobs,
     )
+    return without_rays(without_points(renumbered, lost), gone)

@@ -10,6 +10,7 @@ from ..errors import SettingsError
 from ..labelling.prop_tracking import PropTracker
 from ..markers.marker_frame import MarkerFrame, undistort_blobs
 from ..markers.prop import Prop, check_distinct
+from ..markers.usable_frame import FrameTimes, Passage, usable_frame
 from .performer_assignment import PerformerAssignment
 from .session import Session
 
@@ -34,11 +35,22 @@ class MultiTargetSession:
             raise SettingsError("one camera cannot tell several performers apart", advice="use two cameras")
         self._sessions = tuple(sessions)
         self._assignment = PerformerAssignment(sessions)
+        self._times = FrameTimes()
         self._trackers = [PropTracker(prop, cameras) for prop in props]
 
     def step(self, frame: MarkerFrame) -> ScenePose:
         """Return the poses of all performers and props in the next marker frame."""
-        frame = undistort_blobs(frame, self.rig.cameras if self.rig else ())
+        passage = self._times.admit(frame.time_s)
+        if passage is Passage.REFUSED:
+            waiting = [session.step(frame) for session in self._sessions]
+            return ScenePose(tuple(waiting), tuple(tracker.last_pose() for tracker in self._trackers), waiting[0].notes)
+        if passage is Passage.AFTER_GAP:
+            self._assignment = PerformerAssignment(self._sessions)
+            for session in self._sessions:
+                session.restart()
+        cameras = self.rig.cameras if self.rig else ()
+        labels = max(len(subject.marker_set) for subject in self.subjects)
+        frame = undistort_blobs(usable_frame(frame, labels, len(cameras)), cameras)
         props, hidden = [], []
         for tracker in self._trackers:
             detection = tracker.step(frame)

@@ -86,6 +86,7 @@ class _PerformerFilter:
         self._mode = settings.feet
         self._smoother = PoseSmoother(settings.smoothing_s)
         self._feet = FootLock(skeleton, settings.feet, floor_m)
+        self._time_s = float("nan")
 
     def set_settings(self, settings: FilterSettings) -> None:
         self._smoother.delay_s = settings.smoothing_s
@@ -94,8 +95,12 @@ class _PerformerFilter:
         self._mode = settings.feet
 
     def step(self, pose: PerformerPose) -> PerformerPose:
-        rotations, root = self._smoother.step(pose.time_s, pose.rotations, pose.root_position_m)
-        return replace(pose, rotations=self._feet.step(pose.time_s, rotations, root), root_position_m=root)
+        if pose.time_s != self._time_s:  # that of a refused frame is the last pose's
+            self._time_s = pose.time_s
+            rotations, root = self._smoother.step(pose.time_s, pose.rotations, pose.root_position_m)
+            self._shown = self._feet.step(pose.time_s, rotations, root), root
+        rotations, root = self._shown
+        return replace(pose, rotations=rotations, root_position_m=root)
 
 
 def filter_poses(

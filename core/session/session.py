@@ -12,6 +12,7 @@ from ..geometry.camera import CameraRig
 from ..labelling.initial_labelling import InitialLabels
 from ..markers.marker_frame import MarkerFrame
 from ..markers.subject import Subject
+from ..markers.usable_frame import FrameTimes, Passage, usable_frame
 from ..solver.observation import Observation
 from ..solver.pose_solver import PoseSolver
 from ..solver.settings import SolveSettings
@@ -46,18 +47,28 @@ class Session:
     def reset(self) -> None:
         """Forget the motion so far."""
         self._last: PerformerPose | None = None
-        self._restart()
+        self._times = FrameTimes()
+        self.restart()
 
     def step(self, frame: MarkerFrame) -> PerformerPose:
-        """Return the pose of the next marker frame."""
+        """Return the next frame's pose; the last one for a frame with an impossible time."""
+        passage = self._times.admit(frame.time_s)
+        if passage is Passage.REFUSED:
+            return self._last_pose(frame, self._last.time_s if self._last else 0.0, TrackingNote.REFUSED)
+        if passage is Passage.AFTER_GAP:
+            self.restart()
+        frame = usable_frame(frame, len(self.subject.marker_set), len(self.rig or ()))
         if self._hypotheses is None or is_labelled(frame):
             observation, solution = self._track(frame)
         else:
             observation, solution = self._track_hypotheses(frame, self._hypotheses)
-        pose = self._solved_pose(frame, observation, solution) if solution else self._waiting_pose(frame, observation)
+        if solution:
+            pose = self._solved_pose(frame, observation, solution)
+        else:
+            pose = self._last_pose(frame, frame.time_s, TrackingNote.WAITING, observation)
         self._last = pose
         if self._quality.is_lost(pose) or self._is_mislabelled(frame, pose):
-            self._restart()
+            self.restart()
         return pose
 
     @property
@@ -79,7 +90,7 @@ class Session:
         """Return the labelled markers of a frame, see `FrameLabeller.label_tracked`."""
         return self._labeller.label_tracked(frame, predicted_m, elapsed_s)
 
-    def _restart(self) -> None:
+    def restart(self) -> None:
         """Let the next frame be labelled and solved like the first."""
         self._state = self._solver.initial_state
         self._labeller.reset()
@@ -161,17 +172,20 @@ class Session:
             notes=tuple(notes),
         )
 
-    def _waiting_pose(self, frame: MarkerFrame, observation: Observation) -> PerformerPose:
-        """Return the last pose, or the T pose at the origin, for a frame without a torso."""
+    def _last_pose(
+        self, frame: MarkerFrame, time_s: float, note: TrackingNote, observation: Observation | None = None
+    ) -> PerformerPose:
+        """Return the last pose, or the T pose at the origin, for a frame that gives none."""
+        seen = observation or Observation.of_points(np.full((len(self.subject.marker_set), 3), np.nan))
         return replace(
             self._last or self._first_pose(),
             number=frame.number,
-            time_s=frame.time_s,
+            time_s=time_s,
             confidence=0.0,
-            observed_m=observation.points_m,
-            single_cameras=observation.cameras,
+            observed_m=seen.points_m,
+            single_cameras=seen.cameras,
             marker_rms_m=float("nan"),
-            notes=(*frame.notes, TrackingNote.WAITING.value),
+            notes=(*frame.notes, note.value),
         )
 
     def _first_pose(self) -> PerformerPose:

@@ -17,6 +17,7 @@ class TrackingNote(StrEnum):
 
     UNFAMILIAR = "this motion is unlike the database"
     WAITING = "waiting for the markers of the torso"
+    REFUSED = "a frame with an impossible time was left out"
 
 
 @dataclass(frozen=True)
