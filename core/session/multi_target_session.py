@@ -10,7 +10,7 @@ from ..errors import SettingsError
 from ..labelling.prop_tracking import PropTracker
 from ..markers.marker_frame import MarkerFrame, undistort_blobs
 from ..markers.prop import Prop, check_distinct
-from ..markers.usable_frame import FrameTimes, Passage, usable_frame
+from ..markers.usable_frame import FrameTimes, usable_frame
 from .performer_assignment import PerformerAssignment
 from .session import Session
 
@@ -40,11 +40,10 @@ class MultiTargetSession:
 
     def step(self, frame: MarkerFrame) -> ScenePose:
         """Return the poses of all performers and props in the next marker frame."""
-        passage = self._times.admit(frame.time_s)
-        if passage is Passage.REFUSED:
+        if not self._times.admit(frame.time_s):
             waiting = [session.step(frame) for session in self._sessions]
             return ScenePose(tuple(waiting), tuple(tracker.last_pose() for tracker in self._trackers), waiting[0].notes)
-        if passage is Passage.AFTER_GAP:
+        if self._times.jumped:
             self._assignment = PerformerAssignment(self._sessions)
             for session in self._sessions:
                 session.restart()

@@ -12,7 +12,7 @@ from ..geometry.camera import CameraRig
 from ..labelling.initial_labelling import InitialLabels
 from ..markers.marker_frame import MarkerFrame
 from ..markers.subject import Subject
-from ..markers.usable_frame import FrameTimes, Passage, usable_frame
+from ..markers.usable_frame import FrameTimes, usable_frame
 from ..solver.observation import Observation
 from ..solver.pose_solver import PoseSolver
 from ..solver.settings import SolveSettings
@@ -52,10 +52,9 @@ class Session:
 
     def step(self, frame: MarkerFrame) -> PerformerPose:
         """Return the next frame's pose; the last one for a frame with an impossible time."""
-        passage = self._times.admit(frame.time_s)
-        if passage is Passage.REFUSED:
+        if not self._times.admit(frame.time_s):
             return self._last_pose(frame, self._last.time_s if self._last else 0.0, TrackingNote.REFUSED)
-        if passage is Passage.AFTER_GAP:
+        if self._times.jumped:
             self.restart()
         frame = usable_frame(frame, len(self.subject.marker_set), len(self.rig or ()))
         if self._hypotheses is None or is_labelled(frame):

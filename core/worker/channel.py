@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ..errors import PerfanimError
 from ..markers.marker_frame import MarkerFrame
+from ..system.slowness import Slowness
 from .protocol import Decoder, Message, MessageKind, encode, encode_frame, encode_json, encode_preview
 
 HEARTBEAT_S = 0.5
@@ -42,6 +43,7 @@ class Channel:
         self.disconnected = threading.Event()  # Blender has closed the connection, or died: nobody reads any more
         self._state_changed = threading.Condition()  # of `acknowledged` or `stop_requested`
         self.activity = "starting"
+        self.slowness = Slowness()
         self.frames = 0
         self.acknowledged = 0  # frames that the receiver has dealt with
         self._filter_settings: dict[str, Any] | None = None  # of the last FILTER message
@@ -118,26 +120,31 @@ class Channel:
         self._socket.close()
 
     def _send_loop(self) -> None:
-        armed_s = -math.inf
+        beat_s = -math.inf
         while True:
-            if time.monotonic() - armed_s > HEARTBEAT_S:
+            is_due = time.monotonic() - beat_s > HEARTBEAT_S
+            if is_due:
                 # a library that never releases the interpreter would keep the process alive for ever
                 faulthandler.dump_traceback_later(_BLOCKED_S, exit=True)
-                armed_s = time.monotonic()
+                beat_s = time.monotonic()
             try:
                 data = self._queue.get(timeout=HEARTBEAT_S)
             except queue.Empty:
-                stalled_s = 0.0 if self.progress_s is None else time.monotonic() - self.progress_s
-                content = {"activity": self.activity, "frames": self.frames, "queued": 0, "stalled_s": stalled_s}
-                data = encode_json(MessageKind.STATUS, content)
+                data, is_due = b"", True
             if data is None:
                 faulthandler.cancel_dump_traceback_later()
                 return
+            if is_due:
+                data += self._heartbeat()
             try:
                 self._socket.sendall(data)
             except OSError:  # Blender is gone: nobody reads the queue
                 self._request_stop()
                 return
+
+    def _heartbeat(self) -> bytes:
+        stalled_s = 0.0 if self.progress_s is None else time.monotonic() - self.progress_s
+        return encode_json(MessageKind.STATUS, {"stalled_s": stalled_s, "slowness": self.slowness.factor})
 
     def _request_stop(self) -> None:
         with self._state_changed:

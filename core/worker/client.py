@@ -116,6 +116,11 @@ class WorkerClient:
         self._liveness.check(self._connection.is_authenticated)
         return early + messages
 
+    @property
+    def slowness(self) -> float:
+        """By how many times the process' work takes longer than on an idle machine."""
+        return self._liveness.slowness
+
     def wait(self, limit_s: float) -> None:
         """Return when there is something to poll, or after `limit_s`."""
         self._connection.wait(limit_s)

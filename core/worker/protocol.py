@@ -36,7 +36,7 @@ class MessageKind(IntEnum):
     ACK = 3  # JSON: frames that the receiver has dealt with, so that a source that can wait does not run ahead
     FILTER = 4  # JSON: settings of the pose filter from now on (`session.pose_filters`)
     HELLO = 10  # JSON: token, process id
-    STATUS = 11  # JSON: activity, fraction, frames, queued; stalled_s, skew_s, blind where known
+    STATUS = 11  # JSON: activity, fraction, frames, queued; a sign of life: stalled_s, slowness; skew_s, blind
     FRAME = 12  # stamp and marker frame
     RESULT = 13  # JSON: summary of the finished job
     ERROR = 14  # JSON: what, where, advice

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ...core.body.scene_pose import ScenePose
 from ...core.errors import CaptureError, PerfanimError
+from ...core.system.slowness import BUSY
 from ...core.worker.protocol import Message, MessageKind
 from ...core.worker.restart_point import RestartPoint
 from ...core.worker.supervised_client import SupervisedClient
@@ -68,6 +69,7 @@ class Statistics:
         blind: unusable images of single cameras (late, repeated, black).
         skew_s: delay of the last camera's image behind the first's; None if unknown.
         handed_over: marker frames sent by the cameras' process in all; -1 until its end.
+        slowness: by how many times work takes longer than on an idle machine.
     """
 
     received: int = 0
@@ -81,6 +83,7 @@ class Statistics:
     blind: int = 0
     skew_s: float | None = None
     handed_over: int = -1
+    slowness: float = 1.0
 
 
 class CaptureRun:
@@ -112,6 +115,9 @@ class CaptureRun:
             return self._restarting
         if self.persistent_warning:
             return self.persistent_warning
+        if self.statistics.slowness > BUSY:
+            times = f"{self.statistics.slowness:.0f} times"
+            return f"this computer is busy: work takes {times} as long as otherwise; close other programs"
         silent_s = self._clock() - self._last_arrival
         if self.phase is Phase.RUNNING and silent_s > FREEZE_NOTICE_S:
             return f"no images for {silent_s:.1f} s"
@@ -175,18 +181,13 @@ class CaptureRun:
 
     def _stop_overdue(self) -> bool:
         last_sign = max(self._stop_asked, self._last_arrival)
-        return self.phase is Phase.FINISHING and self._clock() - last_sign > STOP_LIMIT_S
+        return self.phase is Phase.FINISHING and self._clock() - last_sign > STOP_LIMIT_S * self.statistics.slowness
 
     def _take(self, message: Message) -> None:
         if message.kind is MessageKind.POSE:
             self._take_pose(message)
-        elif message.kind is MessageKind.STATUS and self.phase is not Phase.STARTING:
-            self._note_cameras(message)
         elif message.kind is MessageKind.STATUS:
-            content = message.json()
-            self.activity = str(content.get("activity", self.activity))
-            fraction = content.get("fraction")
-            self.fraction = float(fraction) if isinstance(fraction, int | float) else None
+            self._note_status(message.json())
         elif message.kind is MessageKind.WARNING:
             self._warn(message)
         elif message.kind is MessageKind.PREVIEW:
@@ -196,9 +197,13 @@ class CaptureRun:
         elif message.kind is MessageKind.END:
             self.statistics.handed_over = int(message.json().get("handed_over", -1))
 
-    def _note_cameras(self, message: Message) -> None:
-        content = message.json()
-        if "blind" in content:
+    def _note_status(self, content: Mapping[str, Any]) -> None:
+        self.statistics.slowness = float(content.get("slowness", self.statistics.slowness))
+        if self.phase is Phase.STARTING and "activity" in content:
+            self.activity = str(content["activity"])
+            fraction = content.get("fraction")
+            self.fraction = float(fraction) if isinstance(fraction, int | float) else None
+        elif "blind" in content:
             skew_s = content.get("skew_s")
             self.statistics.skew_s = float(skew_s) if isinstance(skew_s, int | float) else None
             self.statistics.blind = int(content["blind"])

@@ -64,6 +64,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
             preview = PreviewSender(request, channel)
             thresholds = [detector.threshold for detector in pipeline.detectors]
             for stamp_s, frame in live_frames(images, pipeline, channel.send_warning, exact=is_simulated(request)):
+                channel.slowness.add(time.perf_counter() - stamp_s, time.thread_time() - images.processor_s)
                 channel.send_frame(stamp_s, frame)
                 preview.send(images.newest, partial(draw_blobs, frame, thresholds, pipeline.rig))
                 if in_flight is not None:
@@ -73,10 +74,16 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
 
 
 class _Images:
-    """Image sets until a stop is requested; `newest` are the images of the last."""
+    """Image sets until a stop is requested.
+
+    Attributes:
+        newest: images of the last set.
+        processor_s: time that this thread had a processor when they were handed over.
+    """
 
     def __init__(self, stop: Event, images: Iterable[ImageSetLike]) -> None:
         self.newest: tuple[Image, ...] = ()
+        self.processor_s = 0.0
         self._stop = stop
         self._images = images
 
@@ -84,7 +91,7 @@ class _Images:
         for moment in self._images:
             if self._stop.is_set():
                 return
-            self.newest = moment.images
+            self.newest, self.processor_s = moment.images, time.thread_time()
             yield moment
 
 

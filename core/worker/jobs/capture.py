@@ -11,7 +11,6 @@ and subjects), "vmc" (host and port of a program that gets the poses, too; optio
 A process that takes another's place also gets "after" (`RestartPoint` as a table) and "cause" (in plain words).
 """
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,7 +37,6 @@ from .capture_stages import FrameRecorder, PoseOutput
 if TYPE_CHECKING:
     from ...session.multi_target_session import MultiTargetSession
 
-_NICENESS = 14
 _FRAMES_AHEAD = 2  # of the solver, for sources that can wait
 # The simulated performer keeps step with the window: each redraw shows its next frame. On a machine that draws slowly,
 # poses computed ahead would take time from the drawing. Recorded images do run ahead.
@@ -53,8 +51,6 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     """
     cameras = dict(request["cameras"])
     if not is_live(cameras):
-        if hasattr(os, "nice"):
-            os.nice(_NICENESS)  # recorded and simulated images can wait, Blender's window and real cameras cannot
         cameras["in_flight"] = _FRAMES_AHEAD
     channel.send_status("opening the cameras")
     take, client = None, None

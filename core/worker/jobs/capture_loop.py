@@ -96,7 +96,8 @@ class CaptureLoop:
         if not self._stop_asked_s:
             self._stop_asked_s = time.monotonic()
             self._client.request_stop()
-        limit_s = DISCONNECTED_LIMIT_S if self._channel.disconnected.is_set() else STOP_LIMIT_S
+        is_alone = self._channel.disconnected.is_set()
+        limit_s = DISCONNECTED_LIMIT_S if is_alone else STOP_LIMIT_S * self._channel.slowness.factor
         if time.monotonic() - self._stop_asked_s > limit_s:
             raise CaptureError("the cameras did not stop in time", advice="unplug the camera that hangs")
 
@@ -111,7 +112,9 @@ class CaptureLoop:
             self._frames.append((stamp_s, frame))
         elif message.kind is MessageKind.STATUS:
             content = message.json()
-            self._channel.send_status(str(content.get("activity", "")), content.get("fraction"))
+            self._channel.slowness.beside = self._client.slowness
+            if "activity" in content:
+                self._channel.send_status(str(content["activity"]), content.get("fraction"))
         elif message.kind is MessageKind.WARNING:
             content = message.json()
             text = str(content.get("text", ""))
@@ -136,10 +139,11 @@ class CaptureLoop:
         return draw_labels(self._session.subjects[0].marker_set.names, pose.markers_m, seen, rig, pictures)
 
     def _solve(self, stamp_s: float, frame: MarkerFrame) -> None:
-        started_s = time.perf_counter()
+        started_s, processor_s = time.perf_counter(), time.thread_time()
         pose = self._session.step(frame)
         self._pose = pose.performers[0]
         solved = TimedPose(pose, stamp_s, time.perf_counter() - started_s, len(self._frames))
+        self._channel.slowness.add(solved.solve_s, time.thread_time() - processor_s)
         record = None
         if self._take is not None:
             record = pack_solved(solved)

@@ -213,6 +213,21 @@ def test_dropped_frames_and_silence_are_told() -> None:
     assert run.notice == "no images for 3.0 s"
 
 
+def test_a_busy_computer_is_told_and_stop_has_more_time() -> None:
+    run, worker, clock = a_run()
+    worker.say(*poses([0]), encode_json(MessageKind.STATUS, {"stalled_s": 0.0, "slowness": 5.2}))
+    run.tick()
+    clock.now += 3.0
+    assert run.notice == "this computer is busy: work takes 5 times as long as otherwise; close other programs"
+    run.stop()
+    clock.now += 3.0 * STOP_LIMIT_S
+    run.tick()
+    assert run.phase is Phase.FINISHING
+    worker.say(encode_json(MessageKind.STATUS, {"stalled_s": 0.0, "slowness": 1.1}))
+    run.tick()
+    assert "busy" not in run.notice
+
+
 def test_what_the_worker_does_is_told_until_poses_come() -> None:
     run, worker, _ = a_run()
     worker.say(encode_json(MessageKind.STATUS, {"activity": "learning the background", "fraction": 0.25}))
