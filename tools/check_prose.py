@@ -47,7 +47,7 @@ def findings_of(source: str) -> Iterator[Finding]:
     docstrings = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (text := ast.get_docstring(node)):
-            docstrings.add(id(node.body[0].value))
+            docstrings |= {id(part) for part in ast.iter_child_nodes(node.body[0])}
             yield from _first_line(node, node.body[0].lineno, text.split("\n")[0])
             yield from _words(node.body[0].lineno, text)
     for node in ast.walk(tree):
@@ -55,7 +55,7 @@ def findings_of(source: str) -> Iterator[Finding]:
             if " " in node.value:
                 yield from _words(node.lineno, node.value)
         elif (name := _defined_name(node)) and (found := NAMES & set(name.lower().split("_"))):
-            yield node.lineno, f"name {name!r} has {', '.join(found)}: use the glossary's word"
+            yield getattr(node, "lineno", 0), f"name {name!r} has {', '.join(found)}: use the glossary's word"
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         if token.type == tokenize.COMMENT:
             yield from _words(token.start[0], token.string)

@@ -27,6 +27,7 @@ from perfanim.core.database.store import Database, identity, open_database
 from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_solved
 from perfanim.core.formats.take_file.setup import TakeSetup
 from perfanim.core.formats.take_file.writer import TakeWriter
+from perfanim.core.geometry.arrays import Array
 from perfanim.core.markers.marker_frame_codec import pack_stamped, unpack_stamped
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
@@ -121,7 +122,7 @@ def _handled(
     return handle
 
 
-def _report(title: str, taken: np.ndarray, reference: tuple[float, float, float]) -> bool:
+def _report(title: str, taken: Array, reference: tuple[float, float, float]) -> bool:
     """Say how long it took; return whether that is longer than is asked by the clock."""
     _say(f"{title}, {len(taken)} frames:")
     for what, milliseconds, search in zip(("clock", "processor", "the solver alone"), taken.T, reference, strict=True):

@@ -16,6 +16,7 @@ import os
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from perfanim.core.body.motion import Motion, sliced
@@ -58,7 +59,7 @@ def main() -> int:
     return 1 if missed else 0
 
 
-def _retargeted(path: Path, clip: str) -> tuple[dict, Played]:
+def _retargeted(path: Path, clip: str) -> tuple[dict[str, Any], Played]:
     motion = sliced(read_motion(MOTION / f"{clip}.bvh"), 0, FRAMES)
     if path.suffix == ".blend":
         motion = Motion(motion.name, SCENE_FPS, motion.skeleton, motion.rotations, motion.root_positions_m)

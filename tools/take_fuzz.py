@@ -132,8 +132,9 @@ def _stand_in(request: dict[str, Any]) -> None:
     which the next pose came; a while after that, the capture is stopped. How many poses were taken stands in a file,
     and when the images of the last were in hand.
     """
-    run = CaptureRun(WorkerClient(request))
-    _say(run._client.process_id)
+    client = WorkerClient(request)
+    run = CaptureRun(client)
+    _say(client.process_id)
     taken = mended_at = 0
     was_mending = False
     with _count_file(request["take"]).open("wb", buffering=0) as count:

@@ -42,7 +42,7 @@ class Loft:
     depths: Sequence[float] = ()
     shifts: Sequence[float] = ()
     across: ArrayLike = (0.0, 0.0, 1.0)
-    caps: tuple[float, float] = (0.01, 0.01)
+    caps: tuple[float, ...] = (0.01, 0.01)
     power: float = 2.0
     blend: float = 0.03
 

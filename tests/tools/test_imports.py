@@ -1,0 +1,15 @@
+"""Every tool can be imported: a module or a name it uses may have moved."""
+
+import importlib
+from pathlib import Path
+
+import pytest
+
+TOOLS = Path(__file__).resolve().parents[2] / "tools"
+MODULES = [".".join(path.relative_to(TOOLS).with_suffix("").parts) for path in sorted(TOOLS.rglob("*.py"))]
+
+
+@pytest.mark.parametrize("module", [name for name in MODULES if not name.endswith("__init__")])
+def test_imports(module: str) -> None:
+    pytest.importorskip("bpy", reason="some tools need the bpy wheel")
+    importlib.import_module(module)
