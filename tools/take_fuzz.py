@@ -7,8 +7,9 @@ with the simulated performer. One of the three is killed (SIGKILL), by turns; ev
 frozen (SIGSTOP) instead. "Received" are frames that the cameras had half a second before.
 
 - Blender killed: the take must have its end mark and hold all received frames.
-- A worker killed or frozen: it must be replaced within two seconds, the capture must go on in the same take with one
-  marked gap and end normally. All received frames must be there. The time to the next pose is reported as well.
+- A worker killed or frozen: it must be replaced within two seconds (on a busy machine as many times later as work takes
+  longer there), the capture must go on in the same take with one marked gap and end normally. All received frames must
+  be there. The time to the next pose is reported as well.
 
 Always every earlier frame must be as in an undisturbed capture, every frame with a pose that Blender had taken must be
 there, no number may be missing, and no process may be left. Linux only: it looks at /proc.
@@ -145,7 +146,7 @@ def _stand_in(request: dict[str, Any]) -> None:
                 _say("capturing")
             is_mending = run.notice.endswith("starting it again")
             if is_mending and not was_mending:
-                _say(time.perf_counter())
+                _say(f"{time.perf_counter()} {run.statistics.slowness}")
             if was_mending and not is_mending and len(run.poses) > taken:
                 _say(time.perf_counter())
                 mended_at = len(run.poses)
@@ -200,9 +201,10 @@ def _killed(
     killed_s = time.perf_counter()
     sent, seen_s = _SEEN.unpack(_count_file(str(path)).read_bytes())
     family = [solver, cameras]
-    replaced_s = next_pose_s = 0.0
+    replaced_s, next_pose_s, slowness = 0.0, 0.0, 1.0
     if who != "Blender":
-        replaced_s = float(_line(blender)) - killed_s
+        replaced_at_s, slowness = map(float, _line(blender).split())
+        replaced_s = replaced_at_s - killed_s
         next_pose_s = float(_line(blender)) - killed_s
         family += [process_id for process_id in _descendants(blender.pid) if process_id not in family]
     blender.wait()
@@ -227,7 +229,7 @@ def _killed(
         wrong.append("; ".join(take.problems))
     if len(take.gaps) != (who != "Blender"):
         wrong.append(f"{len(take.gaps)} gaps are marked")
-    if replaced_s > REPLACED_S:
+    if replaced_s > REPLACED_S * slowness:
         wrong.append("replaced too late")
     if left:
         wrong.append(f"{len(left)} processes are left")

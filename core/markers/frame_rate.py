@@ -10,13 +10,14 @@ def frame_rate(times_s: Array, numbers: IntArray | None = None) -> float:
     """Return the frames per second of ascending times, rounded if almost whole.
 
     Args:
-        times_s: (F,) of the frames; those that are not finite are left out, unless there are numbers.
+        times_s: (F,) of the frames; those that are not finite are left out.
         numbers: (F,) of the frames, where some may be missing; None: they follow each other.
 
     Raises:
         TakeError: there are not two frames with times that differ.
     """
     steps = np.diff(times_s[np.isfinite(times_s)]) if numbers is None else np.diff(times_s) / np.diff(numbers).clip(1)
+    steps = steps[np.isfinite(steps)]
     step = float(np.median(steps)) if len(steps) else 0.0
     if not step > 0.0:
         raise TakeError("has too few frames to have a rate")

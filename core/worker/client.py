@@ -19,7 +19,7 @@ _BOOTING_S = 0.1
 
 
 class RestartPolicy:
-    """Allows `MOST_RESTARTS` restarts a minute."""
+    """Allows `MOST_RESTARTS` restarts a minute, further ones of a process that works."""
 
     def __init__(self) -> None:
         self._restarts_s: deque[float] = deque(maxlen=MOST_RESTARTS)
@@ -28,11 +28,10 @@ class RestartPolicy:
         """Count a restart now."""
         self._restarts_s.append(time.monotonic())
 
-    @property
-    def allows_restart(self) -> bool:
-        """Whether one more restart is not too many."""
+    def allows_restart(self, works: bool) -> bool:
+        """Return whether one more restart is not too many."""
         is_full = len(self._restarts_s) == MOST_RESTARTS
-        return not is_full or time.monotonic() - self._restarts_s[0] >= _RESTARTS_WITHIN_S
+        return not is_full or (works and time.monotonic() - self._restarts_s[0] >= _RESTARTS_WITHIN_S)
 
 
 class WorkerClient:
@@ -127,8 +126,9 @@ class WorkerClient:
 
     @property
     def may_restart(self) -> bool:
-        """Whether to replace a worker that died: it has worked and rarely fails."""
-        return self._liveness.frames > 0 and not self._stop_asked and self._policy.allows_restart
+        """Whether to replace a worker that died: it or an earlier one has worked."""
+        works = self._liveness.frames > 0
+        return (works or self.earlier_frames > 0) and not self._stop_asked and self._policy.allows_restart(works)
 
     def restart(self, **changes: Any) -> None:
         """End the process and start another, with these keys of the request changed.

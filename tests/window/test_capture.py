@@ -6,6 +6,7 @@ import time
 from typing import Any
 
 import pytest
+from busy import busy_machine
 from desktop import ROOT, BlenderWindow, Desktop
 
 DISTINCT_POSES = 20
@@ -13,6 +14,7 @@ T_POSE_FRAMES = 240  # the performer stands in the T pose, then lets the arms si
 MEASURED_S = 10.0
 ROUNDS = 5
 WANTED_RATIO = 0.9
+BUSY_S = 15.0
 
 
 def started(desktop: Desktop, window: BlenderWindow, name: str) -> None:
@@ -102,6 +104,34 @@ def test_recorded_images_lose_nothing_while_the_viewport_draws_slowly(
     check_action(state, run["poses"])
     assert run["numbers"] == list(range(run["numbers"][0], run["numbers"][0] + 180))
     assert state["changes"] < run["poses"], "the viewport was not slower than the images"
+
+
+def test_a_busy_machine_is_told_and_recorded_images_lose_nothing(
+    desktop: Desktop, window: BlenderWindow, recorded: dict[str, str]
+) -> None:
+    """A process that is late, because others use the processors, is not taken for a dead one."""
+    window.open_tab("Perfanim")
+    window.order("set", values=recorded)
+    desktop.click(*window.tall_button("busy-1-start"))
+    wait_for_frames(window)
+    notices: set[str] = set()
+
+    def ended(state: dict[str, Any]) -> bool:
+        notice = state["capture"].get("notice", "")
+        if notice.startswith("this computer is busy") and notice not in notices:
+            desktop.screenshot("busy-2-told")
+        notices.add(notice)
+        return state["capture"]["activity"] is None
+
+    with busy_machine(BUSY_S):
+        state = window.wait(ended, "end of the images")
+    run = window.order("last_run")
+    check_nothing_is_lost(run)
+    check_action(state, run["poses"])
+    assert run["numbers"] == list(range(run["numbers"][0], run["numbers"][0] + 180))
+    assert any(notice.startswith("this computer is busy: work takes ") for notice in notices), notices
+    assert not [notice for notice in notices if "again" in notice]
+    assert state["capture"]["messages"]["capture"].startswith("180 frames recorded")
 
 
 def ratio(measured: dict[str, Any]) -> float:

@@ -1,16 +1,12 @@
 """Slow is not dead: captures on a machine with four times as much to do as it can."""
 
-import os
-import subprocess
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import cv2
 import pytest
+from busy import busy_machine
 from motion_synthesis import perform
 from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.formats.motion.bvh import write_bvh
@@ -22,7 +18,6 @@ from perfanim.core.worker.client import WorkerClient
 from perfanim.perfanim_addon.capture.capture_run import CaptureRun, Phase
 
 PATIENCE_S = 300.0
-LOOPS = 4 * (os.cpu_count() or 1)
 BUSY_S = 10.0
 FRAMES = 100
 PERFORMER = {"kind": "simulated", "behaviour": "walking", "seconds": 2.0}
@@ -35,19 +30,6 @@ def request_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     build_database([str(folder / "walk.bvh")], folder / "walk.pfdb", BuildSettings(fps=60.0))
     save_subject(open_simulated(PERFORMER).subject, folder / "performer.toml")
     return {"subject": str(folder / "performer.toml"), "database": str(folder / "walk.pfdb")}
-
-
-@contextmanager
-def busy_machine() -> Iterator[None]:
-    """Let every processor have four processes that never wait, for a while."""
-    line = f"import time\nend = time.monotonic() + {BUSY_S}\nwhile time.monotonic() < end: pass"
-    loops = [subprocess.Popen([sys.executable, "-c", line]) for _ in range(LOOPS)]
-    try:
-        yield
-    finally:
-        for loop in loops:
-            loop.kill()
-            loop.wait()
 
 
 def capture(request: dict[str, Any], frames: int) -> tuple[CaptureRun, list[str]]:
@@ -65,7 +47,7 @@ def capture(request: dict[str, Any], frames: int) -> tuple[CaptureRun, list[str]
     try:
         while len(run.poses) < 10 and run.phase is not Phase.DONE:
             advance()
-        with busy_machine():
+        with busy_machine(BUSY_S):
             while run.phase is not Phase.DONE:
                 if len(run.poses) >= frames:
                     run.stop()
