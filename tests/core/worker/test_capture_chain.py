@@ -262,7 +262,7 @@ def test_processes_that_die_or_hang_are_replaced_and_the_take_goes_on(
         messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= count + 10, messages)
         (second_cameras,) = children(solver)
         os.kill(solver, signal.SIGSTOP)
-        with pytest.raises(CaptureError, match="sent nothing for 1"):
+        with pytest.raises(CaptureError, match="sent nothing for"):
             collect(client, lambda _: False, messages)
         count = len(of(MessageKind.POSE, messages))
         last = read_take_file(path).poses[-1]
