@@ -17,11 +17,13 @@ from scipy.linalg import cho_factor, cho_solve, get_blas_funcs, solve_triangular
 from scipy.linalg.blas import dgemm
 
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, IntArray
 from .observation import Observation, control_jacobian, control_residual
 from .subject_model import RootPose, SubjectModel
 
 _EXPECTED_SIGMA_M = 0.01  # of a marker about the prior's: skin moves, and no prior is exact
+_LIMIT_RAD = 0.02  # standard deviation beyond a joint's limit
+_FIRST_DAMPING, _DAMPING_GROWTH = 1.0, 4.0  # after steps that led away
 _STRAIGHT_RAD = 0.05  # a step in which no joint turns more needs no other: markers move as their derivative says
 
 
@@ -101,22 +103,23 @@ class Expectation:
     Args:
         prior: of the pose.
         observation: markers of the frame.
-        pose, root: about which the markers are linear; the root's prior is centred there.
+        root: centre of the root's prior.
         root_sigma: standard deviations (m, rad) of the root.
+        limits: (2, D) least and greatest entries of a pose, in rad.
     """
 
     prior: Prior
     observation: Observation
-    pose: Array
     root: RootPose
     root_sigma: tuple[float, float]
+    limits: Array
 
     def negative_log_likelihood(self, subject: SubjectModel) -> float:
         """Return minus the logarithm of the observed markers' density, metres."""
-        markers, full = subject.markers_and_jacobian(self.pose.reshape(-1, 3), self.root)
+        markers, full = subject.markers_and_jacobian(self.prior.mean.reshape(-1, 3), self.root)
         jacobian = control_jacobian(self.observation, full)
         by_root, by_pose = jacobian[:, :6], jacobian[:, 6:]
-        innovation = by_pose @ (self.pose - self.prior.mean) - control_residual(self.observation, markers)
+        innovation = -control_residual(self.observation, markers)
         covariance = by_pose @ _product(self.prior.covariance, by_pose.T)
         covariance += (by_root * np.repeat(np.square(self.root_sigma), 3)) @ by_root.T
         covariance[np.diag_indices_from(covariance)] += _EXPECTED_SIGMA_M**2
@@ -129,33 +132,66 @@ class Expectation:
 def fit_to_markers(
     expectation: Expectation, subject: SubjectModel, marker_variance_m2: float, steps: int
 ) -> tuple[Array, RootPose, int]:
-    """Fit pose (D,) and root to the markers under the prior.
+    """Fit pose (D,) and root to the markers under the prior, within the limits.
 
-    The third value is the number of Gauss-Newton steps.
+    A Gauss-Newton step counts only if it lowers the cost; else it is repeated damped towards where it started, in the
+    metric of the prior (Levenberg 1944), so that no step leads away. The third value is the number of steps tried.
 
     Args:
-        expectation: prior, observed markers, and the start.
+        expectation: prior, observed markers, root and limits.
         steps: at most.
     """
-    prior, observation = expectation.prior, expectation.observation
-    pose, root, start_root = expectation.pose, expectation.root, expectation.root
-    shift, turn = np.zeros(3), np.zeros(3)
-    root_variance = np.repeat(np.square(expectation.root_sigma), 3)[:, None]
-    for taken in range(1, steps + 1):
-        markers, full = subject.markers_and_jacobian(pose.reshape(-1, 3), root)
-        jacobian = control_jacobian(observation, full)
-        by_root, by_pose = jacobian[:, :6], jacobian[:, 6:]
-        gains = np.concatenate((root_variance * by_root.T, _product(prior.covariance, by_pose.T)))
-        innovation = by_pose @ (pose - prior.mean) + by_root @ np.concatenate((shift, turn))
-        innovation -= control_residual(observation, markers)
-        covariance = jacobian @ gains
-        covariance[np.diag_indices_from(covariance)] += marker_variance_m2
-        change = gains @ _solve(covariance, innovation)
-        shift, turn = change[:3], change[3:6]
-        moved = prior.mean + change[6:] - pose
-        pose = pose + moved
-        rotation = rot.multiply(start_root.rotation, rot.from_rotation_vector(turn))
-        root = RootPose(rotation, start_root.position_m + shift)
-        if np.max(np.abs(moved)) < _STRAIGHT_RAD:
-            return pose, root, taken
-    return pose, root, steps
+    covariance, mean = expectation.prior.covariance, expectation.prior.mean
+    root_variances = np.repeat(np.square(expectation.root_sigma), 3)[:, None]
+    # the change of root and pose from the prior is the covariance times the dual; their product is the prior's cost
+    change, dual = kept = np.zeros((2, 6 + len(mean)))
+    damping, least = 0.0, np.inf
+    taken = 0
+    while taken < steps:
+        taken += 1
+        residual, jacobian = _linearise(expectation, subject, change, np.sqrt(marker_variance_m2))
+        cost = float(residual @ residual) / marker_variance_m2 + float(change @ dual)
+        if cost > least:
+            change, dual = kept
+            damping = max(_FIRST_DAMPING, _DAMPING_GROWTH * damping)
+        else:
+            least, kept, damping = cost, np.array((change, dual)), damping / _DAMPING_GROWTH**2
+            gains = np.concatenate((root_variances * jacobian[:, :6].T, _product(covariance, jacobian[:, 6:].T)))
+            across, innovation, slopes = jacobian @ gains, jacobian @ change - residual, jacobian
+        share = 1.0 / (1.0 + damping)
+        system = share * across
+        system[np.diag_indices_from(system)] += marker_variance_m2
+        forces = share * _solve(system, innovation - (1.0 - share) * (slopes @ change))
+        change = (1.0 - share) * change + gains @ forces
+        dual = (1.0 - share) * dual + slopes.T @ forces
+        _, beyond_rad = _beyond_limits(mean + change[6:], expectation.limits)
+        if max(np.max(np.abs(change - kept[0])[3:]), np.max(np.abs(beyond_rad), initial=0.0)) < _STRAIGHT_RAD:
+            break
+    else:
+        change = kept[0]  # the last step was not tried
+    return mean + change[6:], _moved_root(expectation.root, change), taken
+
+
+def _linearise(expectation: Expectation, subject: SubjectModel, change: Array, sigma_m: float) -> tuple[Array, Array]:
+    """Return residuals of markers and limits, and their Jacobian, at a changed pose."""
+    pose = expectation.prior.mean + change[6:]
+    markers, full = subject.markers_and_jacobian(pose.reshape(-1, 3), _moved_root(expectation.root, change))
+    beyond, beyond_rad = _beyond_limits(pose, expectation.limits)
+    stiffness = sigma_m / _LIMIT_RAD  # as if it were a marker
+    limits = np.zeros((len(beyond), full.shape[-1]))
+    limits[np.arange(len(beyond)), 6 + beyond] = stiffness
+    residual = np.concatenate((control_residual(expectation.observation, markers), stiffness * beyond_rad))
+    return residual, np.concatenate((control_jacobian(expectation.observation, full), limits))
+
+
+def _beyond_limits(pose: Array, limits: Array) -> tuple[IntArray, Array]:
+    """Return the entries of a pose (D,) outside the limits (2, D), and by how much."""
+    beyond_rad = pose - np.clip(pose, limits[0], limits[1])
+    beyond = np.flatnonzero(beyond_rad)
+    return beyond, beyond_rad[beyond]
+
+
+def _moved_root(root: RootPose, change: Array) -> RootPose:
+    """Return a root after a change (shift, turn, ...)."""
+    rotation = rot.multiply(root.rotation, rot.from_rotation_vector(change[3:6]))
+    return RootPose(rotation, root.position_m + change[:3])

@@ -20,7 +20,9 @@ _KERNEL = 0.2  # of the largest distance: where an example's weight in "best" ha
 _HISTORY_SHARE = 0.3  # weight of a squared distance of earlier markers against the present ones
 _BROAD_SAMPLES = 4096  # frames that the covariance of the whole database is taken over
 _COMPONENTS = 30  # principal ones of earlier poses that "best" goes by
-_FIT_STEPS = 4  # of Gauss-Newton at most: most starts are so close that one is enough
+_FIT_STEPS = 8  # of Gauss-Newton at most: most priors are so close that one is enough
+_LIMIT_PERCENTILES = (1.0, 99.0)  # of the database's joint angles,
+_LIMIT_MARGIN_RAD = 0.05  # beyond which a joint hardly goes
 _SYNTHESIS_PASSES = 2  # synthesis needs the root and the root needs the synthesized torso
 
 
@@ -178,6 +180,8 @@ class BestMethod:
         self._markers = LaggedMarkers(database, markers_m, settings.history_s)
         self._poses = LaggedPoses(database, _principal_components(broad_poses), settings.history_s)
         broad = np.asarray(np.cov(np.concatenate((broad_poses, *self._history_of(broad_frames)), axis=1).T, ddof=0))
+        margin = np.array([[-_LIMIT_MARGIN_RAD], [_LIMIT_MARGIN_RAD]])
+        self._limits = np.percentile(broad_poses, _LIMIT_PERCENTILES, axis=0) + margin
         # beside the neighbours' covariance, and of the pose about the continued motion
         self._floor = settings.broad_share * broad
         self._floor[np.diag_indices_from(broad)] += settings.pose_floor_rad**2
@@ -189,12 +193,11 @@ class BestMethod:
         """Return the pose expected for the markers, fitted to them together with the root."""
         settings, state = self._settings, problem.state
         prior, neighbours = self._prior(problem)
-        start = prior.mean
         if state.pose is not None and state.previous_pose is not None:
-            start = expected = state.pose + settings.momentum * (state.pose - state.previous_pose)
+            expected = state.pose + settings.momentum * (state.pose - state.previous_pose)
             prior = gaussian_conditioning.continue_prior(prior, expected, self._change)
         root_sigma = (settings.root_sigma_m, settings.root_sigma_rad)
-        expectation = Expectation(prior, problem.observation, start, problem.root, root_sigma)
+        expectation = Expectation(prior, problem.observation, problem.root, root_sigma, self._limits)
         pose, root, steps = gaussian_conditioning.fit_to_markers(
             expectation, self._subject, settings.marker_sigma_m**2, _FIT_STEPS
         )

@@ -20,6 +20,8 @@ from .subject_model import RootPose, SubjectModel
 _ROOT_PASSES = 2  # the root needs the pose's torso markers and the pose needs the root
 _FIRST_ROOT_PASSES = 4  # at the start nothing is known about either
 _TORSO_EXAMPLES = 8  # closest examples; the root is fitted to the mean of their torsos
+_JUMP_M = 0.07  # RMS over the markers between two frames, from which the past may mislead
+_NEARER = 0.6  # share of the distance to the closest example, below which a pose without a past is the right one
 _SPARE_CANDIDATES = 2  # candidates kept, per example wanted, to rank again under a better root
 
 
@@ -82,12 +84,44 @@ class PoseSolver:
             solution, state = self._advance(state, observation)
             if solution is None:
                 return None, state
-        solution, state = self._advance(state, observation)
+        before = state
+        solution, state = self._advance(before, observation)
+        if solution is not None and self._is_misled(before, observation, solution):
+            solution, state = self.solve_anew(before, observation, solution, state)
         observed = state.observed.remember(state.time_s, self._in_space(state, observation).points_m)
         if solution is None:
             return None, replace(state, observed=observed)
         solved = state.solved.remember(state.time_s, solution.pose.ravel())
         return solution, replace(state, observed=observed, solved=solved)
+
+    def solve_anew(
+        self, state: SolverState, observation: Observation, solution: Solution, after: SolverState
+    ) -> tuple[Solution, SolverState]:
+        """Return the pose solved without a past if the database is much nearer to it.
+
+        Args:
+            state: before the frame, with its time.
+            solution, after: of the frame, returned if they are better.
+        """
+        fresh = replace(self.initial_state, root=state.root, time_s=state.time_s)
+        seen = observation.located
+        away_m = max(solution.nearest_m, _rms(solution.markers_m[seen] - observation.points_m[seen]))
+        if not self.closest_m(fresh, observation) < _NEARER * away_m:
+            return solution, after
+        found, first = self._advance(fresh, observation)
+        if found is None:
+            return solution, after
+        again, second = self._advance(first, observation)
+        return (again, second) if again is not None else (found, first)
+
+    def _is_misled(self, state: SolverState, observation: Observation, solution: Solution) -> bool:
+        """Return whether the past may mislead: the limbs jumped, or the markers are not explained."""
+        if state.pose is None:
+            return False
+        seen = observation.located
+        before_m = self.subject.markers(state.pose.reshape(-1, 3))[seen]
+        jump_m = _rms(solution.root.to_root_frame(observation.points_m[seen]) - before_m)
+        return jump_m > _JUMP_M or _rms(solution.markers_m[seen] - observation.points_m[seen]) > solution.nearest_m
 
     def _in_space(self, state: SolverState, observation: Observation) -> Observation:
         """Return the observation with three torso markers located in space."""
@@ -161,4 +195,9 @@ def _nearest_distance(observation: Observation, root: RootPose, examples: Exampl
     if not np.any(seen):
         return float("nan")
     differences = root.to_root_frame(observation.points_m[seen]) - examples.markers_m[0][seen]
-    return float(np.sqrt(np.mean(np.sum(differences**2, axis=-1))))
+    return _rms(differences)
+
+
+def _rms(differences_m: Array) -> float:
+    """Return the RMS length of differences (N, 3), 0 without any."""
+    return float(np.sqrt(np.sum(differences_m**2) / max(len(differences_m), 1)))

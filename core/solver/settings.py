@@ -107,14 +107,14 @@ class BestSettings:
 
     neighbours: int = 300
     marker_sigma_m: float = 0.002
-    query_pose_m_per_rad: float = 2.0
+    query_pose_m_per_rad: float = 1.0
     broad_share: float = 0.02
     pose_floor_rad: float = 0.003
     history_s: tuple[float, ...] = (0.1, 0.25)
     history_sigma_m: float = 0.05
     history_sigma_rad: float = 0.15
-    momentum: float = 0.8
-    change_share: float = 0.1
+    momentum: float = 0.5
+    change_share: float = 0.03
     change_rad: float = 0.03
     root_sigma_m: float = 0.03
     root_sigma_rad: float = 0.1

@@ -4,6 +4,7 @@ from perfanim.core.database.store import pose_from_rotations
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.solver.gaussian_conditioning import (
     Expectation,
+    Prior,
     condition,
     continue_prior,
     fit_to_markers,
@@ -81,9 +82,12 @@ def rms(a, b):
     return np.sqrt(np.mean(np.sum((a - b) ** 2, axis=1)))
 
 
+UNLIMITED = np.array([[-np.inf], [np.inf]])
+
+
 def fitted(model, frame, observation, steps=3):
     prior, _, root, _ = frame
-    expectation = Expectation(prior, observation, prior.mean, root, (0.03, 0.1))
+    expectation = Expectation(prior, observation, root, (0.03, 0.1), UNLIMITED)
     return fit_to_markers(expectation, model, NOISE_M**2, steps)[:2]
 
 
@@ -100,7 +104,7 @@ def test_fit_comes_closer_to_the_true_pose_than_the_prior(model, frame, database
     _, true_pose, root, points = frame
     poses = np.asarray(database.poses[::10], dtype=np.float64).reshape(-1, 84)
     prior = neighbours_prior(poses, np.full(len(poses), 1.0 / len(poses)), FLOOR)  # knows nothing of this moment
-    expectation = Expectation(prior, Observation.of_points(points), prior.mean, root, (0.03, 0.1))
+    expectation = Expectation(prior, Observation.of_points(points), root, (0.03, 0.1), UNLIMITED)
     pose, _, _ = fit_to_markers(expectation, model, NOISE_M**2, 5)
     assert np.linalg.norm(pose - true_pose) < 0.7 * np.linalg.norm(prior.mean - true_pose)
 
@@ -150,3 +154,28 @@ def test_a_marker_on_a_ray_helps(model, frame, stage_rig, true_markers):
     assert away[1] < away[0]
     local = view.to_camera(model.markers(seeing[0].reshape(-1, 3), seeing[1])[hand])
     assert np.linalg.norm(local[:2] / local[2] - image_points[hand]) * local[2] < 2.0 * NOISE_M
+
+
+def test_fit_comes_back_from_a_prior_that_is_far_off(model, frame):
+    """Full Gauss-Newton steps from a prior so far away wring the limbs and leave the markers."""
+    prior, _, root, points = frame
+    generator = np.random.default_rng(4)
+    for _ in range(20):
+        wrong = Prior(prior.mean + generator.normal(0.0, 0.8, len(prior.mean)), prior.covariance)
+        start = rms(model.markers(wrong.mean.reshape(-1, 3), root), points)
+        expectation = Expectation(wrong, Observation.of_points(points), root, (0.03, 0.1), UNLIMITED)
+        pose, found, _ = fit_to_markers(expectation, model, NOISE_M**2, 8)
+        assert rms(model.markers(pose.reshape(-1, 3), found), points) <= start
+
+
+def test_fit_keeps_joints_within_their_limits(model, frame):
+    prior, _, root, points = frame
+    limits = np.array([prior.mean - 0.05, prior.mean + 0.05])
+    far = points + np.array([0.0, 0.5, 0.0]) * (np.arange(len(points)) % 2)[:, None]
+    expectation = Expectation(prior, Observation.of_points(far), root, (0.03, 0.1), limits)
+    free = Expectation(prior, Observation.of_points(far), root, (0.03, 0.1), UNLIMITED)
+    beyond = [
+        np.abs(pose - np.clip(pose, *limits)).max()
+        for pose, _, _ in (fit_to_markers(wanted, model, 0.02**2, 8) for wanted in (expectation, free))
+    ]
+    assert beyond[0] < 0.05 < 0.1 < beyond[1]  # 0.02 is the standard deviation beyond a limit
