@@ -10,7 +10,7 @@ from ..geometry.arrays import Array, FloatArray, IntArray, Mask
 from .marker_frame import MarkerFrame
 from .marker_frame_subset import without_blobs, without_points, without_rays
 
-LONGEST_STEP_S = 1.0  # from one frame to the next; a longer gap starts a session again
+_LONGEST_STEP_S = 1.0  # from one frame to the next; a longer gap starts a session again
 _AGREEING = 3  # frames in a row that make a jump in time believed
 _LATEST_S = 1e12
 _FAR_M = 500.0  # from the world's origin: no marker can be seen there
@@ -36,9 +36,9 @@ class FrameTimes:
         """Return whether the next frame's time is possible."""
         if not abs(time_s) < _LATEST_S:
             return False
-        self.jumped = self._last_s is not None and not 0.0 < time_s - self._last_s <= LONGEST_STEP_S
+        self.jumped = self._last_s is not None and not 0.0 < time_s - self._last_s <= _LONGEST_STEP_S
         if self.jumped:
-            agrees = 0.0 < time_s - self._astray_s <= LONGEST_STEP_S
+            agrees = 0.0 < time_s - self._astray_s <= _LONGEST_STEP_S
             self._astray, self._astray_s = self._astray + 1 if agrees else 1, time_s
             if self._astray < _AGREEING:
                 return False
