@@ -7,11 +7,12 @@ from pathlib import Path
 from perfanim.core.body.motion import Motion, resampled, sliced
 from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.database.store import Clip, Database, open_database
-from perfanim.core.database.subset import write_subset
 from perfanim.core.errors import FormatError
 from perfanim.core.formats.motion.motion_sources import motion_files
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.system.progress import Progress
+
+from .subset import write_subset
 
 FPS = 60.0
 CMU, BANDAI = "cmu", "bandai"

@@ -10,7 +10,6 @@ from perfanim.core.body.joint_angle_frames import with_angle_frames
 from perfanim.core.body.motion_metrics import angle_errors_deg
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.store import Clip, Database, rotations_from_pose
-from perfanim.core.database.subset import write_subset
 from perfanim.core.errors import DatabaseError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import Array
@@ -20,6 +19,7 @@ from .data import BANDAI, CMU, whole_database
 from .plots import Line, Panel, check_plots, write_plot
 from .pose_models import gplvm, has_gplvm, linear, mixture
 from .report import write_figures
+from .subset import write_subset
 
 DIMENSIONS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 15, 18, 21, 24, 27, 30, 34, 38, 42, 46, 50)
 GPLVM_DIMENSIONS = tuple(d for d in DIMENSIONS if d <= 10)  # 14 s each

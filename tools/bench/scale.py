@@ -9,7 +9,6 @@ from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.database.store import Clip, Database, open_database
-from perfanim.core.database.subset import write_subset
 from perfanim.core.markers.take_frames import take_frames
 from perfanim.core.session.session import Session
 from perfanim.core.session.solve_take import motion_of
@@ -21,6 +20,7 @@ from .figure6 import true_subject
 from .plots import Line, Panel, check_plots, write_plot
 from .report import write_figures
 from .speed import reference_ms
+from .subset import write_subset
 from .table1 import SEARCHES, search_times
 
 _SHARES = (1 / 64, 1 / 16, 1 / 4, 1.0)  # of the clips, spread evenly

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from perfanim.core.body.motion import Motion
 from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.database.store import Database, open_database
-from perfanim.core.database.subset import write_subset
 from perfanim.core.geometry.arrays import Array, FloatArray, Image, IntArray
 from perfanim.core.markers.take_frames import take_frames
 from perfanim.core.session.session import Session
@@ -34,6 +33,7 @@ from .data import BANDAI, CMU, FPS, LEFT_OUT, SPLIT, WALKING, data_folders, read
 from .figure6 import true_subject
 from .report import write_figures
 from .streams import Streams, render_streams, stage_times, throughput
+from .subset import write_subset
 from .table1 import SEARCHES, search_times, searched
 
 Row = dict[str, Any]

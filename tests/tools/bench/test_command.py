@@ -27,11 +27,11 @@ from bench.plots import Line, Panel, check_plots, write_plot
 from bench.scale import scale
 from bench.speed import speed
 from bench.streams import STAGES, Streams
+from bench.subset import write_subset
 from bench.table1 import searched, table1
 from perfanim.core.body.motion import sliced
 from perfanim.core.cli.main import main
 from perfanim.core.database.store import open_database
-from perfanim.core.database.subset import write_subset
 from perfanim.core.errors import DatabaseError, SettingsError
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.simulate.studio.rig import default_rig

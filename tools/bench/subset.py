@@ -4,10 +4,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-
-from ..errors import DatabaseError
-from .graph import LARGE_DATABASE, GraphSettings
-from .store import Clip, Database, open_database, write_database
+from perfanim.core.database.graph import LARGE_DATABASE, GraphSettings
+from perfanim.core.database.store import Clip, Database, open_database, write_database
+from perfanim.core.errors import DatabaseError
 
 
 def write_subset(
