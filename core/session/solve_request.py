@@ -67,7 +67,7 @@ class BodyFiles:
         subject = load_subject(self.subject) if self.subject is not None else recorded
         if subject is None:
             raise SubjectError(
-                "no subject is given", where=where, advice="name a subject, or a skeleton and a marker set"
+                "names no performer", where=where, advice="give --subject, or --skeleton and --marker-set"
             )
         if markers is None:
             return subject
@@ -234,8 +234,9 @@ class SolveRecorded:
             progress(0.0, "triangulating the markers again")
             rig = load_rig(self.cameras)
             frames = tuple(self.retriangulate(rig, frames))
-        first, *further = take.setup.subjects()
-        subject = self.body.load_subject(self.body.load_marker_set(), self.take, first)
+        recorded = take.setup.subjects()
+        subject = self.body.load_subject(self.body.load_marker_set(), self.take, recorded[0] if recorded else None)
+        further: Sequence[Subject] = recorded[1:]
         settings = self._settings(take)
         path = self.database or take.setup.database.get("path", "")
         if not path:

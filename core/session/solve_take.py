@@ -72,7 +72,7 @@ def solve_take(
     """Solve a labelled take, also with its markers seen by single cameras."""
     session = MultiTargetSession([sessions(subject, database, take.single.rig if take.single else None, settings)])
     frames = list(take_frames(take, subject.marker_set))
-    poses, seconds = _solve_frames(frames, session, f"solving {take.name}", progress)
+    poses, seconds = solve_frames(frames, session, f"solving {take.name}", progress)
     motion = motion_of([pose.performers[0] for pose in poses], subject, take.name, take.fps)
     return SolvedTake(tuple(poses), (motion,), seconds)
 
@@ -95,7 +95,7 @@ def solve_recorded(
         TakeError: there are not two frames.
     """
     name = take.notes.name
-    poses, seconds = _solve_frames(frames, setup.make_session(sessions), f"solving {name}", progress)
+    poses, seconds = solve_frames(frames, setup.make_session(sessions), f"solving {name}", progress)
     recorded = [pose for pose in poses if take.is_recorded(pose.number)]
     motions = tuple(
         resample_uniform([pose.performers[index] for pose in recorded], subject, name, str(take.path))
@@ -104,7 +104,7 @@ def solve_recorded(
     return SolvedTake(tuple(poses), motions, seconds)
 
 
-def _solve_frames(
+def solve_frames(
     frames: Sequence[MarkerFrame], session: MultiTargetSession, activity: str, progress: Progress
 ) -> tuple[list[ScenePose], Array]:
     """Return the poses of frames, and the time (F,) of each."""

@@ -29,7 +29,9 @@ class TakeOperator:
 
 
 def take_motion(context: bpy.types.Context, take: TakeFile) -> TakeMotion:
-    """Return the filtered motion of a take and the characters of its performers."""
+    """Return a take's filtered motion with its characters; TakeError if unsolved."""
+    if not take.poses:
+        raise TakeError("has no solved poses", where=take.notes.name, advice="click Solve Again")
     chosen = FilterSettings.of_table(request.shape(settings(context)))
     poses = filter_take(take, chosen, use_stored=context.scene.perfanim_result.filters == "RECORDED")
     return TakeMotion(performer_targets(context, take.setup.subjects()), take.setup.carried_props(), poses)

@@ -59,8 +59,9 @@ class PERFANIM_OT_solve_take(TakeOperator, SolvingOperator, bpy.types.Operator):
         chosen, given = settings(context), ["--method", self.method]
         if self.database == "CHOSEN":
             given += ["--database", str(readiness.database_path(chosen))]
+        known = summarise(self.path)
         for source, name, option, panel in (
-            (self.performer, "subject", "--subject", "Subject"),
+            (self.performer if known.performers else "CHOSEN", "subject", "--subject", "Subject"),
             (self.cameras, "calibration", "--cameras", "Cameras"),
         ):
             if source == "CHOSEN":
@@ -69,8 +70,7 @@ class PERFANIM_OT_solve_take(TakeOperator, SolvingOperator, bpy.types.Operator):
                     advice = f"choose one under {panel}, or use the recorded one"
                     raise SettingsError(f"no {name} is chosen", advice=advice)
                 given += [option, path]
-        name = summarise(self.path).notes.name
-        self._target = unused_path(take_library.folder(), f"{name} ({self.method})")
+        self._target = unused_path(take_library.folder(), f"{known.notes.name} ({self.method})")
         return ["solve", self.path, *given, "--out", str(self._target)]
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:

@@ -208,7 +208,7 @@ def _set(item: PERFANIM_PG_take, take: TakeSummary) -> None:
         for text in (
             " and ".join(take.performers),
             take.marker_set,
-            take.method or SolveSettings().method,
+            (take.method or SolveSettings().method) if take.performers else "no performer yet: click Solve Again",
             f"database {take.database}" if take.database else "",
             f"on {item.character}" if item.character else "",
         )

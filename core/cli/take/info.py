@@ -13,6 +13,9 @@ from ...markers.frame_rate import frame_rate
 from ...markers.subject import Subject
 from ...system.progress import Progress
 
+_UNSOLVED = "has no labels and poses yet: perfanim solve finds them"
+_NOBODY = ", with --subject, or --skeleton and --marker-set"
+
 
 def add_parser(group: Any) -> None:
     """Add `info` to the `take` group."""
@@ -31,7 +34,8 @@ def _recorded_info(take: TakeFile) -> dict[str, Any]:
     frames, setup = take.frames, take.setup
     numbers = np.array([frame.number for frame in frames], dtype=np.int64)
     times_s = np.array([frame.time_s for frame in frames])
-    subject, *further = setup.subjects()
+    subjects = setup.subjects()
+    worn = subjects[0].marker_set if subjects else None
     rig = setup.camera_rig()
     poses = [solved.pose.performers[0] for solved in take.poses]
     return {
@@ -44,17 +48,17 @@ def _recorded_info(take: TakeFile) -> dict[str, Any]:
         "lost_frames": _left_out(numbers),
         "gaps": len(take.gaps),
         "gaps_s": sum(gap.seconds for gap in take.gaps),
-        "markers": len(subject.marker_set),
-        "names": list(subject.marker_set.names),
+        "markers": len(worn) if worn else None,
+        "names": list(worn.names) if worn else [],
         "visible_fraction": float(np.mean([np.isfinite(p.observed_m[:, 0]) for p in poses])) if poses else None,
         "poses": len(poses),
         "confidence": float(np.mean([pose.confidence for pose in poses])) if poses else None,
         "cameras": len(rig) if rig is not None else 0,
-        "subject": subject.name,
-        "marker_set": subject.marker_set.name,
+        "subject": subjects[0].name if subjects else "",
+        "marker_set": worn.name if worn else "",
         "database": setup.database.get("path", ""),
         "props": _props_found(take),
-        "performers": _further_performers(take, further),
+        "performers": _further_performers(take, subjects[1:]),
         "created": setup.created,
         "software": setup.software,
         "notes": take.notes.notes,
@@ -63,6 +67,7 @@ def _recorded_info(take: TakeFile) -> dict[str, Any]:
         "recorded": take.notes.recorded,
         "events": list(take.events),
         "bytes": take.path.stat().st_size,
+        "advice": [] if poses else [_UNSOLVED + ("" if subjects else _NOBODY)],
         "problems": ["it is being recorded"] if is_locked(take.path) else take.problems,
     }
 

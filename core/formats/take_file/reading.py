@@ -113,7 +113,9 @@ class TakeFile:
         return tuple(solved.pose for solved in self.poses if self.is_recorded(solved.pose.number))
 
     def recorded_poses_of(self, performer: int = 0) -> list[PerformerPose]:
-        """Return `recorded_poses` of one performer, counted from 0."""
+        """Return `recorded_poses` of one performer, from 0; TakeError if unsolved."""
+        if not self.poses:
+            raise TakeError("has no poses", where=str(self.path), advice="perfanim solve labels and solves it")
         return [pose.performers[performer] for pose in self.recorded_poses]
 
     def is_recorded(self, number: int) -> bool:
@@ -259,7 +261,7 @@ def _listed(path: Path, file: BinaryIO, footer: Footer) -> TakeSummary:
 
 def _known(setup: TakeSetup) -> dict[str, Any]:
     """Return the fields of a summary from a set-up."""
-    worn = setup.performers[0].get("marker_set")
+    worn = setup.performers[0].get("marker_set") if setup.performers else None
     return {
         "created": setup.created,
         "marker_set": str(worn.get("name", "")) if isinstance(worn, Mapping) else "",

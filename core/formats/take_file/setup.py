@@ -22,7 +22,7 @@ class TakeSetup:
 
     Args:
         rig: as in its file; empty for imported markers without cameras.
-        performers: subjects with marker sets as in their files, at least one.
+        performers: subjects with marker sets as in their files; none where nobody said who was filmed.
         settings: of the solver, where they differ from its defaults.
         database: "path", "frames", "fps" and "sha256" (of its header).
         capture: sources and detection as requested.
@@ -63,9 +63,10 @@ class TakeSetup:
         return TakeSetup.from_json(made.to_json(), "")  # as a reader will see it, to the last digit
 
     def to_json(self) -> bytes:
-        """Return JSON; the first performer is "subject", further ones are "performers"."""
+        """Return JSON; first performer: "subject" ({}: none), further: "performers"."""
         tables = asdict(self)
-        subject, *further = tables.pop("performers")
+        performers = tables.pop("performers")
+        subject, further = performers[0] if performers else {}, performers[1:]
         facts = {"rig": tables.pop("rig"), "subject": subject, **tables, "performers": further}
         return json.dumps(facts, default=_plain).encode("utf-8")
 
@@ -75,7 +76,7 @@ class TakeSetup:
         facts = json_object(data, where)
         try:
             parts = {name: dict(facts[name]) for name in ("rig", "settings", "database", "capture")}
-            performers = tuple(dict(table) for table in (facts["subject"], *facts.get("performers", ())))
+            performers = tuple(dict(table) for table in (facts["subject"], *facts.get("performers", ())) if table)
             props = tuple(dict(table) for table in facts.get("props", ()))
         except (KeyError, TypeError, ValueError) as error:
             raise TakeError(f"has an incomplete set-up ({error})", where=where) from error

@@ -152,6 +152,28 @@ def test_a_take_is_solved_again_with_other_settings(part: Any, walk: SimpleNames
         run_job(part, operator, SimpleNamespace(path=path, method="best", **chosen | {"cameras": "CHOSEN"}))
 
 
+def test_a_take_without_a_performer_is_listed_and_solved_with_the_chosen_one(part: Any, walk: SimpleNamespace) -> None:
+    """As `perfanim track --out TAKE.perftake` writes it, without labels and poses."""
+    imported(part, walk, "walk.c3d")
+    take = read_take_file(shown(part)[0].path)
+    bare = part("take_library").folder() / "bare.perftake"
+    frames = [(0.0, replace(frame, labels=np.full(len(frame.points_m), -1))) for frame in take.frames]
+    write_whole_take(bare, replace(take.setup, performers=(), database={}), TakeNotes("bare"), frames, [])
+    part("take_library").forget()
+    assert {item.title: item.used for item in shown(part)}["bare"] == "no performer yet: click Solve Again"
+    for operator in (bpy.ops.perfanim.play_take, bpy.ops.perfanim.export_take):
+        with pytest.raises(RuntimeError, match="bare: has no solved poses; click Solve Again"):
+            operator(path=str(bare))
+    operator = part("operators.solve_takes").PERFANIM_OT_solve_take
+    chosen = {"database": "CHOSEN", "performer": "RECORDED", "cameras": "RECORDED", "put_on": False}
+    text = run_job(part, operator, SimpleNamespace(path=str(bare), method="nearest", **chosen))
+    assert text == "20 frames solved as bare (nearest)"
+    assert len(read_take_file(bare.with_name("bare (nearest).perftake")).poses) == 20
+    bpy.context.scene.perfanim.subject = ""
+    with pytest.raises(Exception, match="no subject is chosen; choose one under Subject"):
+        run_job(part, operator, SimpleNamespace(path=str(bare), method="best", **chosen))
+
+
 def test_a_take_goes_where_is_chosen(part: Any, walk: SimpleNamespace) -> None:
     path, scene = recorded(part, walk, "walk"), bpy.context.scene
     scene.render.fps = 30

@@ -219,12 +219,12 @@ def test_bad_input_is_told_in_one_line(tmp_path, recorded, capsys):
         "take recover {take} --out {take}": "would be overwritten",
         "take export {take} --out {tmp}/a.doc": "has an ending that cannot be written",
         "take export {tmp}/a.take.npz --out {tmp}/a.bvh": "holds markers and no motion",
-        "take export {tmp}/bare.perftake --out {tmp}/b.bvh": "has 0 poses",
-        "take export {tmp}/bare.perftake --out {tmp}/b.csv": "has 0 solved frames",
+        "take export {tmp}/bare.perftake --out {tmp}/b.bvh": "has no poses",
+        "take export {tmp}/bare.perftake --out {tmp}/b.csv": "has no poses",
         "solve {tmp}/bare.perftake --out {tmp}/b.bvh": "has 0 poses",
         "solve {take} --database {tmp}/gone.db --out {tmp}/b.bvh": "gone.db: cannot be read",
         "solve {take} --marker-set gone --out {tmp}/b.bvh": "there is no marker set or file 'gone'",
-        "calibrate subject {tmp}/bare.perftake --marker-set boxing --out {tmp}/b.toml": "has 0 solved frames",
+        "calibrate subject {tmp}/bare.perftake --marker-set boxing --out {tmp}/b.toml": "has no poses",
     }  # fmt: skip
     before = sorted(tmp_path.iterdir())
     for line, message in lines.items():

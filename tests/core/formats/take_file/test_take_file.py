@@ -17,6 +17,7 @@ from perfanim.core.formats.take_file.lock import is_locked
 from perfanim.core.formats.take_file.pose_codec import pack_solved
 from perfanim.core.formats.take_file.reading import TakeFile, read_take_file, summarise
 from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.whole import write_whole_take
 from perfanim.core.formats.take_file.writer import TakeWriter
 from perfanim.core.markers.marker_frame_codec import pack_stamped
 from perfanim.core.markers.prop import load_prop, prop_tables
@@ -381,6 +382,17 @@ def test_props_are_part_of_the_setup(setup: TakeSetup) -> None:
         replace(setup, props=(facts["props"][0] | {"marker": [1]},)).carried_props()
     with pytest.raises(TakeError, match="incomplete"):
         TakeSetup.from_json(json.dumps(facts | {"props": 5}).encode(), "")
+
+
+def test_a_take_may_have_no_performer(tmp_path: Path, setup: TakeSetup) -> None:
+    bare = replace(setup, performers=())
+    assert json.loads(bare.to_json())["subject"] == {}
+    assert TakeSetup.from_json(bare.to_json(), "") == bare and bare.subjects() == ()
+    write_whole_take(tmp_path / "bare.perftake", bare, TakeNotes("Bare"), [], [])
+    listed = summarise(tmp_path / "bare.perftake")
+    assert (listed.notes.name, listed.performers, listed.marker_set) == ("Bare", (), "")
+    with pytest.raises(TakeError, match="has no poses; perfanim solve labels and solves it"):
+        read_take_file(tmp_path / "bare.perftake").recorded_poses_of()
 
 
 def test_further_performers_are_part_of_the_setup(setup: TakeSetup) -> None:
