@@ -1,6 +1,8 @@
 """Solved pose of one moment: performers and props."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from ..geometry.arrays import Array, IntArray
 
@@ -44,6 +46,8 @@ class PerformerPose:
         neighbours: K of the local model.
         dimensions: B of the local model.
         notes: problems in plain words ("left hand hidden", ...).
+        single_points: (M, 2) where that camera saw it, undistorted and normalised, NaN elsewhere; empty in poses read
+            from takes, which keep it by blob.
     """
 
     number: int
@@ -58,6 +62,7 @@ class PerformerPose:
     neighbours: int = 0
     dimensions: int = 0
     notes: tuple[str, ...] = ()
+    single_points: Array = field(default_factory=lambda: np.empty((0, 2)))
 
 
 @dataclass(frozen=True)

@@ -169,6 +169,7 @@ class Session:
             neighbours=solution.neighbours,
             dimensions=solution.dimensions,
             notes=tuple(notes),
+            single_points=observation.image_points,
         )
 
     def _last_pose(
@@ -185,6 +186,7 @@ class Session:
             single_cameras=seen.cameras,
             marker_rms_m=float("nan"),
             notes=(*frame.notes, note.value),
+            single_points=seen.image_points,
         )
 
     def _first_pose(self) -> PerformerPose:

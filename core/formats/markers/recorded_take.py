@@ -1,12 +1,16 @@
-"""A recorded take as trajectories of labelled markers."""
+"""Trajectories of labelled markers from solved poses."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from ...body.scene_pose import PerformerPose
 from ...errors import TakeError
+from ...geometry.camera import CameraRig
 from ...markers.frame_rate import frame_rate
-from ...markers.marker_take import MarkerTake
+from ...markers.marker_take import MarkerTake, SingleViews
 from ..take_file.reading import TakeFile, read_take_file
 
 
@@ -29,12 +33,25 @@ def marker_take(take: TakeFile) -> MarkerTake:
         raise TakeError(
             f"has {len(poses)} solved frames", where=str(take.path), advice="markers are labelled with the poses"
         )
-    times_s, numbers = np.array([p.time_s for p in poses]), np.array([p.number for p in poses])
+    fps = frame_rate(np.array([pose.time_s for pose in poses]), np.array([pose.number for pose in poses]))
+    found = take_of_poses(poses, take.setup.subjects()[0].marker_set.names, take.notes.name, fps)
+    return replace(found, times_s=found.times_s - found.times_s[0])
+
+
+def take_of_poses(
+    poses: Sequence[PerformerPose], names: Sequence[str], name: str, fps: float, rig: CameraRig | None = None
+) -> MarkerTake:
+    """Return the labelled markers of poses, with `rig` also single cameras'."""
+    single = None
+    if rig is not None:
+        cameras = np.array([pose.single_cameras for pose in poses])
+        single = SingleViews(rig, cameras, np.array([pose.single_points for pose in poses]))
     return MarkerTake(
-        take.notes.name,
-        frame_rate(times_s, numbers),
-        take.setup.subjects()[0].marker_set.names,
-        np.array([p.observed_m for p in poses]),
-        numbers,
-        times_s - times_s[0],
+        name,
+        fps,
+        tuple(names),
+        np.array([pose.observed_m for pose in poses]),
+        np.array([pose.number for pose in poses]),
+        np.array([pose.time_s for pose in poses]),
+        single,
     )
