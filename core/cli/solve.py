@@ -58,7 +58,7 @@ def add_parser(subparsers: Any) -> None:
 def _add_performer_options(parser: argparse.ArgumentParser) -> None:
     body = parser.add_mutually_exclusive_group()
     body.add_argument(
-        "--subject", metavar="FILE", help="calibrated subject, skeleton and marker offsets (a .perftake holds its own)"
+        "--subject", metavar="FILE", help="calibrated subject, skeleton and marker offsets (default: a .perftake's own)"
     )
     body.add_argument("--skeleton", metavar="FILE", help=".asf or .bvh with the bones to use; needs --marker-set")
     parser.add_argument(

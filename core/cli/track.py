@@ -1,4 +1,4 @@
-"""`perfanim track`: images of calibrated cameras to labelled marker trajectories."""
+"""`perfanim track`: images of calibrated cameras to a take."""
 
 import argparse
 from dataclasses import replace
@@ -13,7 +13,7 @@ from .options import check_fps
 
 def add_parser(subparsers: Any) -> None:
     """Add the `track` command."""
-    parser = subparsers.add_parser("track", help="images to marker trajectories")
+    parser = subparsers.add_parser("track", help="images to marker trajectories, or to a recorded take")
     parser.add_argument("--cameras", metavar="cameras.toml", required=True, help="calibration (anipose-style TOML)")
     source = "a video, a folder or pattern of images, a device number, a stream address"
     parser.add_argument("--left", metavar="SRC", help=source + "; alone: one camera, with more markers")
@@ -25,14 +25,14 @@ def add_parser(subparsers: Any) -> None:
         default=[],
         help="any further camera, in the calibration's order; or with its name there, of which others may be left out",
     )
-    parser.add_argument("--out", metavar="TAKE", required=True, help="take to write: .take.npz, .trc, .csv or .c3d")
-    parser.add_argument("--marker-set", metavar="NAME_OR_FILE", help="names the markers (default: M01, M02, ...)")
     parser.add_argument(
-        "--markers",
-        metavar="N",
-        type=int,
-        help="markers worn (default: the set's, or as many as are seen at most times)",
+        "--out",
+        metavar="TAKE",
+        required=True,
+        help="take to write: .take.npz, .trc, .csv or .c3d; or .perftake, all "
+        "that the cameras saw, without labels: `solve` labels and solves it as live",
     )
+    _add_body_options(parser)
     parser.add_argument(
         "--background", metavar="SRC", nargs="+", help="frames without the performer, one source per camera "
         "(default: learned from the take itself)"
@@ -69,31 +69,61 @@ def add_parser(subparsers: Any) -> None:
     parser.set_defaults(run=run, wrong_usage=parser.error)
 
 
+def _add_body_options(parser: argparse.ArgumentParser) -> None:
+    body = parser.add_mutually_exclusive_group()
+    body.add_argument("--subject", metavar="FILE", help="calibrated subject: labels the markers, with --database")
+    body.add_argument("--skeleton", metavar="FILE", help=".asf or .bvh with the bones; needs --marker-set")
+    parser.add_argument("--database", metavar="DB", help="motion database, to label the markers by the body")
+    parser.add_argument(
+        "--marker-set",
+        metavar="NAME_OR_FILE",
+        help="markers worn (default: the subject's); without a body their labels are guessed (default: M01, M02, ...)",
+    )
+    parser.add_argument(
+        "--markers",
+        metavar="N",
+        type=int,
+        help="how many markers are worn (default: the set's, or as many as are seen at most times)",
+    )
+
+
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Track, write the take, return the summary."""
+    from ..database.store import open_database
     from ..geometry.rig_file import load_rig
-    from ..markers.marker_set import load_marker_set
+    from ..session.solve_request import BodyFiles
     from .track_images import TrackImages
 
-    marker_set = load_marker_set(args.marker_set) if args.marker_set else None
     _check(args)
+    body, has_body = BodyFiles(args.subject, args.skeleton, args.marker_set), args.subject or args.skeleton
+    marker_set = body.load_marker_set()
+    subject = body.load_subject(marker_set, "") if has_body else None
+    database = open_database(args.database) if args.database else None
     rig, sources = _cameras_and_sources(args, load_rig(args.cameras))
     if args.ignore_distortion:
         rig = replace(rig, cameras=tuple(replace(camera, distortion=np.zeros(5)) for camera in rig.cameras))
-    return TrackImages(args, rig, sources, marker_set).run(progress)
+    worn = subject.marker_set if subject else marker_set
+    return TrackImages(args, rig, sources, worn, subject, database).run(progress)
 
 
 def _check(args: argparse.Namespace) -> None:
     """Raise SettingsError for options that cannot be meant, before any work."""
-    from ..formats.markers.marker_files import check_writable
+    from ..formats.markers.marker_files import check_writable, is_recorded
 
     if args.markers is not None and not 1 <= args.markers <= 200:
         raise SettingsError(f"--markers {args.markers} cannot be", advice="use 1 to 200")
     if args.seconds is not None and not 0.0 < args.seconds <= 86400.0:
         raise SettingsError(f"--seconds {args.seconds:g} is out of range", advice="give more than 0, a day at most")
     check_fps(args.fps)
-    check_writable(args.out)
-    if args.floor == "feet" and not args.marker_set:
+    if is_recorded(args.out):
+        _check_left_out(args, "labels, which a .perftake gets when it is solved")
+    else:
+        check_writable(args.out)
+        if (args.subject or args.skeleton) and not args.database:
+            args.wrong_usage("argument --database is required: the body labels the markers by it")
+        if args.database and not (args.subject or args.skeleton):
+            args.wrong_usage("argument --database: needs --subject, or --skeleton and --marker-set")
+    if args.floor == "feet" and not (args.marker_set or args.subject):
         raise SettingsError("--floor feet needs --marker-set", advice="name the marker set that is worn")
     if args.floor_cameras and args.floor != "feet":
         raise SettingsError("--floor-cameras needs --floor feet", advice="add it, or leave --floor-cameras out")
@@ -136,10 +166,13 @@ def _cameras_and_sources(args: argparse.Namespace, rig: Any) -> tuple[Any, list[
 
 def _check_one_camera(args: argparse.Namespace) -> None:
     """Raise SettingsError for options that need more than one camera."""
-    if not str(args.out).lower().endswith(".take.npz"):
-        raise SettingsError(f"{args.out} cannot hold what one camera shows", advice="write a .take.npz")
+    if not str(args.out).lower().endswith((".take.npz", ".perftake")):
+        raise SettingsError(f"{args.out} cannot hold what one camera shows", advice="write a .take.npz or .perftake")
+    _check_left_out(args, "markers in space, which one camera does not give")
+
+
+def _check_left_out(args: argparse.Namespace, need: str) -> None:
+    """Raise SettingsError for options on trajectories where there are none."""
     for option, value in (("--floor feet", args.floor == "feet"), ("--truth", args.truth)):
         if value:
-            raise SettingsError(
-                f"{option} needs markers in space, which one camera does not give", advice="leave it out"
-            )
+            raise SettingsError(f"{option} needs {need}", advice="leave it out")

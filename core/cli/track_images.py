@@ -2,24 +2,34 @@
 
 import argparse
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..errors import SettingsError
-from ..formats.markers.marker_files import read_take, write_take
+from ..database.store import Database, identity
+from ..errors import SettingsError, TakeError
+from ..formats.markers.marker_files import is_recorded, read_take, write_take
+from ..formats.markers.recorded_take import take_of_poses
+from ..formats.take_file.reading import read_take_file
+from ..formats.take_file.setup import TakeSetup
+from ..formats.take_file.whole import write_whole_take
+from ..formats.take_file.writer import record_frames
 from ..geometry.camera import CameraRig
 from ..geometry.rig_file import save_rig
-from ..labelling.single_camera_trajectories import single_views
 from ..labelling.trajectory_linking import track_markers
 from ..labelling.trajectory_naming import match_trajectories, name_trajectories
 from ..markers.floor_from_feet import floor_points, to_rig_world
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
+from ..markers.subject import Subject
+from ..session.multi_target_session import MultiTargetSession
+from ..session.session import Session
+from ..session.solve_take import SolvedTake, solve_frames
+from ..system.files import atomic_path
 from ..system.progress import Progress
 from ..vision.calibration.floor import rig_on_floor
 from ..vision.detection.blob_detector import DetectionSettings
@@ -33,23 +43,33 @@ Facts = dict[str, Any]
 
 _BACKGROUND_SAMPLES = 31
 _EMPTY_SAMPLES = 240  # of frames without the performer
+_FAIR_SHARE = 0.25  # of the frames: single markers are hidden more often than all are shown
+_DETECTION_SHARE = 0.6  # of the work, for the progress shown
+_WRONG_MM = 100.0  # solved markers so far off mean that the labels are wrong
+_LATER = "none: perfanim solve gives them by the body"
+_NO_SET = "a .perftake without a body holds no marker set: give it to perfanim solve with --skeleton"
+_GUESSED = "labels are guessed without a body; give --subject and --database"
 
 
 @dataclass(frozen=True)
 class TrackImages:
-    """Images to a marker take.
+    """Images to a marker take, or to a recorded take without labels.
 
     Args:
         options: of `perfanim track`.
         rig: one camera for each source.
         sources: videos, folders or patterns of images, devices.
         marker_set: names the trajectories; None for M01, M02, ...
+        subject: the performer, if known, with this marker set.
+        database: labels the trajectories with the subject; a recorded take only names it.
     """
 
     options: argparse.Namespace
     rig: CameraRig
     sources: Sequence[str]
     marker_set: MarkerSet | None = None
+    subject: Subject | None = None
+    database: Database | None = None
 
     def run(self, progress: Progress) -> Facts:
         """Track, write the take, return the summary.
@@ -58,28 +78,21 @@ class TrackImages:
             PerfanimError: a source cannot be opened or has no end, or the output cannot be written.
         """
         source: Any = open_image_source(*self.sources, fps=self.options.fps, size=self.rig.cameras[0].image_size)
+        spent_s: list[float] = []
         try:
             pipeline = self._pipeline(source, progress)
-            frames, seconds = self._detect(pipeline, source, progress)
+            frames = self._detect(pipeline, source, spent_s, progress)
+            if is_recorded(self.options.out):
+                facts = self._record(frames, pipeline.settings, keep_cut=_is_endless(source))
+            else:
+                facts = self._write_trajectories(tuple(frames), pipeline.settings, source.fps, progress)
         finally:
             source.close()
-        count = len(self.marker_set) if self.marker_set else self.options.markers
-        if len(self.rig) == 1:
-            take, found = self._one_camera_take(frames, source.fps, count)
-        else:
-            take, found = self._take(frames, source.fps, count, pipeline.settings, progress)
-        facts = found | {
-            "frames": take.frames,
-            "lost_frames": int(take.frame_numbers[-1] - take.frame_numbers[0]) + 1 - take.frames,
-            "names": list(take.names),
-            "frames_per_s": len(frames) / max(seconds, 1e-9),
-            "warnings": [*getattr(source, "warnings", ()), *dict.fromkeys(note for f in frames for note in f.notes)],
+        return facts | {
+            "frames_per_s": len(spent_s) / max(sum(spent_s), 1e-9),
+            "warnings": [*getattr(source, "warnings", ()), *facts["warnings"]],
             "out": self.options.out,
         }
-        if self.options.truth:
-            facts |= compare_takes(take, read_take(self.options.truth))
-        write_take(self._moved_to_floor(take) if self.options.floor == "feet" else take, self.options.out)
-        return facts
 
     def _pipeline(self, source: Any, progress: Progress) -> MarkerPipeline:
         pipeline = make_pipeline(self.options, self.rig, progress)
@@ -90,70 +103,126 @@ class TrackImages:
             pipeline.learn_from_take(samples)
         return pipeline
 
-    def _detect(self, pipeline: MarkerPipeline, source: Any, progress: Progress) -> tuple[list[MarkerFrame], float]:
-        """Return the marker frames, and the seconds that the pipeline took."""
+    def _detect(
+        self, pipeline: MarkerPipeline, source: Any, spent_s: list[float], progress: Progress
+    ) -> Iterator[MarkerFrame]:
+        """Yield the marker frames; add the time that each took."""
         if self.options.seconds is None and _is_endless(source):
             raise SettingsError("a camera has no end", advice="say how long to record, e.g. --seconds 10")
         total = int(getattr(source, "frames", 0)) or round((self.options.seconds or 0.0) * source.fps)
-        frames: list[MarkerFrame] = []
-        seconds = 0.0
-        for images in source:
+        for done, images in enumerate(source):
             if self.options.seconds is not None and max(images.times_s) >= self.options.seconds:
-                break
+                return
+            if done % 10 == 0:
+                progress(min(_DETECTION_SHARE, _DETECTION_SHARE * done / max(total, 1)), f"frame {done} of {total}")
             start = time.perf_counter()
-            frames.append(pipeline.process(images))
-            seconds += time.perf_counter() - start
-            if len(frames) % 10 == 0:
-                progress(min(0.95, 0.95 * len(frames) / max(total, 1)), f"frame {len(frames)} of {total}")
-        return frames, seconds
+            frame = pipeline.process(images)
+            spent_s.append(time.perf_counter() - start)
+            yield frame
 
-    def _take(
-        self, frames: list[MarkerFrame], fps: float, count: int | None, settings: PipelineSettings, progress: Progress
-    ) -> tuple[MarkerTake, Facts]:
-        """Return the take of two or more cameras, and its figures."""
+    def _record(self, frames: Iterator[MarkerFrame], settings: PipelineSettings, *, keep_cut: bool) -> Facts:
+        """Write a recorded take while its frames come, and return its figures."""
+        performers = (self.subject,) if self.subject is not None else ()
+        known = identity(self.database) if self.database is not None else {}
+        capture = {"tracked": list(self.sources), "threshold": self.options.threshold}
+        setup = TakeSetup.of(self.rig, performers, {}, known, capture)
+        written = record_frames(Path(self.options.out), setup, frames, keep_cut=keep_cut)
+        try:
+            take = read_take_file(written)
+            moved, facts = self._synchronise(take.frames, settings)
+            if facts.get("time_offsets_applied"):
+                stamps_s = [stamp_s for stamp_s, _ in take.stamped_frames]
+                write_whole_take(written, setup, take.notes, list(zip(stamps_s, moved, strict=True)), [])
+            with atomic_path(self.options.out) as temporary:
+                written.replace(temporary)
+        finally:
+            written.unlink(missing_ok=True)
+        facts["warnings"] += [_NO_SET] * (self.marker_set is not None and self.subject is None)
+        return facts | {"names": [], "labels": _LATER}
+
+    def _synchronise(
+        self, frames: Sequence[MarkerFrame], settings: PipelineSettings
+    ) -> tuple[Sequence[MarkerFrame], Facts]:
+        """Return the frames at one time of all cameras, and their figures."""
         aligned: Facts = {}
-        if not self.options.no_time_offset:
-            progress(0.95, "comparing the cameras' times")
+        if len(self.rig) > 1 and not self.options.no_time_offset:
             frames, offsets = synchronise_frames(self.rig, frames, settings)
             aligned = {
                 "time_offsets_ms": [1e3 * offset.offset_s if offset.is_found else None for offset in offsets],
                 "time_offset_sigmas_ms": [1e3 * offset.sigma_s if offset.is_found else None for offset in offsets],
                 "time_offsets_applied": any(offset.is_certain for offset in offsets),
             }
-        progress(0.97, "joining points to trajectories")
-        tracking = track_markers(frames, self._name, fps, count)
-        single = single_views(tracking, frames, self.rig)
-        take = replace(tracking.take, single=single)
-        take = name_trajectories(take, self.marker_set) if self.marker_set else take
-        return take, aligned | {
-            "markers": len(take.names),
-            "visible_fraction": float(take.visible.mean()),
-            "all_visible_fraction": float(take.visible.all(axis=1).mean()),
-            "one_camera_fraction": float((single.cameras >= 0).mean()),
+        return frames, frame_facts(self.rig, frames, self._worn) | aligned
+
+    def _write_trajectories(
+        self, seen: Sequence[MarkerFrame], settings: PipelineSettings, fps: float, progress: Progress
+    ) -> Facts:
+        """Write a marker take and return its figures."""
+        frames, facts = self._synchronise(seen, settings)
+        found: Facts = {"labels": _LATER, "warnings": []}
+        progress(_DETECTION_SHARE, "labelling")
+        if len(self.rig) == 1 and self.database is None:
+            take = image_take(frames, self.rig, self._name, fps)
+        else:
+            take, found = self._guess(frames, fps) if self.database is None else self._label(frames, fps, progress)
+            found |= {
+                "markers": len(take.names),
+                "visible_fraction": float(take.visible.mean()),
+                "all_visible_fraction": float(take.visible.all(axis=1).mean()),
+            }
+        if self.options.truth:
+            found |= compare_takes(take, read_take(self.options.truth))
+        if self.options.floor == "feet" and self.marker_set is not None:
+            take = self._moved_to_floor(take, self.marker_set)
+        write_take(take, self.options.out)
+        return facts | found | {"names": list(take.names), "warnings": facts["warnings"] + found["warnings"]}
+
+    def _label(self, frames: Sequence[MarkerFrame], fps: float, progress: Progress) -> tuple[MarkerTake, Facts]:
+        """Return the take with the labels of a session, and figures of the fit."""
+        assert self.subject is not None and self.database is not None  # noqa: S101 - checked with the options
+        session = Session(self.subject, self.database, self.rig)
+
+        def after_detection(fraction: float, text: str) -> None:
+            progress(_DETECTION_SHARE + (1.0 - _DETECTION_SHARE) * fraction, text)
+
+        poses, seconds = solve_frames(frames, MultiTargetSession([session]), "labelling", after_detection)
+        solved, name = SolvedTake(tuple(poses), (), seconds), self.subject.name
+        take = take_of_poses(solved.poses_of(), self.subject.marker_set.names, self._name, fps, self.rig)
+        measured, advice = solved.summary(), "check --subject and --marker-set"
+        if not any(np.isfinite(pose.marker_rms_m) for pose in solved.poses_of()):
+            raise TakeError(f"no frame shows the body of {name}", advice=advice)
+        off_mm = measured["marker_rms_mm"]
+        wrong = f"the body of {name} does not explain the markers ({off_mm:.0f} mm off): {advice}"
+        return take, {
+            "labels": f"by the body of {name}",
+            "one_camera_fraction": float(np.mean([pose.single_cameras >= 0 for pose in solved.poses_of()])),
+            "marker_rms_mm": off_mm,
+            "confidence": measured["confidence"],
+            "warnings": [wrong] * (off_mm > _WRONG_MM),
+        }
+
+    def _guess(self, frames: Sequence[MarkerFrame], fps: float) -> tuple[MarkerTake, Facts]:
+        """Return the take of two or more cameras with labels by votes, and its figures."""
+        tracking = track_markers(frames, self._name, fps, self._worn)
+        take = name_trajectories(tracking.take, self.marker_set) if self.marker_set else tracking.take
+        return take, {
+            "labels": "guessed without a body",
             "reprojection_rms_px": labelled_rms_px(self.rig, frames, tracking.labels),
             "false_pieces": tracking.dropped_tracklets,
+            "warnings": [_GUESSED],
         }
 
-    def _one_camera_take(self, frames: list[MarkerFrame], fps: float, count: int | None) -> tuple[MarkerTake, Facts]:
-        """Return the take of one camera, and its figures; its markers have no labels."""
-        take = image_take(frames, self.rig, self._name, fps)
-        shown = np.array([len(frame.single_points) for frame in frames])
-        worn = count or int(shown.max())
-        return take, {
-            "markers": worn,
-            "visible_fraction": 0.0,
-            "one_camera_fraction": float(np.minimum(shown / max(worn, 1), 1.0).mean()),
-            "reprojection_rms_px": None,
-        }
-
-    def _moved_to_floor(self, take: MarkerTake) -> MarkerTake:
+    def _moved_to_floor(self, take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
         """Return the take with its floor at y = 0; write that calibration if requested."""
-        if self.marker_set is None:
-            raise SettingsError("--floor feet needs --marker-set", advice="name the marker set that is worn")
-        level = rig_on_floor(self.rig, floor_points(take, self.marker_set))
+        level = rig_on_floor(self.rig, floor_points(take, marker_set))
         if self.options.floor_cameras:
             save_rig(level, self.options.floor_cameras)
         return to_rig_world(take, self.rig, level)
+
+    @property
+    def _worn(self) -> int | None:
+        """How many markers are worn; None where that is not known."""
+        return len(self.marker_set) if self.marker_set else self.options.markers
 
     @property
     def _name(self) -> str:
@@ -175,6 +244,34 @@ def make_pipeline(options: argparse.Namespace, rig: CameraRig, progress: Progres
 
 def _is_endless(source: Any) -> bool:
     return int(getattr(source, "frames", 0)) <= 0
+
+
+def frame_facts(rig: CameraRig, frames: Sequence[MarkerFrame], worn: int | None) -> Facts:
+    """Return the figures of markers without labels.
+
+    `worn` is how many there are; None: as many as are seen in a quarter of the frames.
+
+    Raises:
+        TakeError: no frame shows any.
+    """
+    points = np.array([len(frame.points_m) for frame in frames])
+    rays = np.array([len(frame.single_points) for frame in frames])
+    shown = np.sort(rays if len(rig) == 1 else points)[::-1]
+    if not shown.any():
+        advice = "check the threshold, the cameras' order and the calibration"
+        raise TakeError("hardly any markers were found", advice=advice)
+    worn = worn or max(int(shown[int(_FAIR_SHARE * len(shown))]), 1)
+    located = np.minimum(points, worn)
+    return {
+        "frames": len(frames),
+        "lost_frames": frames[-1].number - frames[0].number + 1 - len(frames),
+        "markers": worn,
+        "visible_fraction": float(np.mean(located / worn)),
+        "all_visible_fraction": float(np.mean(points >= worn)),
+        "one_camera_fraction": float(np.mean(np.minimum(rays, worn - located) / worn)),
+        "reprojection_rms_px": labelled_rms_px(rig, frames, [np.arange(n) for n in points]) if points.any() else None,
+        "warnings": list(dict.fromkeys(note for frame in frames for note in frame.notes)),
+    }
 
 
 def compare_takes(take: MarkerTake, truth: MarkerTake) -> Facts:

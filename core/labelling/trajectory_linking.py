@@ -58,22 +58,19 @@ class Tracking:
     dropped_tracklets: int
 
 
-def track_markers(
-    frames: Sequence[MarkerFrame], name: str, fps: float, count: int | None = None, names: Sequence[str] = ()
-) -> Tracking:
-    """Return labelled trajectories of all markers.
+def track_markers(frames: Sequence[MarkerFrame], name: str, fps: float, count: int | None = None) -> Tracking:
+    """Return trajectories of all markers: M01, M02, ... from the highest down.
 
     Args:
         frames: in order of time.
         count: how many markers are worn; None: as many as are seen at once in a quarter of the frames.
-        names: of the markers, in any order; without them they are called M01, M02, ... from the highest down.
 
     Raises:
         TakeError: no frame shows enough points.
     """
     tracklets = _join_points(frames)
     table = _alive(tracklets, len(frames))
-    worn = count or len(names) or _usual_count(tracklets, len(frames))
+    worn = count or _usual_count(tracklets, len(frames))
     seed = _seed_frame(tracklets, table, worn)
     identities = [[tracklet] for tracklet in sorted(table[seed], key=lambda p: -len(tracklets[p].frames))[:worn]]
     used = {tracklet for row in identities for tracklet in row}
@@ -93,11 +90,10 @@ def track_markers(
         _fill(positions, found, tracklets[p], frames)
     order = np.argsort(-np.nanmedian(positions[..., 1], axis=0), kind="stable")
     labels = _labels(frames, tracklets, [identities[i] for i in order])
-    called = tuple(names) if len(names) == worn else tuple(f"M{i + 1:02d}" for i in range(worn))
     take = MarkerTake(
         name,
         fps,
-        called,
+        tuple(f"M{i + 1:02d}" for i in range(worn)),
         positions[:, order],
         np.array([frame.number for frame in frames]),
         np.array([frame.time_s for frame in frames]),

@@ -143,7 +143,8 @@ def _check(plan: Plan) -> None:
 def _check_options(take: TakePlan) -> None:
     worker.parse_options("solve", [take.take or "x.take.npz", *take.options_of("solve"), "--out", "x.bvh"])
     if take.is_tracked:
-        worker.parse_options("track", [*take.options_of("track"), "--out", "x.take.npz"])
+        line = [*take.options_of("track"), *take.options_of("label"), "--out", "x.take.npz"]
+        worker.parse_options("track", line)
     if take.options_of("retarget"):
         worker.parse_options("retarget", ["x.bvh", *take.options_of("retarget"), "--out", "x.blend"])
 

@@ -44,7 +44,7 @@ class Key:
     commands: tuple[str, ...]
 
 
-KEYS = {
+KEYS = {  # "label": options of track by which it labels the markers of videos
     "cameras": Key(Kind.FILE, ("track",)),  # of a recorded take an option of solve, see `options_of`
     "left": Key(Kind.SOURCE, ("track",)),
     "right": Key(Kind.SOURCE, ("track",)),
@@ -54,9 +54,9 @@ KEYS = {
     "floor": Key(Kind.WORD, ("track",)),
     "no_time_offset": Key(Kind.SWITCH, ("track",)),
     "marker_set": Key(Kind.NAME_OR_FILE, ("track", "solve")),
-    "database": Key(Kind.FILE, ("solve",)),
-    "subject": Key(Kind.FILE, ("solve",)),
-    "skeleton": Key(Kind.FILE, ("solve",)),
+    "database": Key(Kind.FILE, ("label", "solve")),
+    "subject": Key(Kind.FILE, ("label", "solve")),
+    "skeleton": Key(Kind.FILE, ("label", "solve")),
     "names": Key(Kind.FILE, ("solve",)),
     "use": Key(Kind.WORD, ("solve",)),
     "up": Key(Kind.WORD, ("solve",)),

@@ -99,7 +99,8 @@ class TakePipeline:
 
     def _track(self) -> None:
         def write(path: Path) -> None:
-            facts = self._commands.track([*self._take.options_of("track"), "--out", str(path)])
+            options = [*self._take.options_of("track"), *self._take.options_of("label")]
+            facts = self._commands.track([*options, "--out", str(path)])
             self._warnings += [self._plain(text) for text in facts["warnings"]]
 
         self._keep("markers", f"{self._take.name}.take.npz", write)

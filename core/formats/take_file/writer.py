@@ -11,16 +11,17 @@ import os
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from ...errors import TakeError
+from ...errors import FormatError, PerfanimError, TakeError
 from ...markers.marker_frame import MarkerFrame
-from ...markers.marker_frame_codec import unpack_stamped
+from ...markers.marker_frame_codec import pack_stamped, unpack_stamped
 from .chunks import HEADER_BYTES, ChunkKind, encode_chunk, join_records, preamble, scan, split_records
 from .footer import Footer
 from .lock import lock
+from .reading import take_name, unused_path
 from .setup import TakeNotes, TakeSetup
 
 WRITE_EVERY_S = 0.1
@@ -220,6 +221,37 @@ class TakeWriter:
         if self._problem:
             self._problem = ""
             self._report("")
+
+
+def record_frames(out: Path, setup: TakeSetup, frames: Iterable[MarkerFrame], *, keep_cut: bool = False) -> Path:
+    """Write frames as they come into an unfinished take beside `out`; return its path.
+
+    If the process is killed, `take recover` finds the frames there. An error removes it,
+    unless `keep_cut` (cameras do not show the same again).
+
+    Raises:
+        TakeError: the file cannot be written. FormatError: the disk is full.
+    """
+    problems: list[str] = []
+    path = unused_path(out.parent, f"{take_name(out)} unfinished")
+    writer = TakeWriter(path, setup, TakeNotes(take_name(out)), problems.append)
+    try:
+        for frame in frames:
+            writer.add_frame(pack_stamped(time.perf_counter(), frame))
+            if problems:
+                break
+        writer.close()
+        if problems:
+            raise FormatError(problems[0], where=str(out))
+    except BaseException as error:
+        writer.add_event(f"ended: {error}")
+        writer.close()
+        if not (keep_cut and writer.frames):
+            path.unlink()
+        elif isinstance(error, PerfanimError):
+            raise type(error)(error.what, where=error.where, advice=f"the frames before are in {path}") from error
+        raise
+    return path
 
 
 def _open_locked(path: Path, flags: int) -> int:

@@ -10,25 +10,21 @@ The take continues between the poses, so that its trajectories do; `pose_points`
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from typing import Any
 
 from ...body.calibration_poses import INSTRUCTIONS, POSES
 from ...errors import CalibrationError, CaptureError, TakeError
 from ...formats.markers.marker_files import write_take
-from ...geometry.camera import CameraRig
 from ...geometry.rig_file import save_rig
-from ...labelling.single_camera_trajectories import single_views
 from ...labelling.trajectory_linking import track_markers
 from ...labelling.trajectory_naming import name_trajectories
 from ...markers.floor_from_feet import floor_points, to_rig_world
-from ...markers.marker_frame import MarkerFrame
-from ...markers.marker_set import MarkerSet, load_marker_set
+from ...markers.marker_set import load_marker_set
 from ...markers.marker_take import MarkerTake
 from ...simulate.studio.placement import ARRIVAL_S
 from ...subjects.pose_calibration import check_poses
 from ...vision.calibration.floor import rig_on_floor
-from ...vision.sources.source_kinds import ImageSetLike, ImageSource
+from ...vision.sources.source_kinds import ImageSetLike
 from ..channel import Channel
 from ..source_traits import is_live, is_simulated
 from .cameras import Stopped, open_pipeline
@@ -64,9 +60,11 @@ def record_poses(request: Mapping[str, Any], channel: Channel) -> tuple[MarkerTa
         request = {**request, "source": {**request["source"], **held}, "between_s": ARRIVAL_S}
     with open_pipeline(request, channel) as (source, pipeline):
         frames = [pipeline.process(images) for images in _moments(request, poses, iter(source), channel)]
+    if not frames:
+        raise CaptureError("there were no images of the poses", advice="check the source")
     rig = pipeline.rig
     channel.send_status("joining the markers to trajectories")
-    take = _track(frames, source, marker_set, rig)
+    take = name_trajectories(track_markers(frames, "calibration", source.fps, len(marker_set)).take, marker_set)
     result: dict[str, Any] = {"frames": take.frames, "out": str(request["out"])}
     if request.get("rig") and "floor" not in rig.metadata:
         try:
@@ -111,11 +109,3 @@ def _for_seconds(images: Iterator[ImageSetLike], seconds: float, channel: Channe
             return
         channel.send_status(text.format(left=math.ceil(seconds - passed_s)), passed_s / seconds)
         yield image_set
-
-
-def _track(frames: list[MarkerFrame], source: ImageSource, marker_set: MarkerSet, rig: CameraRig) -> MarkerTake:
-    if not frames:
-        raise CaptureError("there were no images of the poses", advice="check the source")
-    tracking = track_markers(frames, "calibration", source.fps, len(marker_set))
-    single = single_views(tracking, frames, rig)
-    return name_trajectories(replace(tracking.take, single=single), marker_set)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from perfanim.core.cli.main import main
 from perfanim.core.formats.markers.marker_files import read_take
+from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, Camera, CameraRig
 from perfanim.core.geometry.rig_file import save_rig
 
@@ -84,7 +85,17 @@ def test_a_camera_that_is_late_is_noticed_and_made_good_for(tmp_path, capsys):
         truth = np.array([waving(25.0 * time_s) for time_s in take.times_s])
         apart = np.linalg.norm(take.positions_m[:, :, None] - truth[:, None], axis=3)
         distances.append(np.nanmedian(apart.min(axis=2)))
-    told, untold = summaries
+    recorded = tmp_path / "take.perftake"
+    assert main(arguments(tmp_path, "--out", str(recorded), "--fps", "25", "--json")) == 0
+    summaries.append(json.loads(capsys.readouterr().out))
+    told, untold, kept = summaries
+    assert kept["time_offsets_ms"] == told["time_offsets_ms"] and kept["time_offsets_applied"]
+    frames = read_take_file(recorded).frames
+    assert len(frames) == FRAMES and any(
+        np.any(a != b) for a, b in zip(frames[9].blobs, frames[9].detected, strict=True)
+    )
+    apart = [np.linalg.norm(f.points_m[:, None] - waving(25.0 * f.time_s), axis=2).min(axis=1) for f in frames]
+    assert np.median(np.concatenate(apart)) < 0.5 * distances[1]
     assert told["time_offsets_ms"] == [0.0, pytest.approx(16.0, abs=1.0)]
     assert told["time_offsets_applied"]
     assert "time_offsets_ms" not in untold
@@ -168,6 +179,20 @@ def test_one_camera_gives_trajectories_in_its_image(folder, capsys, chosen):
         assert nearest.max() < 0.5 / 300.0  # half a pixel
     # a column is one marker
     assert np.abs(np.diff(take.single.points, axis=0)).max() < 0.05
+
+
+def test_one_camera_gives_a_recorded_take(folder, capsys):
+    out = folder / "one.perftake"
+    command = ["track", "--cameras", f"{folder}/cameras.toml", "--camera", f"right={folder}/right", "--out", str(out)]
+    assert main([*command, "--fps", "25", "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert (summary["frames"], summary["markers"], summary["one_camera_fraction"]) == (FRAMES, 5, 1.0)
+    take = read_take_file(out)
+    (camera,) = take.setup.camera_rig().cameras
+    assert camera.name == "right"
+    for frame in (take.frames[0], take.frames[-1]):
+        true = camera.undistort(camera.project(where(frame.number)))
+        assert np.linalg.norm(frame.single_points[:, None] - true, axis=-1).min(axis=1).max() < 0.5 / 300.0
 
 
 def test_what_one_camera_cannot_give_is_refused(folder, capsys):

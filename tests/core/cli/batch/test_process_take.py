@@ -60,8 +60,9 @@ def task(tmp_path):
 def test_videos_become_a_character(task, solved, tmp_path):
     commands, work = Noted(solved), tmp_path / "work" / "wave"
     record = run_task(task, commands)
+    videos = ("--cameras", "rig.toml", "--left", "l.mp4", "--right", "r.mp4")
     assert commands.lines == [
-        ("track", "--cameras", "rig.toml", "--left", "l.mp4", "--right", "r.mp4", "--out", str(work / "wave.take.npz")),
+        ("track", *videos, "--database", "d.pfdb", "--out", str(work / "wave.take.npz")),
         ("solve", str(work / "wave.take.npz"), "--database", "d.pfdb", "--out", str(work / "wave.bvh")),
         ("retarget", str(work / "wave.bvh"), "--to", "hero.glb", "--out", str(work / "wave.blend")),
     ]
