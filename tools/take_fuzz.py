@@ -31,13 +31,14 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.formats.take_file.edit import recover
 from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.markers.marker_frame_codec import pack
 from perfanim.core.markers.marker_set import load_marker_set
-from perfanim.core.markers.subject import Subject, save_subject
+from perfanim.core.markers.subject import Subject, subject_tables
 from perfanim.core.system.assets import MOTION
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import MessageKind
@@ -119,11 +120,11 @@ def _next_poses(rows: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
 
 def _request(folder: Path) -> dict[str, Any]:
     build_database([str(MOTION)], folder / "starter.pfdb", BuildSettings(fps=60.0))
-    save_subject(Subject("Sim", default_skeleton(1.75), load_marker_set("boxing")), folder / "sim.toml")
     source = {"kind": "simulated", "behaviour": "walking", "seconds": 60.0, "height_m": 1.75, "loop": True}
     cameras = {"source": source, "rig": None, "threshold": None}
-    files = {"subject": str(folder / "sim.toml"), "database": str(folder / "starter.pfdb")}
-    return {"job": "capture", "cameras": cameras, **files}
+    subject = Subject("Sim", default_skeleton(1.75), load_marker_set("boxing"))
+    database = str(folder / "starter.pfdb")
+    return {"job": "capture", "cameras": cameras, "performers": [subject_tables(subject)], "database": database}
 
 
 def _stand_in(request: dict[str, Any]) -> None:
@@ -190,7 +191,7 @@ def _killed(
     request: dict[str, Any], path: Path, victim: tuple[str, int], after_s: float, reference: list[bytes]
 ) -> dict[str, Any]:
     """Return the frames kept by one capture with a process killed or frozen."""
-    line = [sys.executable, __file__, "--in-blenders-place", json.dumps(request)]
+    line = [sys.executable, __file__, "--in-blenders-place", json.dumps(request, default=np.ndarray.tolist)]
     blender = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
     solver = int(_line(blender))
     _line(blender)

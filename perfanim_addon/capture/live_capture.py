@@ -40,7 +40,7 @@ class LiveCapture:
         self._driver: SceneDriver | None = None
         self._is_shown = False
         self._take_path = ""
-        self._request: dict[str, Any] = {}
+        self._setup: request.Setup | None = None
         self._drawn: overlay.Scene | None = None
         self._stop_asked = False
         self._kept: str | None = None
@@ -110,8 +110,9 @@ class LiveCapture:
     def _draw(self, context: bpy.types.Context, driver: SceneDriver, pose: ScenePose) -> None:
         """Draw the chosen overlays in the viewports."""
         parts = frozenset(settings(context).overlay)
-        if parts and self._drawn is None:
-            self._drawn = overlay.Scene.of(self._request, driver.start(context).points_to_scene)
+        if parts and self._drawn is None and self._setup is not None:
+            rig, space = self._setup.request["cameras"]["rig"], driver.start(context)
+            self._drawn = overlay.Scene.of(self._setup.performers, rig, space.points_to_scene)
         overlay.show(self._drawn, pose, parts)
 
     def _record(self, context: bpy.types.Context, run: CaptureRun) -> None:
@@ -150,7 +151,7 @@ class LiveCapture:
         if not self.by_button:
             self.record(chosen)
         self._sounds = chosen.record_sound
-        self._request, self._take_path = setup.request, setup.request["take"]
+        self._setup, self._take_path = setup, setup.request["take"]
         self.run = setup.start(self._python)
         if self._stop_asked:
             self.run.stop()

@@ -11,13 +11,13 @@ import bpy
 from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import CaptureError, PerfanimError
 from ...core.geometry.camera import CameraRig
-from ...core.geometry.rig_file import save_rig
-from ...core.markers.prop import Prop, check_distinct
-from ...core.markers.subject import Subject, save_subject
+from ...core.geometry.rig_file import rig_tables
+from ...core.markers.prop import Prop, check_distinct, prop_tables
+from ...core.markers.subject import Subject, subject_tables
 from ...core.worker.client import WorkerClient
 from .. import take_library
 from ..preferences import preferences
-from ..preferences.paths import absolute, user_folder
+from ..preferences.paths import absolute
 from ..settings import readiness, target_settings, vmc_input, vmc_output
 from ..settings.target_settings import SIMULATED_HEIGHT_M
 from .capture_run import CaptureRun
@@ -56,17 +56,19 @@ def make(settings: Any) -> Setup:
         subject: Subject = _good(readiness.worn_subject(settings))
     else:  # the simulated performer's true body and markers
         subject = Subject("Simulated performer", default_skeleton(SIMULATED_HEIGHT_M), marker_set)
-    subject_path = str(user_folder("subjects") / ".captured.toml")
-    save_subject(subject, subject_path)
+    performers = (subject, *target_settings.performers(settings.id_data))
+    props = tuple(target_settings.props(settings.id_data))
+    check_distinct(props)
     request = {
         "job": "capture",
         "cameras": {
             **cameras(settings),
+            "source": _with_targets(source(settings), settings, len(performers) - 1),
             "preview": bool(settings.capture_preview),
-            "subject": subject_path,
             "background_file": str(Path(tempfile.gettempdir()) / f"perfanim-{secrets.token_hex(8)}.npz"),
         },
-        "subject": subject_path,
+        "performers": [subject_tables(performer) for performer in performers],
+        "props": [prop_tables(prop) for prop in props],
         "database": database_path,
         "settings": {"method": preferences.method(bpy.context)},
         "shape": shape(settings),
@@ -74,37 +76,19 @@ def make(settings: Any) -> Setup:
         "take": str(take_library.new_path()),
         "character": settings.armature.name if settings.armature else "",
     }
-    return _with_targets(Setup(request, (subject,)), settings)
+    return Setup(request, performers, props)
 
 
-def _with_targets(setup: Setup, settings: Any) -> Setup:
-    """Return the set-up with the scene's additional targets.
+def _with_targets(source: dict[str, Any], settings: Any, partners: int) -> dict[str, Any]:
+    """Return the source with the scene's additional targets, if it simulates them.
 
     The simulated performer carries the first prop, and each further performer is shown by another simulated one.
     """
-    scene = settings.id_data
-    props, performers = target_settings.props(scene), target_settings.performers(scene)
-    if not props and not performers:
-        return setup
-    check_distinct(props)
-    paths = [target_settings.path_of(entry) for entry in target_settings.of_kind(scene, "PROP")]
-    files = [_performer_file(index, subject) for index, subject in enumerate(performers)]
-    request = {**setup.request, "props": paths, "performers": files}
-    if settings.source == "SIMULATED":
-        shown = dict(request["cameras"]["source"])
-        if paths:
-            shown["prop"] = paths[0]
-        if files:
-            shown["partners"] = _partners(settings, len(files))
-        request["cameras"] = {**request["cameras"], "source": shown}
-    return Setup(request, (*setup.performers, *performers), tuple(props))
-
-
-def _performer_file(index: int, subject: Subject) -> str:
-    """Write a further performer to a file of the capture's own, and return it."""
-    path = user_folder("subjects") / f".captured-{index + 2}.toml"
-    save_subject(subject, path)
-    return str(path)
+    if settings.source != "SIMULATED":
+        return source
+    carried = [target_settings.path_of(entry) for entry in target_settings.of_kind(settings.id_data, "PROP")]
+    prop = {"prop": carried[0]} if carried else {}
+    return {**source, **prop, **({"partners": _partners(settings, partners)} if partners else {})}
 
 
 def _partners(settings: Any, count: int) -> list[dict[str, Any]]:
@@ -124,22 +108,25 @@ def cameras(settings: Any) -> dict[str, Any]:
     Raises:
         PerfanimError: a file is missing or bad.
     """
+    has_rig = readiness.has_cameras(settings) and not readiness.is_known(settings)
     return {
         "source": source(settings),
-        "rig": _calibration(settings) if readiness.has_cameras(settings) and not readiness.is_known(settings) else None,
+        "rig": calibration(settings, True) if has_rig else None,
         "background_s": float(settings.background_s),
         "threshold": None if settings.threshold_auto else float(settings.threshold),
     }
 
 
-def _calibration(settings: Any) -> str:
-    """Return the file of the calibration of the cameras in use."""
-    path = absolute(settings.calibration)
-    rig: CameraRig = _good(readiness.rig(path))
-    if len(rig) > 1 and readiness.is_one_camera(settings):
-        path = str(user_folder("calibrations") / ".left.toml")
-        save_rig(CameraRig(rig.cameras[:1], rig.metadata), path)
-    return path
+def calibration(settings: Any, in_use: bool = False) -> dict[str, Any]:
+    """Return the tables of the chosen calibration; `in_use`: of the cameras in use.
+
+    Raises:
+        PerfanimError: the file is missing or bad.
+    """
+    rig: CameraRig = _good(readiness.rig(absolute(settings.calibration)))
+    if in_use and len(rig) > 1 and readiness.is_one_camera(settings):
+        rig = CameraRig(rig.cameras[:1], rig.metadata)
+    return rig_tables(rig)
 
 
 def _good(found: Any) -> Any:

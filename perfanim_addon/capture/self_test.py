@@ -1,14 +1,12 @@
 """Self-test: the worker's libraries, the cameras, and a simulated capture."""
 
-import tempfile
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import CaptureError
 from ...core.markers.marker_set import load_marker_set
-from ...core.markers.subject import Subject, save_subject
+from ...core.markers.subject import Subject, subject_tables
 from ...core.worker.client import WorkerClient
 from ..jobs.job import Job, command
 from .capture_run import CaptureRun, Phase
@@ -33,7 +31,6 @@ class SelfTest(Job):
         self.lines: list[str] = []
         self._database, self._python = database, python
         self._starter = Job("Making the starter database", self.panel, command(prepare), python) if prepare else None
-        self._folder = tempfile.TemporaryDirectory(prefix="perfanim-")
         self._run: CaptureRun | None = None
 
     @property
@@ -73,13 +70,12 @@ class SelfTest(Job):
                 raise CaptureError("the simulated performer is followed badly", advice="report this, with these lines")
 
     def _capture_request(self) -> dict[str, Any]:
-        subject = Path(self._folder.name) / "subject.toml"
-        save_subject(Subject("Self-test", default_skeleton(), load_marker_set(MARKER_SET)), subject)
+        subject = Subject("Self-test", default_skeleton(), load_marker_set(MARKER_SET))
         source = {"kind": "simulated", "behaviour": "walking", "loop": True, "marker_set": MARKER_SET}
         return {
             "job": "capture",
             "cameras": {"source": source, "rig": None, "background_s": 1.0, "threshold": None, "preview": False},
-            "subject": str(subject),
+            "performers": [subject_tables(subject)],
             "database": self._database,
             "character": "",
         }
@@ -91,7 +87,6 @@ class SelfTest(Job):
             self._starter.close()
         if self._run is not None:
             self._run.close()
-        self._folder.cleanup()
 
 
 def _facts(summary: dict[str, Any]) -> list[str]:

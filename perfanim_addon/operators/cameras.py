@@ -136,7 +136,7 @@ class PERFANIM_OT_set_floor(_FloorFinding, bpy.types.Operator):
     def request(self, context: bpy.types.Context) -> dict[str, Any]:
         """Return the request."""
         chosen = settings(context)
-        return {**_board_request(chosen), "job": "record floor", "rig": absolute(chosen.calibration)}
+        return {**_board_request(chosen), "job": "record floor", "rig": request.calibration(chosen)}
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         """Use the calibration with its floor."""
@@ -168,7 +168,7 @@ class PERFANIM_OT_set_floor_markers(_FloorFinding, bpy.types.Operator):
         return {
             **request.cameras(chosen),
             "job": "record floor markers",
-            "rig": absolute(chosen.calibration),
+            "rig": request.calibration(chosen),
             "preview": True,
             "height_m": chosen.floor_height_mm / 1000.0,
             "longest_m": chosen.floor_longest_mm / 1000.0 or None,

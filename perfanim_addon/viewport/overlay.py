@@ -14,8 +14,8 @@ import numpy as np
 from ...core.body.scene_pose import PerformerPose, ScenePose
 from ...core.body.skeleton import Skeleton, forward_kinematics
 from ...core.geometry.arrays import Array
-from ...core.geometry.rig_file import load_rig
-from ...core.markers.subject import load_subject
+from ...core.geometry.rig_file import rig_from
+from ...core.markers.subject import Subject
 from ...core.simulate.studio.rig import default_rig
 from . import drawing
 
@@ -50,17 +50,13 @@ class Scene:
     placed: Callable[[Array], Array]
 
     @classmethod
-    def of(cls, request: Mapping[str, Any], placed: Callable[[Array], Array]) -> "Scene":
-        """Return the scene of a capture from its request.
-
-        Raises:
-            PerfanimError: one of its files is gone or bad.
-        """
-        subjects = [load_subject(path) for path in (request["subject"], *request.get("performers", ()))]
-        calibration = request["cameras"].get("rig")
-        rig = load_rig(calibration) if calibration else default_rig()
+    def of(
+        cls, performers: Sequence[Subject], calibration: Mapping[str, Any] | None, placed: Callable[[Array], Array]
+    ) -> "Scene":
+        """Return the scene of a capture; without a calibration, the simulated cameras'."""
+        rig = rig_from(calibration, "calibration") if calibration else default_rig()
         cameras_m = np.array([camera.centre_m for camera in rig.cameras])
-        return cls(tuple((subject.skeleton, subject.marker_set.names) for subject in subjects), cameras_m, placed)
+        return cls(tuple((subject.skeleton, subject.marker_set.names) for subject in performers), cameras_m, placed)
 
 
 @dataclass

@@ -1,9 +1,9 @@
 """Images to marker frames until STOP or the end of the source.
 
-Request: "source" (see `source_kinds`), "rig" (calibration file; null for the simulated performer with known cameras),
-"background_s" (seconds to learn the empty room, cameras only), "threshold" (grey levels or null), "in_flight" (frames
-that may be on their way; null: no limit. Cameras cannot wait, all other sources can), "preview" (see `camera_preview`),
-"background_file" (keeps the backgrounds for a process that takes this one's place).
+Request: "source" (see `source_kinds`), "rig" (tables of a calibration; null for the simulated performer with known
+cameras), "background_s" (seconds to learn the empty room, cameras only), "threshold" (grey levels or null), "in_flight"
+(frames that may be on their way; null: no limit. Cameras cannot wait, all other sources can), "preview" (see
+`camera_preview`), "background_file" (keeps the backgrounds for a process that takes this one's place).
 A process that takes another's place also gets "after" (`RestartPoint` as a table). It uses the other's backgrounds, as
 the performer stands before the cameras now.
 """
@@ -23,7 +23,7 @@ import numpy as np
 from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...geometry.camera import CameraRig
-from ...geometry.rig_file import load_rig
+from ...geometry.rig_file import rig_from
 from ...system.files import atomic_path
 from ...vision.blob_preview import draw_blobs
 from ...vision.detection.background import Background
@@ -161,7 +161,7 @@ def _remaining(request: Mapping[str, Any], source: Any) -> Iterable[ImageSetLike
 
 def _rig(request: Mapping[str, Any], source: ImageSource) -> CameraRig:
     if request.get("rig"):
-        return load_rig(str(request["rig"]))
+        return rig_from(request["rig"], "calibration")
     rig = getattr(source, "rig", None)
     if not isinstance(rig, CameraRig):
         raise CaptureError("the cameras are not calibrated", advice="calibrate them first")

@@ -4,10 +4,10 @@ Three processes share the work: the cameras' (OpenCV), this one (the solver) and
 left, so the window stays as quick as without a capture. When the cameras' process dies or hangs, this one starts
 another; when this one does, Blender does. Either continues the same take, which records the gap.
 
-Request: "cameras" (request of the job `cameras` or `trackers`), "subject", "database" (files), "settings" (of
-`SolveSettings`), "take" (file to write, see `take_file`; optional), "character" (that is driven), "shape" (settings of
-the pose filter, see `pose_filters`; the take keeps the poses unfiltered), "props", "performers" (files of further props
-and subjects), "vmc" (host and port of a program that gets the poses, too; optional).
+Request: "cameras" (request of the job `cameras` or `trackers`), "performers" and "props" (tables as in their files),
+"database" (file), "settings" (of `SolveSettings`), "take" (file to write, see `take_file`; optional), "character" (that
+is driven), "shape" (settings of the pose filter, see `pose_filters`; the take keeps the poses unfiltered), "vmc" (host
+and port of a program that gets the poses, too; optional).
 A process that takes another's place also gets "after" (`RestartPoint` as a table) and "cause" (in plain words).
 """
 
@@ -21,9 +21,9 @@ from ...errors import PerfanimError, SettingsError
 from ...formats.take_file.setup import TakeNotes, TakeSetup
 from ...formats.take_file.writer import TakeWriter
 from ...geometry.camera import CameraRig
-from ...geometry.rig_file import load_rig
-from ...markers.prop import load_prop
-from ...markers.subject import load_subject
+from ...geometry.rig_file import rig_from
+from ...markers.prop import prop_from
+from ...markers.subject import subject_from
 from ...session.pose_filters import FilterSettings, PoseFilter
 from ...simulate.studio.rig import default_rig
 from ...solver.settings import SolveSettings
@@ -56,7 +56,8 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     take, client = None, None
     try:
         # its Python starts while the files are opened here, and it opens the cameras while the session is prepared
-        client = WorkerClient({**cameras, "job": "trackers" if has_no_cameras(cameras) else "cameras"})
+        trackers = {"job": "trackers", "marker_set": request["performers"][0]["marker_set"]}
+        client = WorkerClient({**cameras, **(trackers if has_no_cameras(cameras) else {"job": "cameras"})})
         database = open_database(request["database"])
         setup, settings = _setup(request, cameras, database)
         point = RestartPoint.of_table(request["after"]) if request.get("after") else None
@@ -94,15 +95,16 @@ def _setup(
         settings = SolveSettings.of_table(given)
     except TypeError as error:
         raise SettingsError(str(error), where="solver") from error
-    performers = [load_subject(str(path)) for path in (request["subject"], *request.get("performers", ()))]
-    props = [load_prop(str(path)) for path in request.get("props", ())]
-    return TakeSetup.of(_rig(cameras), performers, given, identity(database), cameras, props), settings
+    performers = [subject_from(table, "performer") for table in request["performers"]]
+    props = [prop_from(table, "prop") for table in request.get("props", ())]
+    asked = {key: value for key, value in cameras.items() if key != "rig"}  # which the take has beside it
+    return TakeSetup.of(_rig(cameras), performers, given, identity(database), asked, props), settings
 
 
 def _rig(cameras: Mapping[str, Any]) -> CameraRig | None:
     if has_no_cameras(cameras):
         return None
-    return load_rig(str(cameras["rig"])) if cameras.get("rig") else default_rig()
+    return rig_from(cameras["rig"], "calibration") if cameras.get("rig") else default_rig()
 
 
 def _session(setup: TakeSetup, database: Database, settings: SolveSettings) -> "MultiTargetSession":

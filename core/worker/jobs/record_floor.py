@@ -1,6 +1,7 @@
 """Find the floor from the board lying on it.
 
-Request: "source" (see `source_kinds`), "board" (its SPEC), "rig" (calibration file), "preview" (see `camera_preview`).
+Request: "source" (see `source_kinds`), "board" (its SPEC), "rig" (tables of a calibration), "preview" (see
+`camera_preview`).
 The RESULT has "rig", the calibration as tables in a world with its origin in the board's middle and its floor at y = 0,
 and "scale", size of the board by the calibration / by its SPEC. There is none after a STOP.
 """
@@ -13,7 +14,7 @@ import numpy as np
 
 from ...errors import CalibrationError
 from ...geometry.arrays import Image
-from ...geometry.rig_file import load_rig, rig_tables
+from ...geometry.rig_file import rig_from, rig_tables
 from ...simulate.studio.boards import CarriedBoard, board_on_floor
 from ...simulate.studio.render import Renderer
 from ...simulate.studio.rig import default_rig
@@ -35,7 +36,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     Raises:
         PerfanimError: the source cannot be opened or used, or does not show the board on the floor.
     """
-    board, rig = parse_board(request["board"]), load_rig(str(request["rig"]))
+    board, rig = parse_board(request["board"]), rig_from(request["rig"], "calibration")
     channel.send_status("opening the cameras", 0.0)
     source = _open(request["source"], board)
     try:

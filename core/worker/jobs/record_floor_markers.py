@@ -12,8 +12,7 @@ from functools import partial
 from typing import Any
 
 from ...errors import CalibrationError
-from ...geometry.camera import CameraRig
-from ...geometry.rig_file import load_rig, rig_tables
+from ...geometry.rig_file import rig_from, rig_tables
 from ...simulate.studio.floor_markers import FloorMarkers
 from ...simulate.studio.rig import default_rig
 from ...vision.blob_preview import draw_blobs
@@ -58,7 +57,7 @@ def _open(request: Mapping[str, Any], channel: Channel) -> Iterator[tuple[ImageS
             yield pair
         return
     source = FloorMarkers(default_rig(int(request["source"].get("cameras", 2))))
-    rig: CameraRig = load_rig(str(request["rig"]))
+    rig = rig_from(request["rig"], "calibration")
     pipeline = MarkerPipeline(rig, live_settings(request.get("threshold")))
     pipeline.learn_empty(source.background_frames(_EMPTY_FRAMES))
     yield source, pipeline

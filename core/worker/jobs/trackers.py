@@ -1,7 +1,7 @@
 """Trackers of another program, by VMC, to marker frames: in place of the cameras.
 
 Request: "source" (kind "vmc", "port" to listen on, "sender": name or address of the only computer to accept, "" for
-all), "subject" (file of the one who wears the trackers). A process that takes another's place also gets "after".
+all), "marker_set" (table of the worn one). A process that takes another's place also gets "after".
 """
 
 import time
@@ -12,7 +12,7 @@ from ...errors import CaptureError
 from ...formats.vmc.link import Receiver
 from ...formats.vmc.tracker_stream import TrackerStream
 from ...markers.label_matching import join_names
-from ...markers.subject import load_subject
+from ...markers.marker_set import marker_set_from
 from ..channel import Channel
 
 _LOOK_S = 0.1
@@ -25,10 +25,10 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     """Send marker frames until STOP.
 
     Raises:
-        PerfanimError: the port is taken, the sender is not known, or the subject cannot be read.
+        PerfanimError: the port is taken or the sender is not known.
     """
     sender = str(request["source"].get("sender", ""))
-    stream = TrackerStream(load_subject(str(request["subject"])).marker_set)
+    stream = TrackerStream(marker_set_from(request["marker_set"], "trackers"))
     with _listening(int(request["source"]["port"]), sender, request.get("after") is not None, channel) as receiver:
         channel.send_status(f"waiting for trackers on port {receiver.port}")
         silence = _Silence(receiver, stream, sender, channel)

@@ -14,7 +14,7 @@ from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.database.store import open_database
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry.camera import CameraRig
-from perfanim.core.geometry.rig_file import load_rig, save_rig
+from perfanim.core.geometry.rig_file import rig_from, save_rig
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, load_subject, save_subject
 from perfanim.core.simulate.studio.rig import default_rig
@@ -88,8 +88,8 @@ def test_the_chosen_markers_must_be_the_subjects(
     # fewer markers than calibrated may be worn: the choice decides
     save_subject(Subject("Anna", default_skeleton(), load_marker_set("boxing"), 0.006), path)
     assert states.first_missing_step(chosen) == ""
-    captured = load_subject(setup.make(chosen).request["subject"])
-    assert captured.marker_set.names == load_marker_set("locomotion").names
+    captured = setup.make(chosen).request["performers"][0]
+    assert tuple(row["name"] for row in captured["marker_set"]["marker"]) == load_marker_set("locomotion").names
 
 
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="looks at /proc")
@@ -141,6 +141,10 @@ def test_a_state_does_not_lie_over_its_panel_s_name(addon: ModuleType, extension
     assert len(panels.shortened("x" * 30, 21)) == 21
 
 
+def names_of(rig: dict[str, Any]) -> list[str]:
+    return [camera.name for camera in rig_from(rig, "request").cameras]
+
+
 def test_the_left_camera_alone_captures_where_no_right_one_is_chosen(states: Any, chosen: Any, tmp_path: Path) -> None:
     setup = sys.modules[states.__name__.replace("settings.readiness", "capture.request")]
     video = tmp_path / "left.mp4"
@@ -152,18 +156,18 @@ def test_the_left_camera_alone_captures_where_no_right_one_is_chosen(states: Any
     assert "use an average body" in states.performer(chosen).problem
     asked = setup.cameras(chosen)
     assert asked["source"]["paths"] == [str(video)]
-    assert [camera.name for camera in load_rig(asked["rig"]).cameras] == ["left"]
+    assert names_of(asked["rig"]) == ["left"]
     # a calibration of one camera leaves a right source out
     save_rig(CameraRig(default_rig().cameras[:1]), tmp_path / "one.toml")
     chosen.right_video, chosen.calibration = str(video), str(tmp_path / "one.toml")
     assert setup.cameras(chosen)["source"]["paths"] == [str(video)]
-    assert setup.cameras(chosen)["rig"] == chosen.calibration
+    assert names_of(setup.cameras(chosen)["rig"]) == ["left"]
     chosen.source, chosen.left_device, chosen.right_device = "CAMERAS", 3, -1
     chosen.calibration = str(tmp_path / "two.toml")
     assert setup.cameras(chosen)["source"]["devices"] == [3]
     chosen.right_device = 1
     assert setup.cameras(chosen)["source"]["devices"] == [3, 1]
-    assert setup.cameras(chosen)["rig"] == chosen.calibration
+    assert names_of(setup.cameras(chosen)["rig"]) == ["left", "right"]
     assert states.cameras(chosen).ready
     chosen.further_devices = "0 2"
     assert "calibrated for 2 cameras, but 4 are chosen" in states.cameras(chosen).problem

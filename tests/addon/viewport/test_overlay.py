@@ -13,7 +13,7 @@ from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.marker_set import load_marker_set
-from perfanim.core.markers.subject import Subject, save_subject
+from perfanim.core.markers.subject import Subject
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.perfanim_addon.viewport import overlay
 
@@ -111,16 +111,13 @@ def test_it_is_drawn_only_while_something_is_chosen(addon: ModuleType) -> None:
 
 
 @pytest.mark.parametrize("calibrated", [False, True])
-def test_the_scene_is_that_of_the_capture(tmp_path: Any, calibrated: bool) -> None:
+def test_the_scene_is_that_of_the_capture(calibrated: bool) -> None:
     from perfanim.core.geometry.camera import CameraRig
-    from perfanim.core.geometry.rig_file import save_rig
+    from perfanim.core.geometry.rig_file import rig_tables
 
-    marker_set = load_marker_set("boxing")
-    save_subject(Subject("Anna", SKELETON, marker_set), tmp_path / "anna.toml")
-    rig = default_rig()
-    save_rig(CameraRig(rig.cameras[:1], rig.metadata), tmp_path / "one.toml")
-    cameras = {"rig": str(tmp_path / "one.toml") if calibrated else None}
-    scene = overlay.Scene.of({"subject": str(tmp_path / "anna.toml"), "cameras": cameras}, from_the_front)
+    marker_set, rig = load_marker_set("boxing"), default_rig()
+    calibration = rig_tables(CameraRig(rig.cameras[:1], rig.metadata)) if calibrated else None
+    scene = overlay.Scene.of([Subject("Anna", SKELETON, marker_set)], calibration, from_the_front)
     assert scene.performers[0][1] == marker_set.names
     wanted = [camera.centre_m for camera in rig.cameras[: 1 if calibrated else 2]]
     np.testing.assert_allclose(scene.cameras_m, wanted, atol=1e-9)

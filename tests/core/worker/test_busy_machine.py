@@ -11,8 +11,8 @@ from motion_synthesis import perform
 from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.formats.take_file.reading import read_take_file
-from perfanim.core.geometry.rig_file import save_rig
-from perfanim.core.markers.subject import save_subject
+from perfanim.core.geometry.rig_file import rig_tables
+from perfanim.core.markers.subject import subject_tables
 from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.worker.client import WorkerClient
 from perfanim.perfanim_addon.capture.capture_run import CaptureRun, Phase
@@ -24,12 +24,12 @@ PERFORMER = {"kind": "simulated", "behaviour": "walking", "seconds": 2.0}
 
 
 @pytest.fixture(scope="module")
-def request_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+def request_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     folder = tmp_path_factory.mktemp("busy")
     write_bvh(perform("walking", 4.0), folder / "walk.bvh")
     build_database([str(folder / "walk.bvh")], folder / "walk.pfdb", BuildSettings(fps=60.0))
-    save_subject(open_simulated(PERFORMER).subject, folder / "performer.toml")
-    return {"subject": str(folder / "performer.toml"), "database": str(folder / "walk.pfdb")}
+    performers = [subject_tables(open_simulated(PERFORMER).subject)]
+    return {"performers": performers, "database": str(folder / "walk.pfdb")}
 
 
 def capture(request: dict[str, Any], frames: int) -> tuple[CaptureRun, list[str]]:
@@ -68,9 +68,8 @@ def check(run: CaptureRun, said: list[str], path: Path) -> None:
     assert [solved.pose.number for solved in take.poses] == [pose.number for pose in run.poses]
 
 
-def test_recorded_images_lose_no_frame_on_a_busy_machine(request_files: dict[str, str], tmp_path: Path) -> None:
+def test_recorded_images_lose_no_frame_on_a_busy_machine(request_files: dict[str, Any], tmp_path: Path) -> None:
     source = open_simulated(PERFORMER)
-    save_rig(source.rig, tmp_path / "rig.toml")
     for images in source:
         for camera, image in zip(("left", "right"), images.images, strict=True):
             (tmp_path / camera).mkdir(exist_ok=True)
@@ -78,7 +77,7 @@ def test_recorded_images_lose_no_frame_on_a_busy_machine(request_files: dict[str
         if images.number == FRAMES - 1:
             break
     recorded = {"kind": "images", "paths": [str(tmp_path / "left"), str(tmp_path / "right")], "fps": 60.0}
-    cameras = {"source": recorded, "rig": str(tmp_path / "rig.toml"), "threshold": None}
+    cameras = {"source": recorded, "rig": rig_tables(source.rig), "threshold": None}
     path = tmp_path / "images.perftake"
     asked = {"job": "capture", "cameras": cameras, **request_files, "take": str(path)}
     run, said = capture(asked, FRAMES + 1)
@@ -86,7 +85,7 @@ def test_recorded_images_lose_no_frame_on_a_busy_machine(request_files: dict[str
     assert len(run.poses) == FRAMES == run.statistics.handed_over
 
 
-def test_the_simulated_performer_goes_on_on_a_busy_machine(request_files: dict[str, str], tmp_path: Path) -> None:
+def test_the_simulated_performer_goes_on_on_a_busy_machine(request_files: dict[str, Any], tmp_path: Path) -> None:
     path = tmp_path / "simulated.perftake"
     cameras = {"source": {**PERFORMER, "loop": True}, "rig": None, "threshold": None}
     asked = {"job": "capture", "cameras": cameras, **request_files, "take": str(path)}

@@ -22,8 +22,8 @@ from perfanim.core.formats.take_file.reading import read_take_file, summarise
 from perfanim.core.formats.vmc.link import Receiver
 from perfanim.core.formats.vmc.packets import Clock, read_packet
 from perfanim.core.markers.marker_set import load_marker_set
-from perfanim.core.markers.prop import load_prop
-from perfanim.core.markers.subject import Subject, save_subject
+from perfanim.core.markers.prop import load_prop, prop_tables
+from perfanim.core.markers.subject import Subject, subject_tables
 from perfanim.core.simulate.studio.carried_prop import in_hand
 from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.worker.client import WorkerClient
@@ -35,15 +35,15 @@ ROOT_M = 0.3  # a quarter of what two performers are apart: nobody is taken for 
 
 
 @pytest.fixture(scope="module")
-def request_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+def request_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     folder = tmp_path_factory.mktemp("chain")
     write_bvh(perform("walking", 4.0), folder / "walk.bvh")
     build_database([str(folder / "walk.bvh")], folder / "walk.pfdb", BuildSettings(fps=60.0))
-    save_subject(Subject("Sim", default_skeleton(1.75), load_marker_set("boxing")), folder / "sim.toml")
-    return {"subject": str(folder / "sim.toml"), "database": str(folder / "walk.pfdb")}
+    subject = Subject("Sim", default_skeleton(1.75), load_marker_set("boxing"))
+    return {"performers": [subject_tables(subject)], "database": str(folder / "walk.pfdb")}
 
 
-def request(files: dict[str, str], **source: Any) -> dict[str, Any]:
+def request(files: dict[str, Any], **source: Any) -> dict[str, Any]:
     simulated = {"kind": "simulated", "behaviour": "walking", "seconds": 4.0, "height_m": 1.75}
     cameras = {"source": {**simulated, **source}, "rig": None, "threshold": None}
     return {"job": "capture", "cameras": cameras, **files}
@@ -67,7 +67,7 @@ def of(kind: MessageKind, messages: list[Message]) -> list[Message]:
     return [message for message in messages if message.kind is kind]
 
 
-def test_every_frame_of_a_source_that_ends_is_solved_and_kept(request_files: dict[str, str], tmp_path: Path) -> None:
+def test_every_frame_of_a_source_that_ends_is_solved_and_kept(request_files: dict[str, Any], tmp_path: Path) -> None:
     path, packets = tmp_path / "walk.perftake", []
     with Receiver(0) as receiver:
         asked = {"take": str(path), "character": "Xbot", "vmc": ["127.0.0.1", receiver.port]}
@@ -103,9 +103,13 @@ def test_every_frame_of_a_source_that_ends_is_solved_and_kept(request_files: dic
     assert not summarise(path).orphaned
 
 
-def test_stop_ends_the_chain_and_loses_nothing(request_files: dict[str, str], tmp_path: Path) -> None:
+def test_stop_ends_the_chain_and_loses_nothing(request_files: dict[str, Any], tmp_path: Path) -> None:
     path = tmp_path / "walk.perftake"
-    asked = {**request(request_files, loop=True, prop="sword"), "take": str(path), "props": ["sword"]}
+    asked = {
+        **request(request_files, loop=True, prop="sword"),
+        "take": str(path),
+        "props": [prop_tables(load_prop("sword"))],
+    }
     asked["shape"] = {"smoothing_s": 0.1, "feet": "auto"}
     asked["cameras"]["preview"] = True
     client = WorkerClient(asked)
@@ -138,10 +142,10 @@ def test_stop_ends_the_chain_and_loses_nothing(request_files: dict[str, str], tm
     assert ringed[:320].sum() > 20 and ringed[320:].sum() > 20
 
 
-def test_two_performers_are_followed_live(request_files: dict[str, str], tmp_path: Path) -> None:
+def test_two_performers_are_followed_live(request_files: dict[str, Any], tmp_path: Path) -> None:
     path = tmp_path / "pair.perftake"
     asked = request(request_files, loop=True, partners=[{"height_m": 1.7}])
-    client = WorkerClient({**asked, "take": str(path), "performers": [request_files["subject"]]})
+    client = WorkerClient({**asked, "take": str(path), "performers": 2 * request_files["performers"]})
     try:
         messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= 8)
         client.request_stop()
@@ -158,7 +162,7 @@ def test_two_performers_are_followed_live(request_files: dict[str, str], tmp_pat
             assert np.linalg.norm(one.root_position_m - root_m) < ROOT_M
 
 
-def test_stop_while_the_background_is_learned_is_a_clean_end(request_files: dict[str, str]) -> None:
+def test_stop_while_the_background_is_learned_is_a_clean_end(request_files: dict[str, Any]) -> None:
     client = WorkerClient(request(request_files, loop=True))
     try:
 
@@ -173,7 +177,7 @@ def test_stop_while_the_background_is_learned_is_a_clean_end(request_files: dict
     assert not of(MessageKind.ERROR, messages)
 
 
-def test_the_simulated_performer_waits_for_who_watches(request_files: dict[str, str], tmp_path: Path) -> None:
+def test_the_simulated_performer_waits_for_who_watches(request_files: dict[str, Any], tmp_path: Path) -> None:
     path = tmp_path / "walk.perftake"
     client = WorkerClient({**request(request_files, loop=True), "take": str(path)})
     try:
@@ -196,7 +200,7 @@ def test_the_simulated_performer_waits_for_who_watches(request_files: dict[str, 
     assert len(take.frames) >= 4
 
 
-def test_bad_requests_are_errors_in_plain_words(request_files: dict[str, str], tmp_path: Path) -> None:
+def test_bad_requests_are_errors_in_plain_words(request_files: dict[str, Any], tmp_path: Path) -> None:
     missing = str(tmp_path / "none.pfdb")
     bad = {
         "none.pfdb": {**request(request_files), "database": missing},
@@ -241,7 +245,7 @@ def wait_until_gone(process_ids: list[int]) -> None:
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="looks at /proc")
 def test_processes_that_die_or_hang_are_replaced_and_the_take_goes_on(
-    request_files: dict[str, str], tmp_path: Path
+    request_files: dict[str, Any], tmp_path: Path
 ) -> None:
     path = tmp_path / "walk.perftake"
     # live: what happens meanwhile is missing, as with cameras
@@ -296,10 +300,14 @@ def test_processes_that_die_or_hang_are_replaced_and_the_take_goes_on(
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="looks at /proc")
-def test_no_process_is_left_when_blender_is_killed(request_files: dict[str, str], tmp_path: Path) -> None:
+def test_no_process_is_left_when_blender_is_killed(request_files: dict[str, Any], tmp_path: Path) -> None:
     path = tmp_path / "walk.perftake"
     asked = {**request(request_files, loop=True), "take": str(path)}
-    line = [sys.executable, str(Path(__file__).with_name("in_blenders_place.py")), json.dumps(asked)]
+    line = [
+        sys.executable,
+        str(Path(__file__).with_name("in_blenders_place.py")),
+        json.dumps(asked, default=np.ndarray.tolist),
+    ]
     blender = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
     try:
         assert blender.stdout is not None

@@ -8,8 +8,8 @@ from motion_synthesis import performance
 from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry.camera import CameraRig
-from perfanim.core.geometry.rig_file import save_rig
-from perfanim.core.markers.subject import save_subject
+from perfanim.core.geometry.rig_file import rig_tables
+from perfanim.core.markers.subject import subject_tables
 from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import MessageKind
@@ -22,16 +22,18 @@ LOOKED_AT_S = 4.0  # T pose, arms down, a second of walking
 def test_one_camera_starts_in_the_t_pose_and_follows(tmp_path: Path) -> None:
     performer = {"kind": "simulated", "behaviour": "walking", "seconds": 2.0, "marker_set": "one-camera", "fps": FPS}
     source = open_simulated(performer)
-    save_rig(CameraRig(source.rig.cameras[:1]), tmp_path / "left.toml")
-    save_subject(source.subject, tmp_path / "performer.toml")
     write_bvh(
         performance([("walking", 4.0)], seed=5), tmp_path / "walk.bvh"
     )  # begins in a T pose, as the performer does
     build_database([str(tmp_path / "walk.bvh")], tmp_path / "walk.pfdb", BuildSettings(fps=60.0))
     request = {
         "job": "capture",
-        "cameras": {"source": {**performer, "cameras": 1}, "rig": str(tmp_path / "left.toml"), "threshold": None},
-        "subject": str(tmp_path / "performer.toml"),
+        "cameras": {
+            "source": {**performer, "cameras": 1},
+            "rig": rig_tables(CameraRig(source.rig.cameras[:1])),
+            "threshold": None,
+        },
+        "performers": [subject_tables(source.subject)],
         "database": str(tmp_path / "walk.pfdb"),
     }
     client, poses = WorkerClient(request), []

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from perfanim.core.errors import CalibrationError, CaptureError
 from perfanim.core.geometry.camera import Camera, CameraRig
-from perfanim.core.geometry.rig_file import rig_from, save_rig
+from perfanim.core.geometry.rig_file import rig_from, rig_tables
 from perfanim.core.simulate.studio.boards import board_on_floor
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.vision.sources.files import read_image
@@ -125,9 +125,8 @@ def test_what_is_wrong_with_a_camera_is_told(monkeypatch: pytest.MonkeyPatch, tm
             stop_requested=threading.Event(), send_status=lambda text, *_, told=told, **__: told.append(text)
         )
         monkeypatch.setattr(job, "open_source", lambda _spec: PlayedSource(moments))
-        save_rig(default_rig(), tmp_path / "rig.toml")
         with pytest.raises(CalibrationError):
-            job.run({**asked({"kind": "cameras"}, tmp_path), "rig": str(tmp_path / "rig.toml")}, channel)
+            job.run({**asked({"kind": "cameras"}, tmp_path), "rig": rig_tables(default_rig())}, channel)
         assert "no camera gives images" in told
         assert note in told
 
@@ -141,9 +140,8 @@ def test_the_floor_is_where_the_board_lies(tmp_path: Path) -> None:
             for c in true.cameras
         )
     )
-    save_rig(elsewhere, tmp_path / "rig.toml")
     request = {"job": "record floor", "source": {"kind": "simulated"}, "board": "chessboard:9x6:80mm"}
-    result = outcome(played({**request, "rig": str(tmp_path / "rig.toml")})).json()
+    result = outcome(played({**request, "rig": rig_tables(elsewhere)})).json()
     assert result["scale"] == pytest.approx(1.0, abs=0.005)
     found = rig_from(result["rig"], "result")
     assert found.metadata["floor"] == "y = 0"

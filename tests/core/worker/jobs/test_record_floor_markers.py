@@ -12,9 +12,10 @@ import pytest
 from perfanim.core.cli.main import main
 from perfanim.core.errors import CalibrationError
 from perfanim.core.geometry.camera import Camera, CameraRig
-from perfanim.core.geometry.rig_file import load_rig, rig_from, save_rig
+from perfanim.core.geometry.rig_file import load_rig, rig_from, rig_tables
 from perfanim.core.simulate.studio.floor_markers import MIDDLE_M, PLACES_M, SETTINGS, FloorMarkers
 from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.system.files import write_toml
 from perfanim.core.worker.jobs import record_floor_markers
 
 # Centres known to 0.05 px are 1 mm off in depth; over four of them on 1 m x 0.6 m the floor tilts by 1.7 mrad, which is
@@ -26,14 +27,13 @@ LONGEST_M = float(np.linalg.norm(PLACES_M[:, None] - PLACES_M, axis=2).max())
 
 
 @pytest.fixture
-def elsewhere(tmp_path: Path) -> Path:
+def elsewhere() -> dict[str, Any]:
     """The cameras in another world, a tenth too large."""
     cameras = [
         Camera(c.name, c.image_size, c.matrix, c.distortion, c.rotation,
                FACTOR * (c.translation_m + c.rotation @ SHIFT_M)) for c in default_rig().cameras
     ]  # fmt: skip
-    save_rig(CameraRig(tuple(cameras)), tmp_path / "rig.toml")
-    return tmp_path / "rig.toml"
+    return rig_tables(CameraRig(tuple(cameras)))
 
 
 def check(found: CameraRig) -> None:
@@ -55,10 +55,10 @@ def channel_into(results: list[dict[str, Any]], told: list[str]) -> Any:
     )
 
 
-def test_floor_and_scale_are_found_in_the_sidebar(elsewhere: Path) -> None:
+def test_floor_and_scale_are_found_in_the_sidebar(elsewhere: dict[str, Any]) -> None:
     results: list[dict[str, Any]] = []
     told: list[str] = []
-    request = {"source": {"kind": "simulated"}, "rig": str(elsewhere), "preview": True}
+    request = {"source": {"kind": "simulated"}, "rig": elsewhere, "preview": True}
     request |= {"height_m": SETTINGS.marker_radius_m, "longest_m": LONGEST_M}
     record_floor_markers.run(request, channel_into(results, told))
     (result,) = results
@@ -69,11 +69,11 @@ def test_floor_and_scale_are_found_in_the_sidebar(elsewhere: Path) -> None:
     assert "picture" in told
 
 
-def test_without_markers_it_says_what_to_do(elsewhere: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_markers_it_says_what_to_do(elsewhere: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FloorMarkers, "__iter__", lambda self: iter(empty_room(self)))
     results: list[dict[str, Any]] = []
     with pytest.raises(CalibrationError, match="lay 3 or more markers on the floor"):
-        record_floor_markers.run({"source": {"kind": "simulated"}, "rig": str(elsewhere)}, channel_into(results, []))
+        record_floor_markers.run({"source": {"kind": "simulated"}, "rig": elsewhere}, channel_into(results, []))
     assert not results
 
 
@@ -83,7 +83,7 @@ def empty_room(source: FloorMarkers) -> Any:
 
 
 def test_floor_and_scale_are_found_on_the_command_line(
-    elsewhere: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    elsewhere: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     source = FloorMarkers(default_rig())
     kinds = {"room": list(source.background_frames(8)), "floor": [frame.images for frame in source][:75]}
@@ -94,8 +94,9 @@ def test_floor_and_scale_are_found_on_the_command_line(
             for images in moments:
                 writer.write(images[side])
             writer.release()
-    arguments = ["calibrate", "floor", "--cameras", str(elsewhere), "--out", str(tmp_path / "level.toml"), "--json"]
-    arguments += ["--height-mm", str(1e3 * SETTINGS.marker_radius_m), "--longest-mm", str(1e3 * LONGEST_M)]
+    write_toml(tmp_path / "rig.toml", elsewhere)
+    arguments = ["calibrate", "floor", "--cameras", str(tmp_path / "rig.toml"), "--out", str(tmp_path / "level.toml")]
+    arguments += ["--height-mm", str(1e3 * SETTINGS.marker_radius_m), "--longest-mm", str(1e3 * LONGEST_M), "--json"]
     arguments += ["--left", str(tmp_path / "floor0.avi"), "--right", str(tmp_path / "floor1.avi")]
     arguments += ["--background", str(tmp_path / "room0.avi"), str(tmp_path / "room1.avi")]
     assert main(arguments) == 0

@@ -3,22 +3,20 @@
 import threading
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import CaptureError
 from perfanim.core.formats.vmc.link import Receiver
 from perfanim.core.formats.vmc.packets import BONE
 from perfanim.core.markers.marker_frame import MarkerFrame
-from perfanim.core.markers.marker_set import load_marker_set
-from perfanim.core.markers.subject import Subject, save_subject
+from perfanim.core.markers.marker_set import load_marker_set, marker_set_table
 from perfanim.core.worker.jobs import trackers
 from trackers_sent import Program, free_port, tracker_packet
 
 PATIENCE_S = 60.0
+MARKER_SET = marker_set_table(load_marker_set("boxing"))
 NAMES = load_marker_set("boxing").names
 
 
@@ -43,9 +41,9 @@ class Blender:
 class Running:
     """The job in a thread of its own."""
 
-    def __init__(self, subject: Path, sender: str = "127.0.0.1", **more: Any) -> None:
+    def __init__(self, sender: str = "127.0.0.1", **more: Any) -> None:
         self.port, self.blender = free_port(), Blender()
-        request = {"source": {"kind": "vmc", "port": self.port, "sender": sender}, "subject": str(subject), **more}
+        request = {"source": {"kind": "vmc", "port": self.port, "sender": sender}, "marker_set": MARKER_SET, **more}
         self._thread = threading.Thread(target=trackers.run, args=(request, self.blender))
 
     def __enter__(self) -> "Running":
@@ -68,21 +66,14 @@ class Running:
         self.until(lambda: text in self.blender.told[-1], send)
 
 
-@pytest.fixture
-def subject(tmp_path: Path) -> Path:
-    path = tmp_path / "anna.toml"
-    save_subject(Subject("Anna", default_skeleton(), load_marker_set("boxing")), path)
-    return path
-
-
 @pytest.fixture(autouse=True)
 def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(trackers, "_SILENT_S", 0.4)
 
 
-def test_each_reason_why_no_markers_come_is_told_and_that_they_are_back(subject: Path) -> None:
+def test_each_reason_why_no_markers_come_is_told_and_that_they_are_back() -> None:
     places = {name: (0.1 * at, 1.0, 0.0) for at, name in enumerate(NAMES)}
-    with Running(subject) as job, Program(job.port) as program:
+    with Running() as job, Program(job.port) as program:
         where = f"on port {job.port} from 127.0.0.1"
         job.until_told(f"nothing comes {where}: let the other program send")
         job.until_told("is not VMC", lambda: program.send(b"GET / HTTP/1.1"))
@@ -106,16 +97,16 @@ def test_each_reason_why_no_markers_come_is_told_and_that_they_are_back(subject:
         np.testing.assert_allclose(frame.points_m[np.argsort(frame.labels)], list(places.values()), atol=1e-6)
 
 
-def test_others_than_the_sender_are_not_listened_to(subject: Path) -> None:
-    with Running(subject, "192.0.2.7") as job, Program(job.port) as program:
+def test_others_than_the_sender_are_not_listened_to() -> None:
+    with Running("192.0.2.7") as job, Program(job.port) as program:
         job.until_told("but from 127.0.0.1: choose who sends", lambda: program.send(tracker_packet({"A": (0, 1, 0)})))
         assert not job.blender.frames
 
 
-def test_a_port_that_is_taken_and_a_sender_that_is_not_known_are_told(subject: Path) -> None:
+def test_a_port_that_is_taken_and_a_sender_that_is_not_known_are_told() -> None:
     blender = Blender()
     with Receiver(0, "127.0.0.1") as other:
-        taken = {"source": {"kind": "vmc", "port": other.port, "sender": ""}, "subject": str(subject)}
+        taken = {"source": {"kind": "vmc", "port": other.port, "sender": ""}, "marker_set": MARKER_SET}
         with pytest.raises(CaptureError, match=f"port {other.port}: cannot be listened to .* choose another port"):
             trackers.run(taken, blender)
         # who takes the place of a process that has not given it back yet waits for it, while it is wanted
@@ -127,6 +118,6 @@ def test_a_port_that_is_taken_and_a_sender_that_is_not_known_are_told(subject: P
         threading.Timer(0.5, blender.stop_requested.set).start()
         trackers.run({**taken, "after": {"number": 7}}, blender)
     assert blender.told[0] == f"waiting for trackers on port {other.port}"
-    unknown = {"source": {"kind": "vmc", "port": 0, "sender": "no such computer"}, "subject": str(subject)}
+    unknown = {"source": {"kind": "vmc", "port": 0, "sender": "no such computer"}, "marker_set": MARKER_SET}
     with pytest.raises(CaptureError, match="no such computer: is no computer that is known"):
         trackers.run(unknown, blender)
