@@ -15,6 +15,8 @@ LIKE = 0.85  # correlation from which a place is taken for the word
 AS_LIKE = 0.03  # less than the best place's, up to which another one is the same word again
 INK = 40  # grey level from which a pixel belongs to a letter
 SAME_PX = 6
+MOVED = 0.01  # of the sidebar's pixels change where a panel opens or closes
+TRIES = 4
 PATH_PX = 510  # from the word Bookmarks in the file browser to the middle of the path
 
 
@@ -67,6 +69,18 @@ class Hand:
         self._desktop.click(place.x + beside, place.y)
         time.sleep(0.3)
 
+    def toggle(self, panel: str) -> None:
+        """Open or close a panel by its header, again where a busy machine has lost the click."""
+        for _ in range(TRIES):
+            before = self._sidebar()
+            self.click(panel, sidebar=True)
+            limit = time.monotonic() + DRAWING_S
+            while time.monotonic() < limit:
+                if (np.abs(self._sidebar() - before) > INK).mean() > MOVED:
+                    return
+                time.sleep(0.3)
+        raise AssertionError(f"{panel!r} does not open or close: {self.shot('not-toggled')}")
+
     def type_over(self, word: str, text: str, beside: float = 0.0, sidebar: bool | None = None) -> None:
         """Put a text in place of what a field shows: the word, or what is so many pixels to its right."""
         place = self.find(word, sidebar)
@@ -113,6 +127,11 @@ class Hand:
             if time.monotonic() > limit:
                 raise AssertionError(f"{word!r} is not on {self.shot('not-found')}")
             time.sleep(0.2)
+
+    def _sidebar(self) -> np.ndarray:
+        region = self._window.state()["regions"]["UI"]
+        left, top = map(round, self._window.from_top(region, 0, 0))
+        return self._desktop.seen()[top : top + region[3], left : left + region[2]].astype(np.int16)
 
     def _in_sidebar(self, place: Place) -> bool:
         region = self._window.state()["regions"]["UI"]

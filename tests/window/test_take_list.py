@@ -25,8 +25,8 @@ def test_a_two_webcams_take_is_imported_and_played(
     (action,) = state["actions"].values()
     assert action["keys_min"] == action["keys_max"] == FRAMES
     hand = Hand(desktop, window, "takes")
-    hand.click("Capture", sidebar=True)  # the one closes, the one below it opens
-    hand.click("Takes", sidebar=True)
+    hand.toggle("Capture")  # the one closes, the one below it opens
+    hand.toggle("Takes")
     time.sleep(2.0)
     desktop.screenshot("takes-4-imported")
     assert "result" in window.order("call", operator="delete_take", arguments={"path": str(path)})

@@ -49,7 +49,7 @@ def opened(desktop: Desktop, window: BlenderWindow, name: str) -> Hand:
     for key in ("x", "Return"):  # asked and answered
         desktop.key(key)
         time.sleep(0.7)
-    hand.click("Capture", sidebar=True)
+    hand.toggle("Capture")
     return hand
 
 
@@ -61,12 +61,12 @@ def import_character(hand: Hand, path: Path) -> None:
 
 def use_active(hand: Hand, window: BlenderWindow, picture: str) -> str:
     """Let the character that is active move along; return its armature's name."""
-    hand.click("Character", sidebar=True)
+    hand.toggle("Character")
     before = window.state()["armature"]
     hand.click("Use Active", sidebar=True)
     name = window.wait(lambda s: s["armature"] not in ("", before), "a chosen armature")["armature"]
     hand.shot(picture)
-    hand.click("Character", sidebar=True)
+    hand.toggle("Character")
     return str(name)
 
 
@@ -111,7 +111,7 @@ def test_captures_are_solved_again_deleted_undone_and_exported(
     desktop: Desktop, window: BlenderWindow, tmp_path: Path
 ) -> None:
     hand = opened(desktop, window, "walkthrough")
-    hand.click("Capture", sidebar=True)
+    hand.toggle("Capture")
     record(hand, window, "first-capture")
     (capture,) = actions(window)
     performer = window.state()["armature"]
@@ -120,8 +120,8 @@ def test_captures_are_solved_again_deleted_undone_and_exported(
     before = actions(window)
     assert len(before) == 2
 
-    hand.click("Capture", sidebar=True)
-    hand.click("Takes", sidebar=True)
+    hand.toggle("Capture")
+    hand.toggle("Takes")
     hand.shot("takes")
     hand.click("Solve Again", sidebar=True)
     hand.click("Method", beside=FIELD_PX)
@@ -198,14 +198,14 @@ def test_a_take_of_two_webcams_walks_on_all_kinds_of_characters(
 ) -> None:
     window.order("addon", name="rigify", on=True)
     hand = opened(desktop, window, "characters")
-    hand.click("Markers", sidebar=True)
+    hand.toggle("Markers")
     hand.click("Boxing")
     hand.click("Two Webcams")
-    hand.click("Markers", sidebar=True)
-    hand.click("Subject", sidebar=True)
+    hand.toggle("Markers")
+    hand.toggle("Subject")
     hand.type_over("1.75", "1.6")
-    hand.click("Subject", sidebar=True)
-    hand.click("Takes", sidebar=True)
+    hand.toggle("Subject")
+    hand.toggle("Takes")
     hand.click("Import Marker Takes", sidebar=True)
     hand.click("From the Performer")
     hand.click("Floor from the Feet")
@@ -222,9 +222,9 @@ def test_a_take_of_two_webcams_walks_on_all_kinds_of_characters(
             hand.menu("Add", "Armature", "Rigify Meta-Rigs", "Human")
             hand.menu("Rigify", "Generate Rig")
             window.wait(lambda _: "rig" in armatures(window), "a generated rig")
-        hand.click("Takes", sidebar=True)
+        hand.toggle("Takes")
         name = use_active(hand, window, f"{kind}-bones")
-        hand.click("Takes", sidebar=True)
+        hand.toggle("Takes")
         hand.click("Put on Character", sidebar=True)
         assert said_of_takes(window, f" on {name}").startswith(f"{FRAMES} frames in")
         bones = window.order("map")

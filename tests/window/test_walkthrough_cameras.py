@@ -104,13 +104,13 @@ def add_target(desktop: Desktop, hand: Hand, below: str) -> None:  # noqa: F811
 
 def test_a_sword_is_followed(desktop: Desktop, window: BlenderWindow) -> None:  # noqa: F811
     hand = opened(desktop, window, "prop")
-    hand.click("Cameras", sidebar=True)
+    hand.toggle("Cameras")
     choose(window, hand, ("behaviour", "kendo"), ("Everything", "Kendo"))
     hand.shot("performs")
-    hand.click("Cameras", sidebar=True)
+    hand.toggle("Cameras")
     add_target(desktop, hand, "Takes")
     hand.shot("added")
-    hand.click("Capture", sidebar=True)
+    hand.toggle("Capture")
     for shown in ("Markers", "Skeleton"):
         with holding(desktop, "shift"):
             hand.click(shown, sidebar=True, lowest=True)
@@ -186,7 +186,7 @@ def test_three_cameras_are_calibrated_by_charuco_board_and_floor_markers_and_fol
 ) -> None:
     window.order("preference", name="worker_python", value=str(plugged_in / "python"))
     hand = opened(desktop, window, "three-cameras")
-    hand.click("Cameras", sidebar=True)
+    hand.toggle("Cameras")
     choose(window, hand, ("source", "CAMERAS"), ("Simulated Performer", "Cameras"))
     choose(window, hand, ("board_kind", "CHARUCO"), ("Chessboard", "ChArUco"))
     for setting, text, name in (
@@ -219,10 +219,10 @@ def test_three_cameras_are_calibrated_by_charuco_board_and_floor_markers_and_fol
         across = np.linalg.norm((found.centre_m - true.centre_m)[[1]])
         assert across < 0.03, (found.centre_m, true.centre_m)
 
-    hand.click("Cameras", sidebar=True)
+    hand.toggle("Cameras")
     window.order("set", values={"subject": str(plugged_in / "subject.toml"), "capture_preview": True})
     add_target(desktop, hand, "Takes")
-    hand.click("Capture", sidebar=True)
+    hand.toggle("Capture")
     hand.click("Markers", sidebar=True, lowest=True)
     put_before_the_cameras(plugged_in, "performer")
     press(window, hand, "Start Capture")
