@@ -52,6 +52,8 @@ class _Step(SidebarPanel):
         job = activity.current()
         if state.problem and not (isinstance(job, Job) and job.panel == self.key):
             draw_text(context, layout, state.problem, "ERROR")
+        elif state.ready and header_status(context, self.bl_label, state.text) != state.text:  # shortened above
+            draw_text(context, layout, state.text, "CHECKMARK")
         draw_job(layout, self.key)
         draw_text(context, layout, *activity.message(self.key))
 

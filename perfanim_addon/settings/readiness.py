@@ -220,7 +220,7 @@ def performer(settings: Any) -> StepStatus:
     """StepStatus of the Subject panel."""
     if not settings.subject:
         if is_known(settings):
-            return StepStatus(True, "simulated performer")
+            return StepStatus(True, "simulated")
         is_measured = has_cameras(settings) and not is_one_camera(settings)
         how = "calibrate the performer" if is_measured else "use an average body"
         return StepStatus(False, "not calibrated", f"{how}, or open a subject file, under Subject")

@@ -120,7 +120,7 @@ def parse_board(spec: str) -> Board:
         if needed > there:
             raise SettingsError(
                 f"{columns}x{rows} squares need {needed} codes, {board.dictionary} has {there}",
-                where=repr(spec),
+                where="board",
                 advice="take a dictionary with more, e.g. DICT_4X4_250",
             )
         return board

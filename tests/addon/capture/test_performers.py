@@ -57,8 +57,7 @@ def turned(skeleton: Any, number: int, heading_deg: float) -> np.ndarray:
 
 
 def pose_of(number: int, rotations: np.ndarray, root_m: tuple[float, ...], sure: float) -> PerformerPose:
-    none = np.full((9, 3), np.nan)
-    single = np.full(9, -1)
+    none, single = np.full((9, 3), np.nan), np.full(9, -1)
     return PerformerPose(number, number / 60, rotations, np.array(root_m), sure, none, none, single, np.nan)
 
 
@@ -81,9 +80,7 @@ def play(part: Any, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
         run = SimpleNamespace(poses=[], persistent_warning="", activity="", take_preview=lambda: None)
         run.tick = lambda: run.poses.append(poses[len(run.poses)]) or run.poses[-1]
         run.shown = run.close = run.stop = lambda: None
-        asked = SimpleNamespace(
-            performers=(ANNA, *SUBJECTS), props=(), request={"take": "a.perftake"}, start=lambda _python: run
-        )
+        asked = SimpleNamespace(performers=(ANNA, *SUBJECTS), props=(), request={"take": ""}, start=lambda _: run)
         monkeypatch.setattr(part("capture.request"), "make", lambda _chosen: asked)
         monkeypatch.setattr(part("take_library"), "mark_captured", lambda *_: None)
         bpy.context.scene.render.fps = 60
