@@ -16,6 +16,7 @@ from ...core.system.slowness import BUSY
 from ...core.worker.protocol import Message, MessageKind
 from ...core.worker.restart_point import RestartPoint
 from ...core.worker.supervised_client import SupervisedClient
+from .pose_log import PoseLog
 
 STOP_LIMIT_S = 8.0
 FREEZE_NOTICE_S = 0.2
@@ -93,7 +94,7 @@ class CaptureRun:
         self.phase = Phase.STARTING
         self.activity = "starting the worker"
         self.fraction: float | None = None
-        self.poses: list[ScenePose] = []
+        self.poses = PoseLog()
         self.warnings: list[str] = []
         self.persistent_warning = ""  # holds until the worker withdraws it
         self.error: PerfanimError | None = None
@@ -223,7 +224,7 @@ class CaptureRun:
             return  # a restarted worker repeats poses that were not yet in the take
         if self.poses:
             figures.lost += max(0, solved.pose.number - self.poses[-1].number - 1)
-        self.poses.append(solved.pose)
+        self.poses.append(message.payload, solved.pose)
         figures.received += 1
         figures.waiting = solved.waiting
         figures.solve_s = solved.solve_s

@@ -213,8 +213,8 @@ class LiveCapture:
         if not parts or driver is None or driver.space is None:
             return ""
         _, actions = write_take(context, TakeMotion(driver.targets, driver.props, all_poses), parts, "Capture")
-        first, last = parts[0].poses[0], parts[-1].poses[-1]
-        span = None if (first, last) == (all_poses[0], all_poses[-1]) else (first.number, last.number)
+        recorded = parts[0].poses[0].number, parts[-1].poses[-1].number
+        span = None if recorded == (all_poses[0].number, all_poses[-1].number) else recorded
         with contextlib.suppress(PerfanimError):  # there may be no take: its disk is full, its worker was killed
             take_library.mark_captured(self._take_path, request.shape(settings(context)), span)
         text = f"{sum(len(part.poses) for part in parts)} frames recorded in {', '.join(actions)}"

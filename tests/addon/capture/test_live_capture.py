@@ -92,7 +92,7 @@ def test_stop_before_the_first_frame_leaves_the_old_action(part: Any) -> None:
         assert armature.animation_data.action is None  # so that it does not pull at the bones
         capture.stop()
         tick_until(capture, lambda: capture.done)
-        capture.run.poses.clear()  # a fast machine may have sent some before the stop
+        capture.run.poses = []  # a fast machine may have sent some before the stop
         assert capture.keep(bpy.context) == ""
     finally:
         capture.close()
