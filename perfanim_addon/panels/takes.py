@@ -1,7 +1,5 @@
 """Takes panel, and the recovery offer below the Capture panel."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,37 +23,39 @@ from .capture import PERFANIM_PT_capture
 KEY = "takes"
 ROWS = 4
 
-_filling = [False]  # the list is being filled from the files, not edited by the user
 _wanted = [""]  # file of the take to select when the list is next filled
 
 
-def _changed(item: "PERFANIM_PG_take", _context: bpy.types.Context) -> None:
-    """Write an edited take to its file."""
-    if _filling[0]:
-        return
-    try:
-        known = summarise(item.path).notes
-        append_notes(item.path, replace(known, name=item.title, notes=item.notes, rating=item.rating))
-    except PerfanimError as error:
-        activity.set_message(KEY, str(error), "ERROR")
-    take_library.forget()
+def _note(name: str, default: Any) -> dict[str, Any]:
+    """Return getter and setter of a note in the take's file."""
+
+    def get(item: "PERFANIM_PG_take") -> Any:
+        return getattr(item.summary.notes, name) if item.summary is not None else default
+
+    def write(item: "PERFANIM_PG_take", value: Any) -> None:
+        try:
+            append_notes(item.path, replace(summarise(item.path).notes, **{name: value}))
+        except PerfanimError as error:
+            activity.set_message(KEY, str(error), "ERROR")
+        take_library.forget()
+
+    return {"get": get, "set": write}
 
 
 class PERFANIM_PG_take(bpy.types.PropertyGroup):
-    """A take in the list."""
+    """A take in the list; its facts and notes are those of its file."""
 
     path: bpy.props.StringProperty(name="File", description="File of the take")
-    title: bpy.props.StringProperty(name="Name", description="Name of the take", update=_changed)
-    notes: bpy.props.StringProperty(name="Notes", description="Notes about the take", update=_changed)
+    title: bpy.props.StringProperty(name="Name", description="Name of the take", **_note("name", ""))
+    notes: bpy.props.StringProperty(name="Notes", description="Notes about the take", **_note("notes", ""))
     rating: bpy.props.IntProperty(
-        name="Rating", description="Stars, 0 to 5", min=0, max=MOST_STARS, default=0, update=_changed
+        name="Rating", description="Stars, 0 to 5", min=0, max=MOST_STARS, **_note("rating", 0)
     )
-    complete: bpy.props.BoolProperty(name="Complete", description="The take was recorded to its end")
-    length: bpy.props.StringProperty(name="Length", description="Minutes and seconds")
-    created: bpy.props.StringProperty(name="Date", description="Start of the take")
-    character: bpy.props.StringProperty(name="Character", description="Character that it was last put onto")
-    used: bpy.props.StringProperty(name="Used", description="Performer, markers, method and database")
-    held: bpy.props.StringProperty(name="Size", description="Frames and disk space")
+
+    @property
+    def summary(self) -> TakeSummary | None:
+        """Facts in the file; None once it is gone."""
+        return next((take for take in take_library.listed() if str(take.path) == self.path), None)
 
 
 class PERFANIM_PG_takes(bpy.types.PropertyGroup):
@@ -81,14 +81,14 @@ class PERFANIM_UL_takes(bpy.types.UIList):
         active_property: str,
     ) -> None:
         """Draw name, stars and length; a double click edits the name."""
-        row = layout.row()
-        if item.complete:
-            row.prop(item, "title", text="", emboss=False, icon="REC")
-        else:
+        row, take = layout.row(), item.summary
+        if take is None or not take.complete:
             row.label(text=item.title, icon="ERROR")
+        else:
+            row.prop(item, "title", text="", emboss=False, icon="REC")
         facts = row.row()
         facts.alignment = "RIGHT"  # as wide as its text, to leave room for long names
-        facts.label(text=f"{'★' * item.rating}  {item.length}" if item.complete else "cut off")
+        facts.label(text=f"{'★' * item.rating}  {_length(take)}" if take and take.complete else "cut off")
 
 
 class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
@@ -118,12 +118,15 @@ class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
 
 
 def _draw_take(context: bpy.types.Context, layout: bpy.types.UILayout, item: PERFANIM_PG_take) -> None:
-    if not item.complete:
+    take = item.summary
+    if take is None:
+        return
+    if not take.complete:
         layout.operator("perfanim.recover_take", icon="FILE_REFRESH").path = item.path
         layout.operator("perfanim.delete_take", icon="TRASH").path = item.path
         return
     column = layout.column(align=True)
-    for text in (item.created, item.held, item.used):
+    for text in (take.created.replace("T", " ")[:16], size_of(take), origin_of(take)):
         drawing.draw_text(context, column, text, "BLANK1")
     column = layout.column()
     column.use_property_split = True
@@ -171,49 +174,45 @@ def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
 def _list(context: bpy.types.Context) -> PERFANIM_PG_takes:
     """Return the list; if it differs from the folder, schedule `_fill` after drawing."""
     shown = context.window_manager.perfanim_takes
-    current = [
-        (item.path, item.title, item.notes, item.rating, item.complete, item.character) for item in shown.entries
-    ]
-    if current != [_facts(take) for take in take_library.listed()] and not bpy.app.timers.is_registered(_fill):
+    if [item.path for item in shown.entries] != _paths() and not bpy.app.timers.is_registered(_fill):
         bpy.app.timers.register(_fill)
     return shown
 
 
-def _facts(take: TakeSummary) -> tuple[str, str, str, int, bool, str]:
-    notes = take.notes
-    return str(take.path), notes.name, notes.notes, notes.rating, take.complete, notes.character
+def _paths() -> list[str]:
+    return [str(take.path) for take in take_library.listed()]
 
 
 def _fill() -> None:
-    """Fill the list from the files, once, by Blender's timer."""
-    shown = bpy.context.window_manager.perfanim_takes
-    chosen = _wanted[0] or (shown.entries[shown.active].path if 0 <= shown.active < len(shown.entries) else "")
-    _wanted[0] = ""
-    with _not_by_the_user():
-        shown.entries.clear()
-        for take in take_library.listed():
-            _set(shown.entries.add(), take)
-    paths = [item.path for item in shown.entries]
+    """Fill the list from the folder, once, by Blender's timer."""
+    shown, paths = bpy.context.window_manager.perfanim_takes, _paths()
+    chosen, _wanted[0] = _wanted[0] or active_path(bpy.context), ""
+    shown.entries.clear()
+    for path in paths:
+        shown.entries.add().path = path
     shown.active = paths.index(chosen) if chosen in paths else 0
     activity.redraw_sidebars()
 
 
-def _set(item: PERFANIM_PG_take, take: TakeSummary) -> None:
-    item.path, item.title, item.notes, item.rating, item.complete, item.character = _facts(take)
-    item.length = f"{int(take.duration_s) // 60}:{int(take.duration_s) % 60:02d}"
-    item.created = take.created.replace("T", " ")[:16]
-    item.held = f"{take.frames} frames, {take_library.size_text(take_library.size([take.path]))}"
-    item.used = ", ".join(
-        text
-        for text in (
-            " and ".join(take.performers),
-            take.marker_set,
-            (take.method or SolveSettings().method) if take.performers else "no performer yet: click Solve Again",
-            f"database {take.database}" if take.database else "",
-            f"on {item.character}" if item.character else "",
-        )
-        if text
+def _length(take: TakeSummary) -> str:
+    return f"{int(take.duration_s) // 60}:{int(take.duration_s) % 60:02d}"
+
+
+def size_of(take: TakeSummary) -> str:
+    """Return frames and disk space of a take."""
+    return f"{take.frames} frames, {take_library.size_text(take_library.size([take.path]))}"
+
+
+def origin_of(take: TakeSummary) -> str:
+    """Return performers, markers, method and database of a take, and its character."""
+    texts = (
+        " and ".join(take.performers),
+        take.marker_set,
+        (take.method or SolveSettings().method) if take.performers else "no performer yet: click Solve Again",
+        f"database {take.database}" if take.database else "",
+        f"on {take.notes.character}" if take.notes.character else "",
     )
+    return ", ".join(text for text in texts if text)
 
 
 def active_path(context: bpy.types.Context) -> str:
@@ -226,15 +225,6 @@ def choose(path: Path) -> None:
     """Select a new take in the list."""
     _wanted[0] = str(path)
     take_library.forget()
-
-
-@contextmanager
-def _not_by_the_user() -> Iterator[None]:
-    _filling[0] = True
-    try:
-        yield
-    finally:
-        _filling[0] = False
 
 
 _CLASSES = (PERFANIM_PG_take, PERFANIM_PG_takes, PERFANIM_UL_takes)

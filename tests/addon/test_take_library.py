@@ -128,8 +128,8 @@ def test_the_list_shows_what_is_in_the_folder(part: Any) -> None:
     try:
         rows = {item.title: item for item in shown(part)}
         assert set(rows) == {"walk", "jump", "stand"}
-        assert (rows["walk"].complete, rows["walk"].length) == (True, "0:00")
-        assert not rows["jump"].complete
+        assert (rows["walk"].summary.complete, part("panels.takes")._length(rows["walk"].summary)) == (True, "0:00")
+        assert not rows["jump"].summary.complete
         assert [take.path for take in takes.cut_off()] == [folder / "jump.perftake"]
     finally:
         writer.close()

@@ -336,7 +336,7 @@ def test_a_take_names_all_and_each_can_be_exported(part: Any, ben: Any, tmp_path
     path = taken(part, "duel")
     part("panels.takes")._fill()
     (item,) = bpy.context.window_manager.perfanim_takes.entries
-    assert item.used == "Anna and Ben, boxing, lwr, database walks"
+    assert part("panels.takes").origin_of(item.summary) == "Anna and Ben, boxing, lwr, database walks"
     given = {"path": str(path), "kind": "BVH"}
     with pytest.raises(RuntimeError, match="Ben: the performer has no character"):
         bpy.ops.perfanim.export_take(**given, filepath=str(tmp_path / "b.bvh"), performer=2)

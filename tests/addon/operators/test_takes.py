@@ -97,15 +97,15 @@ def test_marker_takes_are_imported_into_the_list_and_played(part: Any, walk: Sim
     assert "words.trc" in text
     assert "choose the marker set that was worn" in text
     (item,) = shown(part)
-    assert (item.title, item.complete) == ("walk", True)
-    assert item.used == "Anna, locomotion, nearest, database walk"
-    assert item.held.startswith("20 frames, ")
+    assert (item.title, item.summary.complete) == ("walk", True)
+    assert part("panels.takes").origin_of(item.summary) == "Anna, locomotion, nearest, database walk"
+    assert part("panels.takes").size_of(item.summary).startswith("20 frames, ")
     bpy.context.scene.render.fps = 30
     bpy.context.scene.frame_set(7)
     assert bpy.ops.perfanim.play_take(path=item.path) == {"FINISHED"}
     armature = bpy.context.scene.perfanim.armature
     np.testing.assert_allclose(key_times(curves_of(armature)), np.arange(7, 27), atol=1e-3)
-    assert shown(part)[0].used.endswith(f"on {armature.name}")
+    assert part("panels.takes").origin_of(shown(part)[0].summary).endswith(f"on {armature.name}")
     bpy.context.scene.frame_set(15)  # half way through the walk the body stands upright there
     hips = armature.matrix_world @ armature.pose.bones["root"].head
     wanted = walk.motion.root_positions_m[8] @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]).T
@@ -142,7 +142,7 @@ def test_a_take_is_solved_again_with_other_settings(part: Any, walk: SimpleNames
     chosen = {"database": "CHOSEN", "performer": "CHOSEN", "cameras": "RECORDED", "put_on": False}
     text = run_job(part, operator, SimpleNamespace(path=path, method="local-pca", **chosen))
     assert text == "20 frames solved as walk (local-pca)"
-    assert [(i.title, i.used) for i in shown(part)] == [
+    assert [(i.title, part("panels.takes").origin_of(i.summary)) for i in shown(part)] == [
         ("walk (local-pca)", "Anna anew, locomotion, local-pca, database walk"),
         ("walk", "Anna, locomotion, nearest, database walk"),
     ]
@@ -160,7 +160,8 @@ def test_a_take_without_a_performer_is_listed_and_solved_with_the_chosen_one(par
     frames = [(0.0, replace(frame, labels=np.full(len(frame.points_m), -1))) for frame in take.frames]
     write_whole_take(bare, replace(take.setup, performers=(), database={}), TakeNotes("bare"), frames, [])
     part("take_library").forget()
-    assert {item.title: item.used for item in shown(part)}["bare"] == "no performer yet: click Solve Again"
+    (item,) = (item for item in shown(part) if item.title == "bare")
+    assert part("panels.takes").origin_of(item.summary) == "no performer yet: click Solve Again"
     for operator in (bpy.ops.perfanim.play_take, bpy.ops.perfanim.export_take):
         with pytest.raises(RuntimeError, match="bare: has no solved poses; click Solve Again"):
             operator(path=str(bare))
