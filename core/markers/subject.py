@@ -1,7 +1,7 @@
 """Subject: the skeleton and the marker offsets of one person."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,18 @@ class Subject:
     def __post_init__(self) -> None:
         self.marker_set.joint_indices(self.skeleton)
         _ = self.marker_set.offsets_m
+
+    def wearing(self, marker_set: MarkerSet) -> "Subject":
+        """Return the subject with the markers of a set; SubjectError if one is not calibrated."""
+        unknown = [each.text or each.name for each in marker_set.markers if each.name not in self.marker_set.names]
+        if not unknown:
+            return replace(self, marker_set=self.marker_set.subset(marker_set.names))
+        own = self.marker_set.name
+        raise SubjectError(
+            f"calibrated with the markers {own}, without {', '.join(unknown)} of {marker_set.name}",
+            where=self.name,
+            advice=f"choose {own} as the marker set, or calibrate the performer with {marker_set.name}",
+        )
 
 
 def save_subject(subject: Subject, path: str | Path) -> None:

@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ...core.body.scene_pose import ScenePose
 from ...core.errors import CaptureError, PerfanimError
 from ...core.system.slowness import BUSY
+from ...core.worker.client import WorkerClient
 from ...core.worker.protocol import Message, MessageKind
 from ...core.worker.restart_point import RestartPoint
 from ...core.worker.supervised_client import SupervisedClient
@@ -30,28 +31,6 @@ class Phase(Enum):
     RUNNING = "capturing"
     FINISHING = "finishing"
     DONE = "done"
-
-
-class Client(Protocol):
-    """Worker client as a capture uses it."""
-
-    @property
-    def ended(self) -> bool: ...  # noqa: D102
-
-    @property
-    def may_restart(self) -> bool: ...  # noqa: D102
-
-    def restart(self, **changes: Any) -> None: ...  # noqa: D102
-
-    def poll(self) -> list[Message]: ...  # noqa: D102
-
-    def acknowledge(self, frames: int) -> None: ...  # noqa: D102
-
-    def set_filter(self, settings: Mapping[str, Any]) -> None: ...  # noqa: D102
-
-    def request_stop(self) -> None: ...  # noqa: D102
-
-    def close(self) -> None: ...  # noqa: D102
 
 
 @dataclass
@@ -90,7 +69,7 @@ class Statistics:
 class CaptureRun:
     """One capture; a worker that dies or hangs is replaced, and the capture continues."""
 
-    def __init__(self, client: Client, clock: Callable[[], float] = time.perf_counter) -> None:
+    def __init__(self, client: WorkerClient, clock: Callable[[], float] = time.perf_counter) -> None:
         self.phase = Phase.STARTING
         self.activity = "starting the worker"
         self.fraction: float | None = None

@@ -1,7 +1,7 @@
 """Status of each step before a capture, for its panel and for Start Capture."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -101,14 +101,10 @@ def worn_subject(settings: Any) -> Subject | PerfanimError:
     found, chosen = subject(absolute(settings.subject)), marker_set(settings)
     if isinstance(found, PerfanimError) or isinstance(chosen, PerfanimError):
         return found if isinstance(found, PerfanimError) else chosen
-    unknown = [marker.text or marker.name for marker in chosen.markers if marker.name not in found.marker_set.names]
-    if not unknown:
-        return replace(found, marker_set=found.marker_set.subset(chosen.names))
-    return SubjectError(
-        f"calibrated with the markers {found.marker_set.name}, without {', '.join(unknown)} of {chosen.name}",
-        where=found.name,
-        advice=f"choose {found.marker_set.name} under Markers, or calibrate the performer with {chosen.name}",
-    )
+    try:
+        return found.wearing(chosen)
+    except SubjectError as error:
+        return error
 
 
 def starter_database_path() -> Path:

@@ -1,6 +1,7 @@
 """`perfanim calibrate subject`: skeleton and marker offsets from a held pose."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -145,14 +146,7 @@ def _from_motion(
 ) -> Subject:
     """Return the subject fitted to the take's motion."""
     if before:
-        unknown = [marker for marker in marker_set.names if marker not in before.marker_set.names]
-        if unknown:
-            raise SettingsError(
-                "the subject to refine is calibrated without " + ", ".join(unknown),
-                where=str(args.refine),
-                advice="give the marker set that it was calibrated with",
-            )
-        start = Subject(name, before.skeleton, before.marker_set.subset(marker_set.names))
+        start = replace(before.wearing(marker_set), name=name)
     else:
         height_m = 1.7 if args.height is None else args.height
         check_height(height_m)

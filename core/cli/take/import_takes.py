@@ -92,16 +92,7 @@ def _subject(args: argparse.Namespace, marker_set: MarkerSet | None) -> Subject:
         assert marker_set is not None  # noqa: S101 - without a subject the labels choose a set
         return Subject("average body", default_skeleton(args.height), marker_set)
     subject = load_subject(args.subject)
-    if marker_set is None:
-        return subject
-    unknown = [name for name in marker_set.names if name not in subject.marker_set.names]
-    if unknown:
-        raise SubjectError(
-            f"is calibrated without {', '.join(unknown)} of the marker set {marker_set.name}",
-            where=str(args.subject),
-            advice="calibrate the subject with this marker set",
-        )
-    return replace(subject, marker_set=subject.marker_set.subset(marker_set.names))
+    return subject if marker_set is None else subject.wearing(marker_set)
 
 
 def _import_one(

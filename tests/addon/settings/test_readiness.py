@@ -82,7 +82,9 @@ def test_the_chosen_markers_must_be_the_subjects(
     chosen.subject = str(path)
     chosen.marker_set = "boxing"
     problem = states.first_missing_step(chosen)
-    assert problem.startswith("Anna: calibrated with the markers locomotion, without head of boxing; choose locomotion")
+    assert problem.startswith(
+        "Anna: calibrated with the markers locomotion, without head of boxing; choose locomotion as"
+    )
     chosen.marker_set = "locomotion"
     assert states.first_missing_step(chosen) == ""
     # fewer markers than calibrated may be worn: the choice decides
