@@ -31,7 +31,7 @@ class Subject:
         _ = self.marker_set.offsets_m
 
     def wearing(self, marker_set: MarkerSet) -> "Subject":
-        """Return the subject with the markers of a set; SubjectError if one is not calibrated."""
+        """Return the subject with a set's markers; SubjectError for one not calibrated."""
         unknown = [each.text or each.name for each in marker_set.markers if each.name not in self.marker_set.names]
         if not unknown:
             return replace(self, marker_set=self.marker_set.subset(marker_set.names))

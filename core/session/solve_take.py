@@ -13,7 +13,9 @@ from ..errors import TakeError
 from ..formats.take_file.reading import TakeFile
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array
+from ..markers.filtering import smooth_on_body
 from ..markers.frame_rate import frame_rate
+from ..markers.gap_filling import fill_gaps, widen_gaps
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
@@ -75,6 +77,21 @@ def solve_take(
     poses, seconds = solve_frames(frames, session, f"solving {take.name}", progress)
     motion = motion_of([pose.performers[0] for pose in poses], subject, take.name, take.fps)
     return SolvedTake(tuple(poses), (motion,), seconds)
+
+
+def fill_take(
+    take: MarkerTake, subject: Subject, database: Database, noise_hz: float | None, progress: Progress
+) -> tuple[MarkerTake, SolvedTake]:
+    """Return a labelled take with its gaps filled by the body, and the solved body.
+
+    With `noise_hz`, offsets of measured markers from the body are low-passed, too.
+    """
+    solved = solve_take(widen_gaps(take), subject, database, SolveSettings(), progress)
+    filled = fill_gaps(take, subject.marker_set, solved.motion)
+    if noise_hz is None:
+        return filled, solved
+    solved = solve_take(filled, subject, database, SolveSettings(), progress)
+    return smooth_on_body(filled, subject.marker_set, solved.motion, noise_hz), solved
 
 
 def solve_recorded(

@@ -6,7 +6,7 @@ fit is one ridge regression about the usual proportions and offsets (cf. the att
 where joint centres are linear in the same way).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -45,24 +45,12 @@ _PARTS: dict[str, tuple[str, ...]] = {
 }
 
 
-@dataclass(frozen=True)
-class MotionFit:
-    """A subject fitted to motion.
-
-    Args:
-        subject: skeleton and offsets; its residual is the RMS marker error over the frames, metres.
-    """
-
-    subject: Subject
-    frames: int
-
-
 def subject_from_motion(
     take: MarkerTake,
     start: Subject,
     database: Database,
     progress: Progress = lambda fraction, text: None,
-) -> MotionFit:
+) -> Subject:
     """Return the subject with the bones and offsets that explain a take best.
 
     Args:
@@ -70,13 +58,16 @@ def subject_from_motion(
         start: first guess of the body with the usual offsets, to which the result is drawn.
         database: motion of the kind that the take shows.
 
+    Returns:
+        The subject; its residual is the RMS marker error over the frames, metres.
+
     Raises:
         SubjectError: too few frames could be explained.
         TakeError: the take lacks torso markers.
     """
     part = frames_of(take, slice(0, _MOST_FRAMES))
     observed = _observed(part, start.marker_set)
-    subject, used = start, 0
+    subject = start
     for round_ in range(_ROUNDS):
         progress(round_ / _ROUNDS, "fitting the body")
         rotations, good = _poses(part, subject, database)
@@ -84,7 +75,7 @@ def subject_from_motion(
         if used < _FEWEST_FRAMES:
             raise _refusal(used, observed[:, start.marker_set.torso], take.name)
         subject = _fitted(rotations[good], observed[good], start)
-    return MotionFit(subject, used)
+    return subject
 
 
 def _refusal(used: int, torso: Array, name: str) -> SubjectError:

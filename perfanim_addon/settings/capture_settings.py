@@ -185,7 +185,7 @@ class CalibrationSettings:
         ),
     )
     board_views: bpy.props.IntProperty(
-        name="Maximum Views",
+        name="Max Views",
         description="Stop after this many views of the board even if the result is not good",
         default=40,
         min=3,

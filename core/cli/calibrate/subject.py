@@ -151,7 +151,7 @@ def _from_motion(
         height_m = 1.7 if args.height is None else args.height
         check_height(height_m)
         start = Subject(name, default_skeleton(height_m), marker_set)
-    return subject_from_motion(take, start, open_database(args.database), progress).subject
+    return subject_from_motion(take, start, open_database(args.database), progress)
 
 
 def part(take: MarkerTake, text: str | None) -> MarkerTake:

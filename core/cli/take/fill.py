@@ -9,14 +9,12 @@ from ...database.store import Database, open_database
 from ...errors import TakeError
 from ...formats.markers.marker_files import WRITABLE, check_writable, is_recorded, read_take
 from ...formats.markers.rewrite_take import rewrite_take
-from ...markers.filtering import smooth_on_body
-from ...markers.gap_filling import fill_gaps, find_gaps, widen_gaps
+from ...markers.gap_filling import find_gaps
 from ...markers.label_matching import AUTO, choose_marker_set, load_names, match_labels, rename_labels
 from ...markers.marker_take import MarkerTake
 from ...markers.subject import Subject, load_subject
 from ...markers.take_frames import is_unnamed
-from ...session.solve_take import solve_take
-from ...solver.settings import SolveSettings
+from ...session.solve_take import fill_take
 from ...subjects.from_motion import subject_from_motion
 from ...system.progress import Progress
 from ..options import add_names_option, check_height
@@ -65,11 +63,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         raise TakeError("holds no trajectories to fill", where=str(args.take), advice=advice)
     take = rename_labels(read, load_names(args.names)) if args.names is not None else read
     subject, take = _subject_and_take(args, take, database, progress)
-    solved = solve_take(widen_gaps(take), subject, database, SolveSettings(), progress)
-    filled = fill_gaps(take, subject.marker_set, solved.motion)
-    if args.filter is not None:
-        solved = solve_take(filled, subject, database, SolveSettings(), progress)
-        filled = smooth_on_body(filled, subject.marker_set, solved.motion, args.filter)
+    filled, solved = fill_take(take, subject, database, args.filter, progress)
     new = filled.visible & ~take.visible
     lengths = [gap.frames for gap in find_gaps(take.visible) if new[gap.start, gap.marker]]
     warnings = rewrite_take(args.take, replace(read, positions_m=filled.positions_m), args.out)
@@ -97,4 +91,4 @@ def _subject_and_take(
     marker_set = choose_marker_set(args.marker_set, take.names, str(args.take))
     named = match_labels(take.names, marker_set).rename(take)
     start = Subject("performer", default_skeleton(args.height), marker_set)
-    return subject_from_motion(named, start, database, progress).subject, named
+    return subject_from_motion(named, start, database, progress), named
