@@ -12,6 +12,7 @@ from ...core.system.assets import MOTION
 from ..jobs.job import Job, command
 from ..preferences import preferences
 from ..preferences.paths import user_folder
+from ..preferences.property_kinds import switch
 from ..settings import readiness
 from ..settings.capture_settings import settings
 from .common import PanelOperator
@@ -62,14 +63,8 @@ class PERFANIM_OT_build_database(JobOperator, bpy.types.Operator, ImportHelper):
     filter_glob: bpy.props.StringProperty(default="*.bvh;*.amc;*.asf;*.zip;*.tar;*.gz;*.tgz", options={"HIDDEN"})
     files: bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
     directory: bpy.props.StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
-    mirror: bpy.props.BoolProperty(
-        name="Mirrored Copies", description="Add every clip with left and right swapped", default=False
-    )
-    cull: bpy.props.BoolProperty(
-        name="Skip Near-Duplicates",
-        description="Skip motion that is within one degree per joint angle of an earlier clip",
-        default=False,
-    )
+    mirror: switch("Mirrored Copies", "Add every clip with left and right swapped")
+    cull: switch("Skip Near-Duplicates", "Skip motion that is within one degree per joint angle of an earlier clip")
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         """Return the command."""

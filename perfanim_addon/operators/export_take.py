@@ -17,6 +17,7 @@ from ..capture.write_take import increasing, pose_arrays
 from ..export.export_animation import ENDINGS, Form, TimedPoses, export_poses
 from ..panels.takes import KEY as PANEL
 from ..preferences.paths import absolute
+from ..preferences.property_kinds import choice, number, switch
 from .common import PanelOperator, report_error
 from .put_on_character import TakeOperator, recorded_poses, take_motion
 
@@ -31,10 +32,10 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
     bl_label = "Export Take"
     filename_ext = ""
     check_extension = None
-    kind: bpy.props.EnumProperty(
-        name="Format",
-        description="File format",
-        items=(
+    kind: choice(
+        "Format",
+        "File format",
+        (
             ("BVH", "BVH", "Bones and motion, Y up"),
             ("FBX", "FBX", "Character and motion"),
             ("GLTF", "glTF", "Character and motion in one file (.glb)"),
@@ -43,10 +44,10 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
         ),
         options={"SKIP_SAVE"},
     )
-    naming: bpy.props.EnumProperty(
-        name="Naming",
-        description="Bone naming convention",
-        items=(
+    naming: choice(
+        "Naming",
+        "Bone naming convention",
+        (
             ("OWN", "Unchanged", "The character's own bone names"),
             ("unreal", "Unreal", "The mannequin of Unreal Engine 5"),
             ("vrm", "VRM", "Humanoid bones of VRM 1.0"),
@@ -54,23 +55,9 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
             ("cmu", "CMU", "The CMU Motion Capture Database, as on a new character"),
         ),
     )
-    rate: bpy.props.FloatProperty(
-        name="Rate (Hz)",
-        description="Frames per second of the file; 0 for the recorded rate",
-        default=0,
-        min=0,
-        max=1000,
-    )
-    scale: bpy.props.FloatProperty(
-        name="Scale",
-        description="BVH units per scene unit: 100 for centimetres if the scene has metres",
-        default=1,
-        min=0.001,
-        max=1000,
-    )
-    meshes: bpy.props.BoolProperty(
-        name="Meshes", description="Include the meshes deformed by the armature", default=True
-    )
+    rate: number("Rate (Hz)", "Frames per second of the file; 0 for the recorded rate", 0, 0, 1000)
+    scale: number("Scale", "BVH units per scene unit: 100 for centimetres if the scene has metres", 1, 0.001, 1000)
+    meshes: switch("Meshes", "Include the meshes deformed by the armature", default=True)
     performer: bpy.props.IntProperty(
         name="Performer",
         description="Number of the performer in the take, exported on their own character",

@@ -14,6 +14,7 @@ from ...core.solver.settings import METHODS
 from .. import take_library
 from ..panels import takes
 from ..preferences.paths import absolute
+from ..preferences.property_kinds import choice, switch
 from ..settings import readiness
 from ..settings.capture_settings import settings
 from .database import SolvingOperator
@@ -33,7 +34,7 @@ def _recorded_or_chosen(name: str, thing: str, panel: str, default: str) -> Any:
         ("RECORDED", "As Recorded", f"The {thing} that the take was recorded with"),
         ("CHOSEN", "As Chosen", f"The {thing} chosen under {panel}"),
     )
-    return bpy.props.EnumProperty(name=name, description=f"Source of the {thing}", items=items, default=default)
+    return choice(name, f"Source of the {thing}", items, default)
 
 
 class PERFANIM_OT_solve_take(TakeOperator, SolvingOperator, bpy.types.Operator):
@@ -42,13 +43,11 @@ class PERFANIM_OT_solve_take(TakeOperator, SolvingOperator, bpy.types.Operator):
     bl_idname = "perfanim.solve_take"
     bl_label = "Solve Again"
     title = "Solving the take"
-    method: bpy.props.EnumProperty(name="Method", description="Solver method", items=_METHODS, default="best")
+    method: choice("Method", "Solver method", _METHODS, "best")
     database: _recorded_or_chosen("Database", "motion database", "Motion Database", "CHOSEN")
     performer: _recorded_or_chosen("Performer", "performer", "Subject", "RECORDED")
     cameras: _recorded_or_chosen("Cameras", "calibration of the cameras", "Cameras", "RECORDED")
-    put_on: bpy.props.BoolProperty(
-        name="Put on Character", description="Put the result onto the character at once", default=True
-    )
+    put_on: switch("Put on Character", "Put the result onto the character at once", default=True)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Ask for the settings."""
@@ -96,10 +95,8 @@ class PERFANIM_OT_import_takes(SolvingOperator, bpy.types.Operator, ImportHelper
     )
     files: bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
     directory: bpy.props.StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
-    up: bpy.props.EnumProperty(
-        name="Up", description="Up axis of the files", items=[(up, *_UP_TEXTS[up]) for up in UPS], default="auto"
-    )
-    method: bpy.props.EnumProperty(name="Method", description="Solver method", items=_METHODS, default="best")
+    up: choice("Up", "Up axis of the files", [(up, *_UP_TEXTS[up]) for up in UPS], "auto")
+    method: choice("Method", "Solver method", _METHODS, "best")
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the options, the performer and the markers."""

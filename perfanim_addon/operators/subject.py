@@ -11,6 +11,7 @@ from ...core.errors import SubjectError
 from ...core.markers.subject import Subject, save_subject
 from ..capture import request, sound
 from ..preferences.paths import absolute, user_folder
+from ..preferences.property_kinds import choice
 from ..settings import readiness
 from ..settings.capture_settings import settings
 from .common import PanelOperator
@@ -156,7 +157,7 @@ class PERFANIM_OT_use_profile(PanelOperator, bpy.types.Operator):
     bl_label = "Calibrated Performers"
     bl_options = {"REGISTER", "UNDO"}
 
-    profile: bpy.props.EnumProperty(name="Performer", description="Performer to use", items=_profile_items)
+    profile: choice("Performer", "Performer to use", _profile_items)
     target: bpy.props.IntProperty(
         name="Target",
         description="Index of the additional target; -1 for the first performer",

@@ -9,6 +9,7 @@ from ...core.formats.take_file.reading import summarise
 from ...core.formats.take_file.setup import MOST_STARS
 from .. import take_library
 from ..panels.takes import KEY as PANEL
+from ..preferences.property_kinds import choice, switch, whole_number
 from .common import PanelOperator
 
 
@@ -46,7 +47,7 @@ class PERFANIM_OT_restore_take(_FileOperator, bpy.types.Operator):
 
     bl_idname = "perfanim.restore_take"
     bl_label = "Restore"
-    take: bpy.props.EnumProperty(name="Take", description="Take to restore", items=_deleted_items)
+    take: choice("Take", "Take to restore", _deleted_items)
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
@@ -65,16 +66,10 @@ class PERFANIM_OT_clean_up_takes(_FileOperator, bpy.types.Operator):
 
     bl_idname = "perfanim.clean_up_takes"
     bl_label = "Clean Up Takes"
-    deleted: bpy.props.BoolProperty(
-        name="Deleted Takes", description="Deleted takes, and damaged files that were recovered", default=True
-    )
-    old: bpy.props.BoolProperty(
-        name="Old Takes", description="Listed takes that are older and have no more stars than below", default=False
-    )
-    days: bpy.props.IntProperty(name="Older Than (Days)", description="Age of old takes", default=90, min=0, max=10_000)
-    stars: bpy.props.IntProperty(
-        name="Maximum Stars", description="Takes with more stars are kept", default=0, min=0, max=MOST_STARS
-    )
+    deleted: switch("Deleted Takes", "Deleted takes, and damaged files that were recovered", default=True)
+    old: switch("Old Takes", "Listed takes that are older and have no more stars than below")
+    days: whole_number("Older Than (Days)", "Age of old takes", 90, 0, 10_000)
+    stars: whole_number("Maximum Stars", "Takes with more stars are kept", 0, 0, MOST_STARS)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Show the files to be removed, and ask."""

@@ -8,6 +8,7 @@ import bpy
 from ...core.solver.settings import METHODS
 from . import diagnostics_ui, sidebar_tab
 from .paths import ADDON, CHOSEN_FOLDERS, folder_problem
+from .property_kinds import choice, file_path, folder_path, number, switch, whole_number
 from .sidebar_tab import DEFAULT_TAB
 
 _METHOD_TEXTS = {
@@ -29,28 +30,22 @@ def _marker_sets(_self: object, _context: object, typed: str) -> Iterator[str]:
 
 
 def _folder(name: str, content: str) -> Any:
-    return bpy.props.StringProperty(
-        name=name, description=f"Folder for {content}; empty for the add-on's user folder", subtype="DIR_PATH"
-    )
+    return folder_path(name, f"Folder for {content}; empty for the add-on's user folder")
 
 
 def _automatic(what: str) -> Any:
-    return bpy.props.BoolProperty(name=f"Automatic {what}", description=f"Leave {what} to the camera", default=True)
-
-
-def _number(name: str, description: str, default: float, least: float, most: float) -> Any:
-    return bpy.props.FloatProperty(name=name, description=description, default=default, min=least, max=most)
+    return switch(f"Automatic {what}", f"Leave {what} to the camera", default=True)
 
 
 class PERFANIM_PG_camera_controls(bpy.types.PropertyGroup):
     """Controls of one camera, stored with the preferences."""
 
     exposure_auto: _automatic("exposure")
-    exposure_ms: _number("Exposure (ms)", "Exposure time: 2 to 4 ms keep fast markers sharp", 4, 0.1, 1000)
+    exposure_ms: number("Exposure (ms)", "Exposure time: 2 to 4 ms keep fast markers sharp", 4, 0.1, 1000)
     gain_auto: _automatic("gain")
-    gain: _number("Gain", "In the camera's own units", 0, 0, 1000)
+    gain: number("Gain", "In the camera's own units", 0, 0, 1000)
     focus_auto: _automatic("focus")
-    focus: _number("Focus", "In the camera's own units. Changing the focus invalidates the calibration", 0, 0, 1023)
+    focus: number("Focus", "In the camera's own units. Changing the focus invalidates the calibration", 0, 0, 1023)
 
 
 class PERFANIM_AP_preferences(bpy.types.AddonPreferences):
@@ -73,28 +68,16 @@ class PERFANIM_AP_preferences(bpy.types.AddonPreferences):
         default="boxing",
         search=_marker_sets,
     )
-    database: bpy.props.StringProperty(
-        name="Database",
-        description="Motion database of new files; empty for the starter database",
-        subtype="FILE_PATH",
+    database: file_path("Database", "Motion database of new files; empty for the starter database")
+    method: choice(
+        "Method",
+        "Solver method while capturing; takes can be solved again with another",
+        [(name, name, _METHOD_TEXTS[name]) for name in METHODS],
+        "best",
     )
-    method: bpy.props.EnumProperty(
-        name="Method",
-        description="Solver method while capturing; takes can be solved again with another",
-        items=[(name, name, _METHOD_TEXTS[name]) for name in METHODS],
-        default="best",
-    )
-    worker_python: bpy.props.StringProperty(
-        name="Worker's Python",
-        description="Python program of the worker; empty for Blender's own",
-        subtype="FILE_PATH",
-    )
-    workers: bpy.props.IntProperty(
-        name="Processes",
-        description="Number of processes that read motion files during Import Motion; 0 for one per core",
-        default=0,
-        min=0,
-        max=64,
+    worker_python: file_path("Worker's Python", "Python program of the worker; empty for Blender's own")
+    workers: whole_number(
+        "Processes", "Number of processes that read motion files during Import Motion; 0 for one per core", 0, 0, 64
     )
     left_camera: bpy.props.PointerProperty(
         name="Left Camera", description="Controls of the left camera", type=PERFANIM_PG_camera_controls

@@ -13,6 +13,7 @@ from .. import take_library
 from ..preferences import preferences
 from ..preferences.attach_settings import attach_property_group
 from ..preferences.paths import absolute
+from ..preferences.property_kinds import choice, file_path, folder_path, switch, whole_number
 from . import readiness
 from .capture_settings import settings
 
@@ -29,47 +30,25 @@ NAMINGS = (
 class PERFANIM_PG_batch(bpy.types.PropertyGroup):
     """Settings of the Batch panel."""
 
-    plan: bpy.props.StringProperty(
-        name="Plan", description="Plan file (TOML); empty for the settings below", subtype="FILE_PATH"
+    plan: file_path("Plan", "Plan file (TOML); empty for the settings below")
+    takes: folder_path(
+        "Takes", "Folder of takes (C3D, TRC, CSV, TSV, recorded), with subfolders; empty for the takes in the list"
     )
-    takes: bpy.props.StringProperty(
-        name="Takes",
-        description="Folder of takes (C3D, TRC, CSV, TSV, recorded), with subfolders; empty for the takes in the list",
-        subtype="DIR_PATH",
-    )
-    out: bpy.props.StringProperty(
-        name="Results", description="Folder for the results; finished takes in it are skipped", subtype="DIR_PATH"
-    )
-    naming: bpy.props.EnumProperty(
-        name="Naming", description="Joint naming convention of the files", items=NAMINGS, default="cmu"
-    )
-    angles: bpy.props.BoolProperty(
-        name="Joint Angles", description="Also write a table of joint angles (CSV) of each take", default=False
-    )
-    vrma: bpy.props.BoolProperty(
-        name="VRM Animation", description="Also write a VRM animation of each take", default=False
-    )
-    character: bpy.props.StringProperty(
-        name="Character",
-        description="Also put each motion onto the character in this file (.blend, glTF, VRM, FBX)",
-        subtype="FILE_PATH",
-    )
-    save_as: bpy.props.EnumProperty(
-        name="Save As",
-        description="File format of the characters",
-        items=(
+    out: folder_path("Results", "Folder for the results; finished takes in it are skipped")
+    naming: choice("Naming", "Joint naming convention of the files", NAMINGS, "cmu")
+    angles: switch("Joint Angles", "Also write a table of joint angles (CSV) of each take")
+    vrma: switch("VRM Animation", "Also write a VRM animation of each take")
+    character: file_path("Character", "Also put each motion onto the character in this file (.blend, glTF, VRM, FBX)")
+    save_as: choice(
+        "Save As",
+        "File format of the characters",
+        (
             ("blend", "Blender File", "The whole scene (.blend)"),
             ("fbx", "FBX", "Character and motion (.fbx)"),
             ("glb", "glTF", "Character and motion (.glb)"),
         ),
     )
-    processes: bpy.props.IntProperty(
-        name="Processes",
-        description="Number of takes solved at a time; 0 for all cores but one",
-        default=0,
-        min=0,
-        max=256,
-    )
+    processes: whole_number("Processes", "Number of takes solved at a time; 0 for all cores but one", 0, 0, 256)
 
 
 def problem(chosen: Any) -> str:

@@ -7,6 +7,7 @@ import bpy
 from ..animation.keyframes import KeyBounds
 from ..animation.placement import Placement, PlacementMode
 from ..preferences.attach_settings import attach_property_group
+from ..preferences.property_kinds import choice, number, switch
 
 _ONTO = (
     (PlacementMode.ACTION.name, "New Action", "Replace the active action, which is kept in the file"),
@@ -22,22 +23,17 @@ _ONTO = (
 class PERFANIM_PG_result(bpy.types.PropertyGroup):
     """Settings of Put on Character and of captures."""
 
-    onto: bpy.props.EnumProperty(
-        name="Insert As", description="Destination of the keyframes", items=_ONTO, default=PlacementMode.ACTION.name
+    onto: choice("Insert As", "Destination of the keyframes", _ONTO, default=PlacementMode.ACTION.name)
+    start: choice(
+        "Start",
+        "Scene frame at which a take begins",
+        (("PLAYHEAD", "At Playhead", "At the scene's current frame"), ("FIRST", "Frame 1", "At frame 1")),
+        "PLAYHEAD",
     )
-    start: bpy.props.EnumProperty(
-        name="Start",
-        description="Scene frame at which a take begins",
-        items=(
-            ("PLAYHEAD", "At Playhead", "At the scene's current frame"),
-            ("FIRST", "Frame 1", "At frame 1"),
-        ),
-        default="PLAYHEAD",
-    )
-    filters: bpy.props.EnumProperty(
-        name="Filters",
-        description="Smoothing and foot lock of the keyframes",
-        items=(
+    filters: choice(
+        "Filters",
+        "Smoothing and foot lock of the keyframes",
+        (
             (
                 "RECORDED",
                 "As Recorded",
@@ -45,32 +41,14 @@ class PERFANIM_PG_result(bpy.types.PropertyGroup):
             ),
             ("CHOSEN", "As Set", "As set in the Capture panel"),
         ),
-        default="RECORDED",
+        "RECORDED",
     )
-    only_selected: bpy.props.BoolProperty(
-        name="Selected Bones Only",
-        description="Animate only the bones selected in Pose Mode; the others keep their own animation",
-        default=False,
+    only_selected: switch(
+        "Selected Bones Only", "Animate only the bones selected in Pose Mode; the others keep their own animation"
     )
-    reduce: bpy.props.BoolProperty(
-        name="Fewer Keys",
-        description="Remove keyframes as long as the motion stays within the tolerances in every frame",
-        default=False,
-    )
-    reduce_deg: bpy.props.FloatProperty(
-        name="Tolerance (°)",
-        description="Largest rotation error of each bone relative to its parent",
-        default=0.5,
-        min=0.01,
-        max=20.0,
-    )
-    reduce_mm: bpy.props.FloatProperty(
-        name="Tolerance (mm)",
-        description="Largest location error of the hips",
-        default=2.0,
-        min=0.01,
-        max=200.0,
-    )
+    reduce: switch("Fewer Keys", "Remove keyframes as long as the motion stays within the tolerances in every frame")
+    reduce_deg: number("Tolerance (°)", "Largest rotation error of each bone relative to its parent", 0.5, 0.01, 20.0)
+    reduce_mm: number("Tolerance (mm)", "Largest location error of the hips", 2.0, 0.01, 200.0)
 
 
 def placement(

@@ -16,6 +16,7 @@ from ..character.posing import map_problem
 from ..character.prop_mesh import add_prop_object
 from ..preferences.attach_settings import attach_property_group
 from ..preferences.paths import absolute
+from ..preferences.property_kinds import choice, file_path
 from . import readiness
 from .capture_settings import find_bones, is_armature
 
@@ -31,23 +32,15 @@ _KINDS = (
 class PERFANIM_PG_target(bpy.types.PropertyGroup):
     """A prop with its object, or a further performer with their character."""
 
-    kind: bpy.props.EnumProperty(name="Kind", description="Kind of target", items=_KINDS)
-    definition: bpy.props.StringProperty(
-        name="Definition",
-        description="Measured prop (TOML); empty for the simulated performer's sword",
-        subtype="FILE_PATH",
-    )
+    kind: choice("Kind", "Kind of target", _KINDS)
+    definition: file_path("Definition", "Measured prop (TOML); empty for the simulated performer's sword")
     object: bpy.props.PointerProperty(
         name="Object",
         description="Object that follows the prop, upright along its Z axis; empty adds a simple one",
         type=bpy.types.Object,
         poll=lambda _self, candidate: candidate.type != "ARMATURE",
     )
-    subject: bpy.props.StringProperty(
-        name="Subject",
-        description="Calibrated performer (TOML); empty for another simulated performer",
-        subtype="FILE_PATH",
-    )
+    subject: file_path("Subject", "Calibrated performer (TOML); empty for another simulated performer")
     armature: bpy.props.PointerProperty(
         name="Armature",
         description="Armature that follows this performer; empty adds a new character at the start",

@@ -7,27 +7,20 @@ import bpy
 
 from ...core.formats.vmc.ports import MARIONETTE_PORT
 from ..preferences.attach_settings import attach_property_group
+from ..preferences.property_kinds import switch, whole_number
 
 
 class PERFANIM_PG_sending(bpy.types.PropertyGroup):
     """Receiver of the live motion."""
 
-    on: bpy.props.BoolProperty(
-        name="Send by VMC",
-        description="Send the live motion to another program (avatars, game engines) over the Virtual Motion Capture "
-        "protocol",
-        default=False,
+    on: switch(
+        "Send by VMC",
+        "Send the live motion to another program (avatars, game engines) over the Virtual Motion Capture protocol",
     )
     host: bpy.props.StringProperty(
         name="Host", description="Name or address of the receiving computer", default="127.0.0.1"
     )
-    port: bpy.props.IntProperty(
-        name="Port",
-        description="UDP port of the receiving program",
-        default=MARIONETTE_PORT,
-        min=1,
-        max=65535,
-    )
+    port: whole_number("Port", "UDP port of the receiving program", MARIONETTE_PORT, 1, 65535)
 
 
 def problem(chosen: Any) -> str:

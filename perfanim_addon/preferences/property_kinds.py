@@ -1,0 +1,40 @@
+"""Kinds of properties that settings and operators have in common."""
+
+from typing import Any
+
+import bpy
+
+
+def switch(name: str, description: str, default: bool = False, **more: Any) -> Any:
+    """Return a property that is on or off."""
+    return bpy.props.BoolProperty(name=name, description=description, default=default, **more)
+
+
+def number(name: str, description: str, default: float, least: float, most: float, **more: Any) -> Any:
+    """Return a number within bounds."""
+    return bpy.props.FloatProperty(name=name, description=description, default=default, min=least, max=most, **more)
+
+
+def whole_number(name: str, description: str, default: int, least: int, most: int, **more: Any) -> Any:
+    """Return a whole number within bounds."""
+    return bpy.props.IntProperty(name=name, description=description, default=default, min=least, max=most, **more)
+
+
+def duration(name: str, description: str, default: float, least: float, most: float) -> Any:
+    """Return a time in seconds."""
+    return number(name, description, default, least, most, subtype="TIME_ABSOLUTE")
+
+
+def choice(name: str, description: str, items: Any, default: Any = None, **more: Any) -> Any:
+    """Return a choice among items; without a default the first."""
+    return bpy.props.EnumProperty(name=name, description=description, items=items, default=default, **more)
+
+
+def file_path(name: str, description: str) -> Any:
+    """Return a property for a file."""
+    return bpy.props.StringProperty(name=name, description=description, subtype="FILE_PATH")
+
+
+def folder_path(name: str, description: str) -> Any:
+    """Return a property for a folder."""
+    return bpy.props.StringProperty(name=name, description=description, subtype="DIR_PATH")
