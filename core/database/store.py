@@ -7,7 +7,7 @@ arrays. The file length and the digest reveal a file that was cut off or changed
 import hashlib
 import json
 import struct
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -154,34 +154,6 @@ def mean_and_poses(rotations: NDArray[Any] | FrameFile) -> tuple[Array, FloatArr
         part = slice(start, start + _CHUNK)
         poses[part] = pose_from_rotations(rotations[part], mean_rotations)
     return mean_rotations, poses
-
-
-def write_database(
-    path: str | Path,
-    fps: float,
-    rotations: NDArray[Any],
-    root_positions_m: NDArray[Any],
-    clips: Sequence[Clip],
-    skeletons: Sequence[Skeleton],
-    graph: GraphSettings | None = None,
-) -> None:
-    """Write a database file from local rotations.
-
-    Args:
-        rotations: (F, J, 4) of the standard skeleton's joints relative to rest, root included.
-        root_positions_m: (F, 3).
-        clips: cover the frames in order without gaps.
-
-    Raises:
-        DatabaseError: there are no frames, or the parts do not fit together.
-    """
-    if len(rotations) == 0:
-        raise DatabaseError("has no motion to store", where=str(path), advice="add files with motion")
-    if rotations.shape[1:] != (len(JOINT_NAMES), 4):
-        raise DatabaseError(f"rotations have shape {rotations.shape}, not (F, {len(JOINT_NAMES)}, 4)", where=str(path))
-    mean_rotations, poses = mean_and_poses(rotations)
-    parts = (tuple(clips), tuple(skeletons), mean_rotations, poses, rotations[:, 0], root_positions_m)
-    save_database(Database(Path(path), fps, *parts), graph)
 
 
 def save_database(database: Database, graph: GraphSettings | None = None) -> None:

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bench.subset import write_database
 from perfanim.core.body.motion import Motion, resampled, sliced
 from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.database.labels import behaviour_of
-from perfanim.core.database.store import Clip, Database, open_database, write_database
+from perfanim.core.database.store import Clip, Database, open_database
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, Camera, CameraRig
 from perfanim.core.markers.marker_frame import MarkerFrame

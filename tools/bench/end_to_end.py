@@ -22,7 +22,7 @@ from perfanim.core.session.session import Session
 from perfanim.core.session.solve_take import motion_of, solve_take
 from perfanim.core.simulate.calibrated_studio import calibrate_studio, studio_on_floor
 from perfanim.core.simulate.markers import simulate_markers
-from perfanim.core.simulate.studio.placement import on_stage, on_treadmill, with_poses
+from perfanim.core.simulate.studio.placement import on_stage, with_poses
 from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.simulate.studio.settings import StudioSettings
@@ -63,7 +63,7 @@ def end_to_end(data: Path, out: Path, workers: int, progress: Progress) -> dict[
     rig = None
     for number, take in enumerate(takes):
         # the walk is longer than two cameras can follow at 640x480
-        motion = on_stage(on_treadmill(read_take(data, take)))
+        motion = on_stage(_on_treadmill(read_take(data, take)))
         taken, motion = motion.frames, with_poses(motion, CALIBRATION, _HELD_S)
         source = simulated_source(motion, MARKER_SET, Renderer(default_rig(), StudioSettings(exposure_s=_EXPOSURE_S)))
         progress(0.2 + 0.8 * number / len(takes), f"{take.title}: filming and tracking")
@@ -140,3 +140,11 @@ def _from_one_camera(motion: Motion, database: Database, rig: CameraRig) -> Moti
 def _from_video(frames: list[MarkerFrame], subject: Subject, database: Database, rig: CameraRig, fps: float) -> Motion:
     session = Session(subject, database, rig)
     return motion_of([session.step(frame) for frame in frames], subject, "video", fps)
+
+
+def _on_treadmill(motion: Motion) -> Motion:
+    """Return the motion without its mean horizontal speed, as on a treadmill."""
+    drift = motion.root_positions_m[-1] - motion.root_positions_m[0]
+    drift[1] = 0.0
+    passed = np.linspace(0.0, 1.0, motion.frames)[:, None]
+    return replace(motion, root_positions_m=motion.root_positions_m - passed * drift)

@@ -1,12 +1,44 @@
-"""Databases made of parts of another."""
+"""Databases made of arrays, and of parts of another."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from perfanim.core.body.skeleton import Skeleton
+from perfanim.core.body.standard_skeleton import JOINT_NAMES
 from perfanim.core.database.graph import LARGE_DATABASE, GraphSettings
-from perfanim.core.database.store import Clip, Database, open_database, write_database
+from perfanim.core.database.store import Clip, Database, mean_and_poses, open_database, save_database
 from perfanim.core.errors import DatabaseError
+
+
+def write_database(
+    path: str | Path,
+    fps: float,
+    rotations: NDArray[Any],
+    root_positions_m: NDArray[Any],
+    clips: Sequence[Clip],
+    skeletons: Sequence[Skeleton],
+    graph: GraphSettings | None = None,
+) -> None:
+    """Write a database file from local rotations.
+
+    Args:
+        rotations: (F, J, 4) of the standard skeleton's joints relative to rest, root included.
+        root_positions_m: (F, 3).
+        clips: cover the frames in order without gaps.
+
+    Raises:
+        DatabaseError: there are no frames, or the parts do not fit together.
+    """
+    if len(rotations) == 0:
+        raise DatabaseError("has no motion to store", where=str(path), advice="add files with motion")
+    if rotations.shape[1:] != (len(JOINT_NAMES), 4):
+        raise DatabaseError(f"rotations have shape {rotations.shape}, not (F, {len(JOINT_NAMES)}, 4)", where=str(path))
+    mean_rotations, poses = mean_and_poses(rotations)
+    parts = (tuple(clips), tuple(skeletons), mean_rotations, poses, rotations[:, 0], root_positions_m)
+    save_database(Database(Path(path), fps, *parts), graph)
 
 
 def write_subset(

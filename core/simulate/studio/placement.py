@@ -28,14 +28,6 @@ def on_stage(motion: Motion) -> Motion:
     return replace(motion, rotations=rotations, root_positions_m=path - np.array([middle[0], lowest, middle[2]]))
 
 
-def on_treadmill(motion: Motion) -> Motion:
-    """Return the motion without its mean horizontal speed, as on a treadmill."""
-    drift = motion.root_positions_m[-1] - motion.root_positions_m[0]
-    drift[1] = 0.0
-    passed = np.linspace(0.0, 1.0, motion.frames)[:, None]
-    return replace(motion, root_positions_m=motion.root_positions_m - passed * drift)
-
-
 def with_t_pose(motion: Motion, seconds: float) -> Motion:
     """Return the motion with a T pose and a second of transition before it."""
     return with_poses(motion, ("t",), seconds)

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
+from bench.subset import write_database
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.graph import JOINT_ANGLES, GraphSettings, build_graph, l1_distance_deg
-from perfanim.core.database.store import Clip, open_database, write_database
+from perfanim.core.database.store import Clip, open_database
 from perfanim.core.errors import DatabaseError
 from perfanim.core.geometry import rotations as rot
 

@@ -3,6 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bench.subset import write_database
 from perfanim.core.body.joint_angle_frames import with_angle_frames
 from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton, scaled
 from perfanim.core.database.store import (
@@ -11,7 +12,6 @@ from perfanim.core.database.store import (
     open_database,
     pose_from_rotations,
     rotations_from_pose,
-    write_database,
 )
 from perfanim.core.errors import DatabaseError
 from perfanim.core.geometry import rotations as rot
