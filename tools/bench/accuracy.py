@@ -9,7 +9,7 @@ from perfanim.core.database.labels import subject_of
 from perfanim.core.database.store import Database
 from perfanim.core.system.progress import Progress
 
-from .data import BOXING, CMU, WALKING, TestTake, read_take, whole_database, without_tests
+from .data import BOXING, CMU, WALKING, TestTake, read_take, whole_database, without_subject, without_tests
 from .figure6 import describe, solve_truth
 from .methods import METHODS
 from .report import write_figures
@@ -67,8 +67,7 @@ def _conditions(whole: Database, folder: Path, take: TestTake) -> dict[str, Data
 
     If the subject has no other clips both are the same: the second.
     """
-    subject = subject_of(take.trial)
-    unseen = without_tests(whole, folder / f"cmu-without-subject-{subject}.pfdb", lambda clip: clip.subject != subject)
+    unseen = without_subject(whole, folder, subject_of(take.trial))
     clip_unseen = without_tests(whole, folder / "cmu-without-tests.pfdb")
     if clip_unseen.frames == unseen.frames:
         return {UNSEEN_SUBJECT: unseen}

@@ -11,6 +11,7 @@ from .accuracy import accuracy
 from .end_to_end import end_to_end
 from .figure5 import figure5
 from .figure6 import figure6
+from .robustness import robustness
 from .scale import scale
 from .speed import speed
 from .table1 import table1
@@ -23,6 +24,7 @@ _BENCHES = {
     "end-to-end": (end_to_end, "recorded motion filmed by simulated cameras, tracked and solved, beside true markers"),
     "figure6": (figure6, "nearest, lwr, local-pca and best frame by frame"),
     "accuracy": (accuracy, "every method on six takes, with the clip unseen and with the whole subject unseen"),
+    "robustness": (robustness, "cuts between takes, a T pose before takes, noise and unseen subjects; worst frames"),
     "speed": (speed, "time of detection, of two streams to labelled points, of solve, search and import"),
     "scale": (scale, "time to open, search and solve, and the error, by the size of the database"),
 }

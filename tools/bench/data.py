@@ -63,6 +63,14 @@ def read_take(data: Path, take: TestTake) -> Motion:
     raise FormatError(f"take {take.trial} is missing", where=str(data / CMU))
 
 
+def development_takes(data: Path, count: int) -> dict[str, Motion]:
+    """Return up to `count` takes by name, evenly chosen, none of the test takes."""
+    with motion_files(data_folders(data, (CMU,))) as files:
+        free = sorted((file for file in files if file.stem not in (*LEFT_OUT, SPLIT)), key=lambda file: file.stem)
+        chosen = [free[i * len(free) // count] for i in range(count)] if count < len(free) else free
+        return {file.stem: resampled(read_motion(file.path, file.skeleton), FPS) for file in chosen}
+
+
 def whole_database(data: Path, out: Path, sets: tuple[str, ...], workers: int, progress: Progress) -> Database:
     """Return the database of all motion of the sets, built in `out` if missing."""
     path = out / "databases" / ("-".join(sets) + ".pfdb")
@@ -83,3 +91,9 @@ def without_tests(database: Database, path: Path, chosen: Callable[[Clip], bool]
     frames = {clip: clip.stop - clip.start for clip in database.clips if clip.name not in LEFT_OUT and chosen(clip)}
     frames |= {clip: int(count * SPLIT_AT) for clip, count in frames.items() if clip.name == SPLIT}
     return write_subset(database, path, [(clip, 0, count) for clip, count in frames.items() if count > 0])
+
+
+def without_subject(database: Database, folder: Path, subject: str) -> Database:
+    """Return the database without test takes and a subject, built if missing."""
+    path = folder / f"cmu-without-subject-{subject}.pfdb"
+    return without_tests(database, path, lambda clip: clip.subject != subject)

@@ -1,0 +1,111 @@
+"""The benchmark of cuts, T poses and noise, on a few short takes."""
+
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bench.data import FPS
+from bench.random_cuts import AFTER, BEFORE, cut_figures, facing, play_cut, random_cuts
+from bench.robustness import Sizes, robustness, with_t_pose
+from perfanim.core.body.calibration_poses import t_pose
+from perfanim.core.body.motion import sliced
+from perfanim.core.database.store import open_database
+from perfanim.core.formats.motion.bvh import write_bvh
+from perfanim.core.geometry import rotations as rot
+
+TRIALS = {"16_15": "walking-01-neutral", "16_16": "walking-02-energetic", "09_01": "running-01-brisk"}
+
+
+@pytest.fixture(scope="module")
+def data(embedded_motion, tmp_path_factory):
+    """Folder like that of the recordings: two subjects, one test take."""
+    folder = tmp_path_factory.mktemp("data")
+    (folder / "cmu").mkdir()
+    for trial, name in TRIALS.items():
+        write_bvh(sliced(embedded_motion[name], 0, 42), folder / "cmu" / f"{trial}.bvh")
+    return folder
+
+
+def heading(motion):
+    forward = rot.rotate(motion.rotations[0, 0], [0.0, 0.0, 1.0])
+    return np.arctan2(forward[0], forward[2])
+
+
+def test_robustness_writes_what_it_measures(data, tmp_path, monkeypatch):
+    monkeypatch.setattr("bench.robustness.SIZES", Sizes(takes=2, cuts=2, t_pose_frames=4, noisy_frames=6, passes=2))
+    figures = robustness(data, tmp_path, 1, lambda fraction, text: None)
+    assert {row["take"] for row in figures["t_pose"]} == {"09_01", "16_15"}
+    assert [row["seed"] for row in figures["noise"]] == [0, 1, 0, 1]
+    assert {clip.subject for clip in open_database(tmp_path / "databases/cmu-without-subject-16.pfdb").clips} == {"09"}
+    assert len(figures["cuts"]) == 2
+    values = {row["check"]: row["value"] for row in figures["rows"]}
+    assert values["noise: frames"] == 24
+    assert 0.0 < values["noise: degrees per joint"] < 60.0
+    for frame in figures["worst"]:
+        assert frame["frame"] >= 0
+        assert frame["value"] == max(
+            row["value"] for row in figures["worst"] if (row["check"], row["take"]) == (frame["check"], frame["take"])
+        )
+    jump = next(row for row in figures["worst"] if row["joint"])
+    assert jump["check"].startswith("joint change")
+    assert json.loads((tmp_path / "robustness.json").read_text())["rows"] == figures["rows"]
+    with (tmp_path / "robustness-worst.csv").open() as stream:
+        assert len(list(csv.DictReader(stream))) == len(figures["worst"])
+    assert (tmp_path / "robustness-worst.svg").stat().st_size > 5_000
+
+
+@pytest.fixture(scope="module")
+def takes(embedded_motion):
+    """Two takes, long enough for a cut."""
+    names = ("walking-01-neutral", "running-02-neutral")
+    motions = [replace(embedded_motion[name], fps=FPS) for name in names]
+    return {f"0{i}_01": sliced(motion, 0, AFTER + 2) for i, motion in enumerate(motions)}
+
+
+def test_a_body_known_to_the_database_is_named_after_the_cut(takes, database_of, tmp_path):
+    database = database_of(tmp_path / "both.pfdb", list(takes.values()))
+    generator = np.random.default_rng(1)
+    for cut in random_cuts(takes, 2, generator):
+        row, right, confidence = play_cut(cut, database, generator)
+        assert len(right) == len(confidence) == AFTER
+        assert row["right_again_s"] <= 1.0
+        assert row["wrong_frames"] == (~right).sum()
+
+
+def test_cuts_are_the_same_for_a_seed_and_hide_the_body_between(takes):
+    first, again = (list(random_cuts(takes, 4, np.random.default_rng(2))) for _ in range(2))
+    for cut, same in zip(first, again, strict=True):
+        np.testing.assert_array_equal(cut.positions_m, same.positions_m)
+        hidden = np.isnan(cut.positions_m).all(axis=(1, 2))
+        np.testing.assert_array_equal(np.flatnonzero(hidden), np.arange(BEFORE, cut.back))
+        assert cut.back == BEFORE + cut.hidden
+        assert cut.subject != cut.after
+    assert [cut.before == "T pose" for cut in first] == [True, False, False, True]
+
+
+def test_labels_that_never_come_right_count_as_late():
+    row = {"wrong_frames": 0, "doubted_wrong_frames": 0, "frames": AFTER}
+    rows = [row | {"right_again_s": 0.0}, row | {"right_again_s": None, "wrong_frames": 4, "doubted_wrong_frames": 1}]
+    figures = cut_figures(rows)
+    assert figures["never_right"] == 1
+    assert figures["right_again_s_max"] == AFTER / FPS
+    assert figures["doubted_share_of_wrong"] == 0.25
+
+
+def test_a_motion_is_turned_without_a_change_of_its_shape(truth):
+    turned = facing(truth, 0.7, np.array([1.0, 0.0, -2.0]))
+    assert heading(turned) == pytest.approx(0.7)
+    np.testing.assert_allclose(turned.root_positions_m[0], [1.0, truth.root_positions_m[0, 1], -2.0], atol=1e-12)
+    np.testing.assert_array_equal(turned.rotations[:, 1:], truth.rotations[:, 1:])
+
+
+def test_t_pose_stands_where_the_take_begins(truth):
+    both = with_t_pose(truth)
+    lead = both.frames - truth.frames
+    assert lead == round(0.5 * truth.fps)
+    np.testing.assert_array_equal(both.rotations[lead:], truth.rotations)
+    np.testing.assert_allclose(both.rotations[:lead, 1:], np.repeat(t_pose(truth.skeleton)[None, 1:], lead, axis=0))
+    np.testing.assert_allclose(both.root_positions_m[:lead], np.repeat(truth.root_positions_m[:1], lead, axis=0))
+    assert heading(both) == pytest.approx(heading(truth))

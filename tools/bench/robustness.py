@@ -1,0 +1,295 @@
+"""Labels and poses after cuts, a T pose, noise, all with the subject unseen."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from perfanim.core.body.calibration_poses import t_pose
+from perfanim.core.body.motion import Motion, sliced
+from perfanim.core.database.labels import subject_of
+from perfanim.core.database.store import Database
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.geometry.arrays import Array, runs
+from perfanim.core.session.solve_take import solve_take
+from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.solver.settings import SolveSettings
+from perfanim.core.system.progress import Progress
+
+from .data import CMU, FPS, development_takes, whole_database, without_subject
+from .figure6 import degrees_per_joint, true_subject
+from .plots import Line, Panel, check_plots, write_plot
+from .random_cuts import DOUBTFUL, cut_figures, facing, play_cut, random_cuts, seconds_until_right
+from .report import write_figures
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How much is tried.
+
+    Args:
+        takes: development takes, at most.
+        cuts: random cuts between them.
+        t_pose_frames: frames of each take after a T pose, at most.
+        noisy_frames: frames from the middle of each take with noise, at most.
+        passes: times that these are solved, each with other noise.
+    """
+
+    takes: int
+    cuts: int
+    t_pose_frames: int
+    noisy_frames: int
+    passes: int = 1
+
+
+QUICK = Sizes(takes=32, cuts=60, t_pose_frames=60, noisy_frames=100)  # about 25 minutes on one core
+FULL = Sizes(takes=1000, cuts=500, t_pose_frames=60, noisy_frames=600, passes=2)  # 182 takes, 104,528 noisy frames
+SIZES = QUICK  # or FULL, which takes hours
+_SEED = 3
+_T_POSE_S = 0.5  # before a take
+_FIRST = 15  # frames after the T pose that are compared
+_FAR_M = 0.03
+_NOISE_MM, _DROPOUT = 3.0, 0.1
+_JUMP_DEG = 10.0  # change of a joint between two frames beyond the truth's own
+_WORSE, _WORSE_S = 1.2, 0.2  # share of nearest's error, and how long it may last
+_LISTED = 20  # worst frames of each kind
+_PICTURED = 3  # takes
+_NEAREST = SolveSettings(method="nearest")
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A take solved by the default method and by `nearest`.
+
+    Args:
+        rms_m, nearest_rms_m: (F,) distances between located and solved markers.
+    """
+
+    motion: Motion
+    nearest: Motion
+    rms_m: Array
+    nearest_rms_m: Array
+
+
+class Curves(NamedTuple):
+    """Errors (F,) of a part of a take, degrees per joint.
+
+    Args:
+        first: number of its first frame in the take.
+    """
+
+    first: int
+    best: Array
+    nearest: Array
+
+
+def robustness(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
+    """Solve disturbed takes by unseen subjects and list the worst frames.
+
+    Three parts, on development takes: random cuts between takes without labels; a T pose put before takes; noise and
+    dropout. The sizes are `SIZES`.
+
+    Returns:
+        rows (check, value, goal), cuts, t_pose, noise (a row for each cut or take), worst (check, take, frame, joint,
+        value), sizes, outputs.
+    """
+    check_plots()
+    whole = whole_database(data, out, (CMU,), workers, progress)
+    takes = development_takes(data, SIZES.takes)
+    subjects = sorted({subject_of(name) for name in takes})
+    databases = {subject: without_subject(whole, out / "databases", subject) for subject in subjects}
+    worst: list[dict[str, Any]] = []
+    cuts = _cuts(takes, databases, worst, progress)
+    after_t_pose, noisy = [], []
+    curves: dict[str, Curves] = {}
+    for number, (name, take) in enumerate(takes.items()):
+        progress(0.5 + 0.5 * number / len(takes), f"{name}: T pose before it, noise")
+        database = databases[subject_of(name)]
+        after_t_pose.append(_t_pose_row(name, take, database, worst))
+        for seed in range(SIZES.passes):
+            row, curves[f"{name}, noise {seed}"] = _noisy_row(name, take, database, seed, worst)
+            noisy.append(row)
+    worst = _worst(worst)
+    rows = _summary(cuts, after_t_pose, noisy)
+    figures = {"rows": rows, "cuts": cuts, "t_pose": after_t_pose, "noise": noisy, "worst": worst}
+    tables = {"": rows, "cuts": cuts, "t-pose": after_t_pose, "noise": noisy, "worst": worst}
+    return write_figures(out, "robustness", figures | {"sizes": vars(SIZES)}, tables, _pictures(out, cuts, curves))
+
+
+def _cuts(
+    takes: Mapping[str, Motion], databases: Mapping[str, Database], worst: list[dict[str, Any]], progress: Progress
+) -> list[dict[str, Any]]:
+    """Return a row for each cut; add its most confident wrong frame to the worst."""
+    rows = []
+    generator = np.random.default_rng(_SEED)
+    for number, cut in enumerate(random_cuts(takes, SIZES.cuts, generator)):
+        progress(0.2 + 0.3 * number / SIZES.cuts, f"cut {number + 1} of {SIZES.cuts}: {cut.title}")
+        row, right, confidence = play_cut(cut, databases[subject_of(cut.subject)], generator)
+        rows.append({"number": number} | row)
+        title = f"{cut.title} (cut {number}, hidden {row['hidden_s']} s)"
+        worst.append(_at("s until labels are right", title, cut.back, "", seconds_until_right([row])[0]))
+        if not right.all():
+            sure = np.where(right, -1.0, confidence)
+            frame = int(np.argmax(sure))
+            worst.append(_at("confidence with wrong labels", title, cut.back + frame, "", sure[frame]))
+    return rows
+
+
+def _t_pose_row(name: str, take: Motion, database: Database, worst: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return how much a T pose before a take costs the frames after it."""
+    truth = sliced(take, 0, min(SIZES.t_pose_frames, take.frames))
+    cold = degrees_per_joint(_solve(truth, database, SolveSettings())[0], truth)[:_FIRST].mean()
+    both = with_t_pose(truth)
+    lead = both.frames - truth.frames
+    solved = _solve_twice(both, database)
+    first = degrees_per_joint(solved.motion, both)[lead : lead + _FIRST]
+    far = np.where(solved.rms_m > solved.nearest_rms_m, solved.rms_m, 0.0)[lead:]
+    frame = int(np.argmax(first))
+    worst.append(_at("degrees per joint after a T pose", name, frame, "", first[frame]))
+    worst.append(_at("mm RMS after a T pose, nearest nearer", name, int(np.argmax(far)), "", 1e3 * far.max()))
+    return {
+        "take": name,
+        "frames": truth.frames,
+        "deg_per_joint_without": round(float(cold), 4),
+        "deg_per_joint_after": round(float(first.mean()), 4),
+        "ratio": round(float(first.mean() / cold), 4),
+        "frames_over_30_mm": int((far > _FAR_M).sum()),
+    }
+
+
+def _noisy_row(
+    name: str, take: Motion, database: Database, seed: int, worst: list[dict[str, Any]]
+) -> tuple[dict[str, Any], Curves]:
+    """Return figures of the middle of a take with noise, and both errors by frame."""
+    start = max((take.frames - SIZES.noisy_frames) // 2, 0)
+    truth = sliced(take, start, min(start + SIZES.noisy_frames, take.frames))
+    solved = _solve_twice(truth, database, _NOISE_MM, _DROPOUT, seed)
+    error, nearest = (degrees_per_joint(motion, truth) for motion in (solved.motion, solved.nearest))
+    further = np.nan_to_num(solved.rms_m - solved.nearest_rms_m)
+    jumps = _changes_deg(solved.motion) - _changes_deg(truth)
+    over = error / np.maximum(nearest, 1e-6)
+    late = round(_WORSE_S * FPS)
+    too_long = sum(max(stop - begin - late, 0) for begin, stop in runs(over > _WORSE))
+    frame, joint = np.unravel_index(int(np.argmax(jumps)), jumps.shape)
+    for check, at, where, value in (
+        ("joint change beyond the truth's, deg", frame + 1, truth.skeleton.names[joint + 1], jumps[frame, joint]),
+        ("markers further off than nearest's, mm", np.argmax(further), "", 1e3 * further.max()),
+        ("error as a share of nearest's", np.argmax(over), "", over.max()),
+        ("degrees per joint with noise", np.argmax(error), "", error.max()),
+    ):
+        worst.append(_at(check, f"{name} (noise {seed})", start + int(at), where, value))
+    row = {
+        "take": name,
+        "seed": seed,
+        "first_frame": start,
+        "frames": truth.frames,
+        "deg_per_joint": round(float(error.mean()), 4),
+        "nearest_deg_per_joint": round(float(nearest.mean()), 4),
+        "worse_explained_frames": int((further > 0.0).sum()),
+        "jump_frames": int((jumps > _JUMP_DEG).any(axis=1).sum()),
+        "long_worse_frames": too_long,
+    }
+    return row, Curves(start, error, nearest)
+
+
+def with_t_pose(motion: Motion) -> Motion:
+    """Return the motion with a T pose held before it.
+
+    The pose stands where the motion begins and faces the same way; a cut is between them.
+    """
+    pose = t_pose(motion.skeleton)[None]
+    still = replace(motion, rotations=pose, root_positions_m=motion.root_positions_m[:1])
+    forward = rot.rotate(motion.rotations[0, 0], np.array([0.0, 0.0, 1.0]))
+    below = motion.root_positions_m[0] * np.array([1.0, 0.0, 1.0])
+    still = facing(still, float(np.arctan2(forward[0], forward[2])), below)
+    frames = round(_T_POSE_S * motion.fps)
+    return replace(
+        motion,
+        rotations=np.concatenate((np.repeat(still.rotations, frames, axis=0), motion.rotations)),
+        root_positions_m=np.concatenate((np.repeat(still.root_positions_m, frames, axis=0), motion.root_positions_m)),
+    )
+
+
+def _solve(
+    truth: Motion,
+    database: Database,
+    settings: SolveSettings,
+    noise_mm: float = 0.0,
+    dropout: float = 0.0,
+    seed: int = 0,
+) -> tuple[Motion, Array]:
+    subject = true_subject(truth)
+    take, _ = simulate_markers(truth, subject, noise_mm, dropout, seed)
+    result = solve_take(take, subject, database, settings, lambda fraction, text: None)
+    return result.motion, np.array([pose.marker_rms_m for pose in result.poses_of()])
+
+
+def _solve_twice(
+    truth: Motion, database: Database, noise_mm: float = 0.0, dropout: float = 0.0, seed: int = 0
+) -> Solved:
+    (motion, rms), (nearest, nearest_rms) = (
+        _solve(truth, database, settings, noise_mm, dropout, seed) for settings in (SolveSettings(), _NEAREST)
+    )
+    return Solved(motion, nearest, rms, nearest_rms)
+
+
+def _changes_deg(motion: Motion) -> Array:
+    """Return (F - 1, J - 1) turns of the joints but the root between two frames."""
+    return np.asarray(np.degrees(rot.angle_between(motion.rotations[:-1, 1:], motion.rotations[1:, 1:])))
+
+
+def _at(check: str, take: str, frame: int, joint: str, value: float) -> dict[str, Any]:
+    return {"check": check, "take": take, "frame": frame, "joint": joint, "value": round(float(value), 4)}
+
+
+def _worst(frames: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the largest values of each check, without those that harm nobody."""
+    checks = dict.fromkeys(frame["check"] for frame in frames)
+    ordered = sorted((frame for frame in frames if frame["value"] > 0.0), key=lambda frame: -frame["value"])
+    return [frame for check in checks for frame in [f for f in ordered if f["check"] == check][:_LISTED]]
+
+
+def _summary(
+    cuts: list[dict[str, Any]], after_t_pose: list[dict[str, Any]], noisy: list[dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """Return a row (check, value, goal) for each thing that is asked."""
+    found = cut_figures(cuts)
+    frames = sum(row["frames"] for row in noisy)
+    error, nearest = (
+        sum(row[key] * row["frames"] for row in noisy) / frames for key in ("deg_per_joint", "nearest_deg_per_joint")
+    )
+    rows = (
+        ("cuts: labels right again, s, median", found["right_again_s_median"], "<= 0.25"),
+        ("cuts: labels right again, s, 95 %", found["right_again_s_p95"], "<= 0.5"),
+        ("cuts: labels right again, s, longest", found["right_again_s_max"], "<= 1"),
+        ("cuts: never right", found["never_right"], "0"),
+        ("cuts: share of frames with wrong labels", found["wrong_share"], ""),
+        (f"cuts: share of these with confidence < {DOUBTFUL}", found["doubted_share_of_wrong"], ">= 0.95"),
+        ("T pose: error after it of that without, worst take", max(row["ratio"] for row in after_t_pose), "<= 1.3"),
+        ("T pose: takes over 1.3", sum(row["ratio"] > 1.3 for row in after_t_pose), "0"),
+        ("T pose: frames over 30 mm RMS", sum(row["frames_over_30_mm"] for row in after_t_pose), "0"),
+        ("noise: frames", frames, ""),
+        ("noise: degrees per joint", round(error, 4), ""),
+        ("noise: degrees per joint of nearest", round(nearest, 4), ""),
+        ("noise: frames further off than nearest", sum(row["worse_explained_frames"] for row in noisy), "0"),
+        (f"noise: frames with a jump over {_JUMP_DEG:g} deg", sum(row["jump_frames"] for row in noisy), "0"),
+        ("noise: frames too long over 1.2 of nearest", sum(row["long_worse_frames"] for row in noisy), "0"),
+    )
+    return [{"check": check, "value": value, "goal": goal} for check, value, goal in rows]
+
+
+def _pictures(out: Path, cuts: list[dict[str, Any]], curves: Mapping[str, Curves]) -> list[Path]:
+    """Write how fast labels come back, and the errors of the worst takes by frame."""
+    times = seconds_until_right(cuts)
+    share = np.arange(1, len(times) + 1) / len(times)
+    panel = Panel(f"{len(times)} cuts", [Line("labels right again", times, share)], limit=0.95, top=1.0)
+    worst = sorted(curves.items(), key=lambda item: -float(item[1].best.mean() / item[1].nearest.mean()))[:_PICTURED]
+    panels = []
+    for name, curve in worst:
+        frames = curve.first + np.arange(len(curve.best))
+        panels.append(Panel(name, [Line("best", frames, curve.best), Line("nearest", frames, curve.nearest)]))
+    return [
+        *write_plot(out / "robustness-cuts", [panel], "seconds after the cut", "share of cuts", markers=True),
+        *write_plot(out / "robustness-worst", panels, "frame", "error (degrees per joint)"),
+    ]
