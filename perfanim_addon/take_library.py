@@ -90,8 +90,6 @@ def mark_captured(path: Path | str, filters: Mapping[str, Any], recorded: tuple[
     """Note the filters and the recorded part of a captured take.
 
     Args:
-        path: the take.
-        filters: settings of the pose filter.
         recorded: numbers of the first and last recorded frame, None for all.
 
     Raises:
@@ -107,7 +105,6 @@ def mark_played(path: Path | str, character: str = "") -> None:
     """Note that a take was put onto a character, and end its recovery offer.
 
     Args:
-        path: the take.
         character: name to keep with the take; "" leaves the present one.
 
     Raises:

@@ -35,7 +35,6 @@ class PerformerPose:
     """Solved pose of one performer at one moment.
 
     Args:
-        number, time_s: of the marker frame.
         rotations: (J, 4) parent-from-joint quaternions relative to rest; the root's is world-from-root.
         root_position_m: (3,) world position of the root.
         confidence: 0 (guessed) to 1 (all markers seen and explained, motion like the database).

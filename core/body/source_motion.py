@@ -16,7 +16,6 @@ class SourceMotion:
     """A hierarchy of joints and its motion, metres, Y up; zero pose in world axes.
 
     Args:
-        where: the file, for messages.
         names: (J) joint names as in the file, parents before children.
         parents: (J,) parent indices, -1 for the root.
         offsets_m: (J, 3) joint origin relative to its parent's in the zero pose.
@@ -25,7 +24,6 @@ class SourceMotion:
         translations_m: joint index -> (F, 3) position relative to the parent, for the root and for each joint if its
             position channels move it; other joints stay at their offset.
         euler_orders: (J) rotation channels in the file's order, e.g. "ZXY"; "" for a joint that has none.
-        metres_per_unit: length of the file's unit.
         angle_jumps: (F,) true where a rotation channel is more than 150 degrees from that of the frame before, which
             the rotation itself need not be; left out for none.
         notes: oddities tolerated while reading.

@@ -56,7 +56,6 @@ class TrackImages:
     """Images to a marker take, or to a recorded take without labels.
 
     Args:
-        options: of `perfanim track`.
         rig: one camera for each source.
         sources: videos, folders or patterns of images, devices.
         marker_set: names the trajectories; None for M01, M02, ...

@@ -43,7 +43,6 @@ class Clip:
     Args:
         behaviour: action ("walk"), "" when unknown.
         subject: recorded person, "" when unknown.
-        source_fps: rate of the source file.
         start, stop: frames of the database.
         first_frame: frame of the source file, counted from 0, at which it begins; a file with gaps or jumps gives
             several clips of its name.

@@ -55,7 +55,6 @@ def two_bone_directions(
     Args:
         reach: wanted end of the second bone; beyond the bones' length they come as near as possible.
         normal: of the plane of the bend while the bones end at `unreached`; it turns along with the limb.
-        first_m, second_m: lengths.
         unreached: present end of the bones.
     """
     way = c.unit(reach)

@@ -19,7 +19,6 @@ class MarkerFrame:
     """Blobs, points and rays that C cameras show at one moment.
 
     Args:
-        time_s: capture time, seconds.
         points_m: (N, 3) triangulated candidates in the world.
         covariances_m2: (N, 3, 3) their uncertainty.
         labels: (N,) index in the marker set where the source knows it, else -1.

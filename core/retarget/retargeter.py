@@ -84,7 +84,6 @@ class _Carriers:
 
     Args:
         hips: place of the hips among the driven bones.
-        hips_head: (3,) their head.
         mover_axes: (3, 3) axes of the location of the bone that moves the hips.
         root: None unless a root bone carries the motion.
     """

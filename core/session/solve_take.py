@@ -104,9 +104,7 @@ def solve_recorded(
     """Solve a recorded take as live; its motions leave out the countdown.
 
     Args:
-        take: as recorded.
         frames: its marker frames, or others from its 2D detections.
-        setup: for these frames.
 
     Raises:
         TakeError: there are not two frames.

@@ -23,7 +23,6 @@ def simulate_markers(
         markers: marker set with offsets, or a subject; bones are the motion's.
         noise_mm: standard deviation of Gaussian noise on each coordinate.
         dropout: share of marker positions that are missing, in gaps of 0.15 s on average.
-        seed: of the noise and the gaps.
 
     Raises:
         SettingsError: noise or dropout out of range.

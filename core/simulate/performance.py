@@ -60,7 +60,6 @@ def performance(
     Args:
         seconds: length; the behaviour is cut or repeated. As shipped without.
         skeleton: body with the standard skeleton's joints; the file's own without.
-        mirrored: left and right exchanged.
 
     Raises:
         SettingsError: unknown behaviour; less than five seconds.

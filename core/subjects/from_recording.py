@@ -23,7 +23,6 @@ def subject_from_recording(
     Args:
         frames: marker frames of steady rate with located points.
         marker_set: worn markers with their usual offsets.
-        prototypes: bodies of many sizes.
         poses: of `POSES`, the T pose or another upright one first.
 
     Raises:

@@ -46,13 +46,10 @@ class SubjectCalibration:
     """A calibrated subject and how far it can be trusted.
 
     Args:
-        subject: skeleton and offsets.
         bones_m: length of each bone by joint name.
-        used_markers: markers that were seen.
         sigmas_m: by joint name, standard deviation of its distance from its parent that these poses leave.
         marker_residuals_m: by marker name, RMS distance from its usual place on this body in these poses.
         verdict: "good", "usable" (another pose would tell more) or "redo".
-        advice: what would make it better.
     """
 
     subject: Subject
@@ -73,7 +70,6 @@ def calibration_points(
 
     Args:
         take: shows the calibration pose among other things.
-        seconds: how long the pose is held.
         frames: part of the take that is looked at.
 
     Raises:
@@ -92,7 +88,6 @@ def pose_points(take: MarkerTake, marker_set: MarkerSet, poses: Sequence[str], s
         take: shows the poses among other things, in any order.
         marker_set: markers that are wanted, with usual offsets.
         poses: of `POSES`.
-        seconds: how long each is held.
 
     Raises:
         SubjectError: an unknown pose, the take lacks markers of the set, or a pose is not held in it.

@@ -28,7 +28,6 @@ class PropCalibration:
             the end where they are sparser, x along the next greatest.
         frames: that showed enough of it.
         left_out: names of the take's markers that do not belong to it.
-        advice: what would make it better.
     """
 
     prop: Prop

@@ -28,7 +28,6 @@ class Placement:
     """Placement of keyframes on an armature.
 
     Args:
-        onto: where they go.
         only: names of the bones that get any; None for all.
         bounds: of the reduction; None for a key in every frame.
     """

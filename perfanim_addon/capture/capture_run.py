@@ -38,7 +38,6 @@ class Statistics:
     """Figures of a running capture.
 
     Args:
-        received: poses so far.
         lost: frame numbers missing in the source.
         waiting: marker frames in the solver's queue.
         frames_per_s: poses received in the last second.

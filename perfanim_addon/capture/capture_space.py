@@ -23,7 +23,6 @@ class RigidOffset:
     """Rigid motion from a character's own space into the capture space.
 
     Args:
-        turn: (4,) quaternion.
         shift_m: (3,) added after the turn, metres.
     """
 

@@ -23,7 +23,6 @@ class Recording:
         countdown_s: from the first pose, or with `later` from now, to the first recorded pose.
         length_s: by the poses' times; 0 until `end`.
         later: start during the capture; earlier poses are left out.
-        clock: seconds.
     """
 
     def __init__(

@@ -30,7 +30,6 @@ class Setup:
     """A capture that can be started.
 
     Args:
-        request: to the worker.
         performers, props: in the order of the poses.
     """
 

@@ -19,7 +19,6 @@ def exported_bone_names(armature_object: bpy.types.Object, bones: Mapping[str, s
     one of these needs gets "_" behind it meanwhile.
 
     Args:
-        armature_object: owner of the bones.
         bones: joint -> bone.
         naming: of `core.formats.naming.NAMINGS`.
 

@@ -38,7 +38,6 @@ def export_motion(motion: Motion, target: Path, *, still: Path | None = None, fr
 
     Args:
         motion: motion of the standard skeleton's joints.
-        target: the .blend file to write.
         still: picture (.png) of one frame, rendered by Cycles on the processor.
         frame: the frame of the picture, counted from 1; the middle one if None.
 

@@ -67,7 +67,6 @@ def retarget_file(
         target: the file to write: .blend, or for other programs .fbx, .glb or .bvh.
         preset: name of a shipped bone map, or a file; None to find it.
         root_motion: what carries the character through the room.
-        picture: to render.
         form: how a file for other programs is written.
 
     Raises:

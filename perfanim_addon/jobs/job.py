@@ -19,8 +19,6 @@ class Job:
     """Job in a worker process, with progress and a result.
 
     Args:
-        title: shown in the panel.
-        panel: panel that shows the result.
         request: for the worker (see `core.worker.process`).
         python: interpreter of the worker, None for Blender's own.
         finishable: it can end early with the result so far.

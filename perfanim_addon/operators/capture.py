@@ -1,17 +1,16 @@
 """Operators of the live capture: start, stop, record."""
 
 import time
-import traceback
 
 import bpy
 
-from ...core.errors import CaptureError, PerfanimError
+from ...core.errors import PerfanimError
 from ..capture.live_capture import LiveCapture
 from ..jobs import activity
 from ..preferences import preferences
 from ..settings import readiness
 from ..settings.capture_settings import settings
-from .common import CheckedOperator, report_error
+from .common import CheckedOperator, RunningOperator, defect, report_error
 from .database import is_starter_missing, starter_arguments
 
 PANEL = "capture"
@@ -62,9 +61,7 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
             return self._finish(context, error)
         except Exception as error:
             # a defect must neither leave timer and worker behind nor lose the recording
-            traceback.print_exc()
-            text = f"{type(error).__name__}: {error}"
-            return self._finish(context, CaptureError(text, advice="see the console, and report this"))
+            return self._finish(context, defect(error))
         if self._capture.done:
             return self._finish(context, self._capture.run.error)
         return {"PASS_THROUGH"}
@@ -120,13 +117,7 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
             bpy.ops.ed.undo_push(message=self.bl_label)
 
 
-class _LiveOperator(CheckedOperator):
-    """Base of the operators on the running capture."""
-
-    needs_scene = needs_idle = False
-
-
-class PERFANIM_OT_stop_capture(_LiveOperator, bpy.types.Operator):
+class PERFANIM_OT_stop_capture(RunningOperator, bpy.types.Operator):
     """Stop the capture; the recorded frames are kept as actions"""
 
     bl_idname = "perfanim.stop_capture"
@@ -145,7 +136,7 @@ class PERFANIM_OT_stop_capture(_LiveOperator, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class PERFANIM_OT_record(_LiveOperator, bpy.types.Operator):
+class PERFANIM_OT_record(RunningOperator, bpy.types.Operator):
     """Start a recording, after its countdown, or stop it; the capture continues"""
 
     bl_idname = "perfanim.record"

@@ -1,8 +1,10 @@
 """Base classes of the operators: preconditions and error reports."""
 
+import traceback
+
 import bpy
 
-from ...core.errors import PerfanimError
+from ...core.errors import CaptureError, PerfanimError
 from ..jobs import activity
 
 
@@ -30,6 +32,12 @@ class CheckedOperator:
     def missing_input(cls, context: bpy.types.Context) -> str:
         """Return the step that must come first, "" for none."""
         return ""
+
+
+class RunningOperator(CheckedOperator):
+    """Base of the operators on running work."""
+
+    needs_scene = needs_idle = False
 
 
 class PanelOperator(CheckedOperator):
@@ -62,6 +70,12 @@ def _scene_problem(context: bpy.types.Context) -> str:
     if context.window is None or context.scene is None:
         return "Needs a window with a scene"
     return "" if context.scene.is_editable else "The scene is linked from another file and cannot be edited"
+
+
+def defect(error: Exception) -> PerfanimError:
+    """Print where an unexpected error arose; return it for the panel."""
+    traceback.print_exc()
+    return CaptureError(f"{type(error).__name__}: {error}", advice="see the console, and report this")
 
 
 def report_error(operator: bpy.types.Operator, panel: str, error: PerfanimError) -> set[str]:

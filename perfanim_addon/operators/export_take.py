@@ -17,7 +17,7 @@ from ..capture.write_take import increasing, pose_arrays
 from ..export.export_animation import ENDINGS, Form, TimedPoses, export_poses
 from ..panels.takes import KEY as PANEL
 from ..preferences.paths import absolute
-from ..preferences.property_kinds import choice, number, switch
+from ..preferences.property_kinds import choice, number, property_column, switch
 from .common import PanelOperator, report_error
 from .put_on_character import TakeOperator, recorded_poses, take_motion
 
@@ -77,9 +77,7 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the options of this file format."""
-        column = self.layout.column()
-        column.use_property_split = True
-        column.use_property_decorate = False
+        column = property_column(self.layout)
         column.prop(self, "kind")
         names = next((t.performers for t in take_library.listed() if str(t.path) == self.path), ())
         if len(names) > 1:

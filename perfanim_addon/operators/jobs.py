@@ -1,6 +1,5 @@
 """Operators of jobs in the worker process."""
 
-import traceback
 from typing import Any
 
 import bpy
@@ -10,7 +9,7 @@ from ..jobs import activity
 from ..jobs.job import Job, command
 from ..preferences import preferences
 from ..viewport import camera_preview
-from .common import CheckedOperator, report_error
+from .common import CheckedOperator, RunningOperator, defect, report_error
 
 TICK_S = 0.1
 
@@ -75,9 +74,7 @@ class JobOperator(CheckedOperator):
         except PerfanimError as error:
             return self._fail(context, error)
         except Exception as error:  # a defect must not leave timer and worker behind
-            traceback.print_exc()
-            text = f"{type(error).__name__}: {error}"
-            return self._fail(context, CaptureError(text, advice="see the console, and report this"))
+            return self._fail(context, defect(error))
         context.workspace.status_text_set(f"{job.title}: {job.fraction:.0%} {job.text}")
         activity.redraw_sidebars()
         return {"PASS_THROUGH"}
@@ -100,13 +97,7 @@ class JobOperator(CheckedOperator):
             activity.end()
 
 
-class _RunningJobOperator(CheckedOperator):
-    """Base of the operators on the running job."""
-
-    needs_scene = needs_idle = False
-
-
-class PERFANIM_OT_cancel_job(_RunningJobOperator, bpy.types.Operator):
+class PERFANIM_OT_cancel_job(RunningOperator, bpy.types.Operator):
     """Cancel the running job; unfinished results are discarded"""
 
     bl_idname = "perfanim.cancel_job"
@@ -123,7 +114,7 @@ class PERFANIM_OT_cancel_job(_RunningJobOperator, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class PERFANIM_OT_finish_job(_RunningJobOperator, bpy.types.Operator):
+class PERFANIM_OT_finish_job(RunningOperator, bpy.types.Operator):
     """End the job now and use the result so far"""
 
     bl_idname = "perfanim.finish_job"

@@ -5,6 +5,7 @@ import bpy
 from ..capture.live_capture import LiveCapture
 from ..jobs import activity
 from ..preferences import preferences
+from ..preferences.property_kinds import property_column
 from ..preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
 from . import drawing
 
@@ -21,9 +22,7 @@ class PERFANIM_PT_batch(SidebarPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw settings and progress."""
         chosen, layout = context.scene.perfanim_batch, self.layout
-        column = layout.column()
-        column.use_property_split = True
-        column.use_property_decorate = False
+        column = property_column(layout)
         column.enabled = activity.current() is None
         column.prop(chosen, "plan")
         if not chosen.plan:

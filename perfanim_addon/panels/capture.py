@@ -5,6 +5,7 @@ import bpy
 from ..capture.live_capture import LiveCapture
 from ..character.body_parts import PARTS
 from ..jobs import activity
+from ..preferences.property_kinds import property_column
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import readiness
 from ..settings.capture_settings import settings
@@ -82,9 +83,7 @@ class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw."""
         chosen, is_live = settings(context), isinstance(activity.current(), LiveCapture)
-        column = self.layout.column()
-        column.use_property_split = True
-        column.use_property_decorate = False
+        column = property_column(self.layout)
         draw_props(column, chosen, "smoothing_ms", "feet")
         column.row().prop(chosen, "overlay")
         column = column.column()

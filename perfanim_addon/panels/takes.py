@@ -15,6 +15,7 @@ from .. import take_library
 from ..capture.live_capture import LiveCapture
 from ..jobs import activity
 from ..preferences import preferences
+from ..preferences.property_kinds import property_column
 from ..preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
 from ..settings import result_settings
 from . import drawing
@@ -128,9 +129,7 @@ def _draw_take(context: bpy.types.Context, layout: bpy.types.UILayout, item: PER
     column = layout.column(align=True)
     for text in (take.created.replace("T", " ")[:16], size_of(take), origin_of(take)):
         drawing.draw_text(context, column, text, "BLANK1")
-    column = layout.column()
-    column.use_property_split = True
-    column.use_property_decorate = False
+    column = property_column(layout)
     column.prop(item, "rating")
     column.prop(item, "notes")
     layout.operator("perfanim.play_take", icon="ARMATURE_DATA").path = item.path

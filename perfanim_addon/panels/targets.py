@@ -7,6 +7,7 @@ import bpy
 from ..capture.live_capture import LiveCapture
 from ..jobs import activity
 from ..preferences import preferences
+from ..preferences.property_kinds import property_column
 from ..preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
 from ..settings import target_settings
 from . import character, drawing
@@ -66,9 +67,7 @@ class PERFANIM_PT_targets(SidebarPanel, bpy.types.Panel):
         buttons.operator("perfanim.add_target", text="", icon="ADD")
         buttons.operator("perfanim.remove_target", text="", icon="REMOVE")
         if 0 <= shown.active < len(shown.entries):
-            fields = column.column()
-            fields.use_property_split = True
-            fields.use_property_decorate = False
+            fields = property_column(column)
             _draw_fields(fields, shown.entries[shown.active], shown.active)
         drawing.draw_text(context, layout, target_settings.problem(context.scene), "ERROR")
         drawing.draw_job(layout, KEY)

@@ -3,6 +3,7 @@
 import bpy
 
 from ..jobs import activity
+from ..preferences.property_kinds import property_column
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import vmc_output
 
@@ -22,9 +23,7 @@ class PERFANIM_PT_sending(SidebarPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the receiver."""
         chosen = context.scene.perfanim_sending
-        column = self.layout.column()
-        column.use_property_split = True
-        column.use_property_decorate = False
+        column = property_column(self.layout)
         column.enabled = chosen.on and activity.current() is None
         column.prop(chosen, "host")
         column.prop(chosen, "port")

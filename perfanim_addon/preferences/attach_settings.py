@@ -14,7 +14,6 @@ def attach_property_group(
 
     Args:
         owner: data type that gets the settings.
-        name: of the property.
         classes: to register, in this order; the last is the property's type.
     """
     register_classes, unregister_classes = bpy.utils.register_classes_factory(classes)

@@ -1,4 +1,4 @@
-"""Kinds of properties that settings and operators have in common."""
+"""Kinds of properties that settings and operators share, and their column."""
 
 from typing import Any
 
@@ -38,3 +38,11 @@ def file_path(name: str, description: str) -> Any:
 def folder_path(name: str, description: str) -> Any:
     """Return a property for a folder."""
     return bpy.props.StringProperty(name=name, description=description, subtype="DIR_PATH")
+
+
+def property_column(layout: bpy.types.UILayout) -> bpy.types.UILayout:
+    """Add a column of properties, their names at the left."""
+    column = layout.column()
+    column.use_property_split = True
+    column.use_property_decorate = False
+    return column

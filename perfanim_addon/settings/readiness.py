@@ -22,7 +22,6 @@ class StepStatus:
     """Status of a step.
 
     Args:
-        ready: the step is done.
         text: a few words for the panel's header.
         problem: full explanation if not ready.
     """

@@ -7,7 +7,7 @@ import bpy
 from ..animation.keyframes import KeyBounds
 from ..animation.placement import Placement, PlacementMode
 from ..preferences.attach_settings import attach_property_group
-from ..preferences.property_kinds import choice, number, switch
+from ..preferences.property_kinds import choice, number, property_column, switch
 
 _ONTO = (
     (PlacementMode.ACTION.name, "New Action", "Replace the active action, which is kept in the file"),
@@ -86,9 +86,7 @@ def start_frame(context: bpy.types.Context) -> float:
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the settings."""
     chosen: Any = context.scene.perfanim_result
-    column = layout.column()
-    column.use_property_split = True
-    column.use_property_decorate = False
+    column = property_column(layout)
     for name in ("onto", "start", "filters", "only_selected", "reduce"):
         column.prop(chosen, name)
     if chosen.reduce:

@@ -85,7 +85,6 @@ class TakePlan:
     """Plan of one take; plain values, to go to other processes as JSON.
 
     Args:
-        name: of its outputs.
         source: the take as the plan names it.
         take: the file that is solved; "" when it is tracked from the videos of the options.
         options: values of `KEYS`, paths absolute.

@@ -50,7 +50,6 @@ def quality_figures(solved: "SolvedTake") -> dict[str, float | int | None]:
         confidence: mean over the frames; confidence_low: that which 95 % of the frames reach.
         hidden: share of the markers that no camera shows; longest_gap_s: the longest time that one is hidden.
         unsolved: share of the frames without a pose of their own.
-        foot_skate_cm_s: see `foot_skate_cm_s`.
     """
     poses, motion = solved.poses_of(), solved.motion
     rms = np.array([pose.marker_rms_m for pose in poses])

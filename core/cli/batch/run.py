@@ -29,7 +29,6 @@ class BatchResult:
     Args:
         records: of its takes, sorted by name.
         finished_before: names of those that an earlier run had done.
-        page: the summary with pictures.
     """
 
     records: tuple[Record, ...]

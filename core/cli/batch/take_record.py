@@ -21,10 +21,7 @@ class Record:
     """Record of a take, kept beside its outputs.
 
     Args:
-        name, source, digest: as in its plan.
         status: GOOD, DOUBTFUL (check it) or BAD (no motion).
-        reasons: why it is not good.
-        warnings: of the commands.
         figures: of `quality_figures`; empty when it could not be solved.
         outputs: kind -> file below the folder of the results.
         sha256: file -> digest of its bytes.
@@ -58,7 +55,6 @@ class Task:
     """One take to be done, as it goes to another process.
 
     Args:
-        out: folder of the results.
         work: folder below it for unfinished files.
     """
 

@@ -27,7 +27,6 @@ class AsfBone:
 
     Args:
         direction: (3,) unit direction in the rest pose.
-        length: length in the file's unit.
         axis: (4,) rest-from-bone-frame quaternion.
         axis_order: order of the rotations about fixed axes, e.g. "XYZ" (first x).
         channels: degrees of freedom in the order of the AMC values, e.g. ("rx", "rz").
@@ -46,7 +45,6 @@ class AsfFile:
     """Content of an ASF file.
 
     Args:
-        metres_per_unit: length of the file's unit.
         bones: by name, without the root.
         root: the root as a bone of no length; its channels are the file's `order`.
         root_position: (3,) rest position in the file's unit.

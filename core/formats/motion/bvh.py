@@ -299,7 +299,6 @@ def write_bvh(motion: Motion, path: Path | str, units: str = "m", decimals: int 
     The root has six channels, every other joint three, rotations in the order ZXY (Rz Rx Ry).
 
     Args:
-        units: of the lengths in the file.
         decimals: of angles in degrees and of the root's path in `units`; fewer make smaller files.
 
     Raises:

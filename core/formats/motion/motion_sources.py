@@ -28,7 +28,6 @@ class MotionFile:
 
     Args:
         name: path inside its source, with the source's own name in front ("cmu.tar.xz/14/14_02.amc").
-        path: where its bytes are.
         skeleton: the ASF file of an AMC file, None when there is none.
         description: what an index.tsv beside it says about it, "" when nothing.
     """

@@ -27,9 +27,7 @@ class TimedPose:
     """Solved pose of one marker frame.
 
     Args:
-        pose: of performers and props.
         stamp_s: `time.perf_counter()` at the arrival of the frame's images.
-        solve_s: time in the solver.
         waiting: marker frames in the queue behind this one.
     """
 

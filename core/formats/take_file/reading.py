@@ -38,7 +38,6 @@ class Gap:
     Args:
         after: number of the last frame before them.
         seconds: missing duration; 0 where the source was read again from there.
-        text: message for people.
     """
 
     after: int

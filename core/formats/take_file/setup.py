@@ -26,7 +26,6 @@ class TakeSetup:
         settings: of the solver, where they differ from its defaults.
         database: "path", "frames", "fps" and "sha256" (of its header).
         capture: sources and detection as requested.
-        props: as in their files.
         created: ISO 8601 with the time zone.
         software: program and version that recorded the take.
     """

@@ -28,7 +28,6 @@ def write_whole_take(
     Args:
         path: an existing file is replaced.
         frames: each with its stamp, as `TakeFile.stamped_frames`.
-        poses: of these frames.
         events: payloads of event chunks.
 
     Raises:

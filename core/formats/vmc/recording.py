@@ -24,7 +24,6 @@ class Recording:
     """Frames of VMC packets.
 
     Attributes:
-        gathering: of the packets; counts them.
     """
 
     def __init__(self) -> None:

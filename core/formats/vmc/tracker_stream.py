@@ -28,7 +28,6 @@ class TrackerStream:
             `axis_points` among them.
 
     Attributes:
-        gathering: of the packets; counts them.
     """
 
     def __init__(self, marker_set: MarkerSet) -> None:

@@ -28,9 +28,7 @@ class StudioSettings:
         ghosts: false bright blobs that wander through each image (reflections).
         moved_object: a box that was not there for the background images stands in the room.
         light_drift: slow change of the room's light, share of its brightness (0.05: by up to 5 %).
-        occlusion: the body hides markers.
         dropout: chance of each marker to be missing in each image besides, 0..1.
-        seed: of noise, ghosts and dropout.
     """
 
     marker_radius_m: float = 0.0125

@@ -35,7 +35,6 @@ class Guidance:
         seen: the board in each image; None when these images were left out.
         advice: next step for the person with the board.
         target: camera and region (row, column of `REGIONS` each) in which the board is wanted.
-        taken: whether this view was taken.
     """
 
     seen: BoardObservation | None

@@ -43,7 +43,6 @@ class Refinement:
         turned_deg, moved_mm: (C,) how far each camera is from where it was thought to be.
         depth_sigma: standard deviation of the markers' places that the new cameras' uncertainty makes, as a fraction of
             their distance. Cameras close together see markers too alike to tell a turn towards each other.
-        points: markers used.
     """
 
     rig: CameraRig

@@ -78,7 +78,6 @@ class RigFit:
         poses: camera-from-first-camera.
         rms_px: over all cameras and moments; `held_out_px` the same for moments left out of the fit (NaN with
             too few of them).
-        used: moments.
         model: which intrinsics were adjusted.
         errors_px: (M, C) RMS reprojection error of each view, NaN where a camera takes no part in a moment.
         late_s: (C,) how late the pictures of a camera are against the first one's, NaN where the board held still.

@@ -28,7 +28,6 @@ class CameraControls:
     """Settings of a camera; None leaves one to the camera.
 
     Args:
-        exposure_s: seconds that the shutter is open.
         gain, focus: in the camera's own numbers.
     """
 

@@ -15,10 +15,8 @@ class ImageSet:
     """One image per camera.
 
     Args:
-        number: frame number of the source.
         times_s: when each image was taken, seconds.
         images: per camera (height, width, 3) uint8 BGR.
-        notes: what went wrong, in plain words.
         usable: per camera whether its image shows this moment; empty: all do. An image that does not is black.
     """
 
