@@ -1,7 +1,8 @@
 """Labels of points without a past: at the start, and after the body was lost.
 
 Torso markers keep their distances from each other in every pose, so the few ways in which points can be the torso are
-enumerated. Each places the root, and the other points are then compared, in its frame, with poses of the database.
+enumerated. Each places the root. In its frame every pair of limb markers is compared with the same pair in poses of the
+database, so that a pose is known whose two arms and two legs were all seen, though never together.
 """
 
 from dataclasses import dataclass
@@ -9,25 +10,30 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..geometry.arrays import Array, FloatArray, IntArray, Mask
-from ..geometry.gated_assignment import assign
 
 _FEWEST_TORSO = 3  # from which the root can be placed
 _STRETCH = 0.1  # share by which torso distances may lie outside those of the examples,
 _STRETCH_M = 0.03  # and metres
 _RANGE = (0.5, 99.5)  # percentiles of the examples' distances
-MISSED_M = 0.30  # what a marker costs that no point comes closer to
-_UP_M = 0.3  # metres that a radian between the verticals counts
-_BACK_M = 0.3  # what it counts to face away from the cameras: many a crouch is also somebody who looks the other way
-_TORSOS = 24  # ways to place the root that are compared with the examples
-_EXAMPLES_EACH = 4  # closest to each of them, as one point may be near two limbs and be counted twice
-_REFINED = 32  # pairs of the two that are labelled
-_FARTHEST_M = 0.20  # RMS over the markers beyond which nothing is labelled
-_FEWEST_FOUND = 0.6  # share of the markers that must be found
-_MISSED_TORSO_M = 0.1  # what a torso marker costs that is taken for hidden
-_TORSO_WEIGHT = (
-    2.0  # of its own error: a limb may be a hand's breadth off every example, a torso is much the same in all
-)
+_TORSOS = 24  # ways to place the root that are compared with the examples,
+_KEPT_TORSOS = 8  # and of these, whose limbs are labelled
 _WAYS = 4000  # to choose the torso, at most
+_LABELLINGS = 100  # of the limbs, kept while they are completed
+_PRODUCTS = 1e9  # multiplications for the pairs of limbs of one torso, at most: fewer examples for larger sets
+_FEWEST_FOUND = 0.6  # share of the markers that must be found
+MISSED_M = 0.30  # distance that counts for a marker without a point
+
+# costs are minus logarithms of likelihoods
+_TORSO_SIGMA_M = 0.05  # of a torso marker about the examples'
+_UP_SIGMA_RAD = 0.25  # of the vertical
+_LIMB_SIGMA_M = 0.08  # of a limb marker about the examples'
+_MISSED_TORSO_COST = 3.0
+_MISSED_LIMB_COST = 6.0
+_GHOST_COST = 4.0  # of a point that is no marker
+_HOPELESS = 15.0  # above the cheapest torso: such a torso is not completed
+_BACK_COST = 6.0  # of facing away from the cameras: many a crouch is also somebody who looks the other way
+_LEAST_LIKELIHOOD = 1e-9  # of a pair of limbs
+_UNLIKELY = 60.0  # cost above which points are no body
 
 
 @dataclass(frozen=True)
@@ -36,14 +42,26 @@ class InitialLabels:
 
     Args:
         labels: (N,) marker of each point, -1 for none.
-        distance_m: RMS over the markers of the distance to the closest example; a missed marker counts 0.3 m, and so
-            does facing away from the cameras.
+        cost: minus the logarithm of their likelihood, up to a constant.
+        distance_m: RMS over the markers of the distance to the closest example; a missed marker counts 0.3 m.
         expected_m: (M, 3) the markers of that example, where the body stands.
     """
 
     labels: IntArray
+    cost: float
     distance_m: float
     expected_m: Array
+
+
+@dataclass(frozen=True)
+class _Placement:
+    """The root under one choice of the torso: points (T,), turn, shift, and the cost."""
+
+    torso: IntArray
+    turn: Array
+    shift: Array
+    cost: float
+    example_costs: FloatArray
 
 
 class InitialLabeller:
@@ -58,11 +76,9 @@ class InitialLabeller:
     def __init__(self, examples_m: FloatArray, ups: FloatArray, torso: Mask) -> None:
         self._examples = np.asarray(examples_m, dtype=np.float32)
         self._ups = np.asarray(ups, dtype=np.float32)
-        self._torso = np.flatnonzero(torso)
-        self._limbs = np.flatnonzero(~torso)
-        limbs = self._examples[:, self._limbs]
-        self._limb_norms = np.einsum("slc,slc->sl", limbs, limbs)
-        self._limb_places = limbs.reshape(-1, 3)
+        self._torso, self._limbs = np.flatnonzero(torso), np.flatnonzero(~torso)
+        self._limb_places = np.ascontiguousarray(self._examples[:, self._limbs])
+        self._limb_norms = np.einsum("slc,slc->sl", self._limb_places, self._limb_places)
         own = self._examples[:, self._torso].astype(np.float64)
         spans = np.linalg.norm(own[:, :, None] - own[:, None], axis=-1)
         low, high = np.percentile(spans, _RANGE, axis=0)
@@ -76,23 +92,20 @@ class InitialLabeller:
         if len(torsos) == 0:
             return None
         turns, shifts, errors = _fit_torsos(self._mean_torso, points_m, torsos)
-        likely = np.argsort(errors + _MISSED_TORSO_M**2 * np.sum(torsos < 0, axis=1))[:_TORSOS]
-        rough = [
-            (cost, example, row)
-            for row in likely
-            for cost, example in self._closest_examples(points_m, turns[row], shifts[row], torsos[row])
+        rough = errors / (2.0 * _TORSO_SIGMA_M**2) + _MISSED_TORSO_COST * np.sum(torsos < 0, axis=1)
+        placements = [
+            self._place(points_m, torsos[row], turns[row], shifts[row]) for row in np.argsort(rough)[:_TORSOS]
         ]
-        rough.sort()
-        best, least = None, np.inf
-        for _, example, row in rough[:_REFINED]:
-            found = self._label_by_example(points_m, torsos[row], example)
-            cost = found.distance_m**2 + _TORSO_WEIGHT * self._torso_error_m2(points_m, torsos[row], example)
-            if cost < least:
-                best, least = found, cost
-        if best is None or best.distance_m > _FARTHEST_M:
-            return None
-        enough = np.sum(best.labels >= 0) >= _FEWEST_FOUND * self._examples.shape[1]
-        return best if enough else None
+        placements.sort(key=lambda placement: placement.cost)
+        found = [
+            self._label_limbs(points_m, placement)
+            for placement in placements[:_KEPT_TORSOS]
+            if placement.cost < placements[0].cost + _HOPELESS
+        ]
+        best = min(found, key=lambda labels: labels.cost)
+        count = np.sum(best.labels >= 0)
+        likely = best.cost < _UNLIKELY + _GHOST_COST * (len(points_m) - count)
+        return best if likely and count >= _FEWEST_FOUND * self._examples.shape[1] else None
 
     def complete(self, points_m: Array, labels: IntArray) -> InitialLabels | None:
         """Complete known torso labels (N,) of points (N, 3); None with too few."""
@@ -102,30 +115,33 @@ class InitialLabeller:
         if np.sum(torso >= 0) < _FEWEST_TORSO:
             return None
         turns, shifts, _ = _fit_torsos(self._mean_torso, points_m, torso[None])
-        closest = self._closest_examples(points_m, turns[0], shifts[0], torso)
-        found = [self._label_by_example(points_m, torso, example) for _, example in closest]
-        return min(found, key=lambda start: start.distance_m)
+        return self._label_limbs(points_m, self._place(points_m, torso, turns[0], shifts[0]))
 
-    def distance_m(self, markers_m: Array, followed_m: Array | None = None) -> float:
-        """Return the RMS distance of markers to the closest example.
+    def cost(self, markers_m: Array, followed_m: Array | None = None, ghosts: int = 0) -> float:
+        """Return the cost of labelled markers, as of `InitialLabels.cost`.
 
         Args:
             markers_m: (M, 3), NaN where unseen.
+            ghosts: number of points that are no marker.
             followed_m: (M, 3) where a body that is followed has them, which places it when too few of the torso are
-                seen; None for no such body: then all markers count as missed.
+                seen; None for no such body: then the cost is infinite.
         """
         seen = np.all(np.isfinite(markers_m), axis=1)
-        torso, placing = np.where(seen[self._torso], self._torso, -1), markers_m
+        placing, torso = markers_m, np.where(seen[self._torso], self._torso, -1)
         if np.sum(torso >= 0) < _FEWEST_TORSO:
             if followed_m is None:
-                return MISSED_M
-            torso, placing = self._torso, np.where(seen[:, None], markers_m, followed_m)
+                return float("inf")
+            placing, torso = np.where(seen[:, None], markers_m, followed_m), self._torso
         turns, shifts, _ = _fit_torsos(self._mean_torso, placing, torso[None])
-        local = ((markers_m[seen] - shifts[0]) @ turns[0]).astype(np.float32)
-        squares = np.sum((self._examples[:, seen] - local) ** 2, axis=2)
-        cost = squares.sum(axis=1) + _UP_M**2 * np.sum((self._ups - turns[0][1].astype(np.float32)) ** 2, axis=1)
-        example = int(np.argmin(cost))
-        return self._distance_m(placing, np.where(seen, np.arange(len(seen)), -1), torso, example)
+        placement = self._place(placing, torso, turns[0], shifts[0])
+        found = seen[self._limbs]
+        likelihoods = np.ones((len(self._examples), len(found)), dtype=np.float32)
+        local = _to_local(markers_m[self._limbs[found]], placement)
+        away = np.sum((self._examples[:, self._limbs[found]] - local) ** 2, axis=2)
+        likelihoods[:, found] = np.exp(-away / (2.0 * _LIMB_SIGMA_M**2))
+        pairs = -np.log(likelihoods.T @ likelihoods / len(likelihoods) + _LEAST_LIKELIHOOD)
+        limbs = float(np.sum(np.triu(pairs, 1))) / max(len(found) - 1, 1)
+        return placement.cost + limbs + _MISSED_LIMB_COST * float(np.sum(~found)) + _GHOST_COST * ghosts
 
     def _torsos(self, points_m: Array) -> IntArray:
         """Return candidate points (H, T) of the torso markers by distances; -1: none."""
@@ -149,66 +165,77 @@ class InitialLabeller:
             chosen = chosen[order[missing[order] <= count - _FEWEST_TORSO]]
         return chosen
 
-    def _closest_examples(self, points_m: Array, turn: Array, shift: Array, torso: IntArray) -> list[tuple[float, int]]:
-        """Return cost and index of the closest examples, limbs taken in any order."""
-        local = ((points_m - shift) @ turn).astype(np.float32)
-        up = turn[1].astype(np.float32)
-        cost = _UP_M**2 * np.sum((self._ups - up) ** 2, axis=1)
+    def _place(self, points_m: Array, torso: IntArray, turn: Array, shift: Array) -> _Placement:
+        """Return the root that a choice of the torso gives, with the cost of the torso."""
+        placement = _Placement(torso, turn, shift, 0.0, np.empty(0, dtype=np.float32))
         seen = torso >= 0
-        own = self._examples[:, self._torso[seen]] - local[torso[seen]]
-        cost += np.einsum("smc,smc->s", own, own)
-        others = np.delete(local, torso[seen], axis=0)
-        if len(others):
-            nearest = np.minimum(self._limb_distances(others).min(axis=2), MISSED_M**2)
-            # a point is one limb only: where there are fewer points than limbs, the rest of the limbs is missed
-            nearest.sort(axis=1)
-            nearest[:, len(others) :] = MISSED_M**2
-            cost += nearest.sum(axis=1)
-        cost += MISSED_M**2 * np.sum(~seen) + _turned_away(turn)
-        best = np.argpartition(cost, min(_EXAMPLES_EACH, len(cost)) - 1)[:_EXAMPLES_EACH]
-        return [(float(cost[example]), int(example)) for example in best]
+        away = self._examples[:, self._torso[seen]] - _to_local(points_m[torso[seen]], placement)
+        costs = np.einsum("smc,smc->s", away, away) / np.float32(2.0 * _TORSO_SIGMA_M**2)
+        costs += np.sum((self._ups - turn[1].astype(np.float32)) ** 2, axis=1) / np.float32(2.0 * _UP_SIGMA_RAD**2)
+        fixed = _MISSED_TORSO_COST * np.sum(~seen) + _BACK_COST * 0.5 * (1.0 - turn[2, 2])
+        return _Placement(torso, turn, shift, float(costs.min() + fixed), costs)
 
-    def _limb_distances(self, points_m: FloatArray) -> FloatArray:
-        """Return the squared distances (S, L, N) from limb markers to local points."""
-        products = (self._limb_places @ points_m.T).reshape(*self._limb_norms.shape, -1)
-        return self._limb_norms[..., None] - 2.0 * products + np.einsum("nc,nc->n", points_m, points_m)
-
-    def _label_by_example(self, points_m: Array, torso: IntArray, example: int) -> InitialLabels:
-        """Label the other points by an example fitted to the chosen torso."""
-        placed, _ = self._fit_example(points_m, torso, example)
+    def _label_limbs(self, points_m: Array, placement: _Placement) -> InitialLabels:
+        """Label the points that are not the torso by pairs of limbs."""
+        torso = placement.torso
+        free = np.setdiff1d(np.arange(len(points_m)), torso)
+        count, limbs = len(free), len(self._limbs)
+        step = int(np.ceil(len(self._examples) * (limbs * (count + 1)) ** 2 / _PRODUCTS))
+        local = _to_local(points_m[free], placement)
+        away = self._limb_norms[::step, :, None] + np.einsum("nc,nc->n", local, local)
+        away -= 2.0 * (self._limb_places[::step].reshape(-1, 3) @ local.T).reshape(away.shape)
+        # the last column stands for a limb without a point
+        likelihoods = np.ones((len(away), limbs, count + 1), dtype=np.float32)
+        likelihoods[:, :, :count] = np.exp(-away / np.float32(2.0 * _LIMB_SIGMA_M**2))
+        flat = likelihoods.reshape(len(away), -1)
+        pairs = -np.log(flat.T @ flat / np.float32(len(flat)) + np.float32(_LEAST_LIKELIHOOD))
+        chosen, cost = _cheapest(pairs.reshape(limbs, count + 1, limbs, count + 1))
+        cost -= _GHOST_COST * np.sum(chosen == count)
         labels = np.full(len(points_m), -1, dtype=np.int64)
         labels[torso[torso >= 0]] = self._torso[torso >= 0]
-        free = np.flatnonzero(labels < 0)
-        distances = np.linalg.norm(points_m[free][:, None] - placed[self._limbs][None], axis=-1)
-        rows, columns = assign(distances**2, MISSED_M**2)
-        labels[free[rows]] = self._limbs[columns]
-        return InitialLabels(labels, self._distance_m(points_m, labels, torso, example), placed)
+        labels[free[chosen[chosen < count]]] = self._limbs[chosen < count]
+        found = np.flatnonzero(chosen < count)
+        total = away[:, found, chosen[found]].sum(axis=1) / np.float32(2.0 * _LIMB_SIGMA_M**2)
+        total += placement.example_costs[::step]
+        return self._described(points_m, labels, placement, cost, step * int(np.argmin(total)))
 
-    def _distance_m(self, points_m: Array, labels: IntArray, torso: IntArray, example: int) -> float:
-        """Return `InitialLabels.distance_m` of labels against one fitted example."""
-        placed, turn = self._fit_example(points_m, torso, example)
+    def _described(
+        self, points_m: Array, labels: IntArray, placement: _Placement, limb_cost: float, example: int
+    ) -> InitialLabels:
+        """Return labels with their cost and the closest example."""
+        markers = self._examples[example].astype(np.float64)
+        turns, shifts, _ = _fit_torsos(markers[self._torso], points_m, placement.torso[None])
+        placed = markers @ turns[0].T + shifts[0]
         squares = np.full(len(placed), MISSED_M**2)
         found = np.flatnonzero(labels >= 0)
-        off = np.sum((points_m[found] - placed[labels[found]]) ** 2, axis=1)
-        squares[labels[found]] = np.minimum(off, MISSED_M**2)
-        tilt = _UP_M**2 * np.sum((self._ups[example] - turn[1]) ** 2)
-        return float(np.sqrt((squares.sum() + tilt + _turned_away(turn)) / len(placed)))
-
-    def _torso_error_m2(self, points_m: Array, torso: IntArray, example: int) -> float:
-        """Return the mean squared distance of an example's torso to its points."""
-        _, _, errors = _fit_torsos(self._examples[example, self._torso].astype(np.float64), points_m, torso[None])
-        return float(errors[0]) / int(np.sum(torso >= 0))
-
-    def _fit_example(self, points_m: Array, torso: IntArray, example: int) -> tuple[Array, Array]:
-        """Return markers (M, 3) and turn of an example fitted to the chosen torso."""
-        markers = self._examples[example].astype(np.float64)
-        turns, shifts, _ = _fit_torsos(markers[self._torso], points_m, torso[None])
-        return markers @ turns[0].T + shifts[0], turns[0]
+        cost = placement.cost + limb_cost + _GHOST_COST * (len(labels) - len(found))
+        squares[labels[found]] = np.minimum(np.sum((points_m[found] - placed[labels[found]]) ** 2, axis=1), MISSED_M**2)
+        return InitialLabels(labels, cost, float(np.sqrt(squares.mean())), placed)
 
 
-def _turned_away(turn: Array) -> float:
-    """Return the squared-distance cost of facing away from the cameras."""
-    return float(_BACK_M**2 * 0.5 * (1.0 - turn[2, 2]))
+def _cheapest(pairs: FloatArray) -> tuple[IntArray, float]:
+    """Return the point (L,) of each limb, and the cost.
+
+    Args:
+        pairs: (L, N + 1, L, N + 1) cost of two limbs at two points; the last stands for none.
+    """
+    limbs, none = len(pairs), pairs.shape[1] - 1
+    chosen, costs = np.empty((1, 0), dtype=np.int64), np.zeros(1)
+    for limb in range(limbs):
+        parent, point = np.indices((len(chosen), none + 1)).reshape(2, -1)
+        free = (point == none) | np.all(chosen[parent] != point[:, None], axis=1)
+        parent, point = parent[free], point[free]
+        # a limb without a point leaves a point without a limb
+        cost = costs[parent] + np.where(point == none, _MISSED_LIMB_COST + _GHOST_COST, 0.0)
+        earlier = np.arange(limb)
+        cost += pairs[earlier, chosen[parent], limb, point[:, None]].sum(axis=1) / max(limbs - 1, 1)
+        best = np.argsort(cost, kind="stable")[:_LABELLINGS]
+        chosen, costs = np.column_stack((chosen[parent[best]], point[best])), cost[best]
+    return chosen[0], float(costs[0])
+
+
+def _to_local(points_m: Array, placement: _Placement) -> FloatArray:
+    return np.asarray((points_m - placement.shift) @ placement.turn, dtype=np.float32)
 
 
 def _fit_torsos(torso_m: Array, points_m: Array, chosen: IntArray) -> tuple[Array, Array, Array]:

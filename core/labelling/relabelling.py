@@ -10,10 +10,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..geometry.arrays import Array, Mask
-from .initial_labelling import MISSED_M, InitialLabeller
+from .initial_labelling import InitialLabeller
 
-_GAIN_M2 = 0.5 * MISSED_M**2  # of squared distance to an example: half of what a missed marker costs
-_BETTER = 0.7  # of the labels' distance to the examples, where a marker that has a point is given another
+_GAIN = 4.0  # of the logarithm of the likelihood, from which labels are better
 _CONFIRMATIONS = 3  # looks that find the same
 _REACH_M_S = 6.0  # as far as a limb moves between two looks, and
 _REACH_M = 0.1  # this much besides
@@ -58,10 +57,7 @@ class Relabeller:
             for marker in np.flatnonzero(np.isfinite(result[:, 0]) | located)
             if not np.array_equal(result[marker], markers_m[marker], equal_nan=True)
         }
-        now_m = self._start.distance_m(markers_m)
-        gain = len(located) * (now_m**2 - found.distance_m**2)
-        exchanged = any(located[marker] for marker in changed)
-        if not changed or gain < _GAIN_M2 or (exchanged and found.distance_m > _BETTER * now_m):
+        if not changed or self._start.cost(markers_m, ghosts=len(unnamed_m)) - found.cost < _GAIN:
             return None
         self.changed = self._is_confirmed(time_s, changed)
         return result if self.changed else None

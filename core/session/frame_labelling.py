@@ -97,9 +97,9 @@ class FrameLabeller:
         observation = Observation(found.points_m, single, image_points, self._cameras)
         return self._relabel(frame, observation, found.unlabelled_points(frame))
 
-    def label_distance_m(self, pose_observed_m: Array, pose_markers_m: Array) -> float:
-        """Return the RMS distance of labelled points (M, 3) to the closest example."""
-        return self._initial.distance_m(pose_observed_m, pose_markers_m)
+    def label_cost(self, observed_m: Array, followed_m: Array) -> float:
+        """Return the cost of labelled points (M, 3), see `InitialLabeller.cost`."""
+        return self._initial.cost(observed_m, followed_m)
 
     def displacements_m(self, start: InitialLabels, points_m: Array, observed_m: Array) -> Array:
         """Return the distance (M,) of markers from the observed ones, NaN if missing."""

@@ -138,11 +138,11 @@ class Session:
         settings = self._quality.settings
         if is_labelled(frame) or not self.is_tracking or not self._quality.is_label_check_due(pose):
             return False
-        distance_m = self._labeller.label_distance_m(pose.observed_m, pose.markers_m)
-        if distance_m < settings.sure_m:
-            return False
         start = self.label_initially(frame.points_m)
-        if start is None or not start.distance_m < settings.better * distance_m:
+        if (
+            start is None
+            or not start.cost < self._labeller.label_cost(pose.observed_m, pose.markers_m) - settings.better
+        ):
             return False
         moved_m = self._labeller.displacements_m(start, frame.points_m, pose.observed_m)
         return bool(np.any(moved_m > settings.elsewhere_m))

@@ -34,8 +34,7 @@ class TrackingSettings:
         first_check_s: wait before the first check of labels or of a doubtful pose; each further wait is doubled.
         rare_check_s: longest wait; from then on labels are checked at low confidence only.
         doubtful: that confidence.
-        better: share of the labels' distance to the examples; new labels that are closer show that they are wrong.
-        sure_m: labels this near to an example are right: limbs exchanged across a hand's breadth are further off.
+        better: of the logarithm of the likelihood, by which new labels show that the present ones are wrong.
         elsewhere_m: distance by which new labels must move a marker.
         sufficient: share of located markers needed to doubt a pose: some example or other is near to fewer.
         promising: share of the distance to the closest example, below which a pose without a past is solved.
@@ -51,8 +50,7 @@ class TrackingSettings:
     first_check_s: float = 0.1
     rare_check_s: float = 1.0
     doubtful: float = 0.5
-    better: float = 0.7
-    sure_m: float = 0.04
+    better: float = 4.0
     elsewhere_m: float = 0.03
     sufficient: float = 0.75
     promising: float = 0.6
