@@ -17,8 +17,10 @@ _STRETCH_M = 0.03  # and metres
 _RANGE = (0.5, 99.5)  # percentiles of the examples' distances
 _TORSOS = 24  # ways to place the root that are compared with the examples,
 _KEPT_TORSOS = 8  # and of these, whose limbs are labelled
-_WAYS = 4000  # to choose the torso, at most
+_WAYS = 4000  # to choose the torso, at most; fewer among many points
+_WAYS_TIMES_POINTS = 120_000
 _LABELLINGS = 100  # of the limbs, kept while they are completed
+_REACH_M = 0.3  # beyond the farthest limb of all examples, where a point is no limb
 _PRODUCTS = 1e9  # multiplications for the pairs of limbs of one torso, at most: fewer examples for larger sets
 _FEWEST_FOUND = 0.6  # share of the markers that must be found
 MISSED_M = 0.30  # distance that counts for a marker without a point
@@ -79,6 +81,7 @@ class InitialLabeller:
         self._torso, self._limbs = np.flatnonzero(torso), np.flatnonzero(~torso)
         self._limb_places = np.ascontiguousarray(self._examples[:, self._limbs])
         self._limb_norms = np.einsum("slc,slc->sl", self._limb_places, self._limb_places)
+        self._reach_m = float(np.sqrt(self._limb_norms.max(initial=0.0))) + _REACH_M
         own = self._examples[:, self._torso].astype(np.float64)
         spans = np.linalg.norm(own[:, :, None] - own[:, None], axis=-1)
         low, high = np.percentile(spans, _RANGE, axis=0)
@@ -147,6 +150,7 @@ class InitialLabeller:
         """Return candidate points (H, T) of the torso markers by distances; -1: none."""
         spans = np.linalg.norm(points_m[:, None] - points_m[None], axis=-1)
         count, points = len(self._torso), np.arange(len(points_m))
+        ways = min(_WAYS, _WAYS_TIMES_POINTS // max(len(points), 1))
         chosen = np.empty((1, 0), dtype=np.int64)
         for marker in range(count):
             # every partial choice continues with each point that is left and fits, and with none
@@ -161,7 +165,7 @@ class InitialLabeller:
             without = np.column_stack((chosen, np.full(len(chosen), -1)))
             chosen = np.concatenate((taken, without))
             missing = np.sum(chosen < 0, axis=1)
-            order = np.argsort(missing, kind="stable")[:_WAYS]
+            order = np.argsort(missing, kind="stable")[:ways]
             chosen = chosen[order[missing[order] <= count - _FEWEST_TORSO]]
         return chosen
 
@@ -178,7 +182,8 @@ class InitialLabeller:
     def _label_limbs(self, points_m: Array, placement: _Placement) -> InitialLabels:
         """Label the points that are not the torso by pairs of limbs."""
         torso = placement.torso
-        free = np.setdiff1d(np.arange(len(points_m)), torso)
+        within = np.linalg.norm(_to_local(points_m, placement), axis=1) < self._reach_m
+        free = np.setdiff1d(np.flatnonzero(within), torso)
         count, limbs = len(free), len(self._limbs)
         step = int(np.ceil(len(self._examples) * (limbs * (count + 1)) ** 2 / _PRODUCTS))
         local = _to_local(points_m[free], placement)

@@ -97,9 +97,10 @@ class FrameLabeller:
         observation = Observation(found.points_m, single, image_points, self._cameras)
         return self._relabel(frame, observation, found.unlabelled_points(frame))
 
-    def label_cost(self, observed_m: Array, followed_m: Array) -> float:
-        """Return the cost of labelled points (M, 3), see `InitialLabeller.cost`."""
-        return self._initial.cost(observed_m, followed_m)
+    def label_cost(self, frame: MarkerFrame, observed_m: Array, followed_m: Array) -> float:
+        """Return the cost of labelled points (M, 3) of a frame, see `InitialLabeller.cost`."""
+        ghosts = len(frame.points_m) - int(np.sum(np.isfinite(observed_m[:, 0])))
+        return self._initial.cost(observed_m, followed_m, max(ghosts, 0))
 
     def displacements_m(self, start: InitialLabels, points_m: Array, observed_m: Array) -> Array:
         """Return the distance (M,) of markers from the observed ones, NaN if missing."""

@@ -135,17 +135,16 @@ class Session:
 
     def _is_mislabelled(self, frame: MarkerFrame, pose: PerformerPose) -> bool:
         """Return whether the points, labelled without a past, are more like a body."""
-        settings = self._quality.settings
         if is_labelled(frame) or not self.is_tracking or not self._quality.is_label_check_due(pose):
             return False
         start = self.label_initially(frame.points_m)
-        if (
-            start is None
-            or not start.cost < self._labeller.label_cost(pose.observed_m, pose.markers_m) - settings.better
-        ):
+        if start is None:
             return False
         moved_m = self._labeller.displacements_m(start, frame.points_m, pose.observed_m)
-        return bool(np.any(moved_m > settings.elsewhere_m))
+        if not np.any(moved_m > self._quality.settings.elsewhere_m) and not np.any(np.isnan(moved_m)):
+            return False
+        gain = self._labeller.label_cost(frame, pose.observed_m, pose.markers_m) - start.cost
+        return self._quality.are_labels_disproved(gain, pose.time_s)
 
     def _solved_pose(self, frame: MarkerFrame, observation: Observation, solution: Solution) -> PerformerPose:
         # with one camera the distance of the markers from their rays counts

@@ -32,9 +32,11 @@ class TrackingSettings:
         lost_for_s: duration without two torso markers, after which labelling starts again.
         torso_markers: fewest by which the torso is seen.
         first_check_s: wait before the first check of labels or of a doubtful pose; each further wait is doubled.
+        label_check_s: the same while labels are doubtful; they are checked at once when confidence falls.
         rare_check_s: longest wait; from then on labels are checked at low confidence only.
         doubtful: that confidence.
-        better: of the logarithm of the likelihood, by which new labels show that the present ones are wrong.
+        better: of the logarithm of the likelihood, from which a check speaks for new labels.
+        proven: sum of it over checks in a row, from which the present labels are wrong.
         elsewhere_m: distance by which new labels must move a marker.
         sufficient: share of located markers needed to doubt a pose: some example or other is near to fewer.
         promising: share of the distance to the closest example, below which a pose without a past is solved.
@@ -48,9 +50,11 @@ class TrackingSettings:
     lost_for_s: float = 1.0
     torso_markers: int = 2
     first_check_s: float = 0.1
+    label_check_s: float = 0.03
     rare_check_s: float = 1.0
     doubtful: float = 0.5
-    better: float = 4.0
+    better: float = 3.0
+    proven: float = 12.0
     elsewhere_m: float = 0.03
     sufficient: float = 0.75
     promising: float = 0.6
@@ -115,6 +119,7 @@ class TrackingQuality:
         """Forget the poses so far."""
         self._unseen, self._wrong = _Lapse(), _Lapse()
         self._label_check = Backoff(self.settings.first_check_s, self.settings.rare_check_s)
+        self._was_doubtful, self._against_labels = False, 0.0
         self._pose_check = Backoff(self.settings.first_check_s, self.settings.rare_check_s)
 
     def is_lost(self, pose: PerformerPose) -> bool:
@@ -128,13 +133,32 @@ class TrackingQuality:
     def is_label_check_due(self, pose: PerformerPose) -> bool:
         """Return whether to compare the labels with new ones now.
 
-        Due soon after a start, then ever more rarely, at last only at low confidence: a wrong start can last.
+        Due at once when confidence falls, soon while new labels seem better, then ever more rarely.
         """
-        check = self._label_check
-        if not check.is_due(pose.time_s) or (check.is_longest and pose.confidence > self.settings.doubtful):
+        check, doubtful = self._label_check, pose.confidence < self.settings.doubtful
+        if doubtful and not self._was_doubtful:
+            self._label_check = check = Backoff(self.settings.label_check_s, self.settings.rare_check_s)
+            check.reset(pose.time_s - self.settings.label_check_s)
+        self._was_doubtful = doubtful
+        if not check.is_due(pose.time_s) or (check.is_longest and not doubtful):
             return False
         check.attempt(pose.time_s)
         return True
+
+    def are_labels_disproved(self, gain: float, time_s: float) -> bool:
+        """Return whether checks have shown that the labels are wrong.
+
+        Args:
+            gain: logarithm of the likelihood of new labels over that of the present ones.
+        """
+        if gain < self.settings.better:
+            self._against_labels = 0.0
+            return False
+        self._against_labels += gain
+        if self._against_labels > self.settings.proven:
+            return True
+        self._label_check.reset(time_s)  # look again soon
+        return False
 
     def is_pose_check_due(self, time_s: float, observation: Observation, solution: Solution | None) -> bool:
         """Return whether to compare the pose with one without a past now.
