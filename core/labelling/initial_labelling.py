@@ -1,8 +1,8 @@
 """Labels of points without a past: at the start, and after the body was lost.
 
 Torso markers keep their distances from each other in every pose, so the few ways in which points can be the torso are
-enumerated. Each places the root. In its frame every pair of limb markers is compared with the same pair in poses of the
-database, so that a pose is known whose two arms and two legs were all seen, though never together.
+enumerated. Each places the root. In its frame the limb markers, as a whole and every pair of them, are compared
+with poses of the database: two arms and two legs may all be known, though never seen together.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,9 @@ _TORSOS = 24  # ways to place the root that are compared with the examples,
 _KEPT_TORSOS = 8  # and of these, whose limbs are labelled
 _WAYS = 4000  # to choose the torso, at most; fewer among many points
 _WAYS_TIMES_POINTS = 120_000
-_LABELLINGS = 100  # of the limbs, kept while they are completed
+_LABELLINGS = 100  # of the limbs, kept while they are completed,
+_COMPARED = 20  # and of these, compared with whole examples
+_WHOLE_SHARE = 0.5  # of the likelihood of all limbs at once against that of their pairs
 _REACH_M = 0.3  # beyond the farthest limb of all examples, where a point is no limb
 _PRODUCTS = 1e9  # multiplications for the pairs of limbs of one torso, at most: fewer examples for larger sets
 _FEWEST_FOUND = 0.6  # share of the markers that must be found
@@ -35,7 +37,7 @@ _GHOST_COST = 4.0  # of a point that is no marker
 _HOPELESS = 15.0  # above the cheapest torso: such a torso is not completed
 _BACK_COST = 6.0  # of facing away from the cameras: many a crouch is also somebody who looks the other way
 _LEAST_LIKELIHOOD = 1e-9  # of a pair of limbs
-_UNLIKELY = 60.0  # cost above which points are no body
+_UNLIKELY = 50.0  # cost above which points are no body
 
 
 @dataclass(frozen=True)
@@ -143,7 +145,7 @@ class InitialLabeller:
         away = np.sum((self._examples[:, self._limbs[found]] - local) ** 2, axis=2)
         likelihoods[:, found] = np.exp(-away / (2.0 * _LIMB_SIGMA_M**2))
         pairs = -np.log(likelihoods.T @ likelihoods / len(likelihoods) + _LEAST_LIKELIHOOD)
-        limbs = float(np.sum(np.triu(pairs, 1))) / max(len(found) - 1, 1)
+        limbs = float(np.sum(np.triu(pairs, 1))) / max(len(found) - 1, 1) + _whole_cost(likelihoods, found)
         return placement.cost + limbs + _MISSED_LIMB_COST * float(np.sum(~found)) + _GHOST_COST * ghosts
 
     def _torsos(self, points_m: Array) -> IntArray:
@@ -194,8 +196,10 @@ class InitialLabeller:
         likelihoods[:, :, :count] = np.exp(-away / np.float32(2.0 * _LIMB_SIGMA_M**2))
         flat = likelihoods.reshape(len(away), -1)
         pairs = -np.log(flat.T @ flat / np.float32(len(flat)) + np.float32(_LEAST_LIKELIHOOD))
-        chosen, cost = _cheapest(pairs.reshape(limbs, count + 1, limbs, count + 1))
-        cost -= _GHOST_COST * np.sum(chosen == count)
+        choices, costs = _cheapest(pairs.reshape(limbs, count + 1, limbs, count + 1))
+        costs += [_whole_cost(likelihoods[:, np.arange(limbs), choice], choice < count) for choice in choices]
+        chosen = choices[np.argmin(costs)]
+        cost = float(np.min(costs) - _GHOST_COST * np.sum(chosen == count))
         labels = np.full(len(points_m), -1, dtype=np.int64)
         labels[torso[torso >= 0]] = self._torso[torso >= 0]
         labels[free[chosen[chosen < count]]] = self._limbs[chosen < count]
@@ -218,8 +222,8 @@ class InitialLabeller:
         return InitialLabels(labels, cost, float(np.sqrt(squares.mean())), placed)
 
 
-def _cheapest(pairs: FloatArray) -> tuple[IntArray, float]:
-    """Return the point (L,) of each limb, and the cost.
+def _cheapest(pairs: FloatArray) -> tuple[IntArray, Array]:
+    """Return the points (K, L) of the limbs in the cheapest choices, and their costs (K,).
 
     Args:
         pairs: (L, N + 1, L, N + 1) cost of two limbs at two points; the last stands for none.
@@ -236,7 +240,13 @@ def _cheapest(pairs: FloatArray) -> tuple[IntArray, float]:
         cost += pairs[earlier, chosen[parent], limb, point[:, None]].sum(axis=1) / max(limbs - 1, 1)
         best = np.argsort(cost, kind="stable")[:_LABELLINGS]
         chosen, costs = np.column_stack((chosen[parent[best]], point[best])), cost[best]
-    return chosen[0], float(costs[0])
+    return chosen[:_COMPARED], costs[:_COMPARED]
+
+
+def _whole_cost(likelihoods: FloatArray, found: Mask) -> float:
+    """Return the cost of all limbs (S, L) at once, which decides only where an example is near to all."""
+    likelihood = np.mean(np.prod(likelihoods, axis=1, dtype=np.float64)) if np.all(found) else 0.0
+    return -_WHOLE_SHARE * float(np.log(likelihood + _LEAST_LIKELIHOOD))
 
 
 def _to_local(points_m: Array, placement: _Placement) -> FloatArray:

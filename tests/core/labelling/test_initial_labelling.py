@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.labelling.initial_labelling import MISSED_M, InitialLabeller
+from perfanim.core.labelling.initial_labelling import InitialLabeller
 
 NOISE_M = 0.002
 
@@ -57,24 +57,32 @@ def test_what_is_no_body_is_not_labelled(labeller, true_markers):
     assert labeller.label(points_of(row, generator)[0]) is None
 
 
-def test_distance_tells_wrong_labels_from_right_ones(labeller, true_markers):
+def test_cost_tells_wrong_labels_from_right_ones(labeller, true_markers):
     row = true_markers[0]
-    right = labeller.distance_m(row)
-    assert labeller.distance_m(row[[1, 0, 3, 2, 5, 4, 7, 6]]) > 2.0 * right  # left for right
-    assert labeller.distance_m(row[[0, 1, 2, 3, 6, 5, 4, 7]]) > 2.0 * right  # a hand for a foot
+    right = labeller.cost(row)
+    assert labeller.cost(row[[1, 0, 3, 2, 5, 4, 7, 6]]) > right + 10.0  # left for right
+    assert labeller.cost(row[[0, 1, 2, 3, 6, 5, 4, 7]]) > right + 10.0  # a hand for a foot
+    assert labeller.cost(row, ghosts=2) == pytest.approx(right + 2.0 * (labeller.cost(row, ghosts=1) - right))
     hidden = row.copy()
     hidden[5] = np.nan
-    assert labeller.distance_m(hidden) > right
+    assert labeller.cost(hidden) > right
     hidden[:3] = np.nan
-    assert labeller.distance_m(hidden) > right  # nothing tells where the body is
+    assert labeller.cost(hidden) == np.inf  # nothing tells where the body is
+
+
+def test_labels_have_the_cost_of_their_markers(labeller, true_markers):
+    generator = np.random.default_rng(3)
+    for row in true_markers[::6]:
+        points, _ = points_of(row, generator)
+        start = labeller.label(points)
+        labelled = np.full(row.shape, np.nan)
+        labelled[start.labels] = points
+        assert start.cost == pytest.approx(labeller.cost(labelled), rel=1e-3)
 
 
 def test_a_body_that_is_followed_is_placed_with_its_shoulders_hidden(labeller, true_markers):
     row = true_markers[0]
-    right = labeller.distance_m(row)
     stooped = row.copy()
     stooped[:2] = np.nan
-    missed = 2.0 * MISSED_M**2 / len(row)  # two count as missed, whatever is thought of them
-    assert labeller.distance_m(stooped, row) == pytest.approx(np.sqrt(right**2 + missed), abs=right)
-    assert labeller.distance_m(stooped, row) < labeller.distance_m(stooped) == MISSED_M
-    assert labeller.distance_m(stooped[[0, 1, 2, 3, 6, 5, 4, 7]], row) > labeller.distance_m(stooped, row) + right
+    assert labeller.cost(stooped, row) < labeller.cost(stooped) == np.inf
+    assert labeller.cost(stooped[[0, 1, 2, 3, 6, 5, 4, 7]], row) > labeller.cost(stooped, row) + 10.0
