@@ -22,16 +22,16 @@ _WAYS_TIMES_POINTS = 120_000
 _LABELLINGS = 100  # of the limbs, kept while they are completed,
 _COMPARED = 20  # and of these, compared with whole examples
 _WHOLE_SHARE = 0.5  # of the likelihood of all limbs at once against that of their pairs
-_REACH_M = 0.3  # beyond the farthest limb of all examples, where a point is no limb
+_MARGIN_M = 0.3  # beyond the farthest limb of all examples, where a point is no limb
 _PRODUCTS = 1e9  # multiplications for the pairs of limbs of one torso, at most: fewer examples for larger sets
 _FEWEST_FOUND = 0.6  # share of the markers that must be found
-MISSED_M = 0.30  # distance that counts for a marker without a point
+REACH_M = 0.30  # from the closest example, within which a point may be a marker
 
 # costs are minus logarithms of likelihoods
 _TORSO_SIGMA_M = 0.05  # of a torso marker about the examples'
 _UP_SIGMA_RAD = 0.25  # of the vertical
 _LIMB_SIGMA_M = 0.08  # of a limb marker about the examples'
-_MISSED_TORSO_COST = 3.0
+_MISSED_TORSO_COST = 6.0
 _MISSED_LIMB_COST = 6.0
 _GHOST_COST = 4.0  # of a point that is no marker
 _HOPELESS = 15.0  # above the cheapest torso: such a torso is not completed
@@ -47,13 +47,11 @@ class InitialLabels:
     Args:
         labels: (N,) marker of each point, -1 for none.
         cost: minus the logarithm of their likelihood, up to a constant.
-        distance_m: RMS over the markers of the distance to the closest example; a missed marker counts 0.3 m.
-        expected_m: (M, 3) the markers of that example, where the body stands.
+        expected_m: (M, 3) the markers of the closest example, where the body stands.
     """
 
     labels: IntArray
     cost: float
-    distance_m: float
     expected_m: Array
 
 
@@ -83,7 +81,7 @@ class InitialLabeller:
         self._torso, self._limbs = np.flatnonzero(torso), np.flatnonzero(~torso)
         self._limb_places = np.ascontiguousarray(self._examples[:, self._limbs])
         self._limb_norms = np.einsum("slc,slc->sl", self._limb_places, self._limb_places)
-        self._reach_m = float(np.sqrt(self._limb_norms.max(initial=0.0))) + _REACH_M
+        self._reach_m = float(np.sqrt(self._limb_norms.max(initial=0.0))) + _MARGIN_M
         own = self._examples[:, self._torso].astype(np.float64)
         spans = np.linalg.norm(own[:, :, None] - own[:, None], axis=-1)
         low, high = np.percentile(spans, _RANGE, axis=0)
@@ -206,20 +204,10 @@ class InitialLabeller:
         found = np.flatnonzero(chosen < count)
         total = away[:, found, chosen[found]].sum(axis=1) / np.float32(2.0 * _LIMB_SIGMA_M**2)
         total += placement.example_costs[::step]
-        return self._described(points_m, labels, placement, cost, step * int(np.argmin(total)))
-
-    def _described(
-        self, points_m: Array, labels: IntArray, placement: _Placement, limb_cost: float, example: int
-    ) -> InitialLabels:
-        """Return labels with their cost and the closest example."""
-        markers = self._examples[example].astype(np.float64)
-        turns, shifts, _ = _fit_torsos(markers[self._torso], points_m, placement.torso[None])
-        placed = markers @ turns[0].T + shifts[0]
-        squares = np.full(len(placed), MISSED_M**2)
-        found = np.flatnonzero(labels >= 0)
-        cost = placement.cost + limb_cost + _GHOST_COST * (len(labels) - len(found))
-        squares[labels[found]] = np.minimum(np.sum((points_m[found] - placed[labels[found]]) ** 2, axis=1), MISSED_M**2)
-        return InitialLabels(labels, cost, float(np.sqrt(squares.mean())), placed)
+        cost += placement.cost + _GHOST_COST * float(np.sum(labels < 0))
+        markers = self._examples[step * int(np.argmin(total))].astype(np.float64)
+        turns, shifts, _ = _fit_torsos(markers[self._torso], points_m, torso[None])
+        return InitialLabels(labels, float(cost), markers @ turns[0].T + shifts[0])
 
 
 def _cheapest(pairs: FloatArray) -> tuple[IntArray, Array]:

@@ -12,7 +12,7 @@ import numpy as np
 from ..geometry.arrays import Array, Mask
 from .initial_labelling import InitialLabeller
 
-_GAIN = 4.0  # of the logarithm of the likelihood, from which labels are better
+_GAIN = 6.0  # of the logarithm of the likelihood, from which labels are better
 _CONFIRMATIONS = 3  # looks that find the same
 _REACH_M_S = 6.0  # as far as a limb moves between two looks, and
 _REACH_M = 0.1  # this much besides

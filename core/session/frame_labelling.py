@@ -102,10 +102,6 @@ class FrameLabeller:
         ghosts = len(frame.points_m) - int(np.sum(np.isfinite(observed_m[:, 0])))
         return self._initial.cost(observed_m, followed_m, max(ghosts, 0))
 
-    def displacements_m(self, start: InitialLabels, points_m: Array, observed_m: Array) -> Array:
-        """Return the distance (M,) of markers from the observed ones, NaN if missing."""
-        return np.asarray(np.linalg.norm(self._by_marker(points_m, start.labels) - observed_m, axis=1))
-
     def _relabel(self, frame: MarkerFrame, observation: Observation, unlabelled_m: Array) -> Observation:
         """Return the observation under better labels, where there are any."""
         better = self._relabeller.relabel(frame.time_s, observation.points_m, unlabelled_m)

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from ..geometry.arrays import IntArray, Mask
-from ..labelling.initial_labelling import MISSED_M
+from ..labelling.initial_labelling import REACH_M
 from ..labelling.labeller import assign_blobs, assign_points
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_frame_subset import without_blobs, without_points
@@ -20,8 +20,8 @@ from .session import Session
 _NOBODY = -1
 _PATIENCE_S = 1.0  # wait for all untracked performers before a body is assigned out of order
 _LOOK_S = 0.1  # between two searches for several bodies, each as slow as solving some frames
-_UNLIKE_M = 1e3  # cost of a body that the markers do not fit
-_ORDER_M = 0.015  # cost of one place out of order, against the distance to the closest example
+_UNLIKE = 1e3  # cost of a body that the markers do not fit
+_ORDER_COST = 1.0  # of one place out of order, against the cost of labels
 
 
 class PerformerAssignment:
@@ -115,7 +115,7 @@ class PerformerAssignment:
         if not expected_m:
             return []
         # the first body may have taken points nearer to another
-        markers, gates = np.concatenate(expected_m), np.full(sum(len(body) for body in expected_m), MISSED_M)
+        markers, gates = np.concatenate(expected_m), np.full(sum(len(body) for body in expected_m), REACH_M)
         points, columns = assign_points(frame.points_m, frame.covariances_m2, markers, gates)
         owners = np.repeat(np.arange(len(expected_m)), [len(body) for body in expected_m])[columns]
         bodies = [np.sort(points[owners == index]) for index in range(len(expected_m))]
@@ -129,9 +129,9 @@ class PerformerAssignment:
         for row, index in enumerate(waiting):
             for column, body in enumerate(bodies):
                 start = self._sessions[index].label_initially(frame.points_m[body])
-                costs[row, column] = _ORDER_M * abs(row - column) + (start.distance_m if start else _UNLIKE_M)
+                costs[row, column] = _ORDER_COST * abs(row - column) + (start.cost if start else _UNLIKE)
         rows, columns = linear_sum_assignment(costs)
-        return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if costs[r, c] < _UNLIKE_M]
+        return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if costs[r, c] < _UNLIKE]
 
     def _without(self, frame: MarkerFrame, taken: Mask) -> MarkerFrame:
         """Return the frame without some of its points, and without their blobs."""

@@ -137,13 +137,9 @@ class Session:
         """Return whether the points, labelled without a past, are more like a body."""
         if is_labelled(frame) or not self.is_tracking or not self._quality.is_label_check_due(pose):
             return False
-        start = self.label_initially(frame.points_m)
-        if start is None:
-            return False
-        moved_m = self._labeller.displacements_m(start, frame.points_m, pose.observed_m)
-        if not np.any(moved_m > self._quality.settings.elsewhere_m) and not np.any(np.isnan(moved_m)):
-            return False
-        gain = self._labeller.label_cost(frame, pose.observed_m, pose.markers_m) - start.cost
+        start, gain = self.label_initially(frame.points_m), 0.0
+        if start is not None:
+            gain = self._labeller.label_cost(frame, pose.observed_m, pose.markers_m) - start.cost
         return self._quality.are_labels_disproved(gain, pose.time_s)
 
     def _solved_pose(self, frame: MarkerFrame, observation: Observation, solution: Solution) -> PerformerPose:
@@ -160,7 +156,8 @@ class Session:
             time_s=frame.time_s,
             rotations=self._model.rotations(solution.pose, solution.root),
             root_position_m=solution.root.position_m,
-            confidence=fit.confidence,
+            confidence=fit.confidence
+            * (1.0 if self._has_one_camera or is_labelled(frame) else self._quality.label_confidence),
             markers_m=solution.markers_m,
             observed_m=observation.points_m,
             single_cameras=observation.cameras,

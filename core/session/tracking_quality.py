@@ -36,8 +36,9 @@ class TrackingSettings:
         rare_check_s: longest wait; from then on labels are checked at low confidence only.
         doubtful: that confidence.
         better: of the logarithm of the likelihood, from which a check speaks for new labels.
+        confirmations: checks in a row that find nothing better, until which labels without a past are not trusted.
+        unconfirmed: share of its confidence that a pose has until then.
         proven: sum of it over checks in a row, from which the present labels are wrong.
-        elsewhere_m: distance by which new labels must move a marker.
         sufficient: share of located markers needed to doubt a pose: some example or other is near to fewer.
         promising: share of the distance to the closest example, below which a pose without a past is solved.
         nearer: share of the same distance, below which a pose without a past is the right one.
@@ -54,8 +55,9 @@ class TrackingSettings:
     rare_check_s: float = 1.0
     doubtful: float = 0.5
     better: float = 3.0
+    confirmations: int = 3
+    unconfirmed: float = 0.3
     proven: float = 12.0
-    elsewhere_m: float = 0.03
     sufficient: float = 0.75
     promising: float = 0.6
     nearer: float = 0.5
@@ -118,8 +120,8 @@ class TrackingQuality:
     def reset(self) -> None:
         """Forget the poses so far."""
         self._unseen, self._wrong = _Lapse(), _Lapse()
-        self._label_check = Backoff(self.settings.first_check_s, self.settings.rare_check_s)
-        self._was_doubtful, self._against_labels = False, 0.0
+        self._label_check = Backoff(self.settings.label_check_s, self.settings.rare_check_s)
+        self._was_doubtful, self._against_labels, self._confirmed = False, 0.0, 0
         self._pose_check = Backoff(self.settings.first_check_s, self.settings.rare_check_s)
 
     def is_lost(self, pose: PerformerPose) -> bool:
@@ -145,6 +147,11 @@ class TrackingQuality:
         check.attempt(pose.time_s)
         return True
 
+    @property
+    def label_confidence(self) -> float:
+        """Share of its confidence that a pose with these labels deserves."""
+        return 1.0 if self._confirmed >= self.settings.confirmations else self.settings.unconfirmed
+
     def are_labels_disproved(self, gain: float, time_s: float) -> bool:
         """Return whether checks have shown that the labels are wrong.
 
@@ -152,8 +159,9 @@ class TrackingQuality:
             gain: logarithm of the likelihood of new labels over that of the present ones.
         """
         if gain < self.settings.better:
-            self._against_labels = 0.0
+            self._against_labels, self._confirmed = 0.0, self._confirmed + 1
             return False
+        self._confirmed = 0
         self._against_labels += gain
         if self._against_labels > self.settings.proven:
             return True

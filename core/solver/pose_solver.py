@@ -87,14 +87,14 @@ class PoseSolver:
         before = state
         solution, state = self._advance(before, observation)
         if solution is not None and self._is_misled(before, observation, solution):
-            solution, state = self.solve_anew(before, observation, solution, state)
+            solution, state = self.solve_without_past(before, observation, solution, state)
         observed = state.observed.remember(state.time_s, self._in_space(state, observation).points_m)
         if solution is None:
             return None, replace(state, observed=observed)
         solved = state.solved.remember(state.time_s, solution.pose.ravel())
         return solution, replace(state, observed=observed, solved=solved)
 
-    def solve_anew(
+    def solve_without_past(
         self, state: SolverState, observation: Observation, solution: Solution, after: SolverState
     ) -> tuple[Solution, SolverState]:
         """Return the pose solved without a past if the database is much nearer to it.
@@ -115,7 +115,7 @@ class PoseSolver:
         return (again, second) if again is not None else (found, first)
 
     def _is_misled(self, state: SolverState, observation: Observation, solution: Solution) -> bool:
-        """Return whether the past may mislead: the limbs jumped, or the markers are not explained."""
+        """Return whether the limbs have jumped, or the markers are not explained."""
         if state.pose is None:
             return False
         seen = observation.located
