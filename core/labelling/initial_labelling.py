@@ -16,7 +16,7 @@ _STRETCH = 0.1  # share by which torso distances may lie outside those of the ex
 _STRETCH_M = 0.03  # and metres
 _RANGE = (0.5, 99.5)  # percentiles of the examples' distances
 _TORSOS = 24  # ways to place the root that are compared with the examples,
-_KEPT_TORSOS = 8  # and of these, whose limbs are labelled
+_KEPT_TORSOS = 8  # and of these, completed by limbs
 _WAYS = 4000  # to choose the torso, at most; fewer among many points
 _WAYS_TIMES_POINTS = 120_000
 _LABELLINGS = 100  # of the limbs, kept while they are completed,
@@ -211,7 +211,7 @@ class InitialLabeller:
 
 
 def _cheapest(pairs: FloatArray) -> tuple[IntArray, Array]:
-    """Return the points (K, L) of the limbs in the cheapest choices, and their costs (K,).
+    """Return the cheapest choices (K, L) of the limbs' points, and their costs (K,).
 
     Args:
         pairs: (L, N + 1, L, N + 1) cost of two limbs at two points; the last stands for none.
@@ -232,7 +232,7 @@ def _cheapest(pairs: FloatArray) -> tuple[IntArray, Array]:
 
 
 def _whole_cost(likelihoods: FloatArray, found: Mask) -> float:
-    """Return the cost of all limbs (S, L) at once, which decides only where an example is near to all."""
+    """Return the cost of all limbs (S, L) at once; it decides near an example."""
     likelihood = np.mean(np.prod(likelihoods, axis=1, dtype=np.float64)) if np.all(found) else 0.0
     return -_WHOLE_SHARE * float(np.log(likelihood + _LEAST_LIKELIHOOD))
 

@@ -98,7 +98,7 @@ class FrameLabeller:
         return self._relabel(frame, observation, found.unlabelled_points(frame))
 
     def label_cost(self, frame: MarkerFrame, observed_m: Array, followed_m: Array) -> float:
-        """Return the cost of labelled points (M, 3) of a frame, see `InitialLabeller.cost`."""
+        """Return the cost of a frame's labelled points (M, 3)."""
         ghosts = len(frame.points_m) - int(np.sum(np.isfinite(observed_m[:, 0])))
         return self._initial.cost(observed_m, followed_m, max(ghosts, 0))
 
