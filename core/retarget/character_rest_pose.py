@@ -26,7 +26,6 @@ from .limb_detection import cosine
 _SNAP_RADIANS = np.radians(25.0)
 _PALM_MOST = np.radians(110.0)  # a palm further off than this is not believed
 _TAIL_TELLS = 0.5  # cosine between a bone and the one before it from which its tail, which importers guess, is believed
-_GROUND_NEAR = 0.12  # of the leg's length: how far the lowest bone of the feet may be from the armature's ground
 
 _ABOVE = {
     "tibia": ("femur",),
@@ -45,14 +44,12 @@ class RestAlignment:
         armature_from_world: (3, 3) rotation.
         units_per_metre: length in the armature's space of a metre of the performer, from the length of the legs.
         heads_m: (B, 3) bone heads in the product's axes, in metres of the performer.
-        ground_m: height in the same space of the ground on which the character stands.
         turns: joint -> (4,) quaternion that turns its bone from the character's rest pose to the product's.
     """
 
     armature_from_world: Array
     units_per_metre: float
     heads_m: Array
-    ground_m: float
     turns: dict[str, Array]
 
 
@@ -75,7 +72,7 @@ def align_character(
     heads = rest.heads @ frame / scale
     tails = rest.tails @ frame / scale
     turns = _turns(skeleton, rest, joints, heads, tails, same_body)
-    return RestAlignment(frame, scale, heads, _ground(rest, joints, heads), turns)
+    return RestAlignment(frame, scale, heads, turns)
 
 
 def facing(left: Array, up: Array) -> Array:
@@ -125,14 +122,6 @@ def _leg_lengths(skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str, in
     if character <= 0.0 or own <= 0.0:
         raise CharacterError("the legs have no length", advice="check the bones of shins and feet")
     return character / own
-
-
-def _ground(rest: ArmatureRest, joints: Mapping[str, int], heads: Array) -> float:
-    """Return the ground's height: the armature's own, else the lowest foot's."""
-    feet = [joints[side + name] for side in "lr" for name in ("tibia", "foot", "toes") if side + name in joints]
-    lowest = float(np.min(heads[feet, 1]))
-    leg = float(np.max(heads[[joints["lfemur"], joints["rfemur"]], 1])) - lowest
-    return 0.0 if abs(lowest) < _GROUND_NEAR * leg else lowest
 
 
 def _turns(

@@ -46,12 +46,12 @@ from .preview import (
     preview_camera,
     side_by_side,
     write_contact_sheet,
-    write_preview_video,
 )
 from .studio.placement import with_poses
 from .studio.render import Renderer
 from .studio.rig import default_rig
 from .studio.source import SimulatedSource, simulated_source
+from .studio.video import write_video
 
 MARKER_SET = "boxing"
 _EMPTY_FRAMES = 60
@@ -205,7 +205,7 @@ def _write(
                 sheet.append(picture)
             yield picture
 
-    write_preview_video(files["video"], drawn(), recording.source.fps / _VIDEO_EVERY)
+    write_video(files["video"], drawn(), recording.source.fps / _VIDEO_EVERY)
     write_contact_sheet(files["picture"], sheet, columns=2)
     return {name: str(path) for name, path in files.items()}
 

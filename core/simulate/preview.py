@@ -5,7 +5,7 @@ Images are uint8 BGR and are drawn into in place; poses are as in `forward_kinem
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,7 +23,6 @@ from .studio.figure import FigurePainter
 from .studio.lens import undistorted_grid
 from .studio.limb_outlines import outlines
 from .studio.rig import looking_at
-from .studio.video import write_video
 
 _LIGHT_SLOPE = np.array([-0.42, -0.40])  # how far a shadow falls in x and z per metre of height
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -147,14 +146,6 @@ def side_by_side(*images: Image) -> Image:
         row.append(image if same else np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)))
         row.append(np.full((height, 4, 3), 24, dtype=np.uint8))
     return np.hstack(row[:-1])
-
-
-def write_preview_video(path: str | Path, frames: Iterable[Image], fps: float) -> int:
-    """Write images as an MP4 that common players open; return their number.
-
-    Raises CaptureError if no video can be written.
-    """
-    return write_video(path, frames, fps)
 
 
 def write_contact_sheet(path: str | Path, frames: Sequence[Image], columns: int = 4, width: int = 1600) -> None:

@@ -1,11 +1,10 @@
 """Relative pose of two cameras from board poses, with half turns of the board."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from ...geometry.arrays import Array, Mask
+from ...geometry.arrays import Array
 
 Transform = tuple[Array, Array]
 """(rotation (3, 3), translation (3,)): x_a = rotation @ x_b + translation."""
@@ -14,21 +13,6 @@ Transform = tuple[Array, Array]
 # show in the reprojection
 _SAME_ANGLE = np.radians(8.0)
 _SAME_DISTANCE = 0.3  # of the typical distance to the board
-
-
-@dataclass(frozen=True)
-class Agreement:
-    """Relative pose of two cameras.
-
-    Args:
-        transform: second-from-first.
-        turned: per moment, whether the second view is numbered from the other end.
-        agrees: per moment, whether it fits the rest.
-    """
-
-    transform: Transform
-    turned: Mask
-    agrees: Mask
 
 
 def inverse(transform: Transform) -> Transform:
@@ -48,7 +32,7 @@ def half_turn(centre: Array) -> Transform:
     return rotation, centre - rotation @ centre
 
 
-def relative_poses(first: Sequence[Transform], second: Sequence[Transform], centre: Array | None) -> Agreement:
+def relative_poses(first: Sequence[Transform], second: Sequence[Transform], centre: Array | None) -> Transform:
     """Find the second-from-first pose that most moments agree on.
 
     Args:
@@ -60,14 +44,12 @@ def relative_poses(first: Sequence[Transform], second: Sequence[Transform], cent
     options = [_options(a, b, centre) for a, b in zip(first, second, strict=True)]
     scale = float(np.median([np.linalg.norm(t) for _, t in first])) if first else 1.0
     best_key: tuple[int, float] = (-1, 0.0)
-    best = Agreement((np.eye(3), np.zeros(3)), np.zeros(len(first), dtype=bool), np.zeros(len(first), dtype=bool))
+    best: Transform = np.eye(3), np.zeros(3)
     for hypothesis in (option for row in options for option in row):
         distances = np.array([[_distance(option, hypothesis, scale) for option in row] for row in options])
-        agrees = distances.min(axis=1) < 1.0
-        key = (int(agrees.sum()), -_angle(hypothesis[0]))
+        key = (int((distances.min(axis=1) < 1.0).sum()), -_angle(hypothesis[0]))
         if key > best_key:
-            best_key = key
-            best = Agreement(hypothesis, distances.argmin(axis=1) == 1, agrees)
+            best_key, best = key, hypothesis
     return best
 
 

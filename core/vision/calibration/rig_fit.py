@@ -254,7 +254,7 @@ def _chain_cameras(singles: Sequence[SingleCamera], centre: Array | None) -> lis
             _refuse_pair(singles, list(starts), shared, i, j)
         keys = sorted(set(singles[i].poses) & set(singles[j].poses))
         agreed = relative_poses([singles[i].poses[k] for k in keys], [singles[j].poses[k] for k in keys], centre)
-        starts[j] = compose(agreed.transform, starts[i])
+        starts[j] = compose(agreed, starts[i])
     return [starts[i] for i in range(len(singles))]
 
 

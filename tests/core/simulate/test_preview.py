@@ -13,6 +13,7 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.simulate import preview
 from perfanim.core.simulate.studio.body import make_body
 from perfanim.core.simulate.studio.cones import first_hits
+from perfanim.core.simulate.studio.video import write_video
 
 SKELETON = default_skeleton()
 ROOT = np.array([0.1, 0.98, 0.0])
@@ -131,7 +132,7 @@ def test_pictures_side_by_side_have_one_height() -> None:
 
 def test_video_opens_again(tmp_path: Path) -> None:
     frames = [np.full((120, 160, 3), level, dtype=np.uint8) for level in (40, 90, 140, 190)]
-    assert preview.write_preview_video(tmp_path / "clip.mp4", frames, 30.0) == 4
+    assert write_video(tmp_path / "clip.mp4", frames, 30.0) == 4
     reader = cv2.VideoCapture(str(tmp_path / "clip.mp4"))
     assert reader.get(cv2.CAP_PROP_FPS) == pytest.approx(30.0)
     levels = [float(image.mean()) for ok, image in iter(reader.read, (False, None)) if ok]
@@ -140,10 +141,10 @@ def test_video_opens_again(tmp_path: Path) -> None:
 
 def test_bad_videos_leave_nothing(tmp_path: Path) -> None:
     with pytest.raises(CaptureError, match="no images"):
-        preview.write_preview_video(tmp_path / "a.mp4", [], 30.0)
+        write_video(tmp_path / "a.mp4", [], 30.0)
     frames = [np.zeros((48, 64, 3), np.uint8), np.zeros((50, 64, 3), np.uint8)]
     with pytest.raises(CaptureError, match="does not fit"):
-        preview.write_preview_video(tmp_path / "a.mp4", frames, 30.0)
+        write_video(tmp_path / "a.mp4", frames, 30.0)
     assert list(tmp_path.iterdir()) == []
 
 
