@@ -113,8 +113,11 @@ class Detector:
         """Grey levels above the background of a marker's pixels."""
         return self._threshold
 
-    def _foreground(self, image: Image, room: "_EmptyRoom | None") -> Image:
+    def foreground(self, image: Image) -> Image:
         """Return the dilated mask (0 or 255) of pixels that differ from the background."""
+        return self._foreground(image, self._room)
+
+    def _foreground(self, image: Image, room: "_EmptyRoom | None") -> Image:
         if room is None:
             outside = cv2.threshold(image, self._threshold, 255, cv2.THRESH_BINARY)[1]
         else:
