@@ -15,6 +15,7 @@ from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.pose_solver import PoseSolver
 from perfanim.core.solver.search.choose import choose_search
 from perfanim.core.solver.search.exhaustive import Query
+from perfanim.core.solver.settings import LwrSettings, NearestSettings
 from perfanim.core.solver.subject_model import SubjectModel
 from perfanim.core.system.progress import Progress
 
@@ -40,11 +41,15 @@ BANDAI_TAKES = (
     "dataset-2_walk_normal_005",
     "dataset-2_wave-left-hand_elderly_006",
 )
+_PAPER_SEARCH: dict[str, Any] = {  # all methods search the same
+    "examples": PAPER_RANGE.local_pca.neighbours[-1],
+    "query_pose_m_per_rad": PAPER_RANGE.local_pca.query_pose_m_per_rad,
+}
 # The closest example shows the search's own error. The local model, chosen again in each frame from as few dimensions
 # as the paper's, amplifies small differences between the examples found.
 COMPARED = {
-    "nearest": replace(PAPER_RANGE, method="nearest"),
-    "lwr": replace(PAPER_RANGE, method="lwr"),
+    "nearest": replace(PAPER_RANGE, method="nearest", nearest=NearestSettings(**_PAPER_SEARCH)),
+    "lwr": replace(PAPER_RANGE, method="lwr", lwr=LwrSettings(**_PAPER_SEARCH)),
     "local-pca (paper's range)": PAPER_RANGE,
     "best": METHODS["best"],
 }
