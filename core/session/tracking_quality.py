@@ -160,6 +160,8 @@ class TrackingQuality:
         """
         if gain < self.settings.better:
             self._against_labels, self._confirmed = 0.0, self._confirmed + 1
+            if self._confirmed < self.settings.confirmations:
+                self._label_check.reset(time_s)
             return False
         self._confirmed = 0
         self._against_labels += gain

@@ -39,25 +39,22 @@ def wrong_start():
 def test_body_and_offsets_come_closer_to_the_truth(embedded_motion, take, worn, wrong_start, database):
     truth = embedded_motion["walking-02-energetic"].skeleton
     fit = subject_from_motion(take, wrong_start, database)
-    before, after = (
-        np.abs(bones(skeleton) - bones(truth)) for skeleton in (wrong_start.skeleton, fit.subject.skeleton)
-    )
+    before, after = (np.abs(bones(skeleton) - bones(truth)) for skeleton in (wrong_start.skeleton, fit.skeleton))
     assert before.mean() > 0.02  # the test would show nothing otherwise
     assert after.mean() < 0.5 * before.mean()
-    sides = bones(fit.subject.skeleton).reshape(2, 2)
+    sides = bones(fit.skeleton).reshape(2, 2)
     np.testing.assert_allclose(sides[0], sides[1], rtol=0.05)  # both legs alike
-    assert fit.subject.residual_m < 0.01
-    off = np.linalg.norm(fit.subject.marker_set.offsets_m - worn.offsets_m, axis=1)
+    assert fit.residual_m < 0.01
+    off = np.linalg.norm(fit.marker_set.offsets_m - worn.offsets_m, axis=1)
     assert np.median(off) < 0.025
-    assert fit.frames > 0.8 * min(take.frames, 300)
-    assert fit.subject.marker_set.names == take.names
+    assert fit.marker_set.names == take.names
 
 
 def test_hidden_markers_are_left_out(take, wrong_start, database):
     gaps = take.positions_m.copy()
     gaps[:60, take.names.index("R.E")] = np.nan
     fit = subject_from_motion(replace(take, positions_m=gaps), wrong_start, database)
-    assert fit.subject.residual_m < 0.01
+    assert fit.residual_m < 0.01
 
 
 def test_markers_on_wands_are_found_where_they_are(embedded_motion, database):
@@ -71,9 +68,8 @@ def test_markers_on_wands_are_found_where_they_are(embedded_motion, database):
     motion = sliced(embedded_motion["walking-02-energetic"], 0, 90)
     take = simulate_markers(motion, suit.with_offsets(offsets), noise_mm=2.0, seed=5)[0]
     fit = subject_from_motion(take, Subject("walker", motion.skeleton, suit), database)
-    assert fit.frames > 0.8 * take.frames
-    assert fit.subject.residual_m < 0.01
-    off = np.linalg.norm(fit.subject.marker_set.offsets_m - offsets, axis=1)
+    assert fit.residual_m < 0.01
+    off = np.linalg.norm(fit.marker_set.offsets_m - offsets, axis=1)
     assert np.max(off[wands]) < 0.5 * 0.15  # drawn to the usual place, but less than halfway
 
 

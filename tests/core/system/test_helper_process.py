@@ -3,8 +3,10 @@
 import ast
 import json
 import re
+import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import perfanim
@@ -57,7 +59,9 @@ def test_a_function_runs_with_the_package(tmp_path: Path, monkeypatch: pytest.Mo
         command, lines = [*command, "--background", "--", order], "more"
     else:
         lines = f"{order}\nmore"
-    done = subprocess.run(command, input=lines, capture_output=True, text=True, check=False)
+    # the tests themselves may have been started in the background, where Ctrl-C is ignored
+    heeded = None if sys.platform == "win32" else partial(signal.signal, signal.SIGINT, signal.default_int_handler)
+    done = subprocess.run(command, input=lines, capture_output=True, text=True, check=False, preexec_fn=heeded)
     assert done.returncode == 7, done.stderr
     place, ignored, *told = done.stdout.strip().split("|")
     assert Path(place).samefile(str(perfanim.__file__))
