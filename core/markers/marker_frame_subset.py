@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -11,26 +12,17 @@ from .marker_frame import MarkerFrame
 
 def without_points(frame: MarkerFrame, taken: Mask) -> MarkerFrame:
     """Return the frame without the points (N,) that are taken; their blobs stay."""
-    kept = ~taken
-    return replace(
-        frame,
-        points_m=frame.points_m[kept],
-        covariances_m2=frame.covariances_m2[kept],
-        labels=frame.labels[kept],
-        point_blobs=frame.point_blobs[kept],
-    )
+    return _without(frame, taken, ("points_m", "covariances_m2", "labels", "point_blobs"))
 
 
 def without_rays(frame: MarkerFrame, taken: Mask) -> MarkerFrame:
     """Return the frame without the rays (R,) that are taken; their blobs stay."""
-    kept = ~taken
-    return replace(
-        frame,
-        single_cameras=frame.single_cameras[kept],
-        single_blobs=frame.single_blobs[kept],
-        single_points=frame.single_points[kept],
-        single_labels=frame.single_labels[kept],
-    )
+    return _without(frame, taken, ("single_cameras", "single_blobs", "single_points", "single_labels"))
+
+
+def _without(frame: MarkerFrame, taken: Mask, fields: tuple[str, ...]) -> MarkerFrame:
+    rows: dict[str, Any] = {name: getattr(frame, name)[~taken] for name in fields}
+    return replace(frame, **rows)
 
 
 def without_blobs(frame: MarkerFrame, taken: Sequence[IntArray]) -> MarkerFrame:

@@ -1,6 +1,7 @@
 """Base classes of the operators: preconditions and error reports."""
 
 import traceback
+from abc import abstractmethod
 
 import bpy
 
@@ -49,9 +50,9 @@ class PanelOperator(CheckedOperator):
 
     panel = ""
 
+    @abstractmethod
     def run(self, context: bpy.types.Context) -> str | None:
         """Do the work and return the line to show."""
-        raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Run the operator; show its result or error."""

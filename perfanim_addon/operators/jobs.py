@@ -1,10 +1,11 @@
 """Operators of jobs in the worker process."""
 
+from abc import abstractmethod
 from typing import Any
 
 import bpy
 
-from ...core.errors import CaptureError, PerfanimError
+from ...core.errors import PerfanimError
 from ..jobs import activity
 from ..jobs.job import Job, command
 from ..preferences import preferences
@@ -26,9 +27,9 @@ class JobOperator(CheckedOperator):
     panel = ""
     finishable = False
 
+    @abstractmethod
     def arguments(self, context: bpy.types.Context) -> list[str]:
         """Return the command line's arguments."""
-        raise CaptureError(f"{type(self).__name__} has no command to run")
 
     def request(self, context: bpy.types.Context) -> dict[str, Any]:
         """Return the request for the worker."""

@@ -3,6 +3,7 @@
 import numpy as np
 from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_solved
+from perfanim.core.formats.take_file.reading import TakeFile
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_frame_codec import pack_stamped
 
@@ -46,3 +47,13 @@ def pose_record(number: int) -> bytes:
         0.004,
     )
     return pack_solved(TimedPose(ScenePose((pose,)), 1000.0 + number / 60, 0.002, 0))
+
+
+def frames_of(take: TakeFile) -> list[bytes]:
+    """Marker frames of a take, packed as they came."""
+    return [pack_stamped(stamp_s, frame) for stamp_s, frame in take.stamped_frames]
+
+
+def poses_of(take: TakeFile) -> list[bytes]:
+    """Poses of a take, packed as they came."""
+    return [pack_solved(solved) for solved in take.poses]

@@ -17,9 +17,11 @@ WANTED_RATIO = 0.9
 BUSY_S = 15.0
 
 
-def started(desktop: Desktop, window: BlenderWindow, name: str) -> None:
-    """Open the tab and click Start Capture."""
+def started(desktop: Desktop, window: BlenderWindow, name: str, values: dict[str, str] | None = None) -> None:
+    """Open the tab, with some settings, and click Start Capture."""
     window.open_tab("Perfanim")
+    if values is not None:
+        window.order("set", values=values)
     desktop.click(*window.tall_button(f"{name}-1-tab"))
     wait_for_frames(window)
 
@@ -92,17 +94,10 @@ def test_recorded_images_lose_nothing_while_the_viewport_draws_slowly(
     desktop: Desktop, window: BlenderWindow, recorded: dict[str, str]
 ) -> None:
     """Frames that come faster than the viewport is drawn are all solved and keyed; the capture ends with the images."""
-    window.open_tab("Perfanim")
-    window.order("set", values=recorded)
-    desktop.click(*window.tall_button("recorded-1-start"))
-    window.wait(lambda s: s["capture"]["activity"] == "LiveCapture", "start")
-    wait_for_frames(window)
+    started(desktop, window, "recorded", recorded)
     desktop.screenshot("recorded-2-live")
     state = window.wait(lambda s: s["capture"]["activity"] is None, "end of the images")
-    run = window.order("last_run")
-    check_nothing_is_lost(run)
-    check_action(state, run["poses"])
-    assert run["numbers"] == list(range(run["numbers"][0], run["numbers"][0] + 180))
+    run = check_all_images_are_solved(window, state)
     assert state["changes"] < run["poses"], "the viewport was not slower than the images"
 
 
@@ -110,10 +105,7 @@ def test_a_busy_machine_is_told_and_recorded_images_lose_nothing(
     desktop: Desktop, window: BlenderWindow, recorded: dict[str, str]
 ) -> None:
     """A process that is late, because others use the processors, is not taken for a dead one."""
-    window.open_tab("Perfanim")
-    window.order("set", values=recorded)
-    desktop.click(*window.tall_button("busy-1-start"))
-    wait_for_frames(window)
+    started(desktop, window, "busy", recorded)
     notices: set[str] = set()
 
     def ended(state: dict[str, Any]) -> bool:
@@ -125,10 +117,7 @@ def test_a_busy_machine_is_told_and_recorded_images_lose_nothing(
 
     with busy_machine(BUSY_S):
         state = window.wait(ended, "end of the images")
-    run = window.order("last_run")
-    check_nothing_is_lost(run)
-    check_action(state, run["poses"])
-    assert run["numbers"] == list(range(run["numbers"][0], run["numbers"][0] + 180))
+    check_all_images_are_solved(window, state)
     assert any(notice.startswith("this computer is busy: work takes ") for notice in notices), notices
     assert not [notice for notice in notices if "again" in notice]
     assert state["capture"]["messages"]["capture"].startswith("180 frames recorded")
@@ -149,6 +138,15 @@ def check_nothing_is_lost(run: dict[str, Any]) -> None:
     assert figures["handed_over"] == figures["received"] == run["poses"]
     assert run["numbers"] == sorted(set(run["numbers"]))
     assert run["distinct"] > 0.9 * run["poses"]
+
+
+def check_all_images_are_solved(window: BlenderWindow, state: dict[str, Any]) -> dict[str, Any]:
+    """Check the capture of the recorded images, which has ended, and return its figures."""
+    run = window.order("last_run")
+    check_nothing_is_lost(run)
+    check_action(state, run["poses"])
+    assert run["numbers"] == list(range(run["numbers"][0], run["numbers"][0] + 180))
+    return run
 
 
 def check_action(state: dict[str, Any], poses: int) -> None:

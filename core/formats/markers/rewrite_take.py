@@ -13,8 +13,6 @@ from .c3d import Layout, layout_of
 from .marker_files import check_writable, read_take, write_take
 from .trc import rewrite_trc
 
-Mask = Mask
-
 _INTEGERS = 32767  # the largest position that a C3D file of integers holds, in its scale
 
 
