@@ -1,14 +1,13 @@
 """Alignment of a character's rest pose: facing, size, limbs.
 
 Trunk, collars, neck and head are upright in any rest pose and soles lie flat, so they keep the character's own shape;
-feet are only turned about the vertical until they point as in the product's rest pose. Legs and arms are turned the
-shortest way until their bones point as there, each with the limb above it, whether the rest pose is a T, an A or any
-other; hands also about the forearm until the palms face down.
+feet are only turned about the vertical until they point as in the product's rest pose. Hands are also turned about
+the forearm until the palms face down.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import permutations, product
+from itertools import product
 
 import numpy as np
 
@@ -18,22 +17,13 @@ from ..geometry import rotations as rot
 from ..geometry.arrays import Array
 from .armature_rest import ArmatureRest
 from .bone_name_parser import parse_bone_name
-from .file_rest_pose import BONE_ENDS
 from .limb_detection import cosine
+from .rest_alignment import ABOVE, BONE_ENDS, bone_end, facing, limb_turns
 
-# A rig that stands at rest within this angle of an axis-aligned frame is taken to be meant that way: its own lean
-# (hips before or behind the head) is posture and no turn of the rig.
-_SNAP_RADIANS = np.radians(25.0)
 _PALM_MOST = np.radians(110.0)  # a palm further off than this is not believed
 _TAIL_TELLS = 0.5  # cosine between a bone and the one before it from which its tail, which importers guess, is believed
 
-_ABOVE = {
-    "tibia": ("femur",),
-    "radius": ("humerus",),
-    "wrist": ("radius", "humerus"),
-    "hand": ("wrist", "radius", "humerus"),
-}
-_HAND_PARTS = ("fingers", "thumb")
+_HAND_ABOVE = ("hand", "wrist", "radius")  # what fingers, thumb and a hand without a direction of its own follow
 
 
 @dataclass(frozen=True)
@@ -75,43 +65,6 @@ def align_character(
     return RestAlignment(frame, scale, heads, turns)
 
 
-def facing(left: Array, up: Array) -> Array:
-    """Return the armature-from-world rotation (3, 3) of a rig.
-
-    Raises:
-        CharacterError: the directions are one.
-    """
-    if np.linalg.norm(np.cross(left, up)) < 1e-6 * max(float(np.linalg.norm(up)), 1e-30):
-        raise CharacterError("the rest pose has no left and right", advice="check the bones' names and positions")
-    nearest = np.zeros(3)
-    nearest[np.argmax(np.abs(up))] = np.sign(up[np.argmax(np.abs(up))])
-    if rot.angle_between(rot.between(up, nearest), rot.identity()) < _SNAP_RADIANS:
-        up = nearest
-    measured = _frame(left, up)
-    frames = _axis_aligned_rotations()
-    aligned = frames[int(np.argmax([float(np.sum(frame * measured)) for frame in frames]))]
-    turn = rot.angle_between(rot.from_matrix(aligned), rot.from_matrix(measured))
-    return aligned if turn < _SNAP_RADIANS else measured
-
-
-def _frame(left: Array, up: Array) -> Array:
-    """Return the rotation (3, 3) with columns left, up, forward; `up` is exact."""
-    forward = np.cross(left, up)
-    forward = forward / np.linalg.norm(forward)
-    up = up / np.linalg.norm(up)
-    return np.stack((np.cross(up, forward), up, forward), axis=1)
-
-
-def _axis_aligned_rotations() -> list[Array]:
-    frames = []
-    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
-        frame = np.zeros((3, 3))
-        frame[np.arange(3), order] = signs
-        if np.linalg.det(frame) > 0.0:
-            frames.append(frame)
-    return frames
-
-
 def _leg_lengths(skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str, int]) -> float:
     """Return armature units per metre: the ratio of leg lengths."""
     character, own = 0.0, 0.0
@@ -132,22 +85,17 @@ def _turns(
     tails: Array,
     same_body: bool,
 ) -> dict[str, Array]:
-    turns: dict[str, Array] = {}
-    for name in skeleton.names:
-        if name not in joints:
-            continue
-        kind, side = name[1:], name[0]
-        turn = rot.identity()
-        if kind in _HAND_PARTS or (same_body and kind == "hand"):
-            turn = next((turns[side + j] for j in ("hand", "wrist", "radius") if side + j in turns), turn)
-        elif kind in BONE_ENDS:
-            turn = next((turns[side + j] for j in _ABOVE.get(kind, ()) if side + j in turns), turn)
+    names = [name for name in skeleton.names if name in joints]
+    followed = {**ABOVE, "toes": ("foot",), "fingers": _HAND_ABOVE, "thumb": _HAND_ABOVE}
+    directions: dict[str, Array] = {}
+    for name in names:
+        if name[1:] in BONE_ENDS and not (same_body and name[1:] == "hand"):
             direction = bone_direction(name, rest, joints, heads, tails)
             if direction is not None:
-                turn = rot.multiply(rot.between(rot.rotate(turn, direction), _wanted(skeleton, name, joints)), turn)
-        elif kind in ("foot", "toes") and not same_body:
-            turn = turns[side + "foot"] if side + "foot" in turns else _heading(skeleton, joints, heads, side)
-        turns[name] = turn
+                directions[name] = direction
+    wanted = {name: _wanted(skeleton, name, joints) for name in directions}
+    headings = {name: _heading(skeleton, joints, heads, name[0]) for name in names if name[1:] == "foot"}
+    turns = limb_turns(names, directions, wanted, followed, {} if same_body else headings)
     for side in () if same_body else "lr":
         _face_palm_down(skeleton, rest, joints, heads, turns, side)
     return turns
@@ -155,9 +103,7 @@ def _turns(
 
 def _wanted(skeleton: Skeleton, name: str, joints: Mapping[str, int]) -> Array:
     """Return the way from a joint to the end of its bone in the product's rest pose."""
-    end = next(
-        (name[0] + j for j in BONE_ENDS[name[1:]] if name[0] + j in joints and name[0] + j in skeleton.names), None
-    )
+    end = bone_end(name, {joint: bone for joint, bone in joints.items() if joint in skeleton.names})
     positions = skeleton.rest_positions_m
     joint = skeleton.index(name)
     return positions[skeleton.index(end)] - positions[joint] if end is not None else skeleton.tips_m[joint]
@@ -168,11 +114,11 @@ def bone_direction(
 ) -> Array | None:
     """Return the direction of a limb's bone at rest, None if unknown."""
     side, kind, bone = name[0], name[1:], joints[name]
-    end = next((joints[side + j] for j in BONE_ENDS[kind] if side + j in joints), None)
+    end = bone_end(name, joints)
     if end is not None:
-        way = heads[end] - heads[bone]
+        way = heads[joints[end]] - heads[bone]
         return way if float(np.linalg.norm(way)) > 1e-6 else None
-    above = next((joints[side + j] for j in _ABOVE.get(kind, ()) if side + j in joints), None)
+    above = next((joints[side + j] for j in ABOVE.get(kind, ()) if side + j in joints), None)
     way = tails[bone] - heads[bone]
     if above is None or cosine(way, heads[bone] - heads[above]) > _TAIL_TELLS:
         return way

@@ -2,10 +2,9 @@
 
 The rest pose of most files is a T or A pose with the world's joint axes. Some put all bones along one axis, so
 that their zero pose is no pose of a body at all: for those the axes in the T pose are known from the convention
-(`_BONES_ALONG_X`). Trunk, collars, neck and head are upright in any such pose and feet stand flat, so they keep their
-attitude, whatever way their bones point; legs and arms are turned the shortest way until their bones point as in the
-product's rest pose (feet and toes with them); upper arms and forearms also about the bone, until the elbow's hinge
-lies as there.
+(`_BONES_ALONG_X`). Trunk, collars, neck and head are upright in any such pose, so they keep their attitude, whatever
+way their bones point; feet and toes go with the legs; upper arms and forearms are also turned about the bone, until
+the elbow's hinge lies as in the product's rest pose.
 """
 
 from collections.abc import Mapping
@@ -19,21 +18,20 @@ from ..body.standard_skeleton import JOINT_NAMES, default_skeleton
 from ..errors import SkeletonError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray
+from .rest_alignment import ABOVE, bone_end, facing, limb_turns
 
 _LEFT, _RIGHT = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
 _UP, _DOWN = (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)
 _FRONT = (0.0, 0.0, 1.0)
 
-# limb joint -> the joint at the end of its bone, nearest first; a bone's direction is turned onto the product's
-BONE_ENDS: dict[str, tuple[str, ...]] = {
-    "femur": ("tibia",),
-    "tibia": ("foot",),
-    "humerus": ("radius",),
-    "radius": ("wrist", "hand"),
-    "wrist": ("hand",),
-    "hand": ("fingers",),
+# feet, fingers and thumbs follow, too
+_ABOVE = {
+    **ABOVE,
+    "foot": ("tibia", "femur"),
+    "toes": ("foot", "tibia", "femur"),
+    "fingers": ("hand", "wrist", "radius", "humerus"),
+    "thumb": ("wrist", "radius", "humerus"),
 }
-_TURNED = (*BONE_ENDS, "foot", "toes", "fingers", "thumb")  # what follows the turn of the limb above it
 _HINGED = ("humerus", "radius")
 _UPRIGHT = 0.35  # share of the body's length by which head, hips and feet must lie above one another in a usable pose
 
@@ -131,24 +129,13 @@ def _unit(vector: Array) -> Array:
     return vector / length if length > 1e-9 else np.full(3, np.nan)
 
 
-def _square(direction: Array) -> Array:
-    """Return the coordinate axis nearest to a direction."""
-    axis = np.zeros(3)
-    largest = int(np.argmax(np.abs(direction)))
-    axis[largest] = np.sign(direction[largest])
-    return axis
-
-
 def _from_pose(positions: Array, world: Array, found: Mapping[str, int]) -> dict[str, Array]:
     up, left, _ = _body_axes(positions, found)
-    if abs(float(np.max(np.abs(up)))) > 0.9 and abs(float(np.max(np.abs(left)))) > 0.9:
-        up, left = _square(up), _square(left)  # a rest pose faces along an axis; its body is never quite even
-    # product world axes (left, up, front) from those of the pose
-    product_from_pose = rot.from_matrix(np.stack((left, up, np.cross(left, up))))
+    product_from_pose = rot.from_matrix(facing(left, up).T)
     orientations = {name: rot.multiply(product_from_pose, world[joint]) for name, joint in found.items()}
     bones: dict[str, Array] = {}
     for name in found:
-        end = _bone_end(name, found)
+        end = bone_end(name, found)
         if end is not None:
             bone = rot.rotate(product_from_pose, positions[found[end]] - positions[found[name]])
             if np.linalg.norm(bone) > 1e-4:
@@ -164,7 +151,7 @@ def _from_bones_along_x(parents: IntArray, offsets_m: Array, found: Mapping[str,
             orientations[name] = rot.from_matrix(np.stack((x, y, np.cross(x, y)), axis=-1))
     bones: dict[str, Array] = {}
     for name in orientations:
-        end = _bone_end(name, found)
+        end = bone_end(name, found)
         if end is not None and int(parents[found[end]]) == found[name]:
             bones[name] = _unit(rot.rotate(orientations[name], offsets_m[found[end]]))
     return _aligned(orientations, bones)
@@ -183,35 +170,14 @@ def _has_bones_along_x(parents: IntArray, offsets_m: Array, found: Mapping[str, 
     return True
 
 
-def _bone_end(name: str, found: Mapping[str, int]) -> str | None:
-    return next((name[0] + end for end in BONE_ENDS.get(name[1:], ()) if name[0] + end in found), None)
-
-
 def _aligned(orientations: dict[str, Array], bones: dict[str, Array]) -> dict[str, Array]:
     """Turn each joint from the file's T or A pose to the standard rest pose."""
     default = default_skeleton()
-    turns: dict[str, Array] = {}  # product rest from pose, by joint
-    rolls: dict[str, Array] = {}  # the same with the elbow's hinge in place
-    for name in JOINT_NAMES:
-        if name not in orientations:
-            continue
-        inherited = _inherited_turn(name, turns, default.parents)
-        turns[name] = inherited
-        if name in bones:
-            wanted = default.tips_m[default.index(name)]
-            turned = rot.rotate(inherited, bones[name])
-            turns[name] = rot.multiply(rot.between(turned, wanted), inherited)
-        rolls[name] = rot.multiply(_hinge_roll(name, turns[name]), turns[name])
+    names = [name for name in JOINT_NAMES if name in orientations]
+    wanted = dict(zip(JOINT_NAMES, default.tips_m, strict=True))
+    turns = limb_turns(names, bones, wanted, _ABOVE, {})
+    rolls = {name: rot.multiply(_hinge_roll(name, turn), turn) for name, turn in turns.items()}
     return {name: rot.conjugate(rot.multiply(rolls[name], orientations[name])) for name in rolls}
-
-
-def _inherited_turn(name: str, turns: Mapping[str, Array], parents: IntArray) -> Array:
-    if name[1:] not in _TURNED:
-        return rot.identity()
-    joint = int(parents[JOINT_NAMES.index(name)])
-    while JOINT_NAMES[joint] not in turns and JOINT_NAMES[joint][1:] in _TURNED:
-        joint = int(parents[joint])
-    return turns.get(JOINT_NAMES[joint], rot.identity()) if JOINT_NAMES[joint][1:] in _TURNED else rot.identity()
 
 
 def _hinge_roll(name: str, turn: Array) -> Array:

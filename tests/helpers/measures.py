@@ -7,7 +7,7 @@ from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.retarget.armature_rest import ArmatureRest
 from perfanim.core.retarget.character_rest_pose import bone_direction
-from perfanim.core.retarget.file_rest_pose import BONE_ENDS
+from perfanim.core.retarget.rest_alignment import BONE_ENDS
 from perfanim.core.retarget.retargeter import CharacterPose, RetargetPlan
 
 LIMBS = ("femur", "tibia", "humerus", "radius", "hand")

@@ -1,0 +1,104 @@
+"""Alignment of a body at rest, whatever it was read from, with the standard rest pose: facing and limbs.
+
+Limbs are turned the shortest way until their bones point as in the standard rest pose, each with the limb above it,
+whether the rest pose is a T, an A or any other.
+"""
+
+from collections.abc import Iterable, Mapping
+from itertools import permutations, product
+
+import numpy as np
+
+from ..errors import CharacterError
+from ..geometry import rotations as rot
+from ..geometry.arrays import Array
+
+# limb joint -> the joint at the end of its bone, nearest first
+BONE_ENDS: dict[str, tuple[str, ...]] = {
+    "femur": ("tibia",),
+    "tibia": ("foot",),
+    "humerus": ("radius",),
+    "radius": ("wrist", "hand"),
+    "wrist": ("hand",),
+    "hand": ("fingers",),
+}
+# limb joint -> the joints that it follows, nearest first
+ABOVE = {
+    "tibia": ("femur",),
+    "radius": ("humerus",),
+    "wrist": ("radius", "humerus"),
+    "hand": ("wrist", "radius", "humerus"),
+}
+
+# A body that stands at rest within this angle of an axis-aligned frame is taken to be meant that way: its own lean
+# (hips before or behind the head) is posture and no turn of the body.
+_SNAP_RADIANS = np.radians(25.0)
+
+
+def bone_end(name: str, joints: Mapping[str, int]) -> str | None:
+    """Return the nearest present joint at the end of a limb joint's bone."""
+    return next((name[0] + end for end in BONE_ENDS.get(name[1:], ()) if name[0] + end in joints), None)
+
+
+def limb_turns(
+    names: Iterable[str],
+    directions: Mapping[str, Array],
+    wanted: Mapping[str, Array],
+    above: Mapping[str, tuple[str, ...]],
+    fixed: Mapping[str, Array],
+) -> dict[str, Array]:
+    """Return joint -> quaternion (4,) from a rest pose to the standard one.
+
+    Args:
+        names: joints, parents first.
+        directions, wanted: of bones, in the rest pose and in the standard one; a joint without one follows the next.
+        above: limb joint -> limb joints that it follows, nearest first.
+        fixed: turns of joints that follow none.
+    """
+    turns: dict[str, Array] = {}
+    for name in names:
+        followed = (turns[name[0] + kind] for kind in above.get(name[1:], ()) if name[0] + kind in turns)
+        turn = fixed[name] if name in fixed else next(followed, rot.identity())
+        if name in directions:
+            turn = rot.multiply(rot.between(rot.rotate(turn, directions[name]), wanted[name]), turn)
+        turns[name] = turn
+    return turns
+
+
+def facing(left: Array, up: Array) -> Array:
+    """Return the rotation (3, 3) with columns left, up, forward of a body.
+
+    An almost axis-aligned one is axis-aligned.
+
+    Raises:
+        CharacterError: the directions are one.
+    """
+    if np.linalg.norm(np.cross(left, up)) < 1e-6 * max(float(np.linalg.norm(up)), 1e-30):
+        raise CharacterError("the rest pose has no left and right", advice="check the bones' names and positions")
+    nearest = np.zeros(3)
+    nearest[np.argmax(np.abs(up))] = np.sign(up[np.argmax(np.abs(up))])
+    if rot.angle_between(rot.between(up, nearest), rot.identity()) < _SNAP_RADIANS:
+        up = nearest
+    measured = _frame(left, up)
+    frames = _axis_aligned_rotations()
+    aligned = frames[int(np.argmax([float(np.sum(frame * measured)) for frame in frames]))]
+    turn = rot.angle_between(rot.from_matrix(aligned), rot.from_matrix(measured))
+    return aligned if turn < _SNAP_RADIANS else measured
+
+
+def _frame(left: Array, up: Array) -> Array:
+    """Return the rotation (3, 3) with columns left, up, forward; `up` is exact."""
+    forward = np.cross(left, up)
+    forward = forward / np.linalg.norm(forward)
+    up = up / np.linalg.norm(up)
+    return np.stack((np.cross(up, forward), up, forward), axis=1)
+
+
+def _axis_aligned_rotations() -> list[Array]:
+    frames = []
+    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
+        frame = np.zeros((3, 3))
+        frame[np.arange(3), order] = signs
+        if np.linalg.det(frame) > 0.0:
+            frames.append(frame)
+    return frames
