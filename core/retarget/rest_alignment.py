@@ -1,4 +1,4 @@
-"""Alignment of a body at rest, whatever it was read from, with the standard rest pose: facing and limbs.
+"""Alignment of any body at rest with the standard rest pose: facing and limbs.
 
 Limbs are turned the shortest way until their bones point as in the standard rest pose, each with the limb above it,
 whether the rest pose is a T, an A or any other.
