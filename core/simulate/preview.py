@@ -5,8 +5,8 @@ Images are uint8 BGR and are drawn into in place; poses are as in `forward_kinem
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -19,9 +19,8 @@ from ..geometry.arrays import Array, Image
 from ..geometry.camera import Camera
 from ..system.files import atomic_path
 from .studio.body import Body, make_body
-from .studio.figure import FigurePainter
 from .studio.lens import undistorted_grid
-from .studio.limb_outlines import outlines
+from .studio.limb_outlines import Colour, draw_body, outlines
 from .studio.rig import looking_at
 
 _LIGHT_SLOPE = np.array([-0.42, -0.40])  # how far a shadow falls in x and z per metre of height
@@ -30,20 +29,22 @@ _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 @dataclass(frozen=True)
 class CharacterStyle:
-    """Colours (BGR, 0-255) of a drawn character's parts, and its opacity (0..1)."""
+    """Colours of a drawn character's trunk, head, left and right, and its opacity (0..1)."""
 
-    trunk: tuple[float, float, float] = (186.0, 190.0, 196.0)
-    left: tuple[float, float, float] = (206.0, 158.0, 96.0)
-    right: tuple[float, float, float] = (92.0, 142.0, 222.0)
-    head: tuple[float, float, float] = (180.0, 196.0, 214.0)
+    colours: Mapping[str, Colour]
     opacity: float = 1.0
     shadow: bool = True
 
 
-SOLVED = CharacterStyle()
-TRUTH = CharacterStyle(
-    (120.0, 200.0, 120.0), (120.0, 200.0, 120.0), (120.0, 200.0, 120.0), (120.0, 200.0, 120.0), 0.35, False
+SOLVED = CharacterStyle(
+    {
+        "trunk": (186.0, 190.0, 196.0),
+        "head": (180.0, 196.0, 214.0),
+        "left": (206.0, 158.0, 96.0),
+        "right": (92.0, 142.0, 222.0),
+    }
 )
+TRUTH = CharacterStyle(dict.fromkeys(SOLVED.colours, (120.0, 200.0, 120.0)), 0.35, False)
 
 
 class CharacterPainter:
@@ -52,16 +53,17 @@ class CharacterPainter:
     def __init__(self, camera: Camera, skeleton: Skeleton, style: CharacterStyle = SOLVED) -> None:
         self.camera = camera
         self.style = style
-        self.body = make_body(skeleton)
-        self._figure = FigurePainter(camera)
-        self._colours = _colours(self.body, style)
+        body = make_body(skeleton)
+        self.body = replace(body, materials=tuple(_part(skeleton.names[joint]) for joint in body.joints))
 
     def draw(self, image: Image, rotations: ArrayLike, root_position_m: ArrayLike) -> None:
         """Draw a pose, rotations (J, 4) and root (3,), with its shadow on the floor."""
         cones = self.body.cones(np.asarray(rotations, dtype=np.float64), np.asarray(root_position_m, dtype=np.float64))
         if self.style.shadow:
             _draw_shadow(image, self.camera, self.body, cones.starts, cones.ends)
-        self._figure.draw(image, cones, self._colours, self.style.opacity)
+        drawn = image.copy()
+        draw_body(drawn, self.camera, self.body, cones, colours=self.style.colours)
+        cv2.addWeighted(drawn, self.style.opacity, image, 1.0 - self.style.opacity, 0.0, dst=image)
 
 
 def preview_camera(root_positions_m: ArrayLike, size: tuple[int, int] = (640, 480)) -> Camera:
@@ -170,17 +172,13 @@ def write_contact_sheet(path: str | Path, frames: Sequence[Image], columns: int 
             raise CaptureError("the picture could not be written", where=str(path), advice="check the free disk space")
 
 
-def _colours(body: Body, style: CharacterStyle) -> Array:
-    colours = []
-    for joint in body.joints:
-        name = body.skeleton.names[joint]
-        if name in ("head", "upperneck", "lowerneck"):
-            colours.append(style.head)
-        elif name in ("root", "lowerback", "upperback", "thorax", "lclavicle", "rclavicle"):
-            colours.append(style.trunk)
-        else:
-            colours.append({"l": style.left, "r": style.right}.get(name[:1], style.trunk))
-    return np.array(colours)
+def _part(joint: str) -> str:
+    """Return the part of the body, as of `CharacterStyle.colours`, that a joint belongs to."""
+    if joint in ("head", "upperneck", "lowerneck"):
+        return "head"
+    if joint in ("root", "lowerback", "upperback", "thorax", "lclavicle", "rclavicle"):
+        return "trunk"
+    return {"l": "left", "r": "right"}.get(joint[:1], "trunk")
 
 
 def _draw_shadow(image: Image, camera: Camera, body: Body, starts: Array, ends: Array) -> None:

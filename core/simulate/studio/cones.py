@@ -1,7 +1,6 @@
 """Round cones: spheres swept along segments while their radius changes linearly.
 
-Every limb of the simulated body is one. The same intersection serves the occlusion of markers and the
-preview's pictures. Points are world metres.
+Every limb of the simulated body is one. Points are world metres.
 """
 
 from __future__ import annotations

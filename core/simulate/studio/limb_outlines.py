@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import cv2
 import numpy as np
 
@@ -16,7 +18,9 @@ _LAYERS = ((1.0, 0.62), (0.82, 0.86), (0.6, 1.04), (0.34, 1.18))  # size of the 
 _SMALL_PX = 7.0  # cones thinner than this get half of the layers
 _LIGHT = np.array([-0.45, -0.75])  # direction to the light in the image (x right, y down)
 
-COLOURS: dict[str, tuple[float, float, float]] = {
+Colour = tuple[float, float, float]  # BGR, 0-255
+
+COLOURS: dict[str, Colour] = {
     "suit": (58.0, 46.0, 42.0),
     "trousers": (44.0, 42.0, 44.0),
     "skin": (84.0, 106.0, 142.0),
@@ -42,8 +46,15 @@ def outlines(a: Array, b: Array, ra: Array, rb: Array) -> Array:
     return np.concatenate((circle_b, circle_a), axis=1)
 
 
-def draw_body(image: Image, camera: Camera, body: Body, cones: RoundCones, light: float = 1.0) -> None:
-    """Draw the body into an image, in place, far limbs first."""
+def draw_body(
+    image: Image,
+    camera: Camera,
+    body: Body,
+    cones: RoundCones,
+    light: float = 1.0,
+    colours: Mapping[str, Colour] = COLOURS,
+) -> None:
+    """Draw the body into an image, in place, far limbs first; `colours` by material."""
     materials, groups = body.materials, body.limbs
     ends = np.concatenate((cones.starts, cones.ends))
     depth = camera.to_camera(ends)[:, 2]
@@ -65,7 +76,7 @@ def draw_body(image: Image, camera: Camera, body: Body, cones: RoundCones, light
         # layer by layer, so that the parts of a limb melt into each other
         for layer, (_, tone) in enumerate(_LAYERS):
             for part in order if layer % 2 == 0 else [part for part in order if large[part]]:
-                b, g, r = COLOURS[materials[part]]
+                b, g, r = colours[materials[part]]
                 colour = (light * tone * b, light * tone * g, light * tone * r)
                 # only the rim stands against something unlike it
                 rim = cv2.LINE_AA if layer == 0 else cv2.LINE_8
