@@ -29,7 +29,7 @@ _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 @dataclass(frozen=True)
 class CharacterStyle:
-    """Colours of a drawn character's trunk, head, left and right, and its opacity (0..1)."""
+    """Colours of a character's trunk, head, left and right; its opacity (0..1)."""
 
     colours: Mapping[str, Colour]
     opacity: float = 1.0
@@ -173,7 +173,7 @@ def write_contact_sheet(path: str | Path, frames: Sequence[Image], columns: int 
 
 
 def _part(joint: str) -> str:
-    """Return the part of the body, as of `CharacterStyle.colours`, that a joint belongs to."""
+    """Return the part of `CharacterStyle.colours` that a joint belongs to."""
     if joint in ("head", "upperneck", "lowerneck"):
         return "head"
     if joint in ("root", "lowerback", "upperback", "thorax", "lclavicle", "rclavicle"):
