@@ -135,7 +135,7 @@ class Channel:
                 faulthandler.cancel_dump_traceback_later()
                 return
             if is_due:
-                data += self._heartbeat()
+                data = self._heartbeat() + data  # END is the last
             try:
                 self._socket.sendall(data)
             except OSError:  # Blender is gone: nobody reads the queue

@@ -33,6 +33,9 @@ def calibrate_images(
         CalibrationError: no pictures, unreadable pictures, wrong board, too few views, sides exchanged.
     """
     files, rejected = _paired_files(patterns)
+    shown = _most_seen_grid(files, board) if board.kind == "chessboard" else None
+    if shown is not None and min(np.subtract(shown, _larger_first(board))) >= 0:
+        _check_size(shown, board)  # before minutes of looking for a part of the board
     total = sum(len(rows) for rows in files.values())
     done = 0
     cameras = []
@@ -45,7 +48,7 @@ def calibrate_images(
             done += 1
             _look(key, path, board, sizes, views, rejected, widths[name])
         cameras.append(_camera_views(name, sizes, views, rejected))
-    _check_board(board, files, cameras)
+    _check_found(board, shown, files, cameras)
     progress(0.9, "calibrating")
     return calibrate_from_points(
         board.points_m, cameras, rejected, left_right=left_right, grid=grid_of(board), edge_widths_px=widths
@@ -107,24 +110,36 @@ def _camera_views(
     return CameraViews(name, size, views)
 
 
-def _check_board(board: Board, files: Mapping[str, Mapping[str, Path]], cameras: Sequence[CameraViews]) -> None:
-    """Refuse a board of another size: a part of it would calibrate badly."""
+def _check_found(
+    board: Board,
+    shown: tuple[int, int] | None,
+    files: Mapping[str, Mapping[str, Path]],
+    cameras: Sequence[CameraViews],
+) -> None:
+    """Refuse a camera with too few views of the board; a board of another size is told."""
     missing = [camera for camera in cameras if len(camera.views) < MINIMUM_VIEWS]
-    if board.kind == "chessboard":
-        seen = _most_seen_grid(files, board)
-        asked = (max(board.corner_grid), min(board.corner_grid))
-        if seen is not None and seen != asked and (missing or (seen[0] >= asked[0] and seen[1] >= asked[1])):
-            raise CalibrationError(
-                f"the pictures show a board of {seen[0]}x{seen[1]} inner corners, not {asked[0]}x{asked[1]}",
-                advice=f"describe the board as it is, as chessboard:{seen[0]}x{seen[1]} and the side of a square",
-            )
     if missing:
+        _check_size(shown, board)
         camera = missing[0]
         raise CalibrationError(
             f"the board was found in {len(camera.views)} of {len(files[camera.name])} pictures",
             where=f"camera {camera.name}",
             advice="check the board's size in --board, and that the whole board is in the pictures, sharp and lit",
         )
+
+
+def _check_size(shown: tuple[int, int] | None, board: Board) -> None:
+    """Refuse a board of another size than the pictures show: a part of it would calibrate badly."""
+    asked = _larger_first(board)
+    if shown is not None and shown != asked:
+        raise CalibrationError(
+            f"the pictures show a board of {shown[0]}x{shown[1]} inner corners, not {asked[0]}x{asked[1]}",
+            advice=f"describe the board as it is, as chessboard:{shown[0]}x{shown[1]} and the side of a square",
+        )
+
+
+def _larger_first(board: Board) -> tuple[int, int]:
+    return max(board.corner_grid), min(board.corner_grid)
 
 
 def _most_seen_grid(files: Mapping[str, Mapping[str, Path]], board: Board) -> tuple[int, int] | None:
