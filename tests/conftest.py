@@ -15,9 +15,33 @@ sys.path[:0] = [str(Path(__file__).parent / "helpers"), str(Path(__file__).paren
 ROOT = Path(__file__).resolve().parent.parent
 SHARED = ROOT.parent / "shared"
 # The longest files, which begin first: one that began last would leave the other processes with nothing to do.
-LONGEST = ("test_demo.py", "test_cmu.py", "test_capture_chain.py", "test_recorded_boards.py", "test_jobs.py",
-           "test_single_view_start.py", "test_bad_input.py", "test_two_webcams_chain.py",
-           "test_live_capture.py")  # fmt: skip
+LONGEST = (
+    "calibration/test_recorded_boards.py",
+    "capture/test_live_capture.py",
+    "operators/test_jobs.py",
+    "simulate/test_demo.py",
+    "worker/test_capture_chain.py",
+    "character/test_retarget.py",
+    "session/test_session_recovery.py",
+    "vision/test_two_webcams.py",
+    "subjects/test_from_motion.py",
+    "cli/test_track_body.py",
+    "jobs/test_record_board.py",
+    "solver/test_cmu.py",
+    "session/test_two_webcams_chain.py",
+    "simulate/test_studio_recordings.py",
+    "session/test_poison.py",
+    "worker/test_busy_machine.py",
+    "bench/test_command.py",
+    "labelling/test_single_view_start.py",
+    "capture/test_performers.py",
+    "calibrate/test_refine.py",
+    "take/test_export.py",
+    "calibration/test_calibrate.py",
+    "cli/test_bad_input.py",
+    "bench/test_robustness.py",
+    "tools/test_motion_synthesis.py",
+)
 
 
 @pytest.fixture(scope="session")
@@ -61,7 +85,8 @@ def pytest_xdist_auto_num_workers() -> int:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put the longest files first; `--no-loadscope-reorder` keeps this order."""
-    items.sort(key=lambda item: LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST))
+    places = {file: place for place, file in enumerate(LONGEST)}
+    items.sort(key=lambda item: places.get("/".join(item.path.parts[-2:]), len(LONGEST)))
 
 
 @pytest.hookimpl(hookwrapper=True)

@@ -116,7 +116,7 @@ def _check_found(
     files: Mapping[str, Mapping[str, Path]],
     cameras: Sequence[CameraViews],
 ) -> None:
-    """Refuse a camera with too few views of the board; a board of another size is told."""
+    """Refuse a camera with too few views, naming a board of another size."""
     missing = [camera for camera in cameras if len(camera.views) < MINIMUM_VIEWS]
     if missing:
         _check_size(shown, board)
@@ -129,7 +129,7 @@ def _check_found(
 
 
 def _check_size(shown: tuple[int, int] | None, board: Board) -> None:
-    """Refuse a board of another size than the pictures show: a part of it would calibrate badly."""
+    """Refuse a board unlike the one shown: a part of it would calibrate badly."""
     asked = _larger_first(board)
     if shown is not None and shown != asked:
         raise CalibrationError(
