@@ -49,7 +49,7 @@ class Channel:
         self._filter_settings: dict[str, Any] | None = None  # of the last FILTER message
         self.final: dict[str, Any] = {}  # goes into END
         self.progress_s: float | None = None  # `time.monotonic()` of the job's last progress, where it reports any
-        self._queue.put(encode_json(MessageKind.HELLO, {"token": token, "process": os.getpid()}))
+        self._socket.sendall(encode_json(MessageKind.HELLO, {"token": token, "process": os.getpid()}))
         self._sender = threading.Thread(target=self._send_loop, name="send")
         self._sender.start()
         threading.Thread(target=self._receive_loop, name="receive", daemon=True).start()
