@@ -5,15 +5,29 @@ and the bundled scipy. If that fails, the first step stays, and the sidebar show
 """
 
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from types import ModuleType
+from typing import Any
 
-from .preferences import diagnostics
+import bpy
+
+from .preferences import diagnostics, preferences
+from .preferences.sidebar_tab import SidebarPanel, register_panel, unregister_panel
+
+_KINDS = (
+    bpy.types.AddonPreferences,
+    bpy.types.Menu,
+    bpy.types.Operator,
+    bpy.types.Panel,
+    bpy.types.PropertyGroup,
+    bpy.types.UIList,
+)
 
 
 def _first_modules() -> Sequence[ModuleType]:
     """Import the modules that need no library."""
-    from .preferences import diagnostics_ui, preferences
+    from .preferences import diagnostics_ui
 
     return preferences, diagnostics_ui
 
@@ -41,8 +55,9 @@ def _other_modules() -> Sequence[ModuleType]:
     )
     from .operators import targets as target_operators
     from .panels import batch as panel_batch
+    from .panels import camera_controls, steps, targets, vmc
+    from .panels import capture as panel_capture
     from .panels import character as panel_character
-    from .panels import steps, targets
     from .panels import takes as panel_takes
     from .preferences import new_file_defaults
     from .settings import batch_settings, capture_settings, result_settings, target_settings, vmc_input, vmc_output
@@ -71,6 +86,9 @@ def _other_modules() -> Sequence[ModuleType]:
         new_file_defaults,
         panel_character,
         steps,
+        camera_controls,
+        panel_capture,
+        vmc,
         targets,
         panel_takes,
         panel_batch,
@@ -86,14 +104,14 @@ def _fallback_modules() -> Sequence[ModuleType]:
     return (broken_installation,)
 
 
-_registered: list[ModuleType] = []
+_undo: list[Callable[[], None]] = []
 
 
 def register() -> None:
     """Register everything; with a broken library, preferences and diagnostics only."""
     _add_all(_first_modules())
     diagnostics.problem = ""
-    count = len(_registered)
+    count = len(_undo)
     try:
         _add_all(_other_modules())
     except Exception as error:  # a broken library may raise anything
@@ -110,11 +128,27 @@ def unregister() -> None:
 
 
 def _add_all(modules: Sequence[ModuleType]) -> None:
+    """Register modules in order: the classes of each, then what it adds by itself."""
     for module in modules:
-        module.register()
-        _registered.append(module)
+        for cls in _classes(module):
+            if issubclass(cls, SidebarPanel):
+                register_panel(cls, preferences.tab(bpy.context))
+                _undo.append(partial(unregister_panel, cls))
+            else:
+                bpy.utils.register_class(cls)
+                _undo.append(partial(bpy.utils.unregister_class, cls))
+        if hasattr(module, "register"):
+            module.register()
+        if hasattr(module, "unregister"):
+            _undo.append(module.unregister)
+
+
+def _classes(module: ModuleType) -> list[Any]:
+    """Return the classes of Blender's kinds that a module defines, in their order."""
+    found = [value for value in vars(module).values() if isinstance(value, type) and issubclass(value, _KINDS)]
+    return [cls for cls in found if cls.__module__ == module.__name__]
 
 
 def _remove_down_to(count: int) -> None:
-    while len(_registered) > count:
-        _registered.pop().unregister()
+    while len(_undo) > count:
+        _undo.pop()()

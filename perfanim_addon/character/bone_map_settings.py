@@ -148,6 +148,4 @@ def stored_root_motion(armature_object: bpy.types.Object) -> RootMotion:
     return RootMotion.HIPS if kept is None else RootMotion[kept.root_motion]
 
 
-register, unregister = attach_property_group(
-    bpy.types.Object, "perfanim_character", PERFANIM_PG_joint, PERFANIM_PG_character
-)
+register, unregister = attach_property_group(bpy.types.Object, "perfanim_character", PERFANIM_PG_character)

@@ -46,6 +46,3 @@ class PERFANIM_OT_run_batch(SolvingOperator, bpy.types.Operator):
 def show_page(page: Path) -> None:
     """Open a page in the browser."""
     bpy.ops.wm.url_open(url=page.absolute().as_uri())
-
-
-register, unregister = bpy.utils.register_classes_factory((PERFANIM_OT_run_batch,))

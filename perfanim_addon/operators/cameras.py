@@ -223,14 +223,3 @@ class PERFANIM_OT_save_board(JobOperator, bpy.types.Operator, ExportHelper):
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         """Return the paper to print on."""
         return f"print {Path(summary['out']).name} on {summary['paper']} at 100 %, then measure a square"
-
-
-_CLASSES = (
-    PERFANIM_OT_save_board,
-    PERFANIM_OT_calibrate_board,
-    PERFANIM_OT_set_floor,
-    PERFANIM_OT_set_floor_markers,
-    PERFANIM_OT_calibrate_cameras,
-)
-
-register, unregister = bpy.utils.register_classes_factory(_CLASSES)

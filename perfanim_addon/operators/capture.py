@@ -157,8 +157,3 @@ class PERFANIM_OT_record(RunningOperator, bpy.types.Operator):
             capture.record(settings(context))
         activity.redraw_sidebars()
         return {"FINISHED"}
-
-
-_CLASSES = (PERFANIM_OT_start_capture, PERFANIM_OT_stop_capture, PERFANIM_OT_record)
-
-register, unregister = bpy.utils.register_classes_factory(_CLASSES)

@@ -209,16 +209,3 @@ class PERFANIM_OT_save_bone_map(_ArmatureOperator, bpy.types.Operator):
         path = user_folder(PRESETS_FOLDER) / f"{stem}.toml"
         write_bone_map(path, self.name, bones)
         return f"{self.name} saved as {path}"
-
-
-_CLASSES = (
-    PERFANIM_OT_add_character,
-    PERFANIM_OT_use_active_armature,
-    PERFANIM_OT_find_bones,
-    PERFANIM_OT_pick_bone,
-    PERFANIM_OT_show_t_pose,
-    PERFANIM_OT_load_bone_map,
-    PERFANIM_OT_save_bone_map,
-)
-
-register, unregister = bpy.utils.register_classes_factory(_CLASSES)

@@ -109,8 +109,3 @@ class PERFANIM_OT_use_starter_database(PanelOperator, bpy.types.Operator):
         """Clear the file."""
         settings(context).database = ""
         return ""
-
-
-_CLASSES = (PERFANIM_OT_build_database, PERFANIM_OT_use_starter_database)
-
-register, unregister = bpy.utils.register_classes_factory(_CLASSES)

@@ -130,6 +130,3 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
         timed = TimedPoses(increasing(times_s), rotations, positions, subject.skeleton)
         count = export_poses(context, armature, target, self.kind, timed, fps, Form(self.meshes, naming, self.scale))
         return f"{count} frames of {title} on {armature} in {target}"
-
-
-register, unregister = bpy.utils.register_classes_factory((PERFANIM_OT_export_take,))

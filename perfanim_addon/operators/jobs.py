@@ -133,6 +133,3 @@ class PERFANIM_OT_finish_job(RunningOperator, bpy.types.Operator):
         if isinstance(job, Job):
             job.finish()
         return {"FINISHED"}
-
-
-register, unregister = bpy.utils.register_classes_factory((PERFANIM_OT_cancel_job, PERFANIM_OT_finish_job))

@@ -91,8 +91,3 @@ class PERFANIM_OT_recover_take(TakeOperator, JobOperator, bpy.types.Operator):
         take_library.forget()
         text = f"{summary['frames']} frames recovered, {summary['duration_s']:.1f} s"
         return f"{text}; {put_on_character(context, self._target)}" if summary["poses"] else f"{text}: use Solve Again"
-
-
-_CLASSES = (PERFANIM_OT_recover_take, PERFANIM_OT_play_take)
-
-register, unregister = bpy.utils.register_classes_factory(_CLASSES)

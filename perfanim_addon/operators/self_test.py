@@ -48,11 +48,5 @@ def _redraw_preferences(context: bpy.types.Context) -> None:
 
 
 def register() -> None:
-    """Register the operator; clear earlier results."""
+    """Clear earlier results."""
     diagnostics.tested = []
-    bpy.utils.register_class(PERFANIM_OT_self_test)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    bpy.utils.unregister_class(PERFANIM_OT_self_test)

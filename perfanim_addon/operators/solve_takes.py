@@ -131,8 +131,3 @@ class PERFANIM_OT_import_takes(SolvingOperator, bpy.types.Operator, ImportHelper
             f"{len(kept)} of {len(kept) + len(failed)} takes" if failed else f"{len(kept)} take" + "s" * (len(kept) > 1)
         )
         return "; ".join((f"{count} imported", *failed, *(warning for take in kept for warning in take["warnings"])))
-
-
-_CLASSES = (PERFANIM_OT_solve_take, PERFANIM_OT_import_takes)
-
-register, unregister = bpy.utils.register_classes_factory(_CLASSES)

@@ -228,14 +228,3 @@ def _score(summary: dict[str, Any]) -> str:
     """Return the quality of a calibration, and advice."""
     text = [f"{summary['verdict']}: residual {float(summary['residual_mm']):.0f} mm", *summary["advice"]]
     return "; ".join(text + ([summary["floor_advice"]] if "floor_advice" in summary else []))
-
-
-_CLASSES = (
-    PERFANIM_OT_calibrate_performer,
-    PERFANIM_OT_record_t_pose,
-    PERFANIM_OT_calibrate_subject,
-    PERFANIM_OT_average_performer,
-    PERFANIM_OT_use_profile,
-)
-
-register, unregister = bpy.utils.register_classes_factory(_CLASSES)

@@ -102,8 +102,3 @@ class PERFANIM_OT_clean_up_takes(_FileOperator, bpy.types.Operator):
             raise TakeError("nothing is chosen for removal", advice="switch Deleted Takes or Old Takes on")
         freed = take_library.remove(files)
         return f"{len(files)} files removed, {take_library.size_text(freed)} free"
-
-
-_CLASSES = (PERFANIM_OT_delete_take, PERFANIM_OT_restore_take, PERFANIM_OT_clean_up_takes)
-
-register, unregister = bpy.utils.register_classes_factory(_CLASSES)

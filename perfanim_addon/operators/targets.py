@@ -86,8 +86,3 @@ class PERFANIM_OT_measure_target(JobOperator, bpy.types.Operator):
             entries[self._index].definition = self._target
         text = f"{summary['name']}: {len(summary['markers_mm'])} markers, rigid to {summary['residual_mm']:.1f} mm"
         return "; ".join((text, *summary["advice"]))
-
-
-_CLASSES = (PERFANIM_OT_add_target, PERFANIM_OT_remove_target, PERFANIM_OT_measure_target)
-
-register, unregister = bpy.utils.register_classes_factory(_CLASSES)

@@ -4,9 +4,8 @@ import bpy
 
 from ..capture.live_capture import LiveCapture
 from ..jobs import activity
-from ..preferences import preferences
 from ..preferences.property_kinds import property_column
-from ..preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
+from ..preferences.sidebar_tab import SidebarPanel
 from . import drawing
 
 KEY = "batch"
@@ -17,7 +16,6 @@ class PERFANIM_PT_batch(SidebarPanel, bpy.types.Panel):
 
     bl_label = "Batch"
     bl_options = {"DEFAULT_CLOSED"}
-    bl_order = 101
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw settings and progress."""
@@ -35,13 +33,3 @@ class PERFANIM_PT_batch(SidebarPanel, bpy.types.Panel):
         drawing.draw_job(layout, KEY)
         if not isinstance(activity.current(), LiveCapture):
             drawing.draw_text(context, layout, *activity.message(KEY))
-
-
-def register() -> None:
-    """Register the panel."""
-    register_panels(preferences.tab(bpy.context), PERFANIM_PT_batch)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    unregister_panels(PERFANIM_PT_batch)

@@ -18,6 +18,3 @@ class PERFANIM_PT_broken(SidebarPanel, bpy.types.Panel):
         column.label(text=diagnostics.problem, icon="ERROR")
         column.label(text="Install the archive made for this Blender's Python and platform.")
         column.operator("perfanim.copy_diagnostics", icon="COPYDOWN")
-
-
-register, unregister = bpy.utils.register_classes_factory((PERFANIM_PT_broken,))

@@ -82,8 +82,3 @@ def draw_bones(layout: bpy.types.UILayout, armature_object: bpy.types.Object | N
         row.operator("perfanim.save_bone_map", text="", icon="ADD").armature = armature_object.name
     layout.operator("perfanim.show_t_pose", icon="ARMATURE_DATA").armature = armature_object.name
     layout.prop(kept, "root_motion")
-
-
-_CLASSES = (PERFANIM_UL_joints, PERFANIM_MT_bone_maps)
-
-register, unregister = bpy.utils.register_classes_factory(_CLASSES)

@@ -8,15 +8,11 @@ import bpy
 from ..capture.live_capture import LiveCapture
 from ..jobs import activity
 from ..jobs.job import Job
-from ..preferences import preferences
-from ..preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
+from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import readiness
 from ..settings.capture_settings import settings
 from . import character
-from .camera_controls import PERFANIM_PT_camera_controls
-from .capture import PERFANIM_PT_capture, PERFANIM_PT_capture_settings
 from .drawing import draw_job, draw_props, draw_text, header_status
-from .vmc import PERFANIM_PT_sending
 
 
 class _Step(SidebarPanel):
@@ -190,28 +186,3 @@ class PERFANIM_PT_character(_Step, bpy.types.Panel):
         row.operator("perfanim.add_character", icon="ADD")
         row.operator("perfanim.use_active_armature", text="Use Active", icon="EYEDROPPER")
         character.draw_bones(layout, chosen.armature)
-
-
-_CLASSES = (
-    PERFANIM_PT_cameras,
-    PERFANIM_PT_camera_controls,
-    PERFANIM_PT_markers,
-    PERFANIM_PT_subject,
-    PERFANIM_PT_database,
-    PERFANIM_PT_character,
-    PERFANIM_PT_capture,
-    PERFANIM_PT_capture_settings,
-    PERFANIM_PT_sending,
-)
-
-
-def register() -> None:
-    """Register the panels in the tab of the preferences."""
-    for order, cls in enumerate(_CLASSES):
-        cls.bl_order = order
-    register_panels(preferences.tab(bpy.context), *_CLASSES)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    unregister_panels(*_CLASSES)

@@ -14,9 +14,8 @@ from ...core.solver.settings import SolveSettings
 from .. import take_library
 from ..capture.live_capture import LiveCapture
 from ..jobs import activity
-from ..preferences import preferences
 from ..preferences.property_kinds import property_column
-from ..preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
+from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import result_settings
 from . import drawing
 from .capture import PERFANIM_PT_capture
@@ -97,7 +96,6 @@ class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
 
     bl_label = "Takes"
     bl_options = {"DEFAULT_CLOSED"}
-    bl_order = 100
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the list and the active take."""
@@ -226,15 +224,9 @@ def choose(path: Path) -> None:
     take_library.forget()
 
 
-_CLASSES = (PERFANIM_PG_take, PERFANIM_PG_takes, PERFANIM_UL_takes)
-
-
 def register() -> None:
-    """Register list and panel, and add the recovery offer to the Capture panel."""
-    for cls in _CLASSES:
-        bpy.utils.register_class(cls)
+    """Attach the list, and add the recovery offer to the Capture panel."""
     bpy.types.WindowManager.perfanim_takes = bpy.props.PointerProperty(type=PERFANIM_PG_takes)
-    register_panels(preferences.tab(bpy.context), PERFANIM_PT_takes)
     PERFANIM_PT_capture.append(draw_offer)
 
 
@@ -243,7 +235,4 @@ def unregister() -> None:
     PERFANIM_PT_capture.remove(draw_offer)
     if bpy.app.timers.is_registered(_fill):
         bpy.app.timers.unregister(_fill)
-    unregister_panels(PERFANIM_PT_takes)
     del bpy.types.WindowManager.perfanim_takes
-    for cls in reversed(_CLASSES):
-        bpy.utils.unregister_class(cls)

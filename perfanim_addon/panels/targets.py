@@ -6,9 +6,8 @@ import bpy
 
 from ..capture.live_capture import LiveCapture
 from ..jobs import activity
-from ..preferences import preferences
 from ..preferences.property_kinds import property_column
-from ..preferences.sidebar_tab import SidebarPanel, register_panels, unregister_panels
+from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import target_settings
 from . import character, drawing
 
@@ -44,7 +43,6 @@ class PERFANIM_PT_targets(SidebarPanel, bpy.types.Panel):
 
     bl_label = "Additional Targets"
     bl_options = {"DEFAULT_CLOSED"}
-    bl_order = 50
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
         """Draw the number of targets at the right of the header."""
@@ -86,15 +84,3 @@ def _draw_fields(layout: bpy.types.UILayout, entry: target_settings.PERFANIM_PG_
     row.operator_menu_enum("perfanim.use_profile", "profile", text="", icon="COMMUNITY").target = index
     layout.prop(entry, "armature")
     character.draw_bones(layout, entry.armature, KEY)
-
-
-def register() -> None:
-    """Register list and panel."""
-    bpy.utils.register_class(PERFANIM_UL_targets)
-    register_panels(preferences.tab(bpy.context), PERFANIM_PT_targets)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    unregister_panels(PERFANIM_PT_targets)
-    bpy.utils.unregister_class(PERFANIM_UL_targets)

@@ -27,6 +27,3 @@ def draw(layout: bpy.types.UILayout) -> None:
     row.operator("perfanim.copy_diagnostics", icon="COPYDOWN")
     for line in diagnostics.lines(bpy.app.version_string):
         layout.label(text=line)
-
-
-register, unregister = bpy.utils.register_classes_factory((PERFANIM_OT_copy_diagnostics,))

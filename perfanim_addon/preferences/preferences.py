@@ -169,6 +169,3 @@ def tab(context: bpy.types.Context) -> str:
     """Return the name of the sidebar's tab."""
     found = chosen(context)
     return found.tab or DEFAULT_TAB if found else DEFAULT_TAB
-
-
-register, unregister = bpy.utils.register_classes_factory((PERFANIM_PG_camera_controls, PERFANIM_AP_preferences))

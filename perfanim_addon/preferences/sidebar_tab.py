@@ -16,23 +16,23 @@ class SidebarPanel:
 _registered: list[type[SidebarPanel]] = []
 
 
-def register_panels(tab: str, *panels: type[SidebarPanel]) -> None:
-    """Register panels in a tab; parents come before their sub-panels."""
-    for panel in panels:
-        panel.bl_category = tab
-        bpy.utils.register_class(panel)
-        _registered.append(panel)
+def register_panel(panel: type[SidebarPanel], tab: str) -> None:
+    """Register a panel in a tab, below those before it; parents come before sub-panels."""
+    panel.bl_category, panel.bl_order = tab, len(_registered)
+    bpy.utils.register_class(panel)
+    _registered.append(panel)
 
 
-def unregister_panels(*panels: type[SidebarPanel]) -> None:
-    """Undo `register_panels`."""
-    for panel in reversed(panels):
-        _registered.remove(panel)
-        bpy.utils.unregister_class(panel)
+def unregister_panel(panel: type[SidebarPanel]) -> None:
+    """Undo `register_panel`."""
+    _registered.remove(panel)
+    bpy.utils.unregister_class(panel)
 
 
 def move_to_tab(tab: str) -> None:
     """Show all registered panels in another tab."""
     panels = tuple(_registered)
-    unregister_panels(*panels)
-    register_panels(tab, *panels)
+    for panel in reversed(panels):
+        unregister_panel(panel)
+    for panel in panels:
+        register_panel(panel, tab)

@@ -197,6 +197,4 @@ def meant_for(scene: bpy.types.Scene, names: Sequence[str]) -> list[int | None]:
     return [free.pop(0) if found is None and free else found for found in meant]
 
 
-register, unregister = attach_property_group(
-    bpy.types.Scene, "perfanim_targets", PERFANIM_PG_target, PERFANIM_PG_targets
-)
+register, unregister = attach_property_group(bpy.types.Scene, "perfanim_targets", PERFANIM_PG_targets)
