@@ -128,7 +128,7 @@ def unregister() -> None:
 
 
 def _add_all(modules: Sequence[ModuleType]) -> None:
-    """Register modules in order: the classes of each, then what it adds by itself."""
+    """Register modules in order: the classes of each, then its own additions."""
     for module in modules:
         for cls in _classes(module):
             if issubclass(cls, SidebarPanel):

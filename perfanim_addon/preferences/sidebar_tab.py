@@ -17,7 +17,7 @@ _registered: list[type[SidebarPanel]] = []
 
 
 def register_panel(panel: type[SidebarPanel], tab: str) -> None:
-    """Register a panel in a tab, below those before it; parents come before sub-panels."""
+    """Register a panel below the others in a tab; parents come before sub-panels."""
     panel.bl_category, panel.bl_order = tab, len(_registered)
     bpy.utils.register_class(panel)
     _registered.append(panel)
