@@ -7,6 +7,8 @@ and the bundled scipy. If that fails, the first step stays, and the sidebar show
 import traceback
 from collections.abc import Callable, Sequence
 from functools import partial
+from importlib import import_module
+from pkgutil import iter_modules
 from types import ModuleType
 from typing import Any
 
@@ -36,65 +38,27 @@ def _other_modules() -> Sequence[ModuleType]:
     """Import the other modules, in the order of registration."""
     import scipy  # noqa: F401  # fails here if its wheel is broken, before anything is registered
 
+    from . import operators, settings
     from .character import bone_map_settings
     from .jobs import activity
-    from .operators import (
-        batch,
-        cameras,
-        capture,
-        character,
-        command_line,
-        database,
-        export_take,
-        jobs,
-        put_on_character,
-        self_test,
-        solve_takes,
-        subject,
-        take_files,
-    )
-    from .operators import targets as target_operators
-    from .panels import batch as panel_batch
-    from .panels import camera_controls, steps, targets, vmc
-    from .panels import capture as panel_capture
-    from .panels import character as panel_character
-    from .panels import takes as panel_takes
+    from .panels import batch, camera_controls, capture, character, steps, takes, targets, vmc
     from .preferences import new_file_defaults
-    from .settings import batch_settings, capture_settings, result_settings, target_settings, vmc_input, vmc_output
 
+    panels = (character, steps, camera_controls, capture, vmc, targets, takes, batch)  # as in the sidebar
+    # activity is unregistered first, so that it ends running work while the rest is still there
     return (
         bone_map_settings,
-        capture_settings,
-        target_settings,
-        vmc_output,
-        vmc_input,
-        result_settings,
-        batch_settings,
-        jobs,
-        cameras,
-        subject,
-        database,
-        character,
-        capture,
-        put_on_character,
-        solve_takes,
-        export_take,
-        take_files,
-        target_operators,
-        batch,
-        self_test,
+        *_modules_of(settings),
+        *_modules_of(operators),
         new_file_defaults,
-        panel_character,
-        steps,
-        camera_controls,
-        panel_capture,
-        vmc,
-        targets,
-        panel_takes,
-        panel_batch,
-        command_line,
-        activity,  # unregistered first, so that it ends running work while the rest is still there
+        *panels,
+        activity,
     )
+
+
+def _modules_of(package: ModuleType) -> list[ModuleType]:
+    """Import and return all modules of a package."""
+    return [import_module(f"{package.__name__}.{found.name}") for found in iter_modules(package.__path__)]
 
 
 def _fallback_modules() -> Sequence[ModuleType]:
