@@ -186,11 +186,10 @@ def slerp(start: ArrayLike, end: ArrayLike, fraction: ArrayLike) -> Array:
     return multiply(a, from_rotation_vector(t * to_rotation_vector(multiply(conjugate(a), end))))
 
 
-def mean(quaternions: ArrayLike, weights: ArrayLike | None = None) -> Array:
+def mean(quaternions: ArrayLike) -> Array:
     """Return the mean over the first axis (Markley 2007)."""
     q = np.asarray(quaternions, dtype=np.float64)
-    w = np.ones(len(q)) if weights is None else np.asarray(weights, dtype=np.float64)
-    outer = np.einsum("n,n...i,n...j->...ij", w, q, q)
+    outer = np.einsum("n...i,n...j->...ij", q, q)
     _, vectors = np.linalg.eigh(outer)
     result: Array = vectors[..., :, -1]
     return np.where(result[..., :1] < 0.0, -result, result)

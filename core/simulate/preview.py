@@ -25,6 +25,8 @@ from .studio.rig import looking_at
 
 _LIGHT_SLOPE = np.array([-0.42, -0.40])  # how far a shadow falls in x and z per metre of height
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
+_LIFT = 0.55  # exponent that lifts dark parts
+_RING = (90.0, 230.0, 120.0)
 
 
 @dataclass(frozen=True)
@@ -105,30 +107,19 @@ def floor_image(camera: Camera) -> Image:
     return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
 
 
-def brightened(image: Image, gamma: float = 0.55) -> Image:
+def brightened(image: Image) -> Image:
     """Return a camera's image with its dark parts lifted.
 
     Marker cameras are set to show little besides the markers.
     """
-    table = np.rint(255.0 * (np.arange(256) / 255.0) ** gamma).astype(np.uint8)
+    table = np.rint(255.0 * (np.arange(256) / 255.0) ** _LIFT).astype(np.uint8)
     return np.asarray(cv2.LUT(image, table), dtype=np.uint8)
 
 
-def draw_detections(
-    image: Image,
-    pixels: ArrayLike,
-    names: Sequence[str] = (),
-    colour: tuple[float, float, float] = (90.0, 230.0, 120.0),
-) -> None:
-    """Ring blobs in an image: centres (N, 2) in pixels (NaN: none), with their names."""
-    for i, (x, y) in enumerate(np.asarray(pixels, dtype=np.float64).reshape(-1, 2)):
-        if not (np.isfinite(x) and np.isfinite(y)):
-            continue
-        centre = (round(float(x) * 16), round(float(y) * 16))
-        cv2.circle(image, centre, 7 * 16, colour, 1, cv2.LINE_AA, 4)
-        if i < len(names) and names[i]:
-            place = (round(float(x)) + 9, round(float(y)) - 5)
-            _write(image, names[i], place, 0.36, colour)
+def draw_detections(image: Image, pixels: ArrayLike) -> None:
+    """Ring blobs in an image: centres (N, 2) in pixels."""
+    for x, y in np.asarray(pixels, dtype=np.float64).reshape(-1, 2).tolist():
+        cv2.circle(image, (round(x * 16), round(y * 16)), 7 * 16, _RING, 1, cv2.LINE_AA, 4)
 
 
 def draw_caption(image: Image, text: str, detail: str = "") -> None:

@@ -46,15 +46,12 @@ class SubjectCalibration:
     """A calibrated subject and how far it can be trusted.
 
     Args:
-        bones_m: length of each bone by joint name.
         sigmas_m: by joint name, standard deviation of its distance from its parent that these poses leave.
         marker_residuals_m: by marker name, RMS distance from its usual place on this body in these poses.
         verdict: "good", "usable" (another pose would tell more) or "redo".
     """
 
     subject: Subject
-    bones_m: dict[str, float]
-    used_markers: tuple[str, ...]
     sigmas_m: dict[str, float]
     marker_residuals_m: dict[str, float]
     verdict: str
@@ -219,14 +216,11 @@ def calibrate_subject(
     residuals = np.sqrt(error.sum(axis=0) / seen.sum(axis=0))
     residual = float(np.sqrt(error.sum() / seen.sum()))
     names = fit.skeleton.names
-    lengths = np.linalg.norm(fit.skeleton.tips_m, axis=1)
     marker_residuals = dict(zip(marker_set.names, residuals.tolist(), strict=True))
     advice = _hidden(seen, marker_set, poses)
     advice += _advice(fit, poses, residual, dict(zip(marker_set.texts, residuals.tolist(), strict=True)))
     return SubjectCalibration(
         subject=Subject(name, fit.skeleton, marker_set.with_offsets(offsets), residual),
-        bones_m=dict(zip(names, lengths.tolist(), strict=True)),
-        used_markers=marker_set.names,
         sigmas_m=dict(zip(names, fit.sigmas_m.tolist(), strict=True)),
         marker_residuals_m=marker_residuals,
         verdict="redo" if residual > _DOUBTFUL_M else "usable" if advice else "good",

@@ -56,7 +56,7 @@ class BoardPicture:
     corners: Array
 
 
-def board_poses(rig: CameraRig, board: Board, count: int = 24, seed: int = 0) -> tuple[BoardPose, ...]:
+def board_poses(rig: CameraRig, board: Board, count: int = 24) -> tuple[BoardPose, ...]:
     """Return well tilted board positions that all cameras see whole.
 
     They are picked one by one from random candidates: always the one that covers most of the images' parts that
@@ -65,7 +65,7 @@ def board_poses(rig: CameraRig, board: Board, count: int = 24, seed: int = 0) ->
     Raises:
         SettingsError: no position is seen by all cameras.
     """
-    rng = np.random.default_rng([seed, 4])
+    rng = np.random.default_rng([0, 4])
     focus = _focus(rig)
     candidates = []
     for _ in range(_CANDIDATES):
@@ -85,11 +85,9 @@ def board_poses(rig: CameraRig, board: Board, count: int = 24, seed: int = 0) ->
     return tuple(chosen)
 
 
-def board_pictures(
-    renderer: Renderer, board: Board = DEFAULT_BOARD, count: int = 24, seed: int = 0
-) -> Iterator[BoardPicture]:
+def board_pictures(renderer: Renderer, board: Board = DEFAULT_BOARD, count: int = 24) -> Iterator[BoardPicture]:
     """Yield `count` pictures of the board before the cameras, with the true corners."""
-    for number, pose in enumerate(board_poses(renderer.rig, board, count, seed)):
+    for number, pose in enumerate(board_poses(renderer.rig, board, count)):
         images = []
         for i, camera in enumerate(renderer.rig.cameras):
             image = renderer.lit_room(i)

@@ -40,27 +40,26 @@ def looking_at(position_m: ArrayLike, target_m: ArrayLike) -> Array:
     return np.stack((right, np.cross(forward, right), forward))
 
 
-def default_rig(cameras: int = 2, level: bool = False) -> CameraRig:
+def default_rig(cameras: int = 2) -> CameraRig:
     """Return the simulated rig: 640x480, 1.8 m apart, 3.3 m away, 1.4 m high.
 
     The performer stands at the world's origin on the floor y = 0 and faces +z, where the cameras are. Two are named
     "left" and "right" as they see it; more stand on a circle about the performer. Neighbours stand at different
     heights, because markers of one height (both shoulders, both sides of the waist) lie on one epipolar line of
-    level cameras and can be taken for each other; `level` puts all at one height, the harder case.
+    level cameras and can be taken for each other.
 
     Raises:
         SettingsError: fewer than one or more than eight cameras.
     """
     if not 1 <= cameras <= 8:
         raise SettingsError(f"{cameras} simulated cameras", advice="ask for 1 to 8")
-    rise = 0.0 if level else _RISE_M
     if cameras <= 2:
-        half = float(np.sqrt(_HALF_BASELINE_M**2 - rise**2))
-        places = [(-half, _HEIGHT_M - rise, _DISTANCE_M), (half, _HEIGHT_M + rise, _DISTANCE_M)][:cameras]
+        half = float(np.sqrt(_HALF_BASELINE_M**2 - _RISE_M**2))
+        places = [(-half, _HEIGHT_M - _RISE_M, _DISTANCE_M), (half, _HEIGHT_M + _RISE_M, _DISTANCE_M)][:cameras]
     else:
         reach = 1.1 * float(np.hypot(_HALF_BASELINE_M, _DISTANCE_M))
         angles = np.radians(np.linspace(-1.0, 1.0, cameras) * min(15.0 * (cameras - 1), 75.0))
-        heights = [_HEIGHT_M + (rise if i % 2 else -rise) for i in range(cameras)]
+        heights = [_HEIGHT_M + (_RISE_M if i % 2 else -_RISE_M) for i in range(cameras)]
         places = [
             (reach * float(np.sin(angle)), height, reach * float(np.cos(angle)))
             for angle, height in zip(angles, heights, strict=True)

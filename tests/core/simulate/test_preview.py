@@ -110,10 +110,10 @@ def test_character_outside_the_picture_draws_nothing() -> None:
 
 def test_detections_are_ringed_where_they_are() -> None:
     image = np.zeros((100, 200, 3), dtype=np.uint8)
-    preview.draw_detections(image, [[50.0, 40.0], [np.nan, np.nan]], ["A", "B"])
+    preview.draw_detections(image, [[50.0, 40.0]])
     rows, columns = np.nonzero(image[:, :58].any(axis=2))
     assert abs(rows.mean() - 40.0) < 1.5 and abs(columns.mean() - 50.0) < 1.5
-    assert image[:, 60:90].any() and not image[:, 100:].any()
+    assert not image[:, 60:].any()
     preview.draw_caption(image, "left", "60 Hz")
     assert image[:30, 100:].any() or image[:30, :60].any()
 
