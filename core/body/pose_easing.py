@@ -1,4 +1,4 @@
-"""Easing of poses: a joint that jumps gets to its new place within a quarter second.
+"""Easing of poses: a joint that jumps takes a quarter second to its new place.
 
 A marker that comes back, or a better explanation of the same markers, moves a joint faster than a body can. The
 difference to the continued motion is kept as an offset, which is then let go ("Inertialization", Bollo, GDC 2018): what
@@ -21,7 +21,7 @@ _LET_GO_RAD_S = np.radians(240.0)  # no faster than this
 _PAUSE_S = 0.25  # after so long without a pose it starts over
 _CUT_M = 0.15  # between two frames of 60 a second no marker moves so far from where it was lately:
 _CUT_SHARE, _CUT_MARKERS = 0.2, 2  # as several have, it is a cut
-_EXCHANGED_M = 0.05  # in the same time, from where another one was whose label it has
+_EXCHANGED_M = 0.05  # in the same time, from the earlier place of another with its label
 
 
 class PoseEaser:
@@ -74,7 +74,7 @@ class PoseEaser:
         rate = _turn(self._raw, rotations) / passed_s
         sudden = self._is_sudden(rate, passed_s)
         self._solved_rates = self._solved_rates[1], rate
-        # a jump is no motion that goes on, and what was before it ends
+        # a jump is no motion that goes on, and the one before it ends
         self._rate = np.where(sudden[:, None], _AFTER_JUMP * self._rate, rate)
         offset = _turn(rotations, rot.multiply(self._shown, rot.from_rotation_vector(self._rate * passed_s)))
         if held:
@@ -100,5 +100,5 @@ class PoseEaser:
 
 
 def _turn(start: Array, end: Array) -> Array:
-    """Return the rotation vectors (J, 3) from rotations to others, in the joints' frames."""
+    """Return rotation vectors (J, 3) between rotations, in the joints' frames."""
     return np.asarray(rot.to_rotation_vector(rot.multiply(rot.conjugate(start), end)))

@@ -95,7 +95,7 @@ class ScenePose:
 
 @dataclass(frozen=True)
 class DoubtfulStretch:
-    """Stretch of a take in which a performer's poses are probably wrong.
+    """Stretch of a take where a performer's poses are probably wrong.
 
     Args:
         start_s, stop_s: since the first pose.

@@ -38,7 +38,7 @@ class KeyWriter:
         action: without curves so far.
         frames: (F,) scene frame of each value.
         bounds: of the reduction, None for a key in every frame.
-        marked: scene frames whose keys become Jitter keys.
+        marked: scene frames with keys of the type Jitter.
     """
 
     def __init__(

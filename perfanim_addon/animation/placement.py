@@ -30,7 +30,7 @@ class Placement:
     Args:
         only: names of the bones that get any; None for all.
         bounds: of the reduction; None for a key in every frame.
-        marked: scene frames whose keys are drawn as another kind, Jitter.
+        marked: scene frames with keys of the type Jitter.
     """
 
     onto: PlacementMode = PlacementMode.ACTION

@@ -156,7 +156,7 @@ def _write_performer(
 def _chosen_keys(
     context: bpy.types.Context, poses: Sequence[ScenePose], frames: Array, how: Placement, performer: int = 0
 ) -> tuple[Mask, Placement]:
-    """Return which poses (F,) get keys, and the placement with the doubtful marked."""
+    """Return the poses (F,) that get keys, and the placement that marks the doubtful."""
     doubtful = np.array([pose.performers[performer].confidence < DOUBTFUL for pose in poses])
     if context.scene.perfanim_result.doubtful == "MARK":
         return np.ones(len(poses), dtype=np.bool_), replace(how, marked=tuple(frames[doubtful]))
