@@ -116,6 +116,18 @@ class Expectation:
 
     def negative_log_likelihood(self, subject: SubjectModel) -> float:
         """Return minus the logarithm of the observed markers' density, metres."""
+        unlikely, factor = self._innovation(subject)
+        return float(
+            0.5 * unlikely @ unlikely + np.log(np.diag(factor)).sum() + 0.5 * len(unlikely) * np.log(2.0 * np.pi)
+        )
+
+    def deviation(self, subject: SubjectModel) -> float:
+        """Return the RMS of the markers' distances from the prior, in its deviations."""
+        unlikely, _ = self._innovation(subject)
+        return float(np.sqrt(unlikely @ unlikely / max(len(unlikely), 1)))
+
+    def _innovation(self, subject: SubjectModel) -> tuple[Array, Array]:
+        """Return the whitened distances of the markers, and the factor that whitens."""
         markers, full = subject.markers_and_jacobian(self.prior.mean.reshape(-1, 3), self.root)
         jacobian = control_jacobian(self.observation, full)
         by_root, by_pose = jacobian[:, :6], jacobian[:, 6:]
@@ -124,9 +136,7 @@ class Expectation:
         covariance += (by_root * np.repeat(np.square(self.root_sigma), 3)) @ by_root.T
         covariance[np.diag_indices_from(covariance)] += _EXPECTED_SIGMA_M**2
         factor = np.linalg.cholesky(covariance)
-        unlikely = solve_triangular(factor, innovation, lower=True, check_finite=False)
-        count = len(innovation)
-        return float(0.5 * unlikely @ unlikely + np.log(np.diag(factor)).sum() + 0.5 * count * np.log(2.0 * np.pi))
+        return solve_triangular(factor, innovation, lower=True, check_finite=False), factor
 
 
 def fit_to_markers(

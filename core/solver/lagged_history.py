@@ -6,6 +6,7 @@ frame rate and without a solved pose. Earlier poses hold the rest as far as it w
 """
 
 from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,31 +22,31 @@ _TOLERANCE = 0.3  # of the lag: how far off a remembered moment may be and still
 
 @dataclass(frozen=True)
 class LaggedHistory:
-    """The latest arrays and their times, as far back as the longest lag needs.
+    """The latest arrays and their times.
 
     Args:
-        lags_s: ascending times looked back.
+        longest_s: longest time looked back, 0 to remember nothing.
         times_s: ascending times of the values.
         values: arrays of one shape.
     """
 
-    lags_s: tuple[float, ...]
+    longest_s: float = 0.0
     times_s: tuple[float, ...] = ()
     values: tuple[Array, ...] = ()
 
     def remember(self, time_s: float, value: Array) -> "LaggedHistory":
         """Return the history with one more value; a falling time begins a new one."""
-        if not self.lags_s:
+        if not self.longest_s:
             return self
         if self.times_s and time_s <= self.times_s[-1]:
-            return LaggedHistory(self.lags_s, (time_s,), (value,))
+            return LaggedHistory(self.longest_s, (time_s,), (value,))
         times_s = (*self.times_s, time_s)
-        first = bisect_left(times_s, time_s - 2.0 * self.lags_s[-1])
-        return LaggedHistory(self.lags_s, times_s[first:], (*self.values, value)[first:])
+        first = bisect_left(times_s, time_s - 2.0 * self.longest_s)
+        return LaggedHistory(self.longest_s, times_s[first:], (*self.values, value)[first:])
 
-    def before(self, time_s: float) -> list[Array | None]:
+    def before(self, time_s: float, lags_s: Sequence[float]) -> list[Array | None]:
         """Return the value at each lag before a time, None where unknown."""
-        return [self._near(time_s - lag, _TOLERANCE * lag) for lag in self.lags_s]
+        return [self._near(time_s - lag, _TOLERANCE * lag) for lag in lags_s]
 
     def _near(self, moment_s: float, tolerance_s: float) -> Array | None:
         after = bisect_left(self.times_s, moment_s)
@@ -77,15 +78,15 @@ class LaggedMarkers:
     """
 
     def __init__(self, database: Database, markers_m: FloatArray, lags_s: tuple[float, ...]) -> None:
-        self._markers = markers_m
+        self._markers, self._lags_s = markers_m, lags_s
         self._root_matrices = rot.to_matrix(database.root_rotations).astype(np.float32)
         self._root_positions_m = database.root_positions_m
         self._earlier = LaggedFrames(database, lags_s)
 
     def observed(self, history: LaggedHistory, time_s: float, root: RootPose) -> Array:
         """Return earlier observed markers (L, M, 3) in the root's frame, NaN if unknown."""
-        result = np.full((len(history.lags_s), *self._markers.shape[1:]), np.nan)
-        for row, points in zip(result, history.before(time_s), strict=True):
+        result = np.full((len(self._lags_s), *self._markers.shape[1:]), np.nan)
+        for row, points in zip(result, history.before(time_s, self._lags_s), strict=True):
             if points is not None:
                 row[:] = root.to_root_frame(points)
         return result
@@ -111,7 +112,7 @@ class LaggedPoses:
     """
 
     def __init__(self, database: Database, components: Array, lags_s: tuple[float, ...]) -> None:
-        self._components = components.astype(np.float32)
+        self._components, self._lags_s = components.astype(np.float32), lags_s
         # by SciPy's BLAS, as the NumPy of some Blenders has a slow one; transposed, which copies nothing
         poses = database.poses.reshape(database.frames, -1)
         self._projected = np.asarray(sgemm(1.0, self._components.T, poses.T)).T
@@ -119,8 +120,8 @@ class LaggedPoses:
 
     def observed(self, history: LaggedHistory, time_s: float) -> Array:
         """Return the components (L, C) of earlier solved poses, NaN if unknown."""
-        result = np.full((len(history.lags_s), self._components.shape[1]), np.nan)
-        for row, pose in zip(result, history.before(time_s), strict=True):
+        result = np.full((len(self._lags_s), self._components.shape[1]), np.nan)
+        for row, pose in zip(result, history.before(time_s, self._lags_s), strict=True):
             if pose is not None:
                 row[:] = pose @ self._components
         return result

@@ -1,15 +1,18 @@
 """Methods for the pose of the closest examples: best, local-pca, lwr, nearest."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
 from ..database.store import Database
 from ..geometry.arrays import Array, FloatArray, IntArray
+from ..system.assets import MOTION_PRIOR
 from . import gaussian_conditioning, local_model, synthesis
-from .gaussian_conditioning import Expectation, Prior
+from .gaussian_conditioning import Expectation, Prior, continue_prior
 from .lagged_history import LaggedMarkers, LaggedPoses
+from .motion_prior import MotionPrior, open_network
 from .observation import Observation
 from .root import root_from_torso
 from .settings import BestSettings, LocalPcaSettings, LwrSettings, NearestSettings, SolveSettings
@@ -22,6 +25,7 @@ _BROAD_SAMPLES = 4096  # frames that the covariance of the whole database is tak
 _COMPONENTS = 30  # principal ones of earlier poses that "best" goes by
 _FIT_STEPS = 8  # of Gauss-Newton at most: most priors are so close that one is enough
 _LIMIT_PERCENTILES = (1.0, 99.0)  # of the database's joint angles,
+_DOUBT = 2.0  # of the neighbours beside the learned prior: factor of their deviations for one of the markers
 _LIMIT_MARGIN_RAD = 0.05  # beyond which a joint hardly goes
 _SYNTHESIS_PASSES = 2  # synthesis needs the root and the root needs the synthesized torso
 
@@ -48,12 +52,12 @@ class Method(Protocol):
     Attributes:
         examples: number of closest examples to search.
         query_pose_m_per_rad: metres of marker distance that a radian of pose counts in its search.
-        history_s: ascending times looked back at markers and solved poses.
+        longest_s: longest time looked back at markers and solved poses.
     """
 
     examples: int
     query_pose_m_per_rad: float
-    history_s: tuple[float, ...]
+    longest_s: float
 
     def estimate(self, problem: FrameProblem) -> Estimate:
         """Return the pose of a frame."""
@@ -82,7 +86,7 @@ def _settle_root(subject: SubjectModel, observation: Observation, pose: Array, r
 class NearestMethod:
     """The closest example."""
 
-    history_s: tuple[float, ...] = ()
+    longest_s = 0.0
 
     def __init__(self, settings: NearestSettings, subject: SubjectModel) -> None:
         self._subject = subject
@@ -116,7 +120,7 @@ class LwrMethod(NearestMethod):
 class LocalPcaMethod:
     """The paper's: pose of least energy in a local model (Eq. 9)."""
 
-    history_s: tuple[float, ...] = ()
+    longest_s = 0.0
 
     def __init__(self, settings: LocalPcaSettings, subject: SubjectModel, clips: IntArray) -> None:
         self._settings, self._subject, self._clips = settings, subject, clips
@@ -173,7 +177,11 @@ class BestMethod:
     ) -> None:
         self._settings, self._query_alpha, self._subject = settings, query_alpha, subject
         self.examples = settings.neighbours
-        self.query_pose_m_per_rad, self.history_s = settings.query_pose_m_per_rad, settings.history_s
+        self.query_pose_m_per_rad, self.longest_s = settings.query_pose_m_per_rad, settings.history_s[-1]
+        network = open_network(Path(settings.prior_file or MOTION_PRIOR)) if settings.prior_share else None
+        self._learned = MotionPrior(network, subject, database.mean_rotations) if network else None
+        if self._learned:
+            self.longest_s = max(self.longest_s, self._learned.lags_s[-1])
         poses = database.poses.reshape(database.frames, -1)
         broad_frames = np.arange(0, len(poses), max(1, len(poses) // _BROAD_SAMPLES))
         broad_poses = poses[broad_frames].astype(np.float64)
@@ -193,11 +201,18 @@ class BestMethod:
         """Return the pose expected for the markers, fitted to them together with the root."""
         settings, state = self._settings, problem.state
         prior, neighbours = self._prior(problem)
+        root, root_sigma = problem.root, (settings.root_sigma_m, settings.root_sigma_rad)
+        if self._learned:
+            learned = self._learned.estimate(self._learned.recent(problem.observation, state), root)
+            root, root_sigma = learned.root, learned.root_sigma
+            # neighbours that do not foresee the markers are no better where there are none: unseen people and motions
+            off = Expectation(prior, problem.observation, root, root_sigma, self._limits).deviation(self._subject)
+            prior = Prior(prior.mean, max(1.0, _DOUBT * off) ** 2 * prior.covariance)
+            prior = continue_prior(prior, learned.pose.mean, learned.pose.covariance / settings.prior_share)
         if state.pose is not None and state.previous_pose is not None:
             expected = state.pose + settings.momentum * (state.pose - state.previous_pose)
-            prior = gaussian_conditioning.continue_prior(prior, expected, self._change)
-        root_sigma = (settings.root_sigma_m, settings.root_sigma_rad)
-        expectation = Expectation(prior, problem.observation, problem.root, root_sigma, self._limits)
+            prior = continue_prior(prior, expected, self._change)
+        expectation = Expectation(prior, problem.observation, root, root_sigma, self._limits)
         pose, root, steps = gaussian_conditioning.fit_to_markers(
             expectation, self._subject, settings.marker_sigma_m**2, _FIT_STEPS
         )

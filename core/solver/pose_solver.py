@@ -43,7 +43,7 @@ class PoseSolver:
         self._method = prepare_method(settings, subject, database, self._markers)
         self._frame_s = 1.0 / database.fps
         self._typical_markers = np.mean(self._markers[:: max(1, len(self._markers) // 2048)], axis=0, dtype=np.float64)
-        history = LaggedHistory(self._method.history_s)
+        history = LaggedHistory(self._method.longest_s)
         self.initial_state = SolverState(observed=history, solved=history)
 
     @property

@@ -103,6 +103,8 @@ class BestSettings:
         change_share: share of the whole database's covariance with which the pose varies about that expectation.
         change_rad: standard deviation of each joint angle beside that.
         root_sigma_m, root_sigma_rad: standard deviations of the root about the torso markers' estimate.
+        prior_share: weight of the learned prior (see `motion_prior`), 0 for none.
+        prior_file: its file, "" for the shipped one.
     """
 
     neighbours: int = 300
@@ -118,9 +120,13 @@ class BestSettings:
     change_rad: float = 0.03
     root_sigma_m: float = 0.03
     root_sigma_rad: float = 0.1
+    prior_share: float = 1.0
+    prior_file: str = ""
 
     def __post_init__(self) -> None:
         _check_positive(self, "marker_sigma_m", "query_pose_m_per_rad")
+        if not self.prior_share >= 0.0:
+            raise SettingsError("prior_share must not be negative")
         lags = self.history_s
         if not lags or list(lags) != sorted(set(lags)) or not lags[0] > 0.0:
             raise SettingsError("history_s must be ascending times above 0")

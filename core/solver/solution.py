@@ -69,8 +69,8 @@ class SolverState:
     pose: Array | None = None
     previous_pose: Array | None = None
     found: IntArray | None = None
-    observed: LaggedHistory = field(default_factory=lambda: LaggedHistory(()))
-    solved: LaggedHistory = field(default_factory=lambda: LaggedHistory(()))
+    observed: LaggedHistory = field(default_factory=LaggedHistory)
+    solved: LaggedHistory = field(default_factory=LaggedHistory)
     expectation: Expectation | None = None
 
     @property

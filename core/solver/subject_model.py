@@ -66,7 +66,7 @@ class SubjectModel:
     def markers(self, pose: Array, root: RootPose = ROOT_AT_REST) -> Array:
         """Return marker positions (..., M, 3) of poses (..., J - 1, 3)."""
         if pose.ndim == 2:
-            return self._posed(_exponential_and_right_jacobian(pose)[0], root)[0]
+            return self._posed(exponential_and_right_jacobian(pose)[0], root)[0]
         local = rotations_from_pose(pose, self.mean_rotations, root.rotation)
         return marker_positions(self.skeleton, self.joints, self.offsets_m, local, root.position_m)
 
@@ -77,7 +77,7 @@ class SubjectModel:
 
         The root's rotation is varied on its right, R exp(d); the pose is varied as the rotation vectors it is.
         """
-        turn, right_jacobian = _exponential_and_right_jacobian(pose)
+        turn, right_jacobian = exponential_and_right_jacobian(pose)
         markers, positions, world = self._posed(turn, root)
         axes = world.copy()
         axes[1:] = world[1:] @ right_jacobian
@@ -98,7 +98,7 @@ class SubjectModel:
         return markers_at_rest(self.skeleton, self.joints, self.offsets_m, self.mean_rotations, poses)
 
 
-def _exponential_and_right_jacobian(vectors: Array) -> tuple[Array, Array]:
+def exponential_and_right_jacobian(vectors: Array) -> tuple[Array, Array]:
     """Return exp(v) (N, 3, 3) and its right Jacobian (Sola 2018, Eq. 143)."""
     angle2 = np.sum(vectors**2, axis=-1)
     angle = np.sqrt(angle2)

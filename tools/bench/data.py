@@ -53,14 +53,14 @@ def data_folders(data: Path, names: tuple[str, ...]) -> list[Path]:
     return folders
 
 
-def read_take(data: Path, take: TestTake) -> Motion:
+def read_take(data: Path, take: TestTake, folder: str = CMU) -> Motion:
     """Return a test take at the rate of the databases."""
-    with motion_files(data_folders(data, (CMU,))) as files:
+    with motion_files(data_folders(data, (folder,))) as files:
         for file in files:
             if file.stem == take.trial:
                 motion = resampled(read_motion(file.path, file.skeleton), FPS)
                 return sliced(motion, int(motion.frames * take.first), int(motion.frames * take.last))
-    raise FormatError(f"take {take.trial} is missing", where=str(data / CMU))
+    raise FormatError(f"take {take.trial} is missing", where=str(data / folder))
 
 
 def development_takes(data: Path, count: int) -> dict[str, Motion]:

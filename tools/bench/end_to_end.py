@@ -27,13 +27,13 @@ from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.simulate.studio.settings import StudioSettings
 from perfanim.core.simulate.studio.source import SimulatedSource, simulated_source
-from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.subjects.from_recording import subject_from_recording
 from perfanim.core.subjects.prototype_bodies import load_bodies
 from perfanim.core.system.progress import Progress
 from perfanim.core.vision.pipeline import MarkerPipeline
 
 from .data import BOXING, CMU, WALKING, read_take, whole_database, without_tests
+from .methods import WITHOUT_PRIOR
 from .report import write_figures
 
 Seen = Mask
@@ -127,7 +127,7 @@ def _hidden(take: MarkerTake, seen: Seen) -> MarkerTake:
 
 
 def _from_take(take: MarkerTake, subject: Subject, database: Database) -> Motion:
-    return solve_take(take, subject, database, SolveSettings(), lambda fraction, text: None).motion
+    return solve_take(take, subject, database, WITHOUT_PRIOR, lambda fraction, text: None).motion
 
 
 def _from_one_camera(motion: Motion, database: Database, rig: CameraRig) -> Motion:
@@ -138,7 +138,7 @@ def _from_one_camera(motion: Motion, database: Database, rig: CameraRig) -> Moti
 
 
 def _from_video(frames: list[MarkerFrame], subject: Subject, database: Database, rig: CameraRig, fps: float) -> Motion:
-    session = Session(subject, database, rig)
+    session = Session(subject, database, rig, WITHOUT_PRIOR)
     return motion_of([session.step(frame) for frame in frames], subject, "video", fps)
 
 

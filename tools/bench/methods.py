@@ -4,7 +4,12 @@ The paper names neither the units of its terms nor its grid of K. Both were chos
 16_31, 07_08, 16_06, 09_06 and the second third of 14_02, with their frames out of the database.
 """
 
-from perfanim.core.solver.settings import LocalPcaSettings, SolveSettings
+from pathlib import Path
+
+from perfanim.core.solver.motion_prior import open_network
+from perfanim.core.solver.settings import BestSettings, LocalPcaSettings, SolveSettings
+
+WITH_PRIOR = "best with prior"
 
 PAPER_RANGE = SolveSettings(
     method="local-pca",
@@ -29,11 +34,33 @@ TUNED = SolveSettings(
     search="exhaustive",
 )
 
+_NO_PRIOR = BestSettings(prior_share=0.0)
+WITHOUT_PRIOR = SolveSettings(best=_NO_PRIOR)  # the shipped one has seen every subject
+
 # methods are compared, not searches: every one gets the truly closest frames
 METHODS: dict[str, SolveSettings] = {
     "nearest": SolveSettings(method="nearest", search="exhaustive"),
     "lwr": SolveSettings(method="lwr", search="exhaustive"),
     "local-pca (paper's range)": PAPER_RANGE,
     "local-pca (tuned)": TUNED,
-    "best": SolveSettings(search="exhaustive"),
+    "best": SolveSettings(search="exhaustive", best=_NO_PRIOR),
 }
+
+
+def default_settings(out: Path, subject: str, search: str = "auto") -> SolveSettings:
+    """Return the default settings without a prior that has seen the subject.
+
+    The prior is the one beside the databases in `out` (see `tools/train_prior.py`), never the shipped one, which has
+    seen everybody; none if there is no such file, or if it was trained on the subject.
+    """
+    path = out / "databases" / "motion_prior.npz"
+    network = open_network(path)
+    unseen = network is not None and subject not in network.facts["subjects"]
+    best = BestSettings(prior_file=str(path)) if unseen else _NO_PRIOR
+    return SolveSettings(search=search, best=best)
+
+
+def compared_methods(out: Path, subject: str) -> dict[str, SolveSettings]:
+    """Return the methods, with the prior too if it has not seen the subject."""
+    settings = default_settings(out, subject, "exhaustive")
+    return METHODS | ({WITH_PRIOR: settings} if settings.best.prior_share else {})

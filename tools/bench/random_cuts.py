@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from perfanim.core.body.calibration_poses import t_pose
 from perfanim.core.body.motion import Motion, sliced
-from perfanim.core.body.scene_pose import DOUBTFUL
 from perfanim.core.body.skeleton import Skeleton
 from perfanim.core.database.store import Database
 from perfanim.core.geometry import rotations as rot
@@ -18,9 +17,10 @@ from perfanim.core.simulate.markers import simulate_markers
 
 from .data import FPS
 from .figure6 import true_subject
+from .methods import WITHOUT_PRIOR
 
 BEFORE, AFTER = 45, 75  # frames of a cut's two takes
-
+DOUBTFUL = 0.3  # confidence below which a pose counts as doubted
 _UNSOLVABLE = ("49_21",)  # hangs on ropes, which nobody does in the database
 _HIDDEN = (0, 12, 60, 300)  # frames without any marker between the takes
 _T_POSE_EVERY = 3  # cuts, of which one comes from a T pose
@@ -99,7 +99,7 @@ def play_cut(cut: Cut, database: Database, generator: np.random.Generator) -> tu
         row of the table; (N,) frames of the second take with right labels, and their confidences.
     """
     motion = Motion(cut.subject, FPS, cut.skeleton, t_pose(cut.skeleton)[None], np.zeros((1, 3)))
-    session = Session(true_subject(motion), database)
+    session = Session(true_subject(motion), database, settings=WITHOUT_PRIOR)
     right, confidence = [], []
     for number, true in enumerate(cut.positions_m):
         frame, shown = _frame(number, true, generator)

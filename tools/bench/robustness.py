@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from perfanim.core.body.calibration_poses import t_pose
 from perfanim.core.body.motion import Motion, sliced
-from perfanim.core.body.scene_pose import DOUBTFUL
 from perfanim.core.database.labels import subject_of
 from perfanim.core.database.store import Database
 from perfanim.core.geometry import rotations as rot
@@ -20,8 +19,9 @@ from perfanim.core.system.progress import Progress
 
 from .data import CMU, FPS, development_takes, whole_database, without_subject
 from .figure6 import degrees_per_joint, true_subject
+from .methods import WITHOUT_PRIOR
 from .plots import Line, Panel, check_plots, write_plot
-from .random_cuts import cut_figures, facing, play_cut, random_cuts, seconds_until_right
+from .random_cuts import DOUBTFUL, cut_figures, facing, play_cut, random_cuts, seconds_until_right
 from .report import write_figures
 
 
@@ -140,7 +140,7 @@ def _cuts(
 def _t_pose_row(name: str, take: Motion, database: Database, worst: list[dict[str, Any]]) -> dict[str, Any]:
     """Return how much a T pose before a take costs the frames after it."""
     truth = sliced(take, 0, min(SIZES.t_pose_frames, take.frames))
-    cold = degrees_per_joint(_solve(truth, database, SolveSettings())[0], truth)[:_FIRST].mean()
+    cold = degrees_per_joint(_solve(truth, database, WITHOUT_PRIOR)[0], truth)[:_FIRST].mean()
     both = with_t_pose(truth)
     lead = both.frames - truth.frames
     solved = _solve_twice(both, database)
@@ -230,7 +230,7 @@ def _solve_twice(
     truth: Motion, database: Database, noise_mm: float = 0.0, dropout: float = 0.0, seed: int = 0
 ) -> Solved:
     (motion, rms), (nearest, nearest_rms) = (
-        _solve(truth, database, settings, noise_mm, dropout, seed) for settings in (SolveSettings(), _NEAREST)
+        _solve(truth, database, settings, noise_mm, dropout, seed) for settings in (WITHOUT_PRIOR, _NEAREST)
     )
     return Solved(motion, nearest, rms, nearest_rms)
 

@@ -17,6 +17,7 @@ from perfanim.core.system.progress import Progress
 
 from .data import BANDAI, CMU, FPS, LEFT_OUT, SPLIT, WALKING, data_folders, read_take
 from .figure6 import true_subject
+from .methods import WITHOUT_PRIOR
 from .plots import Line, Panel, check_plots, write_plot
 from .report import write_figures
 from .speed import reference_ms
@@ -77,7 +78,7 @@ def _row(truth: Motion, database: Database, reference_ms: float) -> dict[str, An
     open_database(database.path)
     opened_s = time.perf_counter()
     subject = true_subject(truth)
-    session = Session(subject, database)
+    session = Session(subject, database, settings=WITHOUT_PRIOR)
     ready_s = time.perf_counter()
     taken, poses = [], []
     for frame in take_frames(simulate_markers(truth, subject)[0], subject.marker_set):

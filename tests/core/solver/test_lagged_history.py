@@ -36,7 +36,7 @@ def test_markers_seen_are_found_again_whatever_the_rate(markers, fps):
     """A body that moves steadily: where it was is known."""
     start, velocity = np.random.default_rng(0).normal(size=(2, 8, 3))
     times = np.arange(0.0, 1.0, 1.0 / fps)
-    history = LaggedHistory(LAGS_S)
+    history = LaggedHistory(LAGS_S[-1])
     for time in times[:-1]:
         history = history.remember(time, start + velocity * time)
     root = RootPose(rot.from_rotation_vector([0.1, 1.0, -0.3]), np.array([0.4, 1.0, -2.0]))
@@ -47,7 +47,7 @@ def test_markers_seen_are_found_again_whatever_the_rate(markers, fps):
 
 
 def test_what_was_not_seen_is_unknown(markers):
-    history = LaggedHistory(LAGS_S)
+    history = LaggedHistory(LAGS_S[-1])
     root = RootPose(rot.identity(), np.zeros(3))
     assert np.isnan(markers.observed(history, 0.0, root)).all()
     points = np.ones((8, 3))
@@ -82,7 +82,7 @@ def test_earlier_poses_of_a_frame_are_those_of_its_clip(lagged_poses, database, 
 
 
 def test_poses_solved_are_found_again_and_nothing_else(lagged_poses, components):
-    history = LaggedHistory(LAGS_S)
+    history = LaggedHistory(LAGS_S[-1])
     poses = np.random.default_rng(2).normal(size=(3, 84))
     for time, pose in zip((0.0, 0.15, 0.25), poses, strict=True):
         history = history.remember(time, pose)
@@ -92,5 +92,5 @@ def test_poses_solved_are_found_again_and_nothing_else(lagged_poses, components)
     now = lagged_poses.observed(history, 0.4)
     assert np.isnan(now[0]).all()  # 0.3 s is missing
     np.testing.assert_allclose(now[1], poses[1] @ components, atol=1e-5)
-    history = LaggedHistory(LAGS_S)
+    history = LaggedHistory(LAGS_S[-1])
     assert np.isnan(lagged_poses.observed(history, 0.25)).all()

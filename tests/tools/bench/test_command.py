@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench.accuracy import UNSEEN_CLIP, UNSEEN_SUBJECT, accuracy
+from bench.accuracy import CONDITIONS, accuracy
 from bench.data import WALKING
 from bench.figure5 import (
     DIMENSIONS,
@@ -22,7 +22,7 @@ from bench.figure5 import (
     reconstruction_errors,
 )
 from bench.figure6 import degrees_per_joint, figure6, ratios
-from bench.methods import METHODS, PAPER_RANGE
+from bench.methods import METHODS, PAPER_RANGE, WITH_PRIOR, compared_methods
 from bench.plots import Line, Panel, check_plots, write_plot
 from bench.scale import scale
 from bench.speed import speed
@@ -36,6 +36,7 @@ from perfanim.core.errors import DatabaseError, SettingsError
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.solver.pose_solver import PoseSolver
+from random_prior import write_network
 
 TRIALS = {
     "16_16": "walking-02-energetic",
@@ -109,18 +110,31 @@ def test_table1_counts_frames(data, tmp_path, monkeypatch):
 
 def test_accuracy_leaves_out_the_clip_and_then_whoever_moves(data, tmp_path, monkeypatch):
     monkeypatch.setattr("bench.accuracy.TAKES", (WALKING,))
+    monkeypatch.setattr("bench.accuracy.STUDIO_TAKES", (replace(WALKING, trial="dataset-1_walk_04_001"),))
+    monkeypatch.setattr("bench.accuracy.MOTION", data / "bandai")
     figures = accuracy(data, tmp_path, 1, silent)
     rows = {(row["condition"], row["method"]): row for row in figures["rows"]}
-    assert set(rows) == {(condition, method) for condition in (UNSEEN_CLIP, UNSEEN_SUBJECT) for method in METHODS}
+    assert set(rows) == {(condition, method) for condition in CONDITIONS for method in METHODS}
     subjects = {clip.subject for clip in open_database(tmp_path / "databases/cmu-without-subject-16.pfdb").clips}
     assert subjects == {"09", "14"}
     clips = {clip.name for clip in open_database(tmp_path / "databases/cmu-without-tests.pfdb").clips}
     assert {"16_15", "16_17"} < clips
     assert "16_16" not in clips
-    for condition in (UNSEEN_CLIP, UNSEEN_SUBJECT):
+    for condition in CONDITIONS:
         nearest, best = (rows[condition, method]["deg_per_joint"] for method in ("nearest", "best"))
         assert rows[condition, "best"]["of_nearest"] == pytest.approx(best / nearest, abs=1e-3)
-    assert [row["takes"] for row in figures["means"]] == [1] * 2 * len(METHODS)
+    assert [row["takes"] for row in figures["means"]] == [1] * len(CONDITIONS) * len(METHODS)
+    assert figures["prior"] == []
+
+
+def test_a_prior_is_compared_on_people_that_it_has_not_seen(tmp_path, database):
+    path = tmp_path / "databases" / "motion_prior.npz"
+    assert set(compared_methods(tmp_path, "16")) == set(METHODS)
+    path.parent.mkdir()
+    write_network(path, database.mean_rotations)  # trained on 14
+    assert compared_methods(tmp_path, "16")[WITH_PRIOR].best.prior_file == str(path)
+    assert set(compared_methods(tmp_path, "14")) == set(METHODS)
+    assert all(settings.best.prior_share == 0.0 for name, settings in METHODS.items() if name == "best")
 
 
 def test_scale_goes_from_a_few_clips_to_all_of_them_twice(data, tmp_path, monkeypatch):

@@ -1,0 +1,231 @@
+"""Learned prior: a Gaussian of pose and root from the markers' last half second.
+
+A small network, trained by `tools/train_prior.py` on recorded motion with random bodies and marker sets. Each marker
+passes one layer with weights of its joint; markers are summed by part of the body; three layers follow. All inputs are
+relative to a body frame found from the torso markers, so position and heading do not matter.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..body.standard_skeleton import JOINT_NAMES
+from ..errors import FormatError
+from ..geometry import rotations as rot
+from ..geometry.arrays import Array, FloatArray, IntArray
+from .gaussian_conditioning import Prior
+from .observation import Observation
+from .root import root_from_torso
+from .solution import SolverState
+from .subject_model import RootPose, SubjectModel, exponential_and_right_jacobian
+
+VERSION = 1
+_OFFSET_SCALE = 10.0  # offsets are centimetres, the other inputs decimetres to metres
+_LAG_FLOOR_S = 0.03  # movements are divided by their lag plus this
+_ROOT = 6  # outputs of the root: turn, position
+_WEIGHTS = ("marker_weights", "marker_biases", "weights", "biases", "first_weights", "output_weights", "output_biases")
+
+
+@dataclass(frozen=True)
+class PriorEstimate:
+    """Gaussian of a pose, and the root with its standard deviations (m, rad)."""
+
+    pose: Prior
+    root: RootPose
+    root_sigma: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Network:
+    """Numbers of a trained network.
+
+    F features, H and W hidden units, P parts of the body, O outputs.
+
+    Args:
+        lags_s: ascending times looked back at the markers, the first 0.
+        mean_rotations: (J, 4) that its poses are relative to.
+        part_of_joint: (J,) part that a joint's markers are summed into.
+        bones: (2, J - 1) mean and scale of the bones' lengths.
+        marker_weights, marker_biases: (J, F, H), (J, H).
+        first_weights: (P H + J - 1, W).
+        weights, biases: (2, W, W), (3, W).
+        output_weights, output_biases: (W, 2 O), (2 O,): outputs, and logarithms of their standard deviations.
+        outputs: (2, O) mean and scale of the outputs.
+        correlation: (O, O) of the errors on people that it has not seen.
+        spread: (2, O) factor of the standard deviations, from the same errors, and their least values.
+        facts: what it was trained on.
+    """
+
+    lags_s: Array
+    mean_rotations: Array
+    part_of_joint: IntArray
+    bones: FloatArray
+    marker_weights: FloatArray
+    marker_biases: FloatArray
+    first_weights: FloatArray
+    weights: FloatArray
+    biases: FloatArray
+    output_weights: FloatArray
+    output_biases: FloatArray
+    outputs: FloatArray
+    correlation: Array
+    spread: Array
+    facts: dict[str, Any]
+
+
+def open_network(path: Path) -> Network | None:
+    """Return the network of a file; None if there is no file.
+
+    Raises:
+        FormatError: the file is damaged or of another version.
+    """
+    if not path.is_file():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+        facts = json.loads(str(arrays.pop("facts")))
+        for name in arrays:
+            kind = np.int64 if name == "part_of_joint" else np.float32 if name in (*_WEIGHTS, "bones") else np.float64
+            arrays[name] = arrays[name].astype(kind)
+        network = Network(**arrays, facts=facts)
+        fits = facts["version"] == VERSION and _fits(network)
+    except Exception as error:  # a damaged archive raises those of zipfile, zlib, tokenize, json and NumPy
+        raise _damaged(path) from error
+    if not fits:
+        raise _damaged(path)
+    return network
+
+
+def _damaged(path: Path) -> FormatError:
+    return FormatError("is no motion prior of this version", where=str(path), advice="install the extension again")
+
+
+def _fits(network: Network) -> bool:
+    """Return whether the arrays have matching shapes and finite numbers."""
+    joints, lags, outputs = len(JOINT_NAMES), len(network.lags_s), _ROOT + 3 * (len(JOINT_NAMES) - 1)
+    hidden, width = network.marker_biases.shape[-1], network.biases.shape[-1]
+    parts = int(network.part_of_joint.max(initial=0)) + 1
+    features = 9 + 3 * (lags - 1) + lags
+    expected = {
+        "lags_s": (lags,), "mean_rotations": (joints, 4), "part_of_joint": (joints,), "bones": (2, joints - 1),
+        "marker_weights": (joints, features, hidden), "marker_biases": (joints, hidden),
+        "first_weights": (parts * hidden + joints - 1, width), "weights": (2, width, width), "biases": (3, width),
+        "output_weights": (width, 2 * outputs), "output_biases": (2 * outputs,), "outputs": (2, outputs),
+        "correlation": (outputs, outputs), "spread": (2, outputs),
+    }  # fmt: skip
+    return bool(np.all(network.part_of_joint >= 0)) and all(
+        getattr(network, name).shape == shape and np.all(np.isfinite(getattr(network, name)))
+        for name, shape in expected.items()
+    )
+
+
+class MotionPrior:
+    """A network prepared for one subject.
+
+    Args:
+        subject: with the zero that its poses are relative to.
+        common_zero: (J, 4) of the database; the network knows no other.
+    """
+
+    def __init__(self, network: Network, subject: SubjectModel, common_zero: Array) -> None:
+        self._network = network
+        self._zero = subject.mean_rotations
+        self._turn = rot.multiply(rot.conjugate(common_zero), self._zero)
+        self._body = SubjectModel(subject.subject, rot.multiply(network.mean_rotations, self._turn))
+        joints = subject.joints
+        self._offsets_m = rot.rotate(self._turn[joints], subject.offsets_m)
+        self._rest = self._body.markers(np.zeros((len(subject.skeleton) - 1, 3)))
+        self._weights, self._biases = network.marker_weights[joints], network.marker_biases[joints]
+        self._part = network.part_of_joint[joints]
+        lengths = np.linalg.norm(subject.skeleton.offsets_m[1:], axis=-1)
+        bones = ((lengths - network.bones[0]) / network.bones[1]).astype(np.float32)
+        parts, hidden = int(network.part_of_joint.max()) + 1, self._biases.shape[1]
+        self._sums = np.zeros((parts, hidden), dtype=np.float32)
+        self._first = network.first_weights[: parts * hidden]
+        self._first_bias = network.biases[0] + bones @ network.first_weights[parts * hidden :]
+
+    @property
+    def lags_s(self) -> tuple[float, ...]:
+        """Ascending times looked back, the first 0."""
+        return tuple(self._network.lags_s.tolist())
+
+    def recent(self, observation: Observation, state: SolverState) -> Array:
+        """Return located markers (L, M, 3) of this frame and of earlier ones."""
+        unknown = np.full_like(observation.points_m, np.nan)
+        earlier = state.observed.before(state.time_s, self.lags_s[1:])
+        return np.array([observation.points_m, *(unknown if each is None else each for each in earlier)])
+
+    def estimate(self, points_m: Array, root: RootPose) -> PriorEstimate:
+        """Return the Gaussian expected for markers now and earlier.
+
+        Args:
+            points_m: (L, M, 3) in the world at each lag, NaN where not located.
+            root: where the body is if too few torso markers show it.
+        """
+        frame = root_from_torso(Observation.of_points(points_m[0]), self._rest, self._body, root) or root
+        features = marker_features(
+            frame.to_root_frame(points_m), self._rest, self._offsets_m, self._network.lags_s
+        ).astype(np.float32)
+        mean, sigma = self._run(features, np.isfinite(points_m[..., 0]).any(axis=0))
+        turn = rot.multiply(frame.rotation, rot.from_rotation_vector(mean[:3]))
+        root = RootPose(turn, frame.to_world(mean[3:_ROOT]))
+        root_sigma = (float(np.sqrt(np.mean(sigma[3:_ROOT] ** 2))), float(np.sqrt(np.mean(sigma[:3] ** 2))))
+        covariance = self._network.correlation[_ROOT:, _ROOT:] * np.outer(sigma[_ROOT:], sigma[_ROOT:])
+        return PriorEstimate(self._from_zero(mean[_ROOT:], covariance), root, root_sigma)
+
+    def _run(self, features: FloatArray, seen: NDArray[np.bool_]) -> tuple[Array, Array]:
+        """Return the outputs and their standard deviations."""
+        network = self._network
+        hidden = _silu((features[:, None] @ self._weights)[:, 0] + self._biases)
+        sums = np.zeros_like(self._sums)
+        np.add.at(sums, self._part[seen], hidden[seen])
+        state = _silu(sums.ravel() @ self._first + self._first_bias)
+        for weights, bias in zip(network.weights, network.biases[1:], strict=True):
+            state = state + _silu(state @ weights + bias)
+        mean, log_sigma = np.split(state @ network.output_weights + network.output_biases, 2)
+        offset, scale = network.outputs
+        sigma = np.hypot(network.spread[0] * scale * np.exp(log_sigma.astype(np.float64)), network.spread[1])
+        return offset + scale * mean.astype(np.float64), sigma
+
+    def _from_zero(self, pose: Array, covariance: Array) -> Prior:
+        """Return a Gaussian of the network's poses relative to the subject's zero."""
+        vectors, turn = pose.reshape(-1, 3), self._turn[1:]
+        turned = rot.multiply(rot.multiply(self._network.mean_rotations[1:], rot.from_rotation_vector(vectors)), turn)
+        moved = rot.to_rotation_vector(rot.multiply(rot.conjugate(self._zero[1:]), turned))
+        before, after = (exponential_and_right_jacobian(each)[1] for each in (vectors, moved))
+        slopes = np.linalg.solve(after, rot.to_matrix(rot.conjugate(turn)) @ before)
+        blocks = covariance.reshape(len(vectors), 3, len(vectors), 3).transpose(0, 2, 1, 3)
+        blocks = slopes[:, None] @ blocks @ np.swapaxes(slopes, -1, -2)[None]
+        return Prior(moved.ravel(), blocks.transpose(0, 2, 1, 3).reshape(covariance.shape))
+
+
+def marker_features(points_m: Array, rest_m: Array, offsets_m: Array, lags_s: Array) -> Array:
+    """Return the network's inputs (..., M, F).
+
+    Args:
+        points_m: (..., L, M, 3) at each lag in the body frame, NaN where not located.
+        rest_m: (..., M, 3) markers of the mean pose.
+        offsets_m: (..., M, 3) of the markers in their joints' axes.
+    """
+    points = np.moveaxis(points_m, -3, -2)
+    seen = np.isfinite(points[..., 0])
+    latest = np.take_along_axis(points, np.argmax(seen, axis=-1)[..., None, None], axis=-2)
+    moved = (points[..., 1:, :] - latest) / (_LAG_FLOOR_S + lags_s[1:, None])
+    moved = np.where(seen[..., 1:, None], moved, 0.0)
+    parts = (
+        np.where(seen.any(axis=-1)[..., None], latest[..., 0, :] - rest_m, 0.0),
+        np.broadcast_to(_OFFSET_SCALE * offsets_m, rest_m.shape),
+        rest_m,
+        moved.reshape(*moved.shape[:-2], -1),
+        seen,
+    )
+    return np.concatenate(parts, axis=-1)
+
+
+def _silu(x: FloatArray) -> FloatArray:
+    return x / (1.0 + np.exp(-x))

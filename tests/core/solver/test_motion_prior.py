@@ -1,0 +1,136 @@
+"""The learned prior: its inference, its file, and what it does to the solver."""
+
+import json
+
+import numpy as np
+import pytest
+from perfanim.core.errors import FormatError
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.solver.motion_prior import MotionPrior, open_network
+from perfanim.core.solver.observation import Observation
+from perfanim.core.solver.pose_solver import PoseSolver
+from perfanim.core.solver.root import root_from_torso
+from perfanim.core.solver.settings import BestSettings, SolveSettings
+from perfanim.core.solver.subject_model import RootPose, SubjectModel
+from random_prior import HIDDEN, JOINTS, LAGS_S, OUTPUTS, WIDTH, write_network
+
+
+@pytest.fixture(scope="module")
+def network_file(tmp_path_factory, database):
+    return write_network(tmp_path_factory.mktemp("prior") / "prior.npz", database.mean_rotations)
+
+
+@pytest.fixture(scope="module")
+def network(network_file):
+    return open_network(network_file)
+
+
+@pytest.fixture
+def points(true_markers):
+    """Markers at the lags; some are not seen, one never."""
+    points = true_markers[[30, 29, 27, 15]].copy()
+    points[0, 5] = points[2, 1] = points[:, 7] = np.nan
+    return points
+
+
+def by_hand(network, model, points, frame):
+    """Outputs and logarithms of sigmas, entry by entry."""
+    rest = SubjectModel(model.subject, network.mean_rotations).markers(np.zeros((JOINTS - 1, 3)))
+    sums = np.zeros((network.part_of_joint.max() + 1, HIDDEN))
+    for marker, joint in enumerate(model.joints):
+        seen = [lag for lag in range(len(LAGS_S)) if np.isfinite(points[lag, marker, 0])]
+        if not seen:
+            continue
+        latest = frame.to_root_frame(points[seen[0], marker])
+        row = [*(latest - rest[marker]), *(10.0 * model.offsets_m[marker]), *rest[marker]]
+        for lag in range(1, len(LAGS_S)):
+            here = frame.to_root_frame(points[lag, marker]) if lag in seen else latest
+            row += list((here - latest) / (0.03 + LAGS_S[lag]))
+        row += [float(lag in seen) for lag in range(len(LAGS_S))]
+        hidden = np.array(row) @ network.marker_weights[joint] + network.marker_biases[joint]
+        sums[network.part_of_joint[joint]] += hidden / (1.0 + np.exp(-hidden))
+    lengths = np.linalg.norm(model.skeleton.offsets_m[1:], axis=1)
+    bones = (lengths - network.bones[0]) / network.bones[1]
+    state = np.concatenate((sums.ravel(), bones)) @ network.first_weights + network.biases[0]
+    state = state / (1.0 + np.exp(-state))
+    for layer in range(2):
+        more = state @ network.weights[layer] + network.biases[1 + layer]
+        state = state + more / (1.0 + np.exp(-more))
+    return np.split(state @ network.output_weights + network.output_biases, 2)
+
+
+def test_inference_equals_what_is_reckoned_entry_by_entry(network, model, points):
+    root = RootPose(rot.identity(), np.zeros(3))
+    rest = SubjectModel(model.subject, network.mean_rotations).markers(np.zeros((JOINTS - 1, 3)))
+    frame = root_from_torso(Observation.of_points(points[0]), rest, model, root)
+    mean, log_sigma = by_hand(network, model, points, frame)
+    mean = network.outputs[0] + network.outputs[1] * mean
+    sigma = np.hypot(network.spread[0] * network.outputs[1] * np.exp(log_sigma), network.spread[1])
+    found = MotionPrior(network, SubjectModel(model.subject, network.mean_rotations), network.mean_rotations).estimate(
+        points, root
+    )
+    np.testing.assert_allclose(found.pose.mean, mean[6:], atol=2e-5)
+    np.testing.assert_allclose(np.sqrt(np.diag(found.pose.covariance)), sigma[6:], rtol=2e-4)
+    np.testing.assert_allclose(found.root.position_m, frame.to_world(mean[3:6]), atol=2e-5)
+    turn = rot.multiply(frame.rotation, rot.from_rotation_vector(mean[:3]))
+    assert rot.angle_between(found.root.rotation, turn) < 2e-5
+    # the same rotations where poses are relative to another mean
+    other = MotionPrior(network, model, model.mean_rotations).estimate(points, root)
+    mine = rot.multiply(model.mean_rotations[1:], rot.from_rotation_vector(other.pose.mean.reshape(-1, 3)))
+    theirs = rot.multiply(network.mean_rotations[1:], rot.from_rotation_vector(found.pose.mean.reshape(-1, 3)))
+    assert np.max(rot.angle_between(mine, theirs)) < 1e-6
+
+
+def test_place_and_heading_of_the_body_do_not_matter(network, model, points):
+    prior = MotionPrior(network, model, model.mean_rotations)
+    root = RootPose(rot.identity(), np.zeros(3))
+    one = prior.estimate(points, root)
+    turn, shift = rot.from_rotation_vector([0.0, 2.0, 0.0]), np.array([3.0, 0.5, -8.0])
+    other = prior.estimate(rot.rotate(turn, points) + shift, root)
+    np.testing.assert_allclose(other.pose.mean, one.pose.mean, atol=1e-4)
+    np.testing.assert_allclose(other.root.position_m, rot.rotate(turn, one.root.position_m) + shift, atol=1e-4)
+    assert rot.angle_between(other.root.rotation, rot.multiply(turn, one.root.rotation)) < 1e-4
+
+
+def solved(model, database, markers, **settings):
+    solver = PoseSolver(model, database, SolveSettings(best=BestSettings(**settings)))
+    state, poses = solver.initial_state, []
+    for row in markers:
+        solution, state = solver.step(state, Observation.of_points(row))
+        poses.append(solution.pose)
+    return np.array(poses)
+
+
+def test_without_the_file_it_is_as_without_the_prior(model, database, true_markers, tmp_path, network_file):
+    markers = true_markers[:8]
+    off = solved(model, database, markers, prior_share=0.0)
+    missing = solved(model, database, markers, prior_file=str(tmp_path / "none.npz"))
+    np.testing.assert_array_equal(off, missing)
+    assert np.max(np.abs(solved(model, database, markers, prior_file=str(network_file)) - off)) > 1e-4
+
+
+def test_damaged_files_are_named(database, network_file, tmp_path):
+    assert open_network(tmp_path / "none.npz") is None
+    whole = network_file.read_bytes()
+    damaged = tmp_path / "damaged.npz"
+    others = (
+        {"biases": np.zeros((2, WIDTH))}, {"outputs": np.full((2, OUTPUTS), np.nan)}, {"spread": np.array("text")},
+        {"facts": np.array(json.dumps({"version": 99}))}, {"facts": np.array("[")}, {"facts": np.array("[]")},
+        {"weights": np.zeros(3)}, {"more": np.zeros(3)}, {"part_of_joint": np.full(JOINTS, -3)},
+    )  # fmt: skip
+    for changes in others:
+        write_network(damaged, database.mean_rotations, **changes)
+        with pytest.raises(FormatError, match="is no motion prior"):
+            open_network(damaged)
+    generator = np.random.default_rng(1)
+    for content in (b"", b"no archive", whole[:1000], whole[: len(whole) // 2], whole[:-30]):
+        damaged.write_bytes(content)
+        with pytest.raises(FormatError, match="is no motion prior"):
+            open_network(damaged)
+    for _ in range(40):
+        changed = bytearray(whole)
+        for place in generator.integers(len(whole), size=20):
+            changed[place] ^= 255
+        damaged.write_bytes(changed)
+        with pytest.raises(FormatError, match="is no motion prior"):
+            open_network(damaged)

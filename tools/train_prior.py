@@ -1,0 +1,127 @@
+"""Train the learned motion prior that the solver multiplies into its own.
+
+Reads poses of built motion databases, plays them on random bodies with random marker sets, and writes a network's
+numbers. Needs the extra `prior`.
+"""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from perfanim.core.database.store import open_database
+from perfanim.core.solver.motion_prior import VERSION
+from perfanim.core.system.files import atomic_path
+from prior_training.motion import Recordings, read_recordings
+from prior_training.network import LEAST_SCALE, PART_OF_JOINT, Scaling, residuals, train
+from prior_training.performers import PerformerMaker
+from prior_training.windows import LAGS_S, WindowMaker
+
+_STEPS = 12_000
+_BATCHES = 60  # from which the errors on unseen people are taken
+_LEAST_EIGENVALUE = 1e-3  # of the correlation of the errors
+_OUTLIER = 4.0  # standard deviations beyond which errors do not count more
+_LEAST_SIGMA_RAD, _LEAST_SIGMA_M = 0.02, 0.003
+_OPEN_SIGMA_RAD = 0.2  # of entries that do not vary
+_PLACED = 6  # outputs of the root
+
+
+def main() -> None:
+    """Train and write."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--database", type=Path, nargs="+", required=True, help="built databases (.pfdb)")
+    parser.add_argument("--out", type=Path, required=True, help="file to write (.npz)")
+    parser.add_argument("--without", nargs="*", default=[], metavar="SUBJECT", help="subjects that are not used at all")
+    parser.add_argument(
+        "--unseen", nargs="*", default=[], metavar="SUBJECT", help="subjects that the errors are taken from"
+    )
+    parser.add_argument("--errors-of", type=Path, help="prior that gives the errors on unseen people")
+    parser.add_argument("--steps", type=int, default=_STEPS)
+    parser.add_argument("--seed", type=int, default=1)
+    args = parser.parse_args()
+    if bool(args.unseen) == bool(args.errors_of):
+        parser.error("give either --unseen or --errors-of")
+    databases = [open_database(path) for path in args.database]
+    everyone = {clip.subject for database in databases for clip in database.clips}
+    recordings = read_recordings(databases, everyone - {*args.without, *args.unseen})
+    _say(f"{len(recordings.poses)} frames of {len(recordings.subjects)} subjects")
+    makers = PerformerMaker(recordings.skeletons)
+    windows = WindowMaker(recordings, makers)
+    scaling = Scaling(windows, np.random.default_rng(args.seed))
+    parameters = train(windows, scaling, args.seed, args.steps, _say)
+    if args.unseen:
+        unseen = read_recordings(databases, set(args.unseen), recordings.mean_rotations)
+        errors, sigmas = residuals(
+            parameters, WindowMaker(unseen, makers), scaling, np.random.default_rng(args.seed), _BATCHES
+        )
+        error_model = _error_model(errors, sigmas, scaling.outputs[1])
+        rms_deg = np.degrees(np.sqrt(np.mean(errors[:, _PLACED:] ** 2)))
+        _say(f"unseen people: {rms_deg:.2f} degrees RMS of an entry of the pose")
+    else:
+        with np.load(args.errors_of) as stored:
+            error_model = {name: stored[name] for name in ("correlation", "spread")}
+    facts = _facts(recordings, args)
+    _write(args.out, parameters, scaling, recordings, error_model, facts)
+
+
+def _error_model(errors: Any, sigmas: Any, scale: Any) -> dict[str, Any]:
+    """Return how far the errors exceed the sigmas, and how they vary together.
+
+    Entries that hardly vary in the recordings are left open: elsewhere they may.
+    """
+    constant = scale <= LEAST_SCALE
+    ratio = np.where(constant, 0.0, errors / sigmas)
+    spread = np.sqrt(np.mean(ratio**2, axis=0))
+    ratio = np.clip(ratio / np.where(constant, 1.0, spread), -_OUTLIER, _OUTLIER)
+    correlation = np.corrcoef(ratio.T + 1e-9 * np.random.default_rng(0).normal(size=ratio.T.shape))
+    correlation[constant] = correlation[:, constant] = 0.0
+    correlation[constant, constant] = 1.0
+    values, vectors = np.linalg.eigh(correlation)
+    correlation = (vectors * np.maximum(values, _LEAST_EIGENVALUE)) @ vectors.T
+    size = np.sqrt(np.diag(correlation))
+    least = np.where(np.arange(len(scale)) < _PLACED, _LEAST_SIGMA_M, _LEAST_SIGMA_RAD)
+    least[:3] = _LEAST_SIGMA_RAD
+    spread = np.array((spread, np.where(constant, _OPEN_SIGMA_RAD, least)))
+    return {"correlation": correlation / np.outer(size, size), "spread": spread}
+
+
+def _facts(recordings: Recordings, args: argparse.Namespace) -> dict[str, Any]:
+    return {
+        "version": VERSION,
+        "subjects": list(recordings.subjects),
+        "frames": len(recordings.poses),
+        "steps": args.steps,
+        "seed": args.seed,
+        "source": "CMU Graphics Lab Motion Capture Database (mocap.cs.cmu.edu)",
+    }
+
+
+def _write(
+    out: Path, parameters: dict[str, Any], scaling: Scaling, recordings: Recordings, errors: Any, facts: Any
+) -> None:
+    arrays = {name: array.astype(np.float16) for name, array in parameters.items()}
+    arrays |= {
+        "lags_s": np.array(LAGS_S),
+        "mean_rotations": recordings.mean_rotations,
+        "part_of_joint": PART_OF_JOINT,
+        "bones": scaling.bones,
+        "outputs": scaling.outputs,
+        "correlation": errors["correlation"].astype(np.float32),
+        "spread": errors["spread"].astype(np.float32),
+        "facts": np.array(json.dumps(facts)),
+    }
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_path(out) as temporary, temporary.open("wb") as stream:
+        np.savez(stream, **arrays)
+    _say(f"{out}: {out.stat().st_size} bytes")
+
+
+def _say(text: str) -> None:
+    sys.stdout.write(text + "\n")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
