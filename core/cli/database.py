@@ -7,6 +7,7 @@ from typing import Any
 from ..database.build import BuildSettings, build_database
 from ..database.culling import DEFAULT_CULL_DEG
 from ..database.store import open_database
+from ..database.zeros import zeros_report
 from ..system.progress import Progress
 from .options import check_fps, check_range
 
@@ -86,4 +87,5 @@ def _info(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         "source_fps": database.source_rates,
         "mirrored_clips": sum(clip.mirrored for clip in database.clips),
         "culled_frames": database.culled_frames,
+        "zeros": zeros_report(database),
     }

@@ -24,9 +24,9 @@ from .graph import LARGE_DATABASE, GraphSettings
 from .labels import behaviour_of, subject_of
 from .reading import ReadClip, read_files
 from .selection import select_files
-from .store import Clip, Database, mean_and_poses, save_database
+from .store import Clip, Database, same_bones, save_database
+from .zeros import poses_from_zeros, zeros_report
 
-_SAME_BONES_M = 2e-4  # offsets that differ by less are one body, written with other rounding
 _SHORTEST_CLIP = 4  # frames; the query metric looks at accelerations
 _WORTH_PROCESSES = 8 << 20  # bytes of motion that take longer to read than processes take to start
 _READ, _CULLED = 0.6, 0.7  # share of the whole that is done then
@@ -76,7 +76,7 @@ class _Collected:
 
     def _skeleton_index(self, skeleton: Skeleton) -> int:
         for index, known in enumerate(self.skeletons):
-            if float(np.max(np.abs(known.offsets_m - skeleton.offsets_m))) < _SAME_BONES_M:
+            if same_bones(known.offsets_m, skeleton.offsets_m):
                 return index
         self.skeletons.append(skeleton)
         return len(self.skeletons) - 1
@@ -123,7 +123,8 @@ def build_database(
         cancelled: asked after every file and between the steps; when true, nothing is written.
 
     Returns:
-        frames, clips, seconds, bytes, fps, behaviours (name -> frames), skipped (list of file, line, reason), defects
+        frames, clips, seconds, bytes, fps, behaviours (name -> frames), zeros (subject -> joint -> degrees from
+        the common zero), skipped (list of file, line, reason), defects
         (list of file, frames, defect, done; those kept unchanged come last), mirrored_clips, culled_frames,
         peak_memory_mb of this process and peak_reader_memory_mb of the largest reading process, None where unknown.
 
@@ -159,7 +160,7 @@ def build_database(
 
 def _join_clips(collected: _Collected, out: Path, fps: float) -> Database:
     """Return the collected clips as a database that is not written yet."""
-    mean_rotations, poses = mean_and_poses(collected.rotations)
+    mean_rotations, zeros, poses = poses_from_zeros(collected.rotations, collected.clips)
     return Database(
         out,
         fps,
@@ -169,6 +170,7 @@ def _join_clips(collected: _Collected, out: Path, fps: float) -> Database:
         poses=poses,
         root_rotations=np.concatenate(collected.root_rotations),
         root_positions_m=np.concatenate(collected.root_positions_m),
+        zeros=zeros,
     )
 
 
@@ -197,6 +199,7 @@ def _report(database: Database, collected: _Collected, started: float) -> dict[s
         "behaviours": database.behaviours,
         "mirrored_clips": sum(clip.mirrored for clip in database.clips),
         "culled_frames": database.culled_frames,
+        "zeros": zeros_report(database),
         "peak_memory_mb": memory_mb,
         "peak_reader_memory_mb": reader_memory_mb,
         "skipped": collected.skipped,

@@ -22,18 +22,17 @@ from ..errors import DatabaseError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray
 from ..system.files import atomic_path
-from .frame_file import FrameFile
 from .graph import GraphSettings, NeighbourGraph, build_graph
 
 DATABASE_SUFFIX = ".pfdb"
 OLD_DATABASE_SUFFIX = ".perfdb"  # written by versions up to 0.1; opened like the other
 
 _MAGIC = b"PERFANIM-DB\n"
-_VERSION = 1
+_VERSION = 2
+_COMMON_ZERO_VERSION = 1  # without zeros of the subjects
 _PREAMBLE = struct.Struct("<12sIQQ32s")
 _ALIGNMENT = 64
-_MEAN_SAMPLES = 20_000  # frames that the mean rotations are taken over
-_CHUNK = 4096  # frames computed at once
+_SAME_BONES_M = 2e-4  # offsets that differ by less are one body, written with other rounding
 
 
 @dataclass(frozen=True)
@@ -66,19 +65,30 @@ class Clip:
 
 
 @dataclass(frozen=True)
+class Zero:
+    """Zero of one subject's clips: rotations (J, 4) with pose 0."""
+
+    subject: str
+    skeleton: int
+    mirrored: bool
+    rotations: Array
+
+
+@dataclass(frozen=True)
 class Database:
     """Poses of many clips at one rate.
 
     Args:
         clips: in the order of their frames, without gaps.
         skeletons: bodies of the subjects, with the standard joints.
-        mean_rotations: (J, 4) mean local rotation of each joint; poses are relative to it, so that no joint angle
-            comes near 180 degrees, where rotation vectors jump.
-        poses: (F, J - 1, 3) float32 rotation vectors of all joints but the root: local = mean * exp(pose).
+        mean_rotations: (J, 4) common zero: about the mean local rotation of each joint, so that no joint angle comes
+            near 180 degrees, where rotation vectors jump.
+        poses: (F, J - 1, 3) float32 rotation vectors of all joints but the root: local = zero * exp(pose).
         root_rotations: (F, 4) float32 world-from-root.
         root_positions_m: (F, 3) float32.
         graph: which frames are near each other (Eq. 4); None in a database stored without.
         culled_frames: near-duplicates that were left out when it was built.
+        zeros: of subjects that have their own (see `zeros`); the others have the common one.
     """
 
     path: Path
@@ -91,6 +101,7 @@ class Database:
     root_positions_m: FloatArray
     graph: NeighbourGraph | None = None
     culled_frames: int = 0
+    zeros: tuple[Zero, ...] = ()
 
     @property
     def frames(self) -> int:
@@ -123,18 +134,37 @@ class Database:
         """(F,) clip index of each frame."""
         return np.repeat(np.arange(len(self.clips), dtype=np.int32), [c.stop - c.start for c in self.clips])
 
+    @cached_property
+    def _zero_of_clip(self) -> Array:
+        """(C, J, 4) zero of each clip."""
+        own = {(zero.subject, zero.skeleton, zero.mirrored): zero.rotations for zero in self.zeros}
+        persons = ((clip.subject, clip.skeleton, clip.mirrored) for clip in self.clips)
+        return np.array([own.get(person, self.mean_rotations) for person in persons])
+
+    def zero_of(self, skeleton: Skeleton) -> Array:
+        """Return the zero (J, 4) of a recorded body, the common one of any other."""
+        for zero in self.zeros:
+            recorded = self.skeletons[zero.skeleton].offsets_m
+            if not zero.mirrored and same_bones(recorded, skeleton.offsets_m):
+                return zero.rotations
+        return self.mean_rotations
+
     def local_rotations(self, frames: Any) -> Array:
         """Return local rotations (..., J, 4) of frames, world-from-root for the root."""
-        return rotations_from_pose(
-            np.asarray(self.poses[frames], dtype=np.float64), self.mean_rotations, self.root_rotations[frames]
-        )
+        zeros = self._zero_of_clip[self.clip_of_frame[frames]]
+        return rotations_from_pose(np.asarray(self.poses[frames], dtype=np.float64), zeros, self.root_rotations[frames])
+
+
+def same_bones(offsets_m: Array, others_m: Array) -> bool:
+    """Return whether two bodies' joint offsets (J, 3) are equal but for rounding."""
+    return offsets_m.shape == others_m.shape and float(np.max(np.abs(offsets_m - others_m))) < _SAME_BONES_M
 
 
 def rotations_from_pose(pose: Array, mean_rotations: Array, root_rotation: Any) -> Array:
     """Return local rotations (..., J, 4) of poses (..., J - 1, 3)."""
     result = np.empty((*pose.shape[:-2], pose.shape[-2] + 1, 4))
     result[..., 0, :] = root_rotation
-    result[..., 1:, :] = rot.multiply(mean_rotations[1:], rot.from_rotation_vector(pose))
+    result[..., 1:, :] = rot.multiply(mean_rotations[..., 1:, :], rot.from_rotation_vector(pose))
     return result
 
 
@@ -142,17 +172,6 @@ def pose_from_rotations(rotations: Any, mean_rotations: Array) -> Array:
     """Return poses (..., J - 1, 3) of local rotations (..., J, 4)."""
     local = np.asarray(rotations, dtype=np.float64)[..., 1:, :]
     return rot.to_rotation_vector(rot.multiply(rot.conjugate(mean_rotations[1:]), local))
-
-
-def mean_and_poses(rotations: NDArray[Any] | FrameFile) -> tuple[Array, FloatArray]:
-    """Return the mean rotations (J, 4) and the poses relative to them of (F, J, 4)."""
-    frames = len(rotations)
-    mean_rotations = rot.mean(rotations[:: max(1, frames // _MEAN_SAMPLES)])
-    poses = np.empty((frames, len(JOINT_NAMES) - 1, 3), dtype=np.float32)
-    for start in range(0, frames, _CHUNK):
-        part = slice(start, start + _CHUNK)
-        poses[part] = pose_from_rotations(rotations[part], mean_rotations)
-    return mean_rotations, poses
 
 
 def save_database(database: Database, graph: GraphSettings | None = None) -> None:
@@ -175,12 +194,15 @@ def save_database(database: Database, graph: GraphSettings | None = None) -> Non
         poses = database.poses.reshape(database.frames, -1)
         built = build_graph(poses, database.clip_of_frame, database.fps, graph)
         arrays |= {"neighbours": built.neighbours, "clusters": built.clusters}
+    if database.zeros:
+        arrays["zeros"] = np.array([zero.rotations for zero in database.zeros])
     facts = {
         "fps": float(database.fps),
         "joints": list(JOINT_NAMES),
         "clips": [asdict(clip) for clip in database.clips],
         "skeletons": [_skeleton_facts(skeleton) for skeleton in database.skeletons],
         "culled_frames": database.culled_frames,
+        "zeros": [[zero.subject, zero.skeleton, zero.mirrored] for zero in database.zeros],
     }
     with atomic_path(database.path) as temporary, temporary.open("wb") as stream:
         _write_file(stream, facts, arrays)
@@ -230,7 +252,7 @@ def open_database(path: str | Path) -> Database:
             if len(preamble) < _PREAMBLE.size or not preamble.startswith(_MAGIC):
                 raise DatabaseError("is not a motion database", where=str(path), advice=advice)
             _, version, header_bytes, file_bytes, digest = _PREAMBLE.unpack(preamble)
-            if version != _VERSION:
+            if version not in (_COMMON_ZERO_VERSION, _VERSION):
                 raise DatabaseError(f"has version {version}, not {_VERSION}", where=str(path), advice=advice)
             if size != file_bytes:
                 raise DatabaseError(f"is cut off: {size} of {file_bytes} bytes", where=str(path), advice=advice)
@@ -256,6 +278,12 @@ def open_database(path: str | Path) -> Database:
         root_positions_m=arrays["root_positions_m"],
         graph=NeighbourGraph(arrays["neighbours"], arrays["clusters"]) if "neighbours" in arrays else None,
         culled_frames=facts.get("culled_frames", 0),
+        zeros=tuple(
+            Zero(subject, skeleton, mirrored, np.array(rotations))
+            for (subject, skeleton, mirrored), rotations in zip(
+                facts.get("zeros", ()), arrays.get("zeros", ()), strict=True
+            )
+        ),
     )
 
 

@@ -34,7 +34,7 @@ class Session:
         self.rig = rig
         cameras = rig.cameras if rig else ()
         self._has_one_camera = len(cameras) == 1
-        self._model = SubjectModel(subject, database.mean_rotations)
+        self._model = SubjectModel(subject, database.zero_of(subject.skeleton))
         self._solver = PoseSolver(self._model, database, self.settings)
         examples = BodyExamples(self._model, database)
         self._labeller = FrameLabeller(subject.marker_set.names, self._model, cameras, examples)

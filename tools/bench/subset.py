@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from perfanim.core.body.skeleton import Skeleton
 from perfanim.core.body.standard_skeleton import JOINT_NAMES
 from perfanim.core.database.graph import LARGE_DATABASE, GraphSettings
-from perfanim.core.database.store import Clip, Database, mean_and_poses, open_database, save_database
+from perfanim.core.database.store import Clip, Database, open_database, save_database
+from perfanim.core.database.zeros import poses_from_zeros
 from perfanim.core.errors import DatabaseError
 
 
@@ -36,9 +37,9 @@ def write_database(
         raise DatabaseError("has no motion to store", where=str(path), advice="add files with motion")
     if rotations.shape[1:] != (len(JOINT_NAMES), 4):
         raise DatabaseError(f"rotations have shape {rotations.shape}, not (F, {len(JOINT_NAMES)}, 4)", where=str(path))
-    mean_rotations, poses = mean_and_poses(rotations)
+    mean_rotations, zeros, poses = poses_from_zeros(rotations, clips)
     parts = (tuple(clips), tuple(skeletons), mean_rotations, poses, rotations[:, 0], root_positions_m)
-    save_database(Database(Path(path), fps, *parts), graph)
+    save_database(Database(Path(path), fps, *parts, zeros=zeros), graph)
 
 
 def write_subset(

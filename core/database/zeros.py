@@ -1,0 +1,132 @@
+"""Zeros: each recorded subject's rest of hands and thumbs, found from the data.
+
+Every studio fits the rest of hands and thumbs to a body in its own way: one subject's straight hand is bent by 40
+degrees in the file of another. Poses are stored relative to each subject's own zero, so that equal poses have equal
+numbers. A zero is the median of the subject's clips, drawn to that of all subjects by as much as clips of
+one subject differ among themselves (random effects, Laird and Ware 1982): what a subject merely happened to do is no
+zero. Where nothing shows them (fewer than three subjects, or none with two clips) all keep the common zero.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..body.standard_skeleton import JOINT_NAMES
+from ..geometry import rotations as rot
+from ..geometry.arrays import Array, FloatArray, Mask
+from .frame_file import FrameFile
+from .store import Clip, Database, Zero, pose_from_rotations
+
+_MEAN_SAMPLES = 20_000  # frames that the mean rotations are taken over
+_CLIP_SAMPLES = 60  # frames of each clip that medians are taken over
+_FEWEST_SUBJECTS = 3
+_FARTHEST_CLIP_RAD = 1.0  # a clip further from its subject's zero counts as this far: recordings have flipped joints
+_IMPOSSIBLE_RAD = np.radians(100.0)  # from its zero no end of a limb turns so far: it is flipped in the recording
+_CHUNK = 4096  # frames computed at once
+_MEDIAN_STEPS, _MEDIAN_RAD = 30, 0.01  # Weiszfeld's, and the distance that he divides by at least
+
+
+def _joints(middle: Sequence[str], of_sides: Sequence[str]) -> list[int]:
+    return [JOINT_NAMES.index(name) for name in (*middle, *(side + name for side in "lr" for name in of_sides))]
+
+
+# Feet and head differ as much between clips of one subject as between subjects: no zero can be found.
+_JOINTS = _joints((), ("wrist", "hand", "fingers", "thumb"))
+_ENDS = _joints(("upperneck", "head"), ("foot", "toes", "hand", "fingers", "thumb"))
+
+_Person = tuple[str, int, bool]
+
+
+def poses_from_zeros(
+    rotations: NDArray[Any] | FrameFile, clips: Sequence[Clip]
+) -> tuple[Array, tuple[Zero, ...], FloatArray]:
+    """Return the common zero (J, 4), the subjects' zeros and poses (F, J - 1, 3).
+
+    Ends of limbs that are flipped in the recording keep the rotation of the last frame in which they are not.
+
+    Args:
+        rotations: (F, J, 4) local rotations of the clips' frames.
+    """
+    common, zeros = find_zeros(rotations, clips)
+    own = {_person(zero): zero.rotations for zero in zeros}
+    poses = np.empty((len(rotations), len(JOINT_NAMES) - 1, 3), dtype=np.float32)
+    for clip in clips:
+        for start in range(clip.start, clip.stop, _CHUNK):
+            part = slice(start, min(start + _CHUNK, clip.stop))
+            poses[part] = pose_from_rotations(rotations[part], own.get(_person(clip), common))
+        if _person(clip) in own:
+            _hold_flipped(poses[clip.start : clip.stop])
+    return common, zeros, poses
+
+
+def find_zeros(rotations: NDArray[Any] | FrameFile, clips: Sequence[Clip]) -> tuple[Array, tuple[Zero, ...]]:
+    """Return the common zero (J, 4) of all joints, and those of the subjects."""
+    mean = rot.mean(rotations[:: max(1, len(rotations) // _MEAN_SAMPLES)])
+    persons: dict[_Person, list[Array]] = {}
+    for clip in clips:
+        chosen = np.linspace(0, clip.stop - clip.start - 1, _CLIP_SAMPLES).astype(np.int64)
+        samples = np.asarray(rotations[clip.start : clip.stop], dtype=np.float64)[chosen]
+        persons.setdefault(_person(clip), []).append(samples)
+    if len(persons) < _FEWEST_SUBJECTS or all(len(parts) == 1 for parts in persons.values()):
+        return mean, ()
+    medians = np.array([_median(np.concatenate(parts)) for parts in persons.values()])
+    common = mean.copy()
+    common[_JOINTS] = _median(medians)[_JOINTS]
+    away = rot.to_rotation_vector(rot.multiply(rot.conjugate(common), medians))
+    within = _clip_variance([np.array(parts) for parts in persons.values() if len(parts) > 1])
+    uncertain = within / np.array([[len(parts)] for parts in persons.values()])
+    between = np.maximum(np.sum(away**2, axis=(0, 2)) / (len(away) - 1) - uncertain.mean(axis=0), 0.0)
+    shares = (between / (between + uncertain + 1e-12))[:, :, None]
+    own = np.zeros_like(away)
+    own[:, _JOINTS] = (shares * away)[:, _JOINTS]
+    turned = rot.multiply(common, rot.from_rotation_vector(own))
+    return common, tuple(Zero(*person, turn) for person, turn in zip(persons, turned, strict=True))
+
+
+def zeros_report(database: Database) -> dict[str, dict[str, float]]:
+    """Return by subject how far each joint's zero is from the common one, degrees."""
+    result = {}
+    for zero in database.zeros:
+        turned = np.degrees(rot.angle_between(zero.rotations, database.mean_rotations))
+        if not zero.mirrored:
+            result[zero.subject] = {JOINT_NAMES[joint]: round(float(turned[joint]), 1) for joint in _JOINTS}
+    return result
+
+
+def _median(rotations: Array) -> Array:
+    """Return the geometric median (J, 4) of rotations (N, J, 4) (Weiszfeld 1937)."""
+    median = rot.mean(rotations)
+    for _ in range(_MEDIAN_STEPS):
+        away = rot.to_rotation_vector(rot.multiply(rot.conjugate(median), rotations))
+        weights = 1.0 / np.maximum(np.linalg.norm(away, axis=-1, keepdims=True), _MEDIAN_RAD)
+        shift = np.sum(weights * away, axis=0) / np.sum(weights, axis=0)
+        median = rot.multiply(median, rot.from_rotation_vector(shift))
+    return np.asarray(median)
+
+
+def _clip_variance(persons: Sequence[Array]) -> Array:
+    """Return the variance (J,) of clips about their subject, over (C, N, J, 4) each."""
+    variances = []
+    for parts in persons:
+        medians = np.array([_median(part) for part in parts])
+        away = np.minimum(rot.angle_between(_median(medians), medians), _FARTHEST_CLIP_RAD)
+        variances.append(np.sum(away**2, axis=0) / (len(parts) - 1))
+    return np.mean(variances, axis=0)
+
+
+def _hold_flipped(poses: FloatArray) -> None:
+    """Replace flipped ends of limbs in a clip's poses (F, J - 1, 3)."""
+    for joint in _ENDS:
+        vectors = poses[:, joint - 1]
+        flipped: Mask = np.linalg.norm(vectors, axis=-1) > _IMPOSSIBLE_RAD
+        if flipped.all():
+            vectors[:] = 0.0
+        elif flipped.any():
+            kept = np.maximum.accumulate(np.where(flipped, -1, np.arange(len(vectors))))
+            vectors[:] = vectors[np.where(kept < 0, np.argmin(flipped), kept)]
+
+
+def _person(of: Clip | Zero) -> _Person:
+    return of.subject, of.skeleton, of.mirrored
