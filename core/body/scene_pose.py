@@ -1,10 +1,14 @@
 """Solved pose of one moment: performers and props."""
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..geometry.arrays import Array, IntArray
+from ..geometry.arrays import Array, IntArray, runs
+
+DOUBTFUL = 0.3  # confidence below which a pose is probably wrong
 
 
 @dataclass(frozen=True)
@@ -87,3 +91,29 @@ class ScenePose:
     def time_s(self) -> float:
         """Time of the marker frame."""
         return self.performers[0].time_s
+
+
+@dataclass(frozen=True)
+class DoubtfulStretch:
+    """Stretch of a take where a performer's poses are probably wrong.
+
+    Args:
+        start_s, stop_s: since the first pose.
+        reason: most frequent note of its poses, "" without any.
+    """
+
+    start_s: float
+    stop_s: float
+    reason: str
+
+
+def doubtful_stretches(poses: Sequence[PerformerPose]) -> list[DoubtfulStretch]:
+    """Return the stretches of a performer's poses with low confidence."""
+    doubtful = np.array([pose.confidence < DOUBTFUL for pose in poses], dtype=np.bool_)
+    stretches = []
+    for start, stop in runs(doubtful):
+        notes = Counter(note for pose in poses[start:stop] for note in pose.notes)
+        reason = notes.most_common(1)[0][0] if notes else ""
+        begin_s, end_s = (poses[at].time_s - poses[0].time_s for at in (start, stop - 1))
+        stretches.append(DoubtfulStretch(begin_s, end_s, reason))
+    return stretches

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..body.calibration_poses import t_pose
+from ..body.pose_easing import PoseEaser
 from ..body.scene_pose import PerformerPose
 from ..database.store import Database
 from ..geometry.arrays import Array
@@ -48,6 +49,7 @@ class Session:
         """Forget the motion so far."""
         self._last: PerformerPose | None = None
         self._times = FrameTimes()
+        self._easer = PoseEaser()
         self.restart()
 
     def step(self, frame: MarkerFrame) -> PerformerPose:
@@ -151,10 +153,14 @@ class Session:
         notes = list(frame.notes)
         notes += [", ".join(hidden) + " hidden"] if hidden else []
         notes += [TrackingNote.UNFAMILIAR.value] if solution.nearest_m > self._quality.settings.familiar_m else []
+        held = fit.rms_m > self._quality.settings.wrong_m
+        notes += [TrackingNote.HELD.value] if held else []
+        rotations = self._model.rotations(solution.pose, solution.root)
+        rotations = self._easer.step(frame.time_s, rotations, shown.points_m, held)
         return PerformerPose(
             number=frame.number,
             time_s=frame.time_s,
-            rotations=self._model.rotations(solution.pose, solution.root),
+            rotations=rotations,
             root_position_m=solution.root.position_m,
             confidence=fit.confidence
             * (1.0 if self._has_one_camera or is_labelled(frame) else self._quality.label_confidence),

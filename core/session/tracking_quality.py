@@ -16,6 +16,7 @@ class TrackingNote(StrEnum):
     """Notes on a pose for people."""
 
     UNFAMILIAR = "this motion is unlike the database"
+    HELD = "held: the markers do not fit the body"
     WAITING = "waiting for the markers of the torso"
     REFUSED = "a frame with an impossible time was left out"
 

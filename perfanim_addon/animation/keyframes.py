@@ -1,5 +1,6 @@
 """Keyframes of sampled values: one per frame, or reduced within bounds."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import bpy
@@ -10,6 +11,7 @@ from ...core.body.keyframe_reduction import location_keys, rotation_keys, slopes
 from ...core.geometry.arrays import Array, IntArray
 from .channels import new_channels, new_curve
 
+_JITTER = 3  # Keyframe.type "JITTER" as foreach_set takes it
 _LINEAR = 1  # Keyframe.interpolation "LINEAR" as foreach_set takes it
 _ALIGNED = 3  # Keyframe.handle_left_type "ALIGNED"
 _LINEAR_ROTATION_FRAMES = 2.0  # mean key distance up to which straight lines between keys show no corners
@@ -36,14 +38,21 @@ class KeyWriter:
         action: without curves so far.
         frames: (F,) scene frame of each value.
         bounds: of the reduction, None for a key in every frame.
+        marked: scene frames with keys of the type Jitter.
     """
 
     def __init__(
-        self, animated: bpy.types.Object, action: bpy.types.Action, frames: Array, bounds: KeyBounds | None
+        self,
+        animated: bpy.types.Object,
+        action: bpy.types.Action,
+        frames: Array,
+        bounds: KeyBounds | None,
+        marked: Collection[float] = (),
     ) -> None:
         self._channels = new_channels(action, animated)
         self._frames = frames
         self._bounds = bounds
+        self._types = np.where(np.isin(frames, list(marked)), _JITTER, 0).astype(np.int32)
         self._straight = len(frames) < 2 or float(np.mean(np.diff(frames))) <= _LINEAR_ROTATION_FRAMES
         scale = float(np.mean(np.abs(animated.matrix_world.to_scale())))
         self._unit_mm = 1000.0 * bpy.context.scene.unit_settings.scale_length * max(scale, 1e-9)
@@ -81,6 +90,8 @@ class KeyWriter:
                 fill(curve, self._frames, values[:, component], self._straight)
             else:
                 _fill_eased(curve, self._frames[keys], values[keys, component], steep[keys, component])
+            if self._types.any():
+                curve.keyframe_points.foreach_set("type", self._types if keys is None else self._types[keys])
         return curves
 
 

@@ -30,11 +30,13 @@ class Placement:
     Args:
         only: names of the bones that get any; None for all.
         bounds: of the reduction; None for a key in every frame.
+        marked: scene frames with keys of the type Jitter.
     """
 
     onto: PlacementMode = PlacementMode.ACTION
     only: Collection[str] | None = None
     bounds: KeyBounds | None = None
+    marked: Collection[float] = ()
 
 
 def new_action(animation: bpy.types.AnimData, name: str, onto: PlacementMode) -> bpy.types.Action:

@@ -1,15 +1,15 @@
 """Writing of a take's motion as actions."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
 
 from ...core.body.foot_lock import floor_of
-from ...core.body.scene_pose import ScenePose
+from ...core.body.scene_pose import DOUBTFUL, ScenePose
 from ...core.formats.take_file.reading import TakeFile
-from ...core.geometry.arrays import Array
+from ...core.geometry.arrays import Array, Mask
 from ...core.markers.prop import Prop
 from ...core.session.pose_filters import FilterSettings, filter_poses
 from ..animation.actions import scene_frames, write_action, write_object_action, write_with_plan
@@ -78,9 +78,11 @@ def write_take(
     frames = [_scene_frames(context, part) for part in parts]
     actions = []
     for part, at in zip(parts, frames, strict=True):
-        how = placement(context, character, main.only)
-        arrays = pose_arrays(part.poses)[1:]
-        actions.append(write_action(main.armature, at, *arrays, skeleton, name=title, placement=how))
+        rows, how = _chosen_keys(context, part.poses, at, placement(context, character, main.only))
+        _, rotations, roots = pose_arrays(part.poses)
+        actions.append(
+            write_action(main.armature, at[rows], rotations[rows], roots[rows], skeleton, name=title, placement=how)
+        )
         if settings(context).extend_scene:
             context.scene.frame_end = max(context.scene.frame_end, int(np.ceil(at[-1])))
     if motion.props or further:
@@ -143,10 +145,24 @@ def _write_performer(
     how = placement(context, None if is_new else character, target.only)
     if how.only is not None and not how.only & {*plan.bones, *plan.located}:
         return []
+    rows, how = _chosen_keys(context, part.poses[first:], frames[first:], how, target.index)
     _, rotations, roots = pose_arrays(part.poses[first:], target.index)
     offset = target.offset_into(space, CaptureSpace(character, plan), motion.poses)
-    moved = offset.apply(rotations, roots)
-    return [write_with_plan(character, frames[first:], *moved, plan, name=f"{title} {subject.name}", placement=how)]
+    moved = offset.apply(rotations[rows], roots[rows])
+    at = frames[first:][rows]
+    return [write_with_plan(character, at, *moved, plan, name=f"{title} {subject.name}", placement=how)]
+
+
+def _chosen_keys(
+    context: bpy.types.Context, poses: Sequence[ScenePose], frames: Array, how: Placement, performer: int = 0
+) -> tuple[Mask, Placement]:
+    """Return the poses (F,) that get keys, and the placement that marks the doubtful."""
+    doubtful = np.array([pose.performers[performer].confidence < DOUBTFUL for pose in poses])
+    if context.scene.perfanim_result.doubtful == "MARK":
+        return np.ones(len(poses), dtype=np.bool_), replace(how, marked=tuple(frames[doubtful]))
+    kept = ~doubtful
+    kept[[0, -1]] = True  # the take keeps its length
+    return kept, how
 
 
 def _scene_frames(context: bpy.types.Context, part: RecordedPart) -> Array:

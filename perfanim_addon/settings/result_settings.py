@@ -46,6 +46,15 @@ class PERFANIM_PG_result(bpy.types.PropertyGroup):
     only_selected: switch(
         "Selected Bones Only", "Animate only the bones selected in Pose Mode; the others keep their own animation"
     )
+    doubtful: choice(
+        "Doubtful Poses",
+        "Keyframes of poses that are probably wrong, as the take lists them",
+        (
+            ("MARK", "Mark", "Insert them as keyframes of the type Jitter"),
+            ("LEAVE_OUT", "Leave Out", "Insert none, so that the motion is interpolated"),
+        ),
+        "MARK",
+    )
     reduce: switch("Fewer Keys", "Remove keyframes as long as the motion stays within the tolerances in every frame")
     reduce_deg: number("Tolerance (°)", "Largest rotation error of each bone relative to its parent", 0.5, 0.01, 20.0)
     reduce_mm: number("Tolerance (mm)", "Largest location error of the hips", 2.0, 0.01, 200.0)
@@ -87,7 +96,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the settings."""
     chosen: Any = context.scene.perfanim_result
     column = property_column(layout)
-    for name in ("onto", "start", "filters", "only_selected", "reduce"):
+    for name in ("onto", "start", "filters", "only_selected", "doubtful", "reduce"):
         column.prop(chosen, name)
     if chosen.reduce:
         column.prop(chosen, "reduce_deg")

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from perfanim.core.body.calibration_poses import t_pose
 from perfanim.core.body.motion import Motion, sliced
+from perfanim.core.body.scene_pose import DOUBTFUL
 from perfanim.core.body.skeleton import Skeleton
 from perfanim.core.database.store import Database
 from perfanim.core.geometry import rotations as rot
@@ -20,7 +21,7 @@ from .figure6 import true_subject
 from .methods import WITHOUT_PRIOR
 
 BEFORE, AFTER = 45, 75  # frames of a cut's two takes
-DOUBTFUL = 0.3  # confidence below which a pose counts as doubted
+
 _UNSOLVABLE = ("49_21",)  # hangs on ropes, which nobody does in the database
 _HIDDEN = (0, 12, 60, 300)  # frames without any marker between the takes
 _T_POSE_EVERY = 3  # cuts, of which one comes from a T pose

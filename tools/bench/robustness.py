@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from perfanim.core.body.calibration_poses import t_pose
 from perfanim.core.body.motion import Motion, sliced
+from perfanim.core.body.scene_pose import DOUBTFUL
 from perfanim.core.database.labels import subject_of
 from perfanim.core.database.store import Database
 from perfanim.core.geometry import rotations as rot
@@ -21,7 +22,7 @@ from .data import CMU, FPS, development_takes, whole_database, without_subject
 from .figure6 import degrees_per_joint, true_subject
 from .methods import WITHOUT_PRIOR
 from .plots import Line, Panel, check_plots, write_plot
-from .random_cuts import DOUBTFUL, cut_figures, facing, play_cut, random_cuts, seconds_until_right
+from .random_cuts import cut_figures, facing, play_cut, random_cuts, seconds_until_right
 from .report import write_figures
 
 

@@ -2,10 +2,12 @@
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
+from ...body.scene_pose import doubtful_stretches
 from ...formats.markers.marker_files import declared_frames, is_recorded, read_take
 from ...formats.take_file.lock import is_locked
 from ...formats.take_file.reading import ENDING, TakeFile, read_take_file
@@ -53,6 +55,7 @@ def _recorded_info(take: TakeFile) -> dict[str, Any]:
         "visible_fraction": float(np.mean([np.isfinite(p.observed_m[:, 0]) for p in poses])) if poses else None,
         "poses": len(poses),
         "confidence": float(np.mean([pose.confidence for pose in poses])) if poses else None,
+        "doubtful": [asdict(stretch) for stretch in doubtful_stretches(poses)],
         "cameras": len(rig) if rig is not None else 0,
         "subject": subjects[0].name if subjects else "",
         "marker_set": worn.name if worn else "",

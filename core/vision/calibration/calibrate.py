@@ -25,6 +25,7 @@ from .rig_fit import (
     Rejected,
     RigFit,
     SingleCamera,
+    fit_of_one,
     fit_rig,
     is_outlier,
     lens_prior,
@@ -106,11 +107,12 @@ def calibrate_from_points(
     refused = list(rejected)
     singles = [_calibrate_camera(points_m, camera, refused) for camera in cameras]
     if len(cameras) == 1:
-        return _result_of_one(cameras[0], singles[0], refused, edge_widths_px or {})
-    centre = points_m.mean(axis=0) if grid is not None else None
-    fit = fit_rig(points_m, cameras, singles, refused, centre)
-    if left_right:
-        _check_sides(fit.poses[1], cameras[0].name, cameras[1].name)
+        fit = fit_of_one(singles[0])
+    else:
+        centre = points_m.mean(axis=0) if grid is not None else None
+        fit = fit_rig(points_m, cameras, singles, refused, centre)
+        if left_right:
+            _check_sides(fit.poses[1], cameras[0].name, cameras[1].name)
     seen = {c.name: coverage(c.views.values(), c.image_size) for c in cameras}
     return _result(singles, fit, refused, seen, edge_widths_px or {})
 
@@ -213,7 +215,7 @@ def _result(
         stereo_rms_px=fit.rms_px,
         held_out_px=fit.held_out_px,
         rms_px={single.name: single.rms_px for single in singles},
-        baseline_m=rig.baseline_m(),
+        baseline_m=rig.baseline_m() if len(rig) > 1 else 0.0,
         distance_sigma=fit.distance_sigma,
         views_px={
             (fit.used[m], names[c]): float(fit.errors_px[m, c]) for m, c in np.argwhere(np.isfinite(fit.errors_px))
@@ -225,45 +227,6 @@ def _result(
         verdict=verdict,
         advice=advice,
     )
-
-
-def _result_of_one(
-    camera: CameraViews,
-    single: SingleCamera,
-    refused: Sequence[Rejected],
-    edge_widths_px: Mapping[str, Sequence[tuple[float, float]]],
-) -> CalibrationResult:
-    """Return the lens of a camera alone; it stands in the world's origin."""
-    seen = {single.name: coverage(camera.views.values(), camera.image_size)}
-    advice = (*_lens_advice(single, len(single.poses)), *_picture_advice(seen, edge_widths_px, [single]))
-    verdict = "usable" if advice else "good"
-    if single.rms_px > _USABLE_RMS * single.image_size[0]:
-        verdict = "redo"
-    placed = Camera(single.name, single.image_size, single.matrix, single.distortion, WORLD_FROM_CAMERA.T)
-    return CalibrationResult(
-        rig=CameraRig((placed,), {"error": single.rms_px, "pictures": len(single.poses), "verdict": verdict}),
-        stereo_rms_px=single.rms_px,
-        held_out_px=float("nan"),
-        rms_px={single.name: single.rms_px},
-        baseline_m=0.0,
-        distance_sigma=0.0,
-        views_px={},
-        coverage={name: part.fraction for name, part in seen.items()},
-        late_s={},
-        used=tuple(single.poses),
-        rejected=tuple(refused),
-        verdict=verdict,
-        advice=advice,
-    )
-
-
-def _lens_advice(camera: SingleCamera, views: int) -> list[str]:
-    advice = []
-    if camera.rms_px > _GOOD_RMS * camera.image_size[0]:
-        advice.append(_HIGH_ERROR)
-    if views < _GOOD_VIEWS:
-        advice.append(f"only {views} moments show the board: take 12 or more")
-    return advice + _tilt_advice(camera)
 
 
 def _tilt_advice(camera: SingleCamera) -> list[str]:
@@ -278,7 +241,8 @@ def _fit_advice(fit: RigFit, singles: Sequence[SingleCamera]) -> list[str]:
     if fit.rms_px > _GOOD_RMS * singles[0].image_size[0]:
         advice.append(_HIGH_ERROR)
     if len(fit.used) < _GOOD_VIEWS:
-        advice.append(f"only {len(fit.used)} moments show the board to more than one camera: take 12 or more")
+        seen_by = " to more than one camera" if len(singles) > 1 else ""
+        advice.append(f"only {len(fit.used)} moments show the board{seen_by}: take 12 or more")
     if fit.distance_sigma > _GOOD_DISTANCE:
         advice.append(
             f"the distances between the cameras are known to {100.0 * fit.distance_sigma:.1f} % only: take more "

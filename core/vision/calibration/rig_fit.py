@@ -130,6 +130,21 @@ def fit_rig(
             return _choose_model(bundle, observations, keys, prior)
 
 
+def fit_of_one(single: SingleCamera) -> RigFit:
+    """Return a camera calibrated alone as a rig; it stands where the world is."""
+    return RigFit(
+        intrinsics_of(single.matrix, single.distortion)[None],
+        ((np.eye(3), np.zeros(3)),),
+        single.rms_px,
+        float("nan"),
+        tuple(single.poses),
+        "no skew",
+        np.full((len(single.poses), 1), np.nan),
+        np.full(1, np.nan),
+        0.0,
+    )
+
+
 def _check_moments(
     cameras: Sequence[CameraViews], members: Mapping[str, Mapping[int, bool]], keys: Sequence[str]
 ) -> None:

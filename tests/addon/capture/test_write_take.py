@@ -5,6 +5,7 @@ from typing import Any
 
 import bpy
 import numpy as np
+import pytest
 from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.system.assets import MOTION
@@ -20,7 +21,14 @@ def keys_of(armature: Any) -> dict[tuple[str, int], np.ndarray]:
     }
 
 
-def test_put_on_character_writes_the_keys_of_the_capture(part: Any, tmp_path: Path) -> None:
+def key_types_of(armature: Any) -> list[str]:
+    """Type of each key of the first curve."""
+    return [key.type for key in next(iter(curves_of(armature))).keyframe_points]
+
+
+def test_put_on_character_writes_the_keys_of_the_capture(
+    part: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     scene, chosen = bpy.context.scene, bpy.context.scene.perfanim
     build_database([str(MOTION / "walking-01-neutral.bvh")], tmp_path / "walk.pfdb", BuildSettings(fps=30.0))
     chosen.database, chosen.behaviour = str(tmp_path / "walk.pfdb"), "walking"
@@ -53,3 +61,17 @@ def test_put_on_character_writes_the_keys_of_the_capture(part: Any, tmp_path: Pa
     bpy.ops.perfanim.play_take(path=str(listed.path))
     unfiltered = keys_of(armature)
     assert any(not np.allclose(unfiltered[curve], keys, atol=1e-6) for curve, keys in live.items())
+    # so that some of the poses are doubtful, but not the last
+    confidence = [pose.performers[0].confidence for pose in take.recorded_poses]
+    threshold = float(np.median(confidence[:-1]))
+    monkeypatch.setattr(part("capture.write_take"), "DOUBTFUL", threshold)
+    doubtful = [sure < threshold for sure in confidence]
+    assert 0 < sum(doubtful) < len(doubtful)
+    bpy.ops.perfanim.play_take(path=str(listed.path))
+    assert key_types_of(armature) == ["JITTER" if doubt else "KEYFRAME" for doubt in doubtful]
+    scene.perfanim_result.doubtful = "LEAVE_OUT"
+    bpy.ops.perfanim.play_take(path=str(listed.path))
+    kept = ~np.array(doubtful)
+    kept[[0, -1]] = True
+    for curve, keys in keys_of(armature).items():
+        np.testing.assert_array_equal(keys, unfiltered[curve][kept])
