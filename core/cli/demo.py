@@ -3,16 +3,14 @@
 import argparse
 import importlib.util
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
-from ..errors import CharacterError
 from ..system.files import atomic_path
 from ..system.progress import Progress
 from .main import jsonable
 from .options import check_range
+from .retarget import run_blender
 
 
 def add_parser(subparsers: Any) -> None:
@@ -33,26 +31,10 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     out = Path(args.out)
     report = run_demo(out, args.seconds, progress)
     if importlib.util.find_spec("bpy") is not None:
-        report["outputs"]["blend"] = str(_write_blend(out, progress))
+        progress(0.97, "writing the character")
+        report["outputs"]["blend"] = run_blender([str(out / "demo.bvh"), str(out / "demo.blend")])["out"]
     write_report(out / "report.md", report)
     with atomic_path(out / "report.json") as temporary:
         temporary.write_text(json.dumps(jsonable(report), indent=1), encoding="utf-8")
     report["outputs"]["report"] = str(out / "report.md")
     return report
-
-
-def _write_blend(out: Path, progress: Progress) -> Path:
-    """Write the character with its animation, in a separate process.
-
-    bpy takes over its process.
-    """
-    progress(0.97, "writing the character")
-    target = out / "demo.blend"
-    package = __package__.rsplit(".", 2)[0]
-    module = f"{package}.perfanim_addon.export.export_blend"
-    command = [sys.executable, "-m", module, str(out / "demo.bvh"), str(target)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        reason = (done.stderr.strip().splitlines() or ["no message"])[-1]
-        raise CharacterError(f"Blender could not write the character: {reason}", where=str(target))
-    return target

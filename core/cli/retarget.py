@@ -56,23 +56,29 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if args.naming is not None and ending not in _EXPORTED:
         args.wrong_usage("argument --naming: a .blend keeps the character's own names")
     check_blender(args.blender)
-    arguments = [args.motion, args.to, args.out]
-    for name in ("skeleton", "map", "render", "frame", "naming"):
+    arguments = [args.motion, args.out]
+    for name in ("to", "skeleton", "map", "render", "frame", "naming"):
         value = getattr(args, name)
         if value is not None:
             arguments += [f"--{name}", str(value)]
     arguments += ["--root-motion", args.root_motion.replace("-", "_")]
     progress(0.0, "retargeting")
-    done = subprocess.run(_command(args.blender, arguments), capture_output=True, text=True, check=False)
+    summary = run_blender(arguments, args.blender)
+    if args.render is not None:
+        summary["picture"] = str(Path(args.render))
+    return summary
+
+
+def run_blender(arguments: Sequence[str], blender: str | None = None) -> dict[str, Any]:
+    """Run `retarget_file` in a process of its own; return its report, or raise."""
+    done = subprocess.run(_command(blender, arguments), capture_output=True, text=True, check=False)
     if done.returncode != 0:
         lines = [line for line in done.stderr.splitlines() if line.strip()] or ["it ended without a message"]
         said = next((line for line in lines if line.startswith(_PREFIX)), lines[-1])
         raise CharacterError(said.removeprefix(_PREFIX))
     # Blender has lines of its own
-    summary: dict[str, Any] = json.loads([line for line in done.stdout.splitlines() if line.startswith("{")][-1])
-    if args.render is not None:
-        summary["picture"] = str(Path(args.render))
-    return summary
+    report: dict[str, Any] = json.loads([line for line in done.stdout.splitlines() if line.startswith("{")][-1])
+    return report
 
 
 def check_blender(blender: str | None) -> None:

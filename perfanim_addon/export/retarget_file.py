@@ -1,6 +1,6 @@
-"""Motion onto the character of a file, for `perfanim retarget`; runs headless.
+"""Motion onto a character, of a file or new, for `perfanim retarget`; headless.
 
-    python -m perfanim.perfanim_addon.export.retarget_file MOTION CHARACTER OUT [--map NAME_OR_FILE] [...]
+    python -m perfanim.perfanim_addon.export.retarget_file MOTION OUT [--to CHARACTER] [--map NAME_OR_FILE] [...]
 
 Start it in a process of its own: it opens another scene. The last line on stdout is a JSON object.
 """
@@ -23,15 +23,16 @@ from ...core.body.motion import Motion
 from ...core.errors import CharacterError, FormatError, PerfanimError
 from ...core.formats.motion.read_motion import read_motion
 from ...core.geometry.arrays import Array
-from ...core.retarget.bone_map import BoneMap, MatchState, checked_map
+from ...core.retarget.bone_map import BoneMap, MatchState, checked_map, identity_bone_map
 from ...core.retarget.bone_map_files import load_bone_map
 from ...core.retarget.retargeter import RetargetPlan, RootMotion
 from ...core.system.files import atomic_path
 from ..animation.actions import scene_frames, write_with_plan
-from ..character.posing import find_map, plan_with_map
+from ..character.create_character import create_character, find_armature
+from ..character.posing import find_map, plan_for, plan_with_map
 from ..character.rig import read_armature_rest
 from .export_animation import ENDINGS, Form, write_played
-from .export_blend import add_stage, render, set_up_rendering, write_scene
+from .stage import add_stage, floor_below, render, set_up_rendering, write_scene
 
 _SAMPLED_FRAMES = 24  # of the performance, to place floor and camera
 _GLTF = (".glb", ".gltf", ".vrm")
@@ -48,7 +49,7 @@ class Picture:
 
 def retarget_file(
     motion: Motion,
-    character: Path,
+    character: Path | None,
     target: Path,
     *,
     preset: str | None = None,
@@ -58,12 +59,12 @@ def retarget_file(
 ) -> dict[str, Any]:
     """Give the character of a file a motion, and save it; return a report.
 
-    A .blend keeps its scene and its rate, without the additions for the picture; another file's character gets a
-    scene of its own with floor, light and camera, at the motion's rate.
+    A .blend keeps its scene and its rate, without the additions for the picture; another file's character, or a new
+    one, gets a scene of its own with floor, light and camera, at the motion's rate.
 
     Args:
         motion: motion of the standard skeleton's joints.
-        character: .blend, .glb, .gltf, .vrm or .fbx file.
+        character: .blend, .glb, .gltf, .vrm or .fbx file; None for a new one of the motion's proportions.
         target: the file to write: .blend, or for other programs .fbx, .glb or .bvh.
         preset: name of a shipped bone map, or a file; None to find it.
         root_motion: what carries the character through the room.
@@ -74,26 +75,27 @@ def retarget_file(
         FormatError: a file cannot be read or written.
     """
     shown = _shown_frame(motion, picture)
-    is_own_scene = character.suffix.lower() == ".blend"
+    is_own_scene = character is not None and character.suffix.lower() == ".blend"
     _open(character)
     scene = bpy.context.scene
     if not is_own_scene:
         scene.render.fps = max(1, round(motion.fps))
         scene.render.fps_base = scene.render.fps / motion.fps
-    armature_object, bone_map = _humanoid(character, preset)
-    plan, frames = _performed(armature_object, bone_map, motion, root_motion)
+    armature_object, bone_map = _humanoid(character, preset) if character is not None else _new_humanoid(motion)
+    plan, frames = _performed(armature_object, bone_map, motion, root_motion, is_new=character is None)
+    floor = float(armature_object.matrix_world.translation.z) if character is not None else floor_below(motion)
     kind = _KINDS.get(target.suffix.lower())
     if kind is not None:
         write_played(bpy.context, armature_object, target, kind, bone_map.bones, form or Form())
     with atomic_path(target) if kind is None else nullcontext() as temporary:
         if not is_own_scene:
-            _add_stage(scene, armature_object, bone_map)
+            _add_stage(scene, armature_object, bone_map, floor)
         scene.frame_set(1)
         if temporary is not None:
             write_scene(temporary)
         if picture is not None and picture.path is not None:
             if is_own_scene and scene.camera is None:
-                _add_stage(scene, armature_object, bone_map)
+                _add_stage(scene, armature_object, bone_map, floor)
             set_up_rendering(scene)
             scene.frame_set(int(frames[shown - 1]))
             render(scene, picture.path)
@@ -116,13 +118,16 @@ def _shown_frame(motion: Motion, picture: Picture | None) -> int:
 
 
 def _performed(
-    armature_object: bpy.types.Object, bone_map: BoneMap, motion: Motion, root_motion: RootMotion
+    armature_object: bpy.types.Object, bone_map: BoneMap, motion: Motion, root_motion: RootMotion, *, is_new: bool
 ) -> tuple[RetargetPlan, Array]:
     """Let a character play a motion; return its plan and the frames (F,)."""
     scene = bpy.context.scene
     release_pose(armature_object)
     bpy.context.view_layer.update()  # the place in the scene of what an importer has parented
-    plan = plan_with_map(armature_object, motion.skeleton, bone_map, root_motion)
+    if is_new and root_motion is RootMotion.HIPS:
+        plan = plan_for(armature_object, motion.skeleton)  # joint by joint: it has the performer's body
+    else:
+        plan = plan_with_map(armature_object, motion.skeleton, bone_map, root_motion)
     frames = scene_frames(np.arange(motion.frames) / motion.fps, scene)
     write_with_plan(armature_object, frames, motion.rotations, motion.root_positions_m, plan, name=motion.name)
     scene.frame_start, scene.frame_end = 1, int(np.ceil(frames[-1]))
@@ -144,7 +149,10 @@ def _map_facts(bone_map: BoneMap) -> dict[str, Any]:
     }
 
 
-def _open(character: Path) -> None:
+def _open(character: Path | None) -> None:
+    if character is None:
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        return
     if not character.is_file():
         raise FormatError("cannot be read (no such file)", where=str(character), advice="check the path")
     kind = character.suffix.lower()
@@ -198,6 +206,12 @@ def _humanoid(character: Path, preset: str | None) -> tuple[bpy.types.Object, Bo
     raise first
 
 
+def _new_humanoid(motion: Motion) -> tuple[bpy.types.Object, BoneMap]:
+    """Add a character of the motion's proportions; set the scene up for pictures."""
+    set_up_rendering(bpy.context.scene)
+    return find_armature(create_character(bpy.context, motion.skeleton)), identity_bone_map()
+
+
 def release_pose(armature_object: bpy.types.Object) -> None:
     """Detach other animation of the armature, kept in the file, and reset bones."""
     animation = armature_object.animation_data
@@ -211,22 +225,22 @@ def release_pose(armature_object: bpy.types.Object) -> None:
         bone.matrix_basis.identity()
 
 
-def _add_stage(scene: bpy.types.Scene, armature_object: bpy.types.Object, bone_map: BoneMap) -> None:
+def _add_stage(scene: bpy.types.Scene, armature_object: bpy.types.Object, bone_map: BoneMap, floor: float) -> None:
     """Add floor, light and a camera that sees the whole performance."""
     points = []
     for at in np.unique(np.linspace(scene.frame_start, scene.frame_end, _SAMPLED_FRAMES).astype(int)):
         scene.frame_set(int(at))
         posed = armature_object.pose.bones
         points += [armature_object.matrix_world @ posed[name].head for name in bone_map.bones.values()]
-    add_stage(scene, np.array(points, dtype=np.float64), float(armature_object.matrix_world.translation.z))
+    add_stage(scene, np.array(points, dtype=np.float64), floor)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; return 0, or 1 with one line on stderr when the input was bad."""
     parser = argparse.ArgumentParser(prog="retarget_file", description="Put a motion on a character.")
     parser.add_argument("motion", type=Path, help="motion file (.bvh, .amc)")
-    parser.add_argument("character", type=Path, help="character (.blend, .glb, .gltf, .vrm, .fbx)")
     parser.add_argument("out", type=Path, help="file to write (.blend, .fbx, .glb, .bvh)")
+    parser.add_argument("--to", type=Path, help="character (.blend, .glb, .gltf, .vrm, .fbx; default: a new one)")
     parser.add_argument("--skeleton", type=Path, help="skeleton (.asf) of an .amc motion")
     parser.add_argument("--map", help="bone map: a shipped one's name or a file (default: found)")
     parser.add_argument("--root-motion", choices=[kind.name.lower() for kind in RootMotion], default="hips")
@@ -237,7 +251,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         done = retarget_file(
             read_motion(given.motion, given.skeleton),
-            given.character,
+            given.to,
             given.out,
             preset=given.map,
             root_motion=RootMotion[given.root_motion.upper()],

@@ -207,7 +207,7 @@ def test_bad_input_is_one_line_and_no_file(
         shutil.copy(mixamo_blend, tmp_path / name)
     (tmp_path / "broken.glb").write_bytes(b"glTF\x02\x00\x00\x00nothing more")
     clip_path, target = str(MOTION / "walking-01-neutral.bvh"), tmp_path / "x.blend"
-    assert retarget_main([clip_path, str(tmp_path / arguments[0]), str(target), *arguments[1:]]) == 1
+    assert retarget_main([clip_path, str(target), "--to", str(tmp_path / arguments[0]), *arguments[1:]]) == 1
     assert said in capsys.readouterr().err.splitlines()[-1]
     assert not target.exists()
 

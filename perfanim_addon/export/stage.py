@@ -1,13 +1,5 @@
-"""A motion as a Blender file; run headless with the `bpy` wheel.
+"""Stage of a scene: floor, light, camera, picture, and the file."""
 
-    python -m perfanim.perfanim_addon.export.export_blend MOTION.bvh OUT.blend [--render OUT.png] [--frame N]
-
-Start it in a process of its own: it begins with an empty scene.
-"""
-
-import argparse
-import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -17,47 +9,15 @@ from mathutils import Vector
 from ...core.body.motion import Motion
 from ...core.body.skeleton import forward_kinematics
 from ...core.body.standing import SOLE_BELOW_TOES_M, girth_scale
-from ...core.errors import CharacterError, PerfanimError
-from ...core.formats.motion.read_motion import read_motion
 from ...core.geometry.arrays import Array
 from ...core.system.files import atomic_path
-from ..animation.actions import write_action
 from ..character import axes
 from ..character.body_mesh import ensure_nodes
-from ..character.create_character import create_character
 
-_FIRST_FRAME = 1
 _LENS_MM = 50.0
 _STILL_PIXELS = (480, 640)
 _STILL_SAMPLES = 16
 _FLOOR_PERCENTILE = 2.0  # of the toes' heights: single outliers and short dips do not sink the floor
-
-
-def export_motion(motion: Motion, target: Path, *, still: Path | None = None, frame: int | None = None) -> None:
-    """Replace the open scene by one of a motion, save it, render a picture.
-
-    Args:
-        motion: motion of the standard skeleton's joints.
-        still: picture (.png) of one frame, rendered by Cycles on the processor.
-        frame: the frame of the picture, counted from 1; the middle one if None.
-
-    Raises:
-        CharacterError: joints are missing, or the frame lies outside the motion.
-        FormatError: a file cannot be written.
-    """
-    shown = (motion.frames + 1) // 2 if frame is None else frame
-    if not 1 <= shown <= motion.frames:
-        raise CharacterError(f"frame {shown} is outside 1 to {motion.frames}", where=motion.name)
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    scene = bpy.context.scene
-    build_scene(motion)
-    scene.frame_set(_FIRST_FRAME + shown - 1)
-    set_up_rendering(scene)
-    if still is not None:
-        render(scene, still)
-    scene.frame_set(_FIRST_FRAME)
-    with atomic_path(target) as temporary:
-        write_scene(temporary)
 
 
 def write_scene(path: Path) -> None:
@@ -66,21 +26,12 @@ def write_scene(path: Path) -> None:
     bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True, check_existing=False)
 
 
-def build_scene(motion: Motion) -> str:
-    """Add character, action, floor, light and camera; return the armature's name."""
-    scene = bpy.context.scene
-    scene.render.fps = max(1, round(motion.fps))
-    scene.render.fps_base = scene.render.fps / motion.fps
-    scene.frame_start, scene.frame_end = _FIRST_FRAME, _FIRST_FRAME + motion.frames - 1
-    name = create_character(bpy.context, motion.skeleton)
-    frames = _FIRST_FRAME + np.arange(motion.frames, dtype=np.float64)
-    write_action(name, frames, motion.rotations, motion.root_positions_m, motion.skeleton, name=motion.name)
+def floor_below(motion: Motion) -> float:
+    """Return the height of the floor below a motion's soles, in Blender's axes."""
     positions, _ = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
-    joints = axes.points_to_blender(positions)
-    toes = joints[:, [motion.skeleton.index(side + "toes") for side in "lr"], 2]
-    floor = float(np.percentile(toes.min(axis=1), _FLOOR_PERCENTILE))
-    add_stage(scene, joints.reshape(-1, 3), floor - SOLE_BELOW_TOES_M * girth_scale(motion.skeleton))
-    return name
+    toes = positions[:, [motion.skeleton.index(side + "toes") for side in "lr"]]
+    lowest = axes.points_to_blender(toes)[..., 2].min(axis=1)
+    return float(np.percentile(lowest, _FLOOR_PERCENTILE)) - SOLE_BELOW_TOES_M * girth_scale(motion.skeleton)
 
 
 def add_stage(scene: bpy.types.Scene, points: Array, floor: float) -> None:
@@ -174,23 +125,3 @@ def render(scene: bpy.types.Scene, target: Path) -> None:
         scene.render.filepath = str(temporary)
         bpy.ops.render.render(write_still=True)
     scene.render.filepath = "//render/"
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; return 0, or 1 with one line on stderr when the input was bad."""
-    parser = argparse.ArgumentParser(prog="export_blend", description="Write a motion as a Blender file.")
-    parser.add_argument("motion", type=Path, help="motion file (.bvh)")
-    parser.add_argument("blend", type=Path, help="Blender file to write")
-    parser.add_argument("--render", type=Path, metavar="OUT.png", help="also render one frame to this picture")
-    parser.add_argument("--frame", type=int, help="frame of the picture, counted from 1 (default: the middle one)")
-    given = parser.parse_args(arguments)
-    try:
-        export_motion(read_motion(given.motion), given.blend, still=given.render, frame=given.frame)
-    except PerfanimError as error:
-        sys.stderr.write(f"export_blend: {error}\n")
-        return 1
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

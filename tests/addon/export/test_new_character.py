@@ -1,4 +1,4 @@
-"""A motion file becomes a Blender file, in a process of its own as the command line starts it."""
+"""A motion file becomes a Blender file with a new character, in a process of its own as the command line starts it."""
 
 import subprocess
 import sys
@@ -17,7 +17,7 @@ SKELETON = default_skeleton(1.7)
 
 
 def export(*arguments: Path | str) -> subprocess.CompletedProcess:
-    command = [sys.executable, "-m", "perfanim.perfanim_addon.export.export_blend", *map(str, arguments)]
+    command = [sys.executable, "-m", "perfanim.perfanim_addon.export.retarget_file", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
@@ -49,6 +49,6 @@ def test_bad_input_is_one_line_and_no_file(motion, tmp_path, arguments):
     name, *options = arguments
     done = export(tmp_path / name, tmp_path / "out.blend", *options)
     assert done.returncode == 1
-    assert done.stderr.startswith("export_blend: ")
+    assert done.stderr.startswith("retarget_file: ")
     assert "Traceback" not in done.stderr
     assert [p.name for p in tmp_path.iterdir()] == ["swing.bvh"]
