@@ -65,7 +65,7 @@ def rig_from(tables: Mapping[str, Any], where: str) -> CameraRig:
     if unit not in ("m", "mm", "unknown"):
         raise CalibrationError("metadata is not understood", where=where, advice='length_unit is "m" or "mm"')
     if unit == "mm" or (unit == "unknown" and _spread(cameras) > 10.0):
-        cameras = tuple(_scaled(camera, 1e-3) for camera in cameras)
+        cameras = tuple(replace(camera, translation_m=camera.translation_m * 1e-3) for camera in cameras)
     return CameraRig(cameras, metadata) if unit != "unknown" else _levelled(cameras, metadata)
 
 
@@ -119,7 +119,3 @@ def _camera_from(row: Mapping[str, Any], where: str) -> Camera:
 def _spread(cameras: Sequence[Camera]) -> float:
     centres = np.array([camera.centre_m for camera in cameras])
     return float(np.linalg.norm(centres - centres[0], axis=1).max())
-
-
-def _scaled(camera: Camera, factor: float) -> Camera:
-    return replace(camera, translation_m=camera.translation_m * factor)

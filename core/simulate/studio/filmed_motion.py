@@ -39,11 +39,6 @@ class Performance:
         return (replace(self, partners=()), *self.partners)
 
     @property
-    def marker_count(self) -> int:
-        """How many markers everybody wears."""
-        return sum(one.markers_m.shape[1] for one in (self, *self.partners))
-
-    @property
     def fps(self) -> float:
         """Frames per second of the motion."""
         return self.motion.fps

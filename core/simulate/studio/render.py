@@ -169,7 +169,7 @@ class Renderer:
 
     def _sight(self, camera: Camera, performance: Performance, time: float, number: int, index: int) -> _Sight:
         settings = self.settings
-        count = performance.marker_count
+        count = sum(one.markers_m.shape[1] for one in performance.everybody)
         middles = np.full(count, time)
         if settings.rolling_shutter_s > 0.0:
             rows = np.nan_to_num(camera.project(performance.markers_at([time])[0])[:, 1])

@@ -1,6 +1,5 @@
 """Figures of a calibration, for people and programs."""
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -17,7 +16,10 @@ def calibration_summary(result: "CalibrationResult", square_m: float = 0.0) -> d
         "coverage": dict(result.coverage),
         "used": len(result.used),
         "rejected": [{"picture": row.picture, "reason": row.reason} for row in result.rejected],
-        "views_px": {name: _of_camera(result.views_px, name) for name in result.rms_px},
+        "views_px": {
+            name: {picture: error for (picture, camera), error in result.views_px.items() if camera == name}
+            for name in result.rms_px
+        },
         "advice": list(result.advice),
     }
     if len(result.rig) > 1:
@@ -28,7 +30,3 @@ def calibration_summary(result: "CalibrationResult", square_m: float = 0.0) -> d
     if square_m and len(result.rig) > 1:
         summary["baseline_squares"] = result.baseline_m / square_m
     return summary
-
-
-def _of_camera(views_px: Mapping[tuple[str, str], float], name: str) -> dict[str, float]:
-    return {picture: error for (picture, camera), error in views_px.items() if camera == name}

@@ -78,7 +78,6 @@ class RigFit:
         poses: camera-from-first-camera.
         rms_px: over all cameras and moments; `held_out_px` the same for moments left out of the fit (NaN with
             too few of them).
-        model: which intrinsics were adjusted.
         errors_px: (M, C) RMS reprojection error of each view, NaN where a camera takes no part in a moment.
         late_s: (C,) how late the pictures of a camera are against the first one's, NaN where the board held still.
         distance_sigma: standard deviation of the distances between cameras, as a fraction of them; the largest.
@@ -89,7 +88,6 @@ class RigFit:
     rms_px: float
     held_out_px: float
     used: tuple[str, ...]
-    model: str
     errors_px: Array
     late_s: Array
     distance_sigma: float
@@ -138,7 +136,6 @@ def fit_of_one(single: SingleCamera) -> RigFit:
         single.rms_px,
         float("nan"),
         tuple(single.poses),
-        "no skew",
         np.full((len(single.poses), 1), np.nan),
         np.full(1, np.nan),
         0.0,
@@ -212,7 +209,6 @@ def _choose_model(
         rms(fitted, observations),
         held_out[chosen],
         tuple(keys),
-        chosen,
         rms_by_moment(fitted, observations),
         _delays_s(fitted, observations),
         _distance_sigma(fitted, camera_covariance(fitted, observations, free, prior)),

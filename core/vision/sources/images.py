@@ -34,7 +34,8 @@ class ImageFileSource:
 
     def __init__(self, patterns: Sequence[str | Path], fps: float = 30.0) -> None:
         lists = [list_images(pattern) for pattern in patterns]
-        self._pairs, leftover = pair_by_number(lists) if len(lists) > 1 else (_alone(lists[0]), [])
+        alone = [(number, (path,)) for number, path in enumerate(lists[0])]
+        self._pairs, leftover = pair_by_number(lists) if len(lists) > 1 else (alone, [])
         self.warnings: tuple[str, ...] = ()
         if leftover:
             names = ", ".join(path.name for path in leftover[:3]) + (" ..." if len(leftover) > 3 else "")
@@ -80,10 +81,6 @@ class ImageFileSource:
     def close(self) -> None:
         """Let the iteration end."""
         self._closed = True
-
-
-def _alone(paths: Sequence[Path]) -> list[tuple[int, tuple[Path, ...]]]:
-    return [(number, (path,)) for number, path in enumerate(paths)]
 
 
 def _times_from_names(paths: Sequence[Path]) -> list[float] | None:
