@@ -34,7 +34,7 @@ class ImageFileSource:
 
     def __init__(self, patterns: Sequence[str | Path], fps: float = 30.0) -> None:
         lists = [list_images(pattern) for pattern in patterns]
-        alone = [(number, (path,)) for number, path in enumerate(lists[0])]
+        alone: list[tuple[int, tuple[Path, ...]]] = [(number, (path,)) for number, path in enumerate(lists[0])]
         self._pairs, leftover = pair_by_number(lists) if len(lists) > 1 else (alone, [])
         self.warnings: tuple[str, ...] = ()
         if leftover:
