@@ -21,6 +21,7 @@ from perfanim.core.system.progress import Progress
 from .data import CMU, FPS, development_takes, whole_database, without_subject
 from .figure6 import degrees_per_joint, true_subject
 from .methods import WITHOUT_PRIOR
+from .more_data import TAKES, more_data_row
 from .plots import Line, Panel, check_plots, write_plot
 from .random_cuts import cut_figures, facing, play_cut, random_cuts, seconds_until_right
 from .report import write_figures
@@ -89,12 +90,12 @@ class Curves(NamedTuple):
 def robustness(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
     """Solve disturbed takes by unseen subjects and list the worst frames.
 
-    Three parts, on development takes: random cuts between takes without labels; a T pose put before takes; noise and
-    dropout. The sizes are `SIZES`.
+    Four parts, on development takes: random cuts between takes without labels; a T pose put before takes; noise and
+    dropout; more subjects in the database. The sizes are `SIZES`.
 
     Returns:
-        rows (check, value, goal), cuts, t_pose, noise (a row for each cut or take), worst (check, take, frame, joint,
-        value), sizes, outputs.
+        rows (check, value, goal), cuts, t_pose, noise, more_data (a row for each cut or take), worst (check, take,
+        frame, joint, value), sizes, outputs.
     """
     check_plots()
     whole = whole_database(data, out, (CMU,), workers, progress)
@@ -112,10 +113,15 @@ def robustness(data: Path, out: Path, workers: int, progress: Progress) -> dict[
         for seed in range(SIZES.passes):
             row, curves[f"{name}, noise {seed}"] = _noisy_row(name, take, database, seed, worst)
             noisy.append(row)
+    progress(0.95, "more subjects in the database")
+    grown = [
+        more_data_row(name, takes[name], whole, out / "databases") for name in list(takes)[:: -(-len(takes) // TAKES)]
+    ]
     worst = _worst(worst)
-    rows = _summary(cuts, after_t_pose, noisy)
-    figures = {"rows": rows, "cuts": cuts, "t_pose": after_t_pose, "noise": noisy, "worst": worst}
-    tables = {"": rows, "cuts": cuts, "t-pose": after_t_pose, "noise": noisy, "worst": worst}
+    rows = _summary(cuts, after_t_pose, noisy) + _more_data_summary(grown)
+    parts = {"cuts": cuts, "noise": noisy, "worst": worst}
+    figures = {"rows": rows, "t_pose": after_t_pose, "more_data": grown} | parts
+    tables = {"": rows, "t-pose": after_t_pose, "more-data": grown} | parts
     return write_figures(out, "robustness", figures | {"sizes": vars(SIZES)}, tables, _pictures(out, cuts, curves))
 
 
@@ -277,6 +283,16 @@ def _summary(
         ("noise: frames further off than nearest", sum(row["worse_explained_frames"] for row in noisy), "0"),
         (f"noise: frames with a jump over {_JUMP_DEG:g} deg", sum(row["jump_frames"] for row in noisy), "0"),
         ("noise: frames too long over 1.2 of nearest", sum(row["long_worse_frames"] for row in noisy), "0"),
+    )
+    return [{"check": check, "value": value, "goal": goal} for check, value, goal in rows]
+
+
+def _more_data_summary(grown: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return rows as of `_summary` on databases with more and fewer subjects."""
+    ratios = [row["ratio"] for row in grown]
+    rows = (
+        ("more data: error with all subjects of that with half, worst take", max(ratios), "<= 1.02"),
+        ("more data: the same, median", round(float(np.median(ratios)), 4), ""),
     )
     return [{"check": check, "value": value, "goal": goal} for check, value, goal in rows]
 
