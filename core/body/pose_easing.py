@@ -11,9 +11,10 @@ from collections import deque
 import numpy as np
 
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array, Mask
+from ..geometry.arrays import Array, IntArray, Mask
 
-_SUDDEN_RAD = np.radians(5.0)  # beyond the continued motion, from one frame of 60 a second to the next
+_SUDDEN_RAD = np.radians(8.0)  # beyond the continued motion, from one frame of 60 a second to the next,
+_SUDDEN_AT_CHANGE_RAD = np.radians(5.0)  # on a limb with a marker that comes or goes
 _FRAME_S = 1.0 / 60.0
 _AFTER_JUMP = 0.5  # share of the earlier turning with which a joint goes on
 _LET_GO_S = 0.06  # in which an offset falls to 1/e,
@@ -25,19 +26,23 @@ _EXCHANGED_M = 0.05  # in the same time, from the earlier place of another with 
 
 
 class PoseEaser:
-    """Eases the joints of poses one after another; the root's rotation stays."""
+    """Eases the joints of poses one after another; the root's rotation stays.
 
-    def __init__(self) -> None:
+    Args:
+        parents: (J,) of the joints.
+        carriers: (M,) joint of each marker.
+    """
+
+    def __init__(self, parents: IntArray, carriers: IntArray) -> None:
+        above = np.eye(len(parents), dtype=np.bool_)  # of a joint: itself and those that carry it
+        for joint in range(1, len(parents)):
+            above[joint] |= above[parents[joint]]
+        self._limbs: Mask = (above | above.T)[carriers]
         self.reset()
 
     def reset(self) -> None:
         """Show the next pose as it is."""
         self._time_s = float("nan")
-
-    @property
-    def is_easing(self) -> bool:
-        """Whether the last pose differs from the solved one."""
-        return bool(self._time_s == self._time_s and np.any(self._offset_rad > 0.0))
 
     def step(self, time_s: float, rotations: Array, points_m: Array, held: bool = False) -> Array:
         """Return the next pose's eased rotations (J, 4).
@@ -53,7 +58,8 @@ class PoseEaser:
             self._offset_rad = np.zeros(len(rotations))
             self._shown, self._trail = rotations, deque[tuple[float, Array]]()
         else:
-            self._shown = self._eased(passed_s, rotations, held)
+            changed = np.isfinite(points_m[:, 0]) != np.isfinite(self._trail[-1][1][:, 0])
+            self._shown = self._eased(passed_s, rotations, self._limbs[changed].any(axis=0), held)
         self._time_s, self._raw = time_s, rotations
         self._trail.append((time_s, points_m))
         while time_s - self._trail[0][0] > _PAUSE_S:
@@ -70,9 +76,9 @@ class PoseEaser:
         moved = np.sum(np.fmin.reduce(others_m, axis=1, initial=np.inf) > _EXCHANGED_M * frames)
         return bool(moved >= max(_CUT_MARKERS, _CUT_SHARE * np.isfinite(points_m[:, 0]).sum()))
 
-    def _eased(self, passed_s: float, rotations: Array, held: bool) -> Array:
+    def _eased(self, passed_s: float, rotations: Array, changed: Mask, held: bool) -> Array:
         rate = _turn(self._raw, rotations) / passed_s
-        sudden = self._is_sudden(rate, passed_s)
+        sudden = self._is_sudden(rate, passed_s, np.where(changed, _SUDDEN_AT_CHANGE_RAD, _SUDDEN_RAD))
         self._solved_rates = self._solved_rates[1], rate
         # a jump is no motion that goes on, and the one before it ends
         self._rate = np.where(sudden[:, None], _AFTER_JUMP * self._rate, rate)
@@ -89,9 +95,9 @@ class PoseEaser:
         offset *= (self._offset_rad / np.maximum(angle, 1e-12))[:, None]
         return rot.multiply(rotations, rot.from_rotation_vector(offset))
 
-    def _is_sudden(self, rate: Array, passed_s: float) -> Mask:
+    def _is_sudden(self, rate: Array, passed_s: float, limit_rad: Array) -> Mask:
         """Return (J,) true for joints that neither go on as before nor as for two frames."""
-        limit_rad = _SUDDEN_RAD * max(1.0, (passed_s / _FRAME_S) ** 2)
+        limit_rad = limit_rad * max(1.0, (passed_s / _FRAME_S) ** 2)
         as_shown, *as_solved = (
             np.linalg.norm(rate - known, axis=-1) * passed_s <= limit_rad for known in (self._rate, *self._solved_rates)
         )

@@ -49,7 +49,7 @@ class Session:
         """Forget the motion so far."""
         self._last: PerformerPose | None = None
         self._times = FrameTimes()
-        self._easer = PoseEaser()
+        self._easer = PoseEaser(self._model.skeleton.parents, self._model.joints)
         self.restart()
 
     def step(self, frame: MarkerFrame) -> PerformerPose:
