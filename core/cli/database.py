@@ -9,7 +9,7 @@ from ..database.culling import DEFAULT_CULL_DEG
 from ..database.store import open_database
 from ..database.zeros import zeros_report
 from ..system.progress import Progress
-from .options import check_fps, check_range
+from .options import add_repeated, add_switch, add_text, check_fps, check_range
 
 
 def add_parser(subparsers: Any) -> None:
@@ -18,23 +18,11 @@ def add_parser(subparsers: Any) -> None:
     commands = group.add_subparsers(metavar="COMMAND", required=True)
     build = commands.add_parser("build", help="motion files to a database")
     build.add_argument("sources", nargs="+", metavar="SRC", help="BVH or AMC file, folder, .zip or .tar archive")
-    build.add_argument("--out", required=True, metavar="DB", help="database file to write")
+    add_text(build, "--out", "DB", "database file to write", required=True)
     build.add_argument("--fps", type=float, default=60.0, help="frames per second stored (default 60)")
-    build.add_argument(
-        "--include",
-        action="append",
-        default=[],
-        metavar="GLOB",
-        help="take only files of this name or behaviour; repeatable",
-    )
-    build.add_argument(
-        "--exclude",
-        action="append",
-        default=[],
-        metavar="GLOB",
-        help="leave out files of this name or behaviour; repeatable",
-    )
-    build.add_argument("--mirror", action="store_true", help="add the mirror image of every clip")
+    add_repeated(build, "--include", "GLOB", "take only files of this name or behaviour; repeatable")
+    add_repeated(build, "--exclude", "GLOB", "leave out files of this name or behaviour; repeatable")
+    add_switch(build, "--mirror", "add the mirror image of every clip")
     build.add_argument(
         "--cull",
         type=float,
@@ -45,9 +33,7 @@ def add_parser(subparsers: Any) -> None:
         help="leave out passages that an earlier clip holds within DEG degrees, root mean square over the joint "
         f"angles (default {DEFAULT_CULL_DEG:g} when given without a number; else none are)",
     )
-    build.add_argument(
-        "--workers", type=int, metavar="N", help="processes that read (default: one a core where it is worth it)"
-    )
+    add_text(build, "--workers", "N", "processes that read (default: one a core where it is worth it)", type=int)
     build.set_defaults(run=_build)
     info = commands.add_parser("info", help="contents of a database")
     info.add_argument("database", metavar="DB")

@@ -9,7 +9,7 @@ from typing import Any
 from ..system.files import atomic_path
 from ..system.progress import Progress
 from .main import jsonable
-from .options import check_range
+from .options import add_number, add_text, check_range
 from .retarget import run_blender
 
 
@@ -18,8 +18,8 @@ def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser(
         "demo", help="the whole chain on the embedded default: performer, cameras, tracking, solve, character"
     )
-    parser.add_argument("--out", default="out/demo", metavar="DIR", help="folder for the results (default out/demo)")
-    parser.add_argument("--seconds", type=float, default=21.0, metavar="S", help="of performance (default 21)")
+    add_text(parser, "--out", "DIR", "folder for the results (default out/demo)", default="out/demo")
+    add_number(parser, "--seconds", "S", "of performance (default 21)", default=21.0)
     parser.set_defaults(run=run)
 
 

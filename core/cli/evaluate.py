@@ -7,16 +7,15 @@ from typing import Any
 from ..body.motion_metrics import evaluate
 from ..formats.motion.read_motion import read_motion, read_skeleton
 from ..system.progress import Progress
+from .options import add_text
 
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
     parser = subparsers.add_parser("evaluate", help="compare a motion with its truth")
     parser.add_argument("motion", metavar="MOTION", help=".bvh or .amc")
-    parser.add_argument("--truth", required=True, metavar="TRUTH", help=".bvh or .amc")
-    parser.add_argument(
-        "--skeleton", metavar="FILE.asf", help="skeleton of AMC files; its axes are those of the joint angles"
-    )
+    add_text(parser, "--truth", "TRUTH", ".bvh or .amc", required=True)
+    add_text(parser, "--skeleton", "FILE.asf", "skeleton of AMC files; its axes are those of the joint angles")
     parser.set_defaults(run=_run)
 
 

@@ -1,6 +1,7 @@
 """Options, and kinds of their values, that several commands share."""
 
 import argparse
+from collections.abc import Iterable
 from typing import Any
 
 from ..errors import SettingsError
@@ -8,6 +9,31 @@ from ..retarget.joint_naming import NAMINGS, OWN
 from ..retarget.retargeter import RootMotion
 
 _MOST_HZ = 1000.0
+
+
+def add_text(parser: Any, flag: str, metavar: str, description: str, **more: Any) -> None:
+    """Add an option with a value, text unless `type` says otherwise."""
+    parser.add_argument(flag, metavar=metavar, help=description, **more)
+
+
+def add_number(parser: Any, flag: str, metavar: str, description: str, **more: Any) -> None:
+    """Add an option with a number."""
+    add_text(parser, flag, metavar, description, type=float, **more)
+
+
+def add_repeated(parser: Any, flag: str, metavar: str, description: str) -> None:
+    """Add an option that may be given any number of times; its values are a list."""
+    add_text(parser, flag, metavar, description, action="append", default=[])
+
+
+def add_choice(parser: Any, flag: str, choices: Iterable[str], description: str, **more: Any) -> None:
+    """Add an option with one of some words."""
+    parser.add_argument(flag, choices=tuple(choices), help=description, **more)
+
+
+def add_switch(parser: Any, flag: str, description: str) -> None:
+    """Add an option that is on when it is given."""
+    parser.add_argument(flag, action="store_true", help=description)
 
 
 def seed(text: str) -> int:
@@ -44,16 +70,14 @@ def add_motion_options(parser: Any, *, defaults: bool = True) -> None:
         defaults: False where options that are not given must differ from given ones.
     """
     units, naming = ("m", OWN) if defaults else (None, None)
-    parser.add_argument("--units", choices=("m", "cm"), default=units, help="unit of a BVH file (default m)")
+    add_choice(parser, "--units", ("m", "cm"), "unit of a BVH file (default m)", default=units)
     parser.add_argument(
         "--naming",
         choices=tuple(NAMINGS),
         default=naming,
         help=f"names of the joints in BVH and CSV files (default {OWN}: the standard skeleton's)",
     )
-    parser.add_argument(
-        "--rate", type=rate_hz, metavar="HZ", help="frames per second of the motion (default: as it was recorded)"
-    )
+    add_text(parser, "--rate", "HZ", "frames per second of the motion (default: as it was recorded)", type=rate_hz)
 
 
 def check_range(option: str, value: float | None, least: float, most: float, advice: str) -> None:
@@ -84,23 +108,19 @@ def add_names_option(parser: Any) -> None:
 
 def add_character_options(parser: Any, root_motion: str | None = "hips") -> None:
     """Add how a motion goes onto a character, with the default of --root-motion."""
-    parser.add_argument(
-        "--map", metavar="PRESET_OR_FILE", help="bone map: rigify-controls or a TOML file (default: detected)"
-    )
+    add_text(parser, "--map", "PRESET_OR_FILE", "bone map: rigify-controls or a TOML file (default: detected)")
     parser.add_argument(
         "--root-motion",
         choices=[kind.name.lower().replace("_", "-") for kind in RootMotion],
         default=root_motion,
         help="bone that carries the character through the scene (default hips)",
     )
-    parser.add_argument("--blender", metavar="FILE", help="Blender to do it with (default: its Python module, bpy)")
+    add_text(parser, "--blender", "FILE", "Blender to do it with (default: its Python module, bpy)")
 
 
 def add_source_options(parser: Any, source: str) -> None:
     """Add the calibration, and a source of images per camera with this description."""
-    parser.add_argument("--cameras", metavar="cameras.toml", required=True, help="the calibration")
-    parser.add_argument("--left", metavar="SRC", required=True, help=source)
-    parser.add_argument("--right", metavar="SRC", required=True, help="the same for the right camera")
-    parser.add_argument(
-        "--camera", metavar="SRC", action="append", default=[], help="any further camera, in the calibration's order"
-    )
+    add_text(parser, "--cameras", "cameras.toml", "the calibration", required=True)
+    add_text(parser, "--left", "SRC", source, required=True)
+    add_text(parser, "--right", "SRC", "the same for the right camera", required=True)
+    add_repeated(parser, "--camera", "SRC", "any further camera, in the calibration's order")

@@ -14,7 +14,7 @@ from ..errors import CharacterError, FormatError
 from ..retarget.joint_naming import NAMINGS
 from ..system import helper_process
 from ..system.progress import Progress
-from .options import add_character_options
+from .options import add_character_options, add_text
 
 BLENDER_VARIABLE = "PERFANIM_BLENDER"  # of the environment: the program to retarget with where none is named
 
@@ -26,13 +26,11 @@ def add_parser(subparsers: Any) -> None:
     """Add the command."""
     parser = subparsers.add_parser("retarget", help="a motion onto a character (needs bpy or Blender)")
     parser.add_argument("motion", metavar="MOTION", help="motion: .bvh or .amc")
-    parser.add_argument(
-        "--to", required=True, metavar="CHARACTER", help="humanoid of a .blend, .glb, .gltf, .vrm or .fbx file"
-    )
+    add_text(parser, "--to", "CHARACTER", "humanoid of a .blend, .glb, .gltf, .vrm or .fbx file", required=True)
     add_character_options(parser)
-    parser.add_argument("--skeleton", metavar="FILE.asf", help="skeleton of an .amc motion")
-    parser.add_argument("--render", metavar="FILE.png", help="also render a picture")
-    parser.add_argument("--frame", type=int, metavar="N", help="frame of the picture, from 1 (default: the middle one)")
+    add_text(parser, "--skeleton", "FILE.asf", "skeleton of an .amc motion")
+    add_text(parser, "--render", "FILE.png", "also render a picture")
+    add_text(parser, "--frame", "N", "frame of the picture, from 1 (default: the middle one)", type=int)
     parser.add_argument(
         "--naming",
         choices=tuple(NAMINGS),

@@ -12,7 +12,7 @@ from ..markers.marker_set import load_marker_set
 from ..simulate.markers import simulate_markers
 from ..system.progress import Progress
 from . import simulate_cameras
-from .options import check_fps, seed
+from .options import add_number, add_text, check_fps, seed
 
 
 def add_parser(subparsers: Any) -> None:
@@ -26,17 +26,13 @@ def add_parser(subparsers: Any) -> None:
 def _add_markers(commands: Any) -> None:
     parser = commands.add_parser("markers", help="marker take from motion, with its truth")
     parser.add_argument("motion", metavar="MOTION", help=".bvh or .amc")
-    parser.add_argument("--skeleton", metavar="FILE.asf", help="skeleton of an AMC file")
-    parser.add_argument("--marker-set", required=True, metavar="NAME", help="shipped marker set or TOML file")
-    parser.add_argument("--out", required=True, metavar="TAKE", help="take to write: .take.npz, .csv or .trc")
-    parser.add_argument("--fps", type=float, metavar="HZ", help="rate of the take (default: the motion's)")
-    parser.add_argument(
-        "--noise-mm", type=float, default=0.0, metavar="S", help="standard deviation per coordinate, mm (default 0)"
-    )
-    parser.add_argument(
-        "--dropout", type=float, default=0.0, metavar="P", help="share of positions that are missing (default 0)"
-    )
-    parser.add_argument("--seed", type=seed, default=0, metavar="N", help="of noise and gaps (default 0)")
+    add_text(parser, "--skeleton", "FILE.asf", "skeleton of an AMC file")
+    add_text(parser, "--marker-set", "NAME", "shipped marker set or TOML file", required=True)
+    add_text(parser, "--out", "TAKE", "take to write: .take.npz, .csv or .trc", required=True)
+    add_number(parser, "--fps", "HZ", "rate of the take (default: the motion's)")
+    add_number(parser, "--noise-mm", "S", "standard deviation per coordinate, mm (default 0)", default=0.0)
+    add_number(parser, "--dropout", "P", "share of positions that are missing (default 0)", default=0.0)
+    add_text(parser, "--seed", "N", "of noise and gaps (default 0)", type=seed, default=0)
     parser.set_defaults(run=_markers)
 
 

@@ -13,7 +13,7 @@ from ..simulate.studio.rig import FPS, default_rig
 from ..simulate.studio.settings import StudioSettings
 from ..simulate.studio.source import simulated_source
 from ..system.progress import Progress
-from .options import seed
+from .options import add_choice, add_number, add_switch, add_text, seed
 
 _CODECS = {"ffv1": (".mkv", "FFV1"), "mjpeg": (".avi", "MJPG"), "mpeg4": (".mp4", "mp4v")}
 
@@ -24,68 +24,37 @@ def add_parser(subparsers: Any) -> None:
         "cameras", help="videos of two or more cameras, pictures of the board, and all truth, made from motion"
     )
     parser.add_argument("motion", metavar="MOTION", help=".bvh or .amc")
-    parser.add_argument("--skeleton", metavar="FILE.asf", help="skeleton of an AMC file")
-    parser.add_argument("--out", required=True, metavar="DIR", help="new folder for everything")
-    parser.add_argument(
-        "--marker-set", default="boxing", metavar="NAME", help="shipped marker set or TOML file (default boxing)"
-    )
-    parser.add_argument("--cameras", type=int, default=2, metavar="N", help="how many cameras (default 2)")
-    parser.add_argument("--fps", type=float, default=FPS, metavar="HZ", help="images per second (default 60)")
-    parser.add_argument(
-        "--t-pose", type=float, default=2.0, metavar="S", help="T pose before the motion, seconds (default 2; 0: none)"
-    )
-    parser.add_argument(
-        "--as-recorded",
-        action="store_true",
-        help="leave the motion where it is instead of bringing it before the cameras",
-    )
+    add_text(parser, "--skeleton", "FILE.asf", "skeleton of an AMC file")
+    add_text(parser, "--out", "DIR", "new folder for everything", required=True)
+    add_text(parser, "--marker-set", "NAME", "shipped marker set or TOML file (default boxing)", default="boxing")
+    add_text(parser, "--cameras", "N", "how many cameras (default 2)", type=int, default=2)
+    add_number(parser, "--fps", "HZ", "images per second (default 60)", default=FPS)
+    add_number(parser, "--t-pose", "S", "T pose before the motion, seconds (default 2; 0: none)", default=2.0)
+    add_switch(parser, "--as-recorded", "leave the motion where it is instead of bringing it before the cameras")
     _add_studio_options(parser)
-    parser.add_argument("--background", type=int, default=60, metavar="N", help="images of the empty room (default 60)")
-    parser.add_argument("--board-views", type=int, default=24, metavar="N", help="positions of the board (default 24)")
-    parser.add_argument(
-        "--codec",
-        choices=sorted(_CODECS),
-        default="ffv1",
-        help="ffv1 keeps every grey level (default); others are smaller",
+    add_text(parser, "--background", "N", "images of the empty room (default 60)", type=int, default=60)
+    add_text(parser, "--board-views", "N", "positions of the board (default 24)", type=int, default=24)
+    add_choice(
+        parser, "--codec", sorted(_CODECS), "ffv1 keeps every grey level (default); others are smaller", default="ffv1"
     )
     parser.set_defaults(run=run)
 
 
 def _add_studio_options(parser: argparse.ArgumentParser) -> None:
     default = StudioSettings()
-    parser.add_argument(
-        "--noise", type=float, default=default.noise_sigma, metavar="S", help="sensor noise, grey levels (default 2)"
-    )
-    parser.add_argument(
-        "--marker-radius-mm", type=float, default=1e3 * default.marker_radius_m, metavar="R", help="default 12.5"
-    )
-    parser.add_argument(
-        "--exposure-ms", type=float, default=4.0, metavar="T", help="time that smears moving markers (default 4)"
-    )
-    parser.add_argument(
-        "--rolling-shutter-ms", type=float, default=0.0, metavar="T", help="first to last row (default 0)"
-    )
-    parser.add_argument(
-        "--time-offset-ms", type=float, nargs="+", default=[], metavar="T", help="how late each camera is (default 0)"
-    )
-    parser.add_argument("--ghosts", type=int, default=0, metavar="N", help="false bright blobs per camera (default 0)")
-    parser.add_argument(
-        "--dropout", type=float, default=0.0, metavar="P", help="chance of a marker to be missing (default 0)"
-    )
-    parser.add_argument(
-        "--light-drift", type=float, default=0.0, metavar="P", help="change of the light, share (default 0)"
-    )
-    parser.add_argument("--moved-object", action="store_true", help="a box appears after the background was taken")
-    parser.add_argument(
-        "--light",
-        type=float,
-        default=default.light,
-        metavar="P",
-        help="of room and body, share of full light (default 0.4)",
-    )
-    parser.add_argument("--no-clutter", action="store_true", help="bare room")
-    parser.add_argument("--no-occlusion", action="store_true", help="the body hides no markers")
-    parser.add_argument("--seed", type=seed, default=0, metavar="N", help="of noise, ghosts and dropout (default 0)")
+    add_number(parser, "--noise", "S", "sensor noise, grey levels (default 2)", default=default.noise_sigma)
+    add_number(parser, "--marker-radius-mm", "R", "default 12.5", default=1e3 * default.marker_radius_m)
+    add_number(parser, "--exposure-ms", "T", "time that smears moving markers (default 4)", default=4.0)
+    add_number(parser, "--rolling-shutter-ms", "T", "first to last row (default 0)", default=0.0)
+    add_number(parser, "--time-offset-ms", "T", "how late each camera is (default 0)", nargs="+", default=[])
+    add_text(parser, "--ghosts", "N", "false bright blobs per camera (default 0)", type=int, default=0)
+    add_number(parser, "--dropout", "P", "chance of a marker to be missing (default 0)", default=0.0)
+    add_number(parser, "--light-drift", "P", "change of the light, share (default 0)", default=0.0)
+    add_switch(parser, "--moved-object", "a box appears after the background was taken")
+    add_number(parser, "--light", "P", "of room and body, share of full light (default 0.4)", default=default.light)
+    add_switch(parser, "--no-clutter", "bare room")
+    add_switch(parser, "--no-occlusion", "the body hides no markers")
+    add_text(parser, "--seed", "N", "of noise, ghosts and dropout (default 0)", type=seed, default=0)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:

@@ -17,18 +17,16 @@ from ..session.solve_request import BodyFiles, MotionOutput, SolveMarkers, Solve
 from ..session.solve_take import SolvedTake
 from ..solver.settings import METHODS
 from ..system.progress import Progress
-from .options import add_motion_options, add_names_option
+from .options import add_choice, add_motion_options, add_names_option, add_repeated, add_text
 
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
     parser = subparsers.add_parser("solve", help="full-body motion from a marker take")
     parser.add_argument("take", metavar="TAKE", help="marker take: .take.npz, .c3d, .trc, .csv or .tsv; or a .perftake")
-    parser.add_argument(
-        "--database", metavar="DB", help="motion database (default of a .perftake: the one it was recorded with)"
-    )
+    add_text(parser, "--database", "DB", "motion database (default of a .perftake: the one it was recorded with)")
     _add_performer_options(parser)
-    parser.add_argument("--method", choices=METHODS, help="solver method (default best; of a .perftake, as live)")
+    add_choice(parser, "--method", METHODS, "solver method (default best; of a .perftake, as live)")
     _add_marker_options(parser)
     _add_recorded_options(parser)
     parser.add_argument(
@@ -57,10 +55,8 @@ def add_parser(subparsers: Any) -> None:
 
 def _add_performer_options(parser: argparse.ArgumentParser) -> None:
     body = parser.add_mutually_exclusive_group()
-    body.add_argument(
-        "--subject", metavar="FILE", help="calibrated subject, skeleton and marker offsets (default: a .perftake's own)"
-    )
-    body.add_argument("--skeleton", metavar="FILE", help=".asf or .bvh with the bones to use; needs --marker-set")
+    add_text(body, "--subject", "FILE", "calibrated subject, skeleton and marker offsets (default: a .perftake's own)")
+    add_text(body, "--skeleton", "FILE", ".asf or .bvh with the bones to use; needs --marker-set")
     parser.add_argument(
         "--marker-set",
         metavar="NAME",
@@ -98,12 +94,11 @@ def _add_recorded_options(parser: argparse.ArgumentParser) -> None:
         help="of a .perftake: a prop besides the performer (repeatable; default: the recorded ones); writes "
         "MOTION.PROP.csv beside the motion",
     )
-    parser.add_argument(
+    add_repeated(
+        parser,
         "--performer",
-        action="append",
-        default=[],
-        metavar="subject.toml",
-        help="of a .perftake: a further performer before the same cameras, with a motion beside MOTION "
+        "subject.toml",
+        "of a .perftake: a further performer before the same cameras, with a motion beside MOTION "
         "(repeatable; default: the recorded ones)",
     )
 

@@ -8,22 +8,21 @@ import numpy as np
 
 from ..errors import SettingsError
 from ..system.progress import Progress
-from .options import check_fps
+from .options import add_number, add_repeated, add_text, check_fps
 
 
 def add_parser(subparsers: Any) -> None:
     """Add the `track` command."""
     parser = subparsers.add_parser("track", help="images to marker trajectories, or to a recorded take")
-    parser.add_argument("--cameras", metavar="cameras.toml", required=True, help="calibration (anipose-style TOML)")
+    add_text(parser, "--cameras", "cameras.toml", "calibration (anipose-style TOML)", required=True)
     source = "a video, a folder or pattern of images, a device number, a stream address"
-    parser.add_argument("--left", metavar="SRC", help=source + "; alone: one camera, with more markers")
-    parser.add_argument("--right", metavar="SRC", help="the same for the right camera")
-    parser.add_argument(
+    add_text(parser, "--left", "SRC", source + "; alone: one camera, with more markers")
+    add_text(parser, "--right", "SRC", "the same for the right camera")
+    add_repeated(
+        parser,
         "--camera",
-        metavar="[NAME=]SRC",
-        action="append",
-        default=[],
-        help="any further camera, in the calibration's order; or with its name there, of which others may be left out",
+        "[NAME=]SRC",
+        "any further camera, in the calibration's order; or with its name there, of which others may be left out",
     )
     parser.add_argument(
         "--out",
@@ -37,11 +36,9 @@ def add_parser(subparsers: Any) -> None:
         "--background", metavar="SRC", nargs="+", help="frames without the performer, one source per camera "
         "(default: learned from the take itself)"
     )  # fmt: skip
-    parser.add_argument(
-        "--threshold", metavar="LEVELS", type=float, help="grey levels above the background (default: automatic)"
-    )
-    parser.add_argument("--fps", metavar="RATE", type=float, help="frames per second, where the source does not tell")
-    parser.add_argument("--seconds", metavar="S", type=float, help="stop after so many seconds (needed for cameras)")
+    add_number(parser, "--threshold", "LEVELS", "grey levels above the background (default: automatic)")
+    add_number(parser, "--fps", "RATE", "frames per second, where the source does not tell")
+    add_number(parser, "--seconds", "S", "stop after so many seconds (needed for cameras)")
     parser.add_argument(
         "--no-time-offset",
         action="store_true",
@@ -53,9 +50,7 @@ def add_parser(subparsers: Any) -> None:
         action="store_true",
         help="leave the lens distortion out, to compare with results of programs that do (default: corrected)",
     )
-    parser.add_argument(
-        "--truth", metavar="TAKE", help="trajectories to compare with, frame by frame (.trc, .c3d, .csv, .take.npz)"
-    )
+    add_text(parser, "--truth", "TAKE", "trajectories to compare with, frame by frame (.trc, .c3d, .csv, .take.npz)")
     parser.add_argument(
         "--floor",
         choices=("camera", "feet"),
@@ -63,17 +58,15 @@ def add_parser(subparsers: Any) -> None:
         help="the take's world: the left camera's level (camera), or with the floor where the feet stand at y = 0 "
         "(feet; needs --marker-set with markers on the feet) (default camera)",
     )
-    parser.add_argument(
-        "--floor-cameras", metavar="FILE", help="with --floor feet: also write the calibration in that world"
-    )
+    add_text(parser, "--floor-cameras", "FILE", "with --floor feet: also write the calibration in that world")
     parser.set_defaults(run=run, wrong_usage=parser.error)
 
 
 def _add_body_options(parser: argparse.ArgumentParser) -> None:
     body = parser.add_mutually_exclusive_group()
-    body.add_argument("--subject", metavar="FILE", help="calibrated subject: labels the markers, with --database")
-    body.add_argument("--skeleton", metavar="FILE", help=".asf or .bvh with the bones; needs --marker-set")
-    parser.add_argument("--database", metavar="DB", help="motion database, to label the markers by the body")
+    add_text(body, "--subject", "FILE", "calibrated subject: labels the markers, with --database")
+    add_text(body, "--skeleton", "FILE", ".asf or .bvh with the bones; needs --marker-set")
+    add_text(parser, "--database", "DB", "motion database, to label the markers by the body")
     parser.add_argument(
         "--marker-set",
         metavar="NAME_OR_FILE",

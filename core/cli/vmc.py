@@ -17,7 +17,7 @@ from ..formats.vmc.link import Receiver, play, record
 from ..formats.vmc.ports import MARIONETTE_PORT, PERFORMER_PORT
 from ..session.solve_take import resample_uniform
 from ..system.progress import Progress
-from .options import positive, rate_hz
+from .options import add_text, positive, rate_hz
 
 
 def add_parser(subparsers: Any) -> None:
@@ -35,7 +35,7 @@ def add_parser(subparsers: Any) -> None:
         metavar="HOST:PORT",
         help=f"the other program (default 127.0.0.1:{MARIONETTE_PORT})",
     )
-    send.add_argument("--rate", type=rate_hz, metavar="HZ", help="frames per second (default the motion's own)")
+    add_text(send, "--rate", "HZ", "frames per second (default the motion's own)", type=rate_hz)
     send.set_defaults(run=run_send)
     receive = group.add_parser("receive", help="record bones or trackers that another program sends")
     receive.add_argument(
@@ -48,7 +48,7 @@ def add_parser(subparsers: Any) -> None:
         help=f"bones become a motion ({', '.join(MOTION_ENDINGS)}), head set, controllers and trackers a marker take "
         f"({', '.join(WRITABLE)})",
     )
-    receive.add_argument("--seconds", type=_seconds, required=True, metavar="S", help="how long")
+    add_text(receive, "--seconds", "S", "how long", type=_seconds, required=True)
     receive.set_defaults(run=run_receive)
 
 

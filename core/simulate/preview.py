@@ -3,8 +3,6 @@
 Images are uint8 BGR and are drawn into in place; poses are as in `forward_kinematics`, world metres, floor y = 0.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -20,7 +20,15 @@ from ...markers.marker_set import load_marker_set
 from ...markers.subject import load_subject
 from ...solver.settings import METHODS
 from ...system.progress import Progress
-from ..options import add_character_options, add_motion_options, add_names_option, check_range
+from ..options import (
+    add_character_options,
+    add_choice,
+    add_motion_options,
+    add_names_option,
+    add_number,
+    add_text,
+    check_range,
+)
 from ..partial_result import PartialResult
 from ..retarget import check_blender
 from . import worker
@@ -54,32 +62,28 @@ def add_parser(subparsers: Any) -> None:
         metavar="PLAN.toml | TAKES",
         help=f"a plan file, or takes ({', '.join(READABLE)}), folders and patterns of them",
     )
-    parser.add_argument("--out", metavar="DIR", help="folder of the results (default: the plan's out)")
+    add_text(parser, "--out", "DIR", "folder of the results (default: the plan's out)")
     shared = parser.add_argument_group("for all takes; a plan's [[take]] tables have priority")
-    shared.add_argument("--database", metavar="DB", help="motion database")
-    shared.add_argument("--subject", metavar="FILE", help="calibrated subject")
-    shared.add_argument("--skeleton", metavar="FILE", help=".asf or .bvh with the bones to use; needs --marker-set")
-    shared.add_argument(
-        "--marker-set", metavar="NAME", help=f"shipped marker set or TOML file, or {AUTO} (of marker files)"
-    )
+    add_text(shared, "--database", "DB", "motion database")
+    add_text(shared, "--subject", "FILE", "calibrated subject")
+    add_text(shared, "--skeleton", "FILE", ".asf or .bvh with the bones to use; needs --marker-set")
+    add_text(shared, "--marker-set", "NAME", f"shipped marker set or TOML file, or {AUTO} (of marker files)")
     add_names_option(shared)
-    shared.add_argument("--use", metavar="N|NAME,...", help="solve marker takes with a few of a suit's markers")
-    shared.add_argument("--up", choices=UPS, help="axis of marker files that points up (default: y)")
-    shared.add_argument("--method", choices=METHODS, help="how poses are found (default best)")
-    shared.add_argument("--smooth", type=float, metavar="HZ", help="low-pass markers before and motion after")
-    shared.add_argument("--feet", choices=FEET, help="hold feet in place (default off)")
+    add_text(shared, "--use", "N|NAME,...", "solve marker takes with a few of a suit's markers")
+    add_choice(shared, "--up", UPS, "axis of marker files that points up (default: y)")
+    add_choice(shared, "--method", METHODS, "how poses are found (default best)")
+    add_number(shared, "--smooth", "HZ", "low-pass markers before and motion after")
+    add_choice(shared, "--feet", FEET, "hold feet in place (default off)")
     add_motion_options(shared, defaults=False)
     shared.add_argument(
         "--also", action="append", choices=ALSO, help="another file of each motion, beside the BVH; any number of times"
     )
-    shared.add_argument("--cameras", metavar="cameras.toml", help="calibration of videos, another of .perftakes")
-    shared.add_argument("--to", metavar="CHARACTER", help="also retarget: .blend, .glb, .gltf, .vrm or .fbx file")
+    add_text(shared, "--cameras", "cameras.toml", "calibration of videos, another of .perftakes")
+    add_text(shared, "--to", "CHARACTER", "also retarget: .blend, .glb, .gltf, .vrm or .fbx file")
     add_character_options(shared, root_motion=None)
-    shared.add_argument("--save-as", choices=SAVED_AS, help="kind of the characters' files (default blend)")
-    parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: one a core)")
-    parser.add_argument(
-        "--scheduler", metavar="ADDRESS", help="Dask cluster that does the takes (tcp://HOST:8786), see docs/batch.md"
-    )
+    add_choice(shared, "--save-as", SAVED_AS, "kind of the characters' files (default blend)")
+    add_text(parser, "--jobs", "N", "processes (default: one a core)", type=int)
+    add_text(parser, "--scheduler", "ADDRESS", "Dask cluster that does the takes (tcp://HOST:8786), see docs/batch.md")
     parser.set_defaults(run=run, wrong_usage=parser.error)
 
 

@@ -4,13 +4,14 @@ import argparse
 from typing import Any
 
 from ...system.progress import Progress
+from ..options import add_text
 
 
 def add_parser(group: Any) -> None:
     """Add `board` to the `calibrate` group."""
     parser = group.add_parser("board", help="write the board as a PDF to print")
     parser.add_argument("--spec", "--board", metavar="SPEC", required=True, help="as for `calibrate cameras`")
-    parser.add_argument("--out", metavar="board.pdf", required=True, help="the PDF to write")
+    add_text(parser, "--out", "board.pdf", "the PDF to write", required=True)
     parser.set_defaults(run=run)
 
 

@@ -6,23 +6,19 @@ from typing import Any
 
 from ...errors import SettingsError
 from ...system.progress import Progress
+from ..options import add_repeated, add_text
 
 
 def add_parser(group: Any) -> None:
     """Add `cameras` to the `calibrate` group."""
     parser = group.add_parser("cameras", help="intrinsics, distortion and relative pose from pictures of a board")
-    parser.add_argument(
-        "--left", metavar="GLOB", help="pictures of the left camera: a folder or a pattern in quotes; or a video"
-    )
-    parser.add_argument(
-        "--right", metavar="GLOB", help="pictures of the right camera, paired by their numbers; or a video"
-    )
-    parser.add_argument(
+    add_text(parser, "--left", "GLOB", "pictures of the left camera: a folder or a pattern in quotes; or a video")
+    add_text(parser, "--right", "GLOB", "pictures of the right camera, paired by their numbers; or a video")
+    add_repeated(
+        parser,
         "--camera",
-        metavar="NAME=GLOB",
-        action="append",
-        default=[],
-        help="any further camera, or all of them (repeatable); each must see the board together with another",
+        "NAME=GLOB",
+        "any further camera, or all of them (repeatable); each must see the board together with another",
     )
     parser.add_argument(
         "--board",
@@ -31,10 +27,8 @@ def add_parser(group: Any) -> None:
         "charuco:7x5:40mm:30mm:DICT_4X4_50 (squares, a square's and a marker's edge, dictionary; "
         "append :inverted for a white-on-black board)",
     )
-    parser.add_argument(
-        "--points", metavar="FILE", help="instead of pictures: JSON of board points already found (mm and pixels)"
-    )
-    parser.add_argument("--out", metavar="cameras.toml", required=True, help="the calibration to write")
+    add_text(parser, "--points", "FILE", "instead of pictures: JSON of board points already found (mm and pixels)")
+    add_text(parser, "--out", "cameras.toml", "the calibration to write", required=True)
     parser.set_defaults(run=run)
 
 

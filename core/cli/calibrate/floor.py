@@ -4,7 +4,7 @@ import argparse
 from typing import Any
 
 from ...system.progress import Progress
-from ..options import add_source_options
+from ..options import add_number, add_source_options, add_text
 
 
 def add_parser(group: Any) -> None:
@@ -15,9 +15,7 @@ def add_parser(group: Any) -> None:
         "--background", metavar="SRC", nargs="+", help="the same room without the markers, one source per camera "
         "(default: all else is taken for dark)"
     )  # fmt: skip
-    parser.add_argument(
-        "--threshold", metavar="LEVELS", type=float, help="grey levels above the background (default: automatic)"
-    )
+    add_number(parser, "--threshold", "LEVELS", "grey levels above the background (default: automatic)")
     parser.add_argument(
         "--height-mm", metavar="MM", type=float, default=0.0,
         help="of the markers' middles above the floor, such as the radius of balls (default 0)",
@@ -27,7 +25,7 @@ def add_parser(group: Any) -> None:
         help="distance between the two markers farthest apart, as measured, which the calibration is scaled to "
         "(default: its scale is kept)",
     )  # fmt: skip
-    parser.add_argument("--out", metavar="level.toml", required=True, help="the calibration to write")
+    add_text(parser, "--out", "level.toml", "the calibration to write", required=True)
     parser.set_defaults(run=run)
 
 

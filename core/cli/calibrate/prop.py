@@ -15,6 +15,7 @@ from ...markers.marker_take import MarkerTake
 from ...markers.prop import save_prop
 from ...subjects.prop_calibration import calibrate_prop
 from ...system.progress import Progress
+from ..options import add_text
 from .subject import part
 
 
@@ -27,12 +28,10 @@ def add_parser(subparsers: Any) -> None:
         help="take of the prop alone, lying before the cameras or moved slowly: of `perfanim track` without "
         "--marker-set, a .perftake, or another system's",
     )
-    parser.add_argument("--out", required=True, metavar="prop.toml", help="definition to write")
-    parser.add_argument("--name", metavar="NAME", help="of the prop (default: the file's)")
-    parser.add_argument("--frames", metavar="A:B", help="look only at these frames of the take")
-    parser.add_argument(
-        "--markers", metavar="M,M,...", help="its markers (default: the largest group that keeps its distances)"
-    )
+    add_text(parser, "--out", "prop.toml", "definition to write", required=True)
+    add_text(parser, "--name", "NAME", "of the prop (default: the file's)")
+    add_text(parser, "--frames", "A:B", "look only at these frames of the take")
+    add_text(parser, "--markers", "M,M,...", "its markers (default: the largest group that keeps its distances)")
     parser.set_defaults(run=run)
 
 

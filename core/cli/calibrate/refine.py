@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...system.progress import Progress
-from ..options import add_source_options
+from ..options import add_source_options, add_text
 
 _LOOKED_AT = 300  # moments of a take
 _BACKGROUND_SAMPLES = 31
@@ -20,7 +20,7 @@ def add_parser(group: Any) -> None:
     )
     source = "a video, or a folder or pattern of images, in which markers (or a single one) move through the space"
     add_source_options(parser, source)
-    parser.add_argument("--out", metavar="refined.toml", required=True, help="the calibration to write")
+    add_text(parser, "--out", "refined.toml", "the calibration to write", required=True)
     parser.set_defaults(run=run)
 
 

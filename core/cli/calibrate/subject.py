@@ -26,7 +26,7 @@ from ...subjects.pose_calibration import (
 )
 from ...subjects.prototype_bodies import load_bodies
 from ...system.progress import Progress
-from ..options import add_names_option, check_height
+from ..options import add_choice, add_names_option, add_number, add_text, check_height
 
 _DOUBTFUL_M = 0.015  # a body that explains the motion's markers no better is not to be trusted
 
@@ -39,10 +39,10 @@ def add_parser(subparsers: Any) -> None:
         "--marker-set", required=True, metavar="NAME", help=f"shipped marker set or TOML file, or {AUTO}: by the labels"
     )
     add_names_option(parser)
-    parser.add_argument("--out", required=True, metavar="subject.toml", help="subject to write")
-    parser.add_argument("--name", metavar="NAME", help="of the person (default: --skeleton-from's, or the file's)")
+    add_text(parser, "--out", "subject.toml", "subject to write", required=True)
+    add_text(parser, "--name", "NAME", "of the person (default: --skeleton-from's, or the file's)")
     held = parser.add_mutually_exclusive_group()
-    held.add_argument("--pose", choices=tuple(POSES), default="t", help="the one pose that is held (default t)")
+    add_choice(held, "--pose", POSES, "the one pose that is held (default t)", default="t")
     held.add_argument(
         "--poses",
         metavar="P,P,...",
@@ -50,8 +50,8 @@ def add_parser(subparsers: Any) -> None:
         + ",".join(CALIBRATION)
         + ", which tell where the arms begin",
     )
-    parser.add_argument("--seconds", type=float, default=1.0, metavar="S", help="how long each is held (default 1)")
-    parser.add_argument("--frames", metavar="A:B", help="look only at these frames of the take")
+    add_number(parser, "--seconds", "S", "how long each is held (default 1)", default=1.0)
+    add_text(parser, "--frames", "A:B", "look only at these frames of the take")
     parser.add_argument(
         "--skeleton-from",
         metavar="subject.toml",
@@ -68,9 +68,7 @@ def add_parser(subparsers: Any) -> None:
         metavar="subject.toml",
         help="with --database: begin with this subject and let the motion correct bones and offsets a little",
     )
-    parser.add_argument(
-        "--height", type=float, metavar="M", help="with --database: of the person, metres (default 1.7)"
-    )
+    add_number(parser, "--height", "M", "with --database: of the person, metres (default 1.7)")
     parser.set_defaults(run=run)
 
 

@@ -15,7 +15,7 @@ from ...formats.take_file.reading import ENDING, TakeFile, read_take_file
 from ...markers.frame_rate import frame_rate
 from ...session.solve_take import resample_uniform
 from ...system.progress import Progress
-from ..options import add_motion_options
+from ..options import add_motion_options, add_text
 
 
 def add_parser(group: Any) -> None:
@@ -31,12 +31,8 @@ def add_parser(group: Any) -> None:
         help=f"motion ({', '.join(MOTION_ENDINGS)}) or markers ({', '.join(WRITABLE)})",
     )
     add_motion_options(parser)
-    parser.add_argument(
-        "--prop", metavar="NAME", help="instead: where this prop was, as a table (.csv: metres, quaternion w first)"
-    )
-    parser.add_argument(
-        "--performer", metavar="NAME", help="motion of this further performer (default: of the first performer)"
-    )
+    add_text(parser, "--prop", "NAME", "instead: where this prop was, as a table (.csv: metres, quaternion w first)")
+    add_text(parser, "--performer", "NAME", "motion of this further performer (default: of the first performer)")
     parser.set_defaults(run=run)
 
 

@@ -17,7 +17,7 @@ from ...markers.take_frames import is_unnamed
 from ...session.solve_take import fill_take
 from ...subjects.from_motion import subject_from_motion
 from ...system.progress import Progress
-from ..options import add_names_option, check_height
+from ..options import add_names_option, add_number, add_text, check_height
 
 
 def add_parser(group: Any) -> None:
@@ -30,11 +30,9 @@ def add_parser(group: Any) -> None:
         metavar="FILE",
         help=f"take to write ({', '.join(WRITABLE)}); in the take's own format all else that it holds is kept",
     )
-    parser.add_argument("--database", required=True, metavar="DB", help="motion database")
-    parser.add_argument("--subject", metavar="FILE", help="calibrated subject (default: fitted to the take's motion)")
-    parser.add_argument(
-        "--height", type=float, default=1.75, metavar="M", help="of the performer, roughly, without --subject"
-    )
+    add_text(parser, "--database", "DB", "motion database", required=True)
+    add_text(parser, "--subject", "FILE", "calibrated subject (default: fitted to the take's motion)")
+    add_number(parser, "--height", "M", "of the performer, roughly, without --subject", default=1.75)
     parser.add_argument(
         "--marker-set",
         default=AUTO,

@@ -21,7 +21,7 @@ from ...session.save_solved_take import save_imported_take
 from ...solver.marker_selection import worn_in
 from ...solver.settings import METHODS, SolveSettings
 from ...system.progress import Progress
-from ..options import add_names_option, check_height
+from ..options import add_choice, add_names_option, add_number, add_text, check_height
 
 _DOUBTFUL_MM = 100.0  # live, solved markers so far off mean that labels or pose are wrong
 
@@ -30,12 +30,12 @@ def add_parser(group: Any) -> None:
     """Add `import` to the `take` group."""
     parser = group.add_parser("import", help="solve marker takes of other systems and keep them as recorded takes")
     parser.add_argument("takes", nargs="+", metavar="TAKE", help=f"{', '.join(READABLE)}; a {ENDING} is copied")
-    parser.add_argument("--out", required=True, metavar="DIR", help=f"folder for NAME{ENDING}; none is replaced")
-    parser.add_argument("--database", required=True, metavar="DB", help="motion database")
+    add_text(parser, "--out", "DIR", f"folder for NAME{ENDING}; none is replaced", required=True)
+    add_text(parser, "--database", "DB", "motion database", required=True)
     parser.add_argument(
         "--subject", metavar="FILE", help="calibrated subject (default: an average body, markers at their usual places)"
     )
-    parser.add_argument("--height", type=float, default=1.75, metavar="M", help="of the average body (default 1.75)")
+    add_number(parser, "--height", "M", "of the average body (default 1.75)", default=1.75)
     parser.add_argument(
         "--marker-set",
         metavar="NAME",
@@ -43,7 +43,7 @@ def add_parser(group: Any) -> None:
         f"(default: the subject's, {AUTO} without a subject)",
     )
     add_names_option(parser)
-    parser.add_argument("--method", choices=METHODS, default="best", help="how poses are found (default best)")
+    add_choice(parser, "--method", METHODS, "how poses are found (default best)", default="best")
     parser.add_argument(
         "--up",
         choices=UPS,

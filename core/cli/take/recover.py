@@ -9,13 +9,14 @@ from ...formats.markers.marker_files import is_recorded
 from ...formats.take_file.edit import recover
 from ...formats.take_file.reading import ENDING, read_take_file, take_name
 from ...system.progress import Progress
+from ..options import add_text
 
 
 def add_parser(group: Any) -> None:
     """Add `recover` to the `take` group."""
     parser = group.add_parser("recover", help="write the intact part of a cut-off or damaged take as a whole take")
     parser.add_argument("take", metavar="TAKE", help=f"recorded take ({ENDING}); it stays as it is")
-    parser.add_argument("--out", metavar="TAKE", help=f"take to write (default: NAME-recovered{ENDING} beside it)")
+    add_text(parser, "--out", "TAKE", f"take to write (default: NAME-recovered{ENDING} beside it)")
     parser.set_defaults(run=run)
 
 

@@ -1,7 +1,5 @@
 """Calibration boards before the simulated cameras."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

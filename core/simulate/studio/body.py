@@ -3,8 +3,6 @@
 It is drawn by the studio and by the preview, and it hides markers from the cameras.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 

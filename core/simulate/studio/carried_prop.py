@@ -1,7 +1,5 @@
 """Prop in the simulated performer's right hand: markers, shape and true pose."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 Every limb of the simulated body is one. Points are world metres.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ A sharp disc a few pixels wide, sampled by square pixels, has a centroid that is
 lens never is that sharp. The disc is therefore covered exactly on a finer grid, then blurred and summed into pixels.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

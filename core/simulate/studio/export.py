@@ -1,7 +1,5 @@
 """Write a simulated recording: videos, background, board pictures and all truth."""
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Body and markers before the cameras at any moment of a motion."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,10 +29,10 @@ class Performance:
     starts_m: Array
     ends_m: Array
     markers_m: Array
-    partners: tuple[Performance, ...] = ()
+    partners: "tuple[Performance, ...]" = ()
 
     @property
-    def everybody(self) -> tuple[Performance, ...]:
+    def everybody(self) -> "tuple[Performance, ...]":
         """The performer and the partners, each alone."""
         return (replace(self, partners=()), *self.partners)
 

@@ -1,7 +1,5 @@
 """Image source of markers that lie on the floor before the simulated cameras."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Undistorted coordinates of whole pixel grids."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
 

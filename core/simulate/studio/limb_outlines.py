@@ -1,7 +1,5 @@
 """Body drawn fast: nested outlines of each cone, brighter towards the light."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import cv2

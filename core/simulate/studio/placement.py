@@ -1,7 +1,5 @@
 """A recorded motion brought before the simulated cameras."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

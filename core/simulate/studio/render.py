@@ -1,7 +1,5 @@
 """Images of the simulated cameras: room, body, markers, noise, and their truth."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import repeat

@@ -1,7 +1,5 @@
 """Room behind the performer, seen exactly through each camera's lens."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import product
 

@@ -1,7 +1,5 @@
 """Settings of the simulated cameras and their room."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ...errors import SettingsError

@@ -1,7 +1,5 @@
 """Simulated performer as an image source, live or as fast as it is drawn."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Video files in codecs that OpenCV's wheels can encode everywhere."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
