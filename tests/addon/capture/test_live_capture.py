@@ -122,7 +122,7 @@ def play_worker(part: Any, monkeypatch: pytest.MonkeyPatch, skeleton: Any, rotat
             number=n + 5,
             time_s=n / 60,
             props=(),
-            performers=(SimpleNamespace(time_s=n / 60, rotations=turns, root_position_m=root),),
+            performers=(SimpleNamespace(time_s=n / 60, rotations=turns, root_position_m=root, confidence=1.0),),
         )
         for n, turns in enumerate(rotations)
     ]
