@@ -87,27 +87,28 @@ class KeyWriter:
         curves = [new_curve(self._channels, path, component, group) for component in range(values.shape[1])]
         for component, curve in enumerate(curves):
             if keys is None:
-                fill(curve, self._frames, values[:, component], self._straight)
+                fill(curve, self._frames, values[:, component], self._straight, self._types)
             else:
-                _fill_eased(curve, self._frames[keys], values[keys, component], steep[keys, component])
-            if self._types.any():
-                curve.keyframe_points.foreach_set("type", self._types if keys is None else self._types[keys])
+                parts = (self._frames[keys], values[keys, component], steep[keys, component], self._types[keys])
+                _fill_eased(curve, *parts)
         return curves
 
 
-def fill(curve: bpy.types.FCurve, frames: Array, values: Array, straight: bool) -> None:
-    """Set a key in each frame; `straight` draws lines between them."""
+def fill(curve: bpy.types.FCurve, frames: Array, values: Array, straight: bool, types: IntArray | None = None) -> None:
+    """Set a key of a type in each frame; `straight` draws lines between them."""
     points = curve.keyframe_points
     points.add(len(frames))
     points.foreach_set("co", np.stack((frames, values), axis=1).astype(np.float32).ravel())
     if straight:
         points.foreach_set("interpolation", np.full(len(frames), _LINEAR, dtype=np.int32))
-    curve.update()
+    if types is not None and types.any():
+        points.foreach_set("type", types)
+    curve.update()  # joins keys of almost one time
 
 
-def _fill_eased(curve: bpy.types.FCurve, frames: Array, values: Array, steep: Array) -> None:
+def _fill_eased(curve: bpy.types.FCurve, frames: Array, values: Array, steep: Array, types: IntArray) -> None:
     """Set keys with slopes; handles of a third of the distance make cubics."""
-    fill(curve, frames, values, straight=False)
+    fill(curve, frames, values, False, types)
     gaps = np.diff(frames) / 3.0
     before, after = np.append(gaps[:1], gaps), np.append(gaps, gaps[-1:])
     points = curve.keyframe_points

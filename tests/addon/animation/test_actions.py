@@ -8,6 +8,7 @@ from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton
 from perfanim.core.errors import CharacterError
 from perfanim.core.geometry import rotations as rot
 from perfanim.perfanim_addon.animation import actions
+from perfanim.perfanim_addon.animation.placement import Placement
 from played import curves_of, key_times, played_poses, points_from_blender
 
 SKELETON = default_skeleton(1.68)
@@ -84,6 +85,17 @@ def test_sparse_keys_are_eased(performer):
     actions.write_action(performer, [1, 11, 21], rotations, roots, SKELETON)
     curve = curves_of(bpy.data.objects[performer])[0]
     assert {key.interpolation for key in curve.keyframe_points} == {"BEZIER"}
+
+
+def test_doubtful_poses_of_almost_one_time_are_marked(performer):
+    """Blender makes one key of two that lie so close together, as poses that come in a burst do."""
+    rotations, roots = smooth_motion(4)
+    frames, how = np.array([1.0, 2.0, 2.001, 3.0]), Placement(marked=(2.0, 2.001))
+    actions.write_action(performer, frames, rotations, roots, SKELETON, placement=how)
+    for curve in curves_of(bpy.data.objects[performer]):
+        assert [(round(key.co.x), key.type) for key in curve.keyframe_points] == [
+            (1, "KEYFRAME"), (2, "JITTER"), (3, "KEYFRAME"),
+        ]  # fmt: skip
 
 
 def test_the_earlier_action_is_kept(performer, tmp_path):
