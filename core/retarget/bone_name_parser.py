@@ -8,42 +8,16 @@ import re
 from dataclasses import dataclass
 from functools import lru_cache
 
+from ..body.standard_skeleton import JOINT_NAMES
+from .joint_naming import TABLES, facts_of
+
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _SIDES = {"left": "l", "l": "l", "lft": "l", "right": "r", "r": "r", "rgt": "r"}
-_DROPPED = frozenset(
-    (
-        "mixamorig", "bip", "biped", "valve", "character", "skeleton", "armature", "rig", "j", "c", "b", "def", "jnt",
-        "joint", "bone", "sk", "bend", "fk", "ctrl", "m",
-    )
-)  # fmt: skip
-# bones with these words only help others along
-_HELPERS = frozenset(
-    (
-        "twist", "roll", "helper", "ik", "pole", "target", "end", "nub", "tip", "eff", "effector", "breast", "eye",
-        "ear", "weapon", "prop", "socket", "attach", "mch", "org", "wgt", "tweak", "parent", "control", "orient",
-        "pivot", "spin", "heel", "tracker", "buttock", "twister", "share", "aux", "ribbon", "stretch", "site",
-    )
-)  # fmt: skip
+_DROPPED, _HELPERS = frozenset(TABLES["dropped"]), frozenset(TABLES["helpers"])
 
 # words of a limb's joint, the likeliest first
-LIMB_WORDS: dict[str, tuple[str, ...]] = {
-    "femur": ("femur", "upleg", "upperleg", "thigh", "uleg", "legupper", "hip"),
-    "tibia": ("tibia", "lowleg", "lowerleg", "shin", "calf", "leglower", "leg", "knee", "shank"),
-    "foot": ("foot", "ankle", "feet"),
-    "toes": ("toes", "toe", "toebase", "ball", "bigtoe", "forefoot"),
-    "clavicle": ("clavicle", "collar", "collarbone", "shoulder", "clav", "scapula"),
-    "humerus": ("humerus", "upperarm", "uparm", "uarm", "armupper", "arm", "shldr", "bicep", "shoulder"),
-    "radius": ("radius", "lowerarm", "lowarm", "forearm", "farm", "armlower", "elbow"),
-    "wrist": ("wrist",),
-    "hand": ("hand", "wrist", "palm"),
-    "fingers": (
-        "fingers", "fingerbase", "handmiddle", "middle", "middleproximal", "fmiddle", "middlefinger", "handindex",
-        "index", "indexproximal", "findex", "indexfinger", "finger",
-    ),
-    "thumb": ("thumb", "handthumb", "thumbproximal", "thumbmetacarpal"),
-}  # fmt: skip
-HIPS_WORDS = ("hips", "pelvis", "hip", "root", "spinebase", "lowertorso", "midhip", "cog", "torso", "abdomen")
-HEAD_WORDS = ("head", "skull")
+LIMB_WORDS = {joint: tuple(row["words"]) for joint, row in TABLES["joint"].items() if joint not in JOINT_NAMES}
+HIPS_WORDS, HEAD_WORDS = (tuple(facts_of(joint)["words"]) for joint in ("root", "head"))
 
 
 @dataclass(frozen=True)

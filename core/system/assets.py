@@ -4,6 +4,7 @@ from .. import PACKAGE_ROOT
 
 ASSETS = PACKAGE_ROOT / "assets"
 CHARACTER = ASSETS / "character.npz"
+JOINT_NAME_TABLES = ASSETS / "joint_names.toml"
 MARKER_SETS = ASSETS / "marker_sets"
 MOTION = ASSETS / "motion"
 MOTION_PRIOR = ASSETS / "motion_prior.npz"

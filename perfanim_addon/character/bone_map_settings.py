@@ -7,30 +7,11 @@ import bpy
 from ...core.body.standard_skeleton import JOINT_NAMES
 from ...core.errors import CharacterError
 from ...core.retarget.bone_map import BoneMap, JointMatch, MatchState, checked_map
+from ...core.retarget.joint_naming import TABLES, facts_of
 from ...core.retarget.retargeter import RootMotion
 from ..preferences.attach_settings import attach_property_group
 from .rig import read_armature_rest
 
-JOINT_LABELS = {
-    "root": "Hips",
-    "lowerback": "Lower Back",
-    "upperback": "Upper Back",
-    "thorax": "Chest",
-    "lowerneck": "Neck",
-    "upperneck": "Upper Neck",
-    "head": "Head",
-    "clavicle": "Shoulder",
-    "humerus": "Upper Arm",
-    "radius": "Forearm",
-    "wrist": "Wrist",
-    "hand": "Hand",
-    "fingers": "Fingers",
-    "thumb": "Thumb",
-    "femur": "Thigh",
-    "tibia": "Shin",
-    "foot": "Foot",
-    "toes": "Toes",
-}
 _ROOT_MOTIONS = (
     ("HIPS", "Hips", "The hips carry the character through the room"),
     ("ROOT_BONE", "Root Bone", "The topmost bone above the hips carries it along the floor; without one, the hips do"),
@@ -40,7 +21,8 @@ _ROOT_MOTIONS = (
 
 def joint_label(joint: str) -> str:
     """Return a joint's label in the panel: "lfemur" -> "Thigh L"."""
-    return JOINT_LABELS[joint] if joint in JOINT_LABELS else f"{JOINT_LABELS[joint[1:]]} {joint[0].upper()}"
+    label = str(facts_of(joint)["label"])
+    return label if joint in TABLES["joint"] else f"{label} {joint[0].upper()}"
 
 
 def _edited(self: Any, _context: object) -> None:
