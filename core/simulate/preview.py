@@ -20,6 +20,7 @@ from .studio.body import Body, make_body
 from .studio.lens import undistorted_grid
 from .studio.limb_outlines import Colour, draw_body, outlines
 from .studio.rig import looking_at
+from .studio.settings import TABLES
 
 _LIGHT_SLOPE = np.array([-0.42, -0.40])  # how far a shadow falls in x and z per metre of height
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -36,14 +37,7 @@ class CharacterStyle:
     shadow: bool = True
 
 
-SOLVED = CharacterStyle(
-    {
-        "trunk": (186.0, 190.0, 196.0),
-        "head": (180.0, 196.0, 214.0),
-        "left": (206.0, 158.0, 96.0),
-        "right": (92.0, 142.0, 222.0),
-    }
-)
+SOLVED = CharacterStyle(TABLES["preview_colours"])
 TRUTH = CharacterStyle(dict.fromkeys(SOLVED.colours, (120.0, 200.0, 120.0)), 0.35, False)
 
 

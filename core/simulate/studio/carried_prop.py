@@ -1,6 +1,6 @@
 """Prop in the simulated performer's right hand: markers, shape and true pose."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from ...body.skeleton import Skeleton, forward_kinematics
 from ...geometry import rotations as rot
 from ...geometry.arrays import Array
 from ...markers.prop import Prop
-from .body import WOOD, Body
+from .body import Body
 
 HAND = "rhand"
 _SHAFT_RADIUS_M, _ARM_RADIUS_M = 0.012, 0.006
@@ -70,12 +70,4 @@ def with_prop(body: Body, skeleton: Skeleton, carried: Carried) -> Body:
     def held(points: list[Array]) -> Array:
         return np.asarray(carried.position_m + rot.rotate(carried.rotation, np.array(points)))
 
-    return replace(
-        body,
-        joints=np.concatenate((body.joints, np.full(count, skeleton.index(HAND)))),
-        starts_m=np.concatenate((body.starts_m, held(starts))),
-        ends_m=np.concatenate((body.ends_m, held(ends))),
-        start_radii_m=np.concatenate((body.start_radii_m, radii)),
-        end_radii_m=np.concatenate((body.end_radii_m, radii)),
-        materials=(*body.materials, *([WOOD] * count)),
-    )
+    return body.with_wood(np.full(count, skeleton.index(HAND)), held(starts), held(ends), radii)

@@ -9,6 +9,7 @@ from ...geometry.arrays import Array, Image
 from ...geometry.camera import Camera
 from .body import Body
 from .cones import RoundCones
+from .settings import TABLES
 
 _ARC = np.linspace(0.0, 1.0, 9)
 _SHIFT = 4  # fractional bits of polygon corners
@@ -18,13 +19,7 @@ _LIGHT = np.array([-0.45, -0.75])  # direction to the light in the image (x righ
 
 Colour = tuple[float, float, float]  # BGR, 0-255
 
-COLOURS: dict[str, Colour] = {
-    "suit": (58.0, 46.0, 42.0),
-    "trousers": (44.0, 42.0, 44.0),
-    "skin": (84.0, 106.0, 142.0),
-    "shoes": (36.0, 36.0, 40.0),
-    "wood": (52.0, 86.0, 120.0),
-}
+COLOURS: dict[str, Colour] = TABLES["colours"]
 
 
 def outlines(a: Array, b: Array, ra: Array, rb: Array) -> Array:

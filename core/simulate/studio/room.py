@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import cv2
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from ...geometry.arrays import Array, Image, IntArray
 from ...geometry.camera import Camera
 from .lens import undistorted_grid
+from .settings import TABLES
 
 
 @dataclass(frozen=True)
@@ -39,27 +41,14 @@ def _books(height: float, width: float, count: int) -> tuple[Box, ...]:
     )
 
 
-FURNITURE: tuple[Box, ...] = (
-    Box((-2.75, 0.9, -2.6), (-1.75, 2.1, -2.57), (98, 74, 52)),  # window in the evening
-    Box((-2.28, 0.9, -2.6), (-2.22, 2.1, -2.55), (70, 80, 88)),  # its bar
-    Box((-2.75, 1.46, -2.6), (-1.75, 1.52, -2.55), (70, 80, 88)),
-    Box((-1.2, 1.45, -2.6), (-0.55, 2.3, -2.58), (62, 92, 148)),  # posters
-    Box((-1.1, 1.6, -2.58), (-0.65, 2.0, -2.575), (40, 120, 170)),
-    Box((0.75, 1.35, -2.6), (1.45, 1.85, -2.58), (126, 96, 62)),
-    Box((1.75, 0.0, -2.6), (2.85, 0.08, -2.15), (44, 66, 92)),  # shelf
-    Box((1.75, 0.62, -2.6), (2.85, 0.66, -2.15), (44, 66, 92)),
-    Box((1.75, 1.22, -2.6), (2.85, 1.26, -2.15), (44, 66, 92)),
-    Box((1.75, 0.0, -2.6), (1.79, 1.9, -2.15), (44, 66, 92)),
-    Box((2.81, 0.0, -2.6), (2.85, 1.9, -2.15), (44, 66, 92)),
-    *_books(0.66, 0.105, 8),
-    *_books(1.26, 0.145, 6),
-    Box((2.5, 1.9, -2.45), (2.62, 2.06, -2.3), (235, 240, 245), lamp=True),  # lamp on the shelf
-    Box((-3.3, 0.0, -1.6), (-2.7, 0.72, -0.9), (52, 74, 104)),  # chest of drawers
-    Box((-3.15, 0.72, -1.4), (-2.95, 1.05, -1.2), (80, 120, 60)),  # plant
-    Box((-1.55, 0.0, -2.55), (-1.2, 0.42, -2.2), (88, 128, 160)),  # cardboard box
-    Box((0.62, 0.0, -2.5), (1.05, 0.45, -2.1), (58, 50, 46)),  # stool
-    Box((-0.3, 2.74, -1.2), (0.3, 2.8, -0.9), (245, 248, 250), lamp=True),  # ceiling lamp
-)
+def _furniture(row: dict[str, Any]) -> tuple[Box, ...]:
+    if "books" in row:
+        return _books(*row["books"])
+    low, high, colour = (tuple(row[key]) for key in ("low", "high", "colour"))
+    return (Box(low, high, colour, "lamp" in row),)
+
+
+FURNITURE = tuple(box for row in TABLES["furniture"] for box in _furniture(row))
 MOVED_OBJECT = Box((-1.95, 0.0, -1.9), (-1.5, 0.62, -1.5), (96, 70, 130))
 
 

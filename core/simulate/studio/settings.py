@@ -3,6 +3,10 @@
 from dataclasses import dataclass
 
 from ...errors import SettingsError
+from ...system.assets import STUDIO
+from ...system.files import read_toml
+
+TABLES = read_toml(STUDIO)  # colours, body and furniture
 
 
 @dataclass(frozen=True)
