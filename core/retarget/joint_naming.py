@@ -1,4 +1,4 @@
-"""Names of the joints: in the panel, in other programs, and in the names of bones (assets/joint_names.toml)."""
+"""Names of the joints in the panel and in other programs, from a file of data."""
 
 from dataclasses import replace
 from typing import Any

@@ -10,6 +10,7 @@ from ...core.retarget.bone_map import BoneMap, JointMatch, MatchState, checked_m
 from ...core.retarget.joint_naming import TABLES, facts_of
 from ...core.retarget.retargeter import RootMotion
 from ..preferences.attach_settings import attach_property_group
+from ..preferences.property_kinds import string
 from .rig import read_armature_rest
 
 _ROOT_MOTIONS = (
@@ -35,13 +36,9 @@ def _edited(self: Any, _context: object) -> None:
 class PERFANIM_PG_joint(bpy.types.PropertyGroup):
     """A joint (its name is the property `name`) and its bone."""
 
-    bone: bpy.props.StringProperty(
-        name="Bone",
-        description="Bone that stands for this joint; empty: none",
-        update=_edited,
-    )
-    state: bpy.props.StringProperty(name="MatchState", description="How sure it is that this bone stands for the joint")
-    reason: bpy.props.StringProperty(name="Reason", description="Why the bone is doubtful or missing")
+    bone: string("Bone", "Bone that stands for this joint; empty: none", update=_edited)
+    state: string("MatchState", "How sure it is that this bone stands for the joint")
+    reason: string("Reason", "Why the bone is doubtful or missing")
 
 
 class PERFANIM_PG_character(bpy.types.PropertyGroup):
@@ -51,8 +48,8 @@ class PERFANIM_PG_character(bpy.types.PropertyGroup):
         name="Joints", description="Which bone stands for which joint", type=PERFANIM_PG_joint
     )
     active: bpy.props.IntProperty(name="Joint", description="Joint to choose a bone for")
-    origin: bpy.props.StringProperty(name="Origin", description="How the bones were found")
-    problem: bpy.props.StringProperty(name="Problem", description="Why the armature cannot be driven")
+    origin: string("Origin", "How the bones were found")
+    problem: string("Problem", "Why the armature cannot be driven")
     filling: bpy.props.BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
     root_motion: bpy.props.EnumProperty(
         name="Root Motion",

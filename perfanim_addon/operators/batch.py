@@ -15,7 +15,6 @@ PANEL = "batch"
 class PERFANIM_OT_run_batch(SolvingOperator, bpy.types.Operator):
     """Solve all unfinished takes of the folder or plan, several at a time"""
 
-    bl_idname = "perfanim.run_batch"
     bl_label = "Run Batch"
     title = "Batch"
     panel = PANEL

@@ -31,7 +31,6 @@ def board_spec(chosen: PERFANIM_PG_settings) -> str:
 class PERFANIM_OT_calibrate_cameras(JobOperator, bpy.types.Operator):
     """Calibrate both cameras from images of a chessboard, taken at the same moments"""
 
-    bl_idname = "perfanim.calibrate_cameras"
     bl_label = "Calibrate from Pictures"
     title = "Calibrating the cameras"
     panel = PANEL
@@ -78,7 +77,6 @@ class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
     """Calibrate with the chessboard held still for a moment in each place.
     Views are taken automatically until the calibration is good"""
 
-    bl_idname = "perfanim.calibrate_board"
     bl_label = "Calibrate with Board"
     title = "Calibrating the cameras"
     finishable = True
@@ -130,7 +128,6 @@ class PERFANIM_OT_set_floor(_FloorFinding, bpy.types.Operator):
     """Set the floor from the chessboard lying on it, fully visible to both cameras.
     The middle of the board becomes the scene's origin"""
 
-    bl_idname = "perfanim.set_floor"
     bl_label = "Set Floor from Board"
 
     def request(self, context: bpy.types.Context) -> dict[str, Any]:
@@ -153,7 +150,6 @@ class PERFANIM_OT_set_floor_markers(_FloorFinding, bpy.types.Operator):
     """Set the floor from three or more markers; their middle becomes the origin.
     Leave the floor empty until the status text asks for them"""
 
-    bl_idname = "perfanim.set_floor_markers"
     bl_label = "Set Floor from Markers"
 
     @classmethod
@@ -209,7 +205,6 @@ def _quality(summary: dict[str, Any]) -> str:
 class PERFANIM_OT_save_board(JobOperator, bpy.types.Operator, ExportHelper):
     """Save the board as a PDF for printing at its true size"""
 
-    bl_idname = "perfanim.save_board"
     bl_label = "Board to Print"
     title = "Writing the board"
     panel = PANEL

@@ -21,7 +21,6 @@ SIDEBAR_S = 1.0  # time between redraws of the statistics; moving bones redraw t
 class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
     """Animate the character live and record an action until Stop Capture or Esc"""
 
-    bl_idname = "perfanim.start_capture"
     bl_label = "Start Capture"
     bl_options = {"REGISTER", "UNDO"}
 
@@ -120,7 +119,6 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
 class PERFANIM_OT_stop_capture(RunningOperator, bpy.types.Operator):
     """Stop the capture; the recorded frames are kept as actions"""
 
-    bl_idname = "perfanim.stop_capture"
     bl_label = "Stop Capture"
 
     @classmethod
@@ -139,7 +137,6 @@ class PERFANIM_OT_stop_capture(RunningOperator, bpy.types.Operator):
 class PERFANIM_OT_record(RunningOperator, bpy.types.Operator):
     """Start a recording, after its countdown, or stop it; the capture continues"""
 
-    bl_idname = "perfanim.record"
     bl_label = "Record"
 
     @classmethod

@@ -19,9 +19,10 @@ from ..character.posing import PRESETS_FOLDER, find_map
 from ..character.rig import read_armature_rest
 from ..panels.character import shown_armature
 from ..preferences.paths import absolute, user_folder
+from ..preferences.property_kinds import string
 from ..settings import readiness
 from ..settings.capture_settings import PERFANIM_PG_settings, settings
-from .common import PanelOperator
+from .common import DialogOperator, PanelOperator
 
 PANEL = "character"
 
@@ -35,7 +36,6 @@ def performer_skeleton(chosen: PERFANIM_PG_settings) -> Skeleton:
 class PERFANIM_OT_add_character(PanelOperator, bpy.types.Operator):
     """Add a humanoid armature with a simple mesh and the proportions of the subject"""
 
-    bl_idname = "perfanim.add_character"
     bl_label = "Add Character"
     bl_options = {"REGISTER", "UNDO"}
 
@@ -67,7 +67,6 @@ def _candidates(context: bpy.types.Context) -> list[bpy.types.Object]:
 class PERFANIM_OT_use_active_armature(PanelOperator, bpy.types.Operator):
     """Animate the active armature; its bones are mapped to joints automatically"""
 
-    bl_idname = "perfanim.use_active_armature"
     bl_label = "Use Active Armature"
     bl_options = {"REGISTER", "UNDO"}
 
@@ -95,10 +94,8 @@ class _ArmatureOperator(PanelOperator):
 
     panel = PANEL
     bl_options = {"REGISTER", "UNDO"}
-    armature: bpy.props.StringProperty(
-        name="Armature",
-        description="Armature to map; empty for the one chosen under Character",
-        options={"HIDDEN", "SKIP_SAVE"},
+    armature: string(
+        "Armature", "Armature to map; empty for the one chosen under Character", options={"HIDDEN", "SKIP_SAVE"}
     )
 
     @classmethod
@@ -120,7 +117,6 @@ class _ArmatureOperator(PanelOperator):
 class PERFANIM_OT_find_bones(_ArmatureOperator, bpy.types.Operator):
     """Map the bones to joints again, by their names and the shape of the rig"""
 
-    bl_idname = "perfanim.find_bones"
     bl_label = "Find Bones"
 
     def run(self, context: bpy.types.Context) -> str:
@@ -132,7 +128,6 @@ class PERFANIM_OT_show_t_pose(_ArmatureOperator, bpy.types.Operator):
     """Put the character into the T pose to check the bone map; Undo restores the pose.
     A limb in a wrong place is mapped to a wrong bone"""
 
-    bl_idname = "perfanim.show_t_pose"
     bl_label = "Show T Pose"
 
     def run(self, context: bpy.types.Context) -> str:
@@ -148,7 +143,6 @@ class PERFANIM_OT_show_t_pose(_ArmatureOperator, bpy.types.Operator):
 class PERFANIM_OT_pick_bone(_ArmatureOperator, bpy.types.Operator):
     """Map the active bone to the joint selected in the list"""
 
-    bl_idname = "perfanim.pick_bone"
     bl_label = "Use Active Bone"
 
     @classmethod
@@ -170,7 +164,6 @@ class PERFANIM_OT_pick_bone(_ArmatureOperator, bpy.types.Operator):
 class PERFANIM_OT_load_bone_map(_ArmatureOperator, bpy.types.Operator):
     """Load a saved bone map"""
 
-    bl_idname = "perfanim.load_bone_map"
     bl_label = "Load Bone Map"
 
     preset: bpy.props.StringProperty(options={"HIDDEN"})
@@ -186,18 +179,13 @@ class PERFANIM_OT_load_bone_map(_ArmatureOperator, bpy.types.Operator):
         return checked_map(read_armature_rest(armature_object), read_bone_map(path), self.preset)
 
 
-class PERFANIM_OT_save_bone_map(_ArmatureOperator, bpy.types.Operator):
+class PERFANIM_OT_save_bone_map(DialogOperator, _ArmatureOperator, bpy.types.Operator):
     """Save the bone map under a name, for other characters with these bones"""
 
-    bl_idname = "perfanim.save_bone_map"
     bl_label = "Save Bone Map"
     bl_options = {"REGISTER"}
 
-    name: bpy.props.StringProperty(name="Name", description="Name of the bone map", default="My Rig")
-
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Ask for the name."""
-        return context.window_manager.invoke_props_dialog(self)
+    name: string("Name", "Name of the bone map", "My Rig")
 
     def run(self, context: bpy.types.Context) -> str:
         """Save it."""

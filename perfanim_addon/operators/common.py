@@ -17,6 +17,12 @@ class CheckedOperator:
 
     needs_scene = True
     needs_idle = True
+    bl_idname = ""
+
+    def __init_subclass__(cls) -> None:
+        """Name the operator after its class: PERFANIM_OT_find_bones, perfanim.find_bones."""
+        super().__init_subclass__()
+        cls.bl_idname = cls.__name__.replace("PERFANIM_OT_", "perfanim.")
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -39,6 +45,14 @@ class RunningOperator(CheckedOperator):
     """Base of the operators on running work."""
 
     needs_scene = needs_idle = False
+
+
+class DialogOperator:
+    """Base of operators that ask for their properties first."""
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Ask."""
+        return set(context.window_manager.invoke_props_dialog(self))
 
 
 class PanelOperator(CheckedOperator):

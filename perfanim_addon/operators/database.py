@@ -55,7 +55,6 @@ class SolvingOperator(JobOperator):
 class PERFANIM_OT_build_database(JobOperator, bpy.types.Operator, ImportHelper):
     """Build a motion database from BVH or AMC files, folders or archives, and use it"""
 
-    bl_idname = "perfanim.build_database"
     bl_label = "Import Motion"
     title = "Importing motion"
     panel = PANEL
@@ -96,7 +95,6 @@ class PERFANIM_OT_build_database(JobOperator, bpy.types.Operator, ImportHelper):
 class PERFANIM_OT_use_starter_database(PanelOperator, bpy.types.Operator):
     """Use the starter motion that comes with the add-on again"""
 
-    bl_idname = "perfanim.use_starter_database"
     bl_label = "Use Starter Database"
     panel = PANEL
 

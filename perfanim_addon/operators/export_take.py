@@ -17,7 +17,7 @@ from ..capture.write_take import increasing, pose_arrays
 from ..export.export_animation import ENDINGS, Form, TimedPoses, export_poses
 from ..panels.takes import KEY as PANEL
 from ..preferences.paths import absolute
-from ..preferences.property_kinds import choice, number, property_column, switch
+from ..preferences.property_kinds import choice, number, property_column, switch, whole_number
 from .common import PanelOperator, report_error
 from .put_on_character import TakeOperator, recorded_poses, take_motion
 
@@ -28,7 +28,6 @@ _ENDINGS = {**ENDINGS, **_MOTIONS}
 class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, ExportHelper):
     """Export the take's motion on the chosen character to a file for other programs"""
 
-    bl_idname = "perfanim.export_take"
     bl_label = "Export Take"
     filename_ext = ""
     check_extension = None
@@ -58,12 +57,8 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
     rate: number("Rate (Hz)", "Frames per second of the file; 0 for the recorded rate", 0, 0, 1000)
     scale: number("Scale", "BVH units per scene unit: 100 for centimetres if the scene has metres", 1, 0.001, 1000)
     meshes: switch("Meshes", "Include the meshes deformed by the armature", default=True)
-    performer: bpy.props.IntProperty(
-        name="Performer",
-        description="Number of the performer in the take, exported on their own character",
-        default=1,
-        min=1,
-        options={"SKIP_SAVE"},
+    performer: whole_number(
+        "Performer", "Number of the performer in the take, exported on their own character", 1, 1, options={"SKIP_SAVE"}
     )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:

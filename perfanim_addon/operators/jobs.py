@@ -101,7 +101,6 @@ class JobOperator(CheckedOperator):
 class PERFANIM_OT_cancel_job(RunningOperator, bpy.types.Operator):
     """Cancel the running job; unfinished results are discarded"""
 
-    bl_idname = "perfanim.cancel_job"
     bl_label = "Cancel"
 
     @classmethod
@@ -118,7 +117,6 @@ class PERFANIM_OT_cancel_job(RunningOperator, bpy.types.Operator):
 class PERFANIM_OT_finish_job(RunningOperator, bpy.types.Operator):
     """End the job now and use the result so far"""
 
-    bl_idname = "perfanim.finish_job"
     bl_label = "Finish Now"
 
     @classmethod

@@ -14,6 +14,7 @@ from ..capture import request
 from ..capture.performer_targets import performer_targets
 from ..capture.write_take import RecordedPart, TakeMotion, filter_take, write_take
 from ..panels.takes import KEY as PANEL
+from ..preferences.property_kinds import string
 from ..settings.capture_settings import settings
 from ..settings.result_settings import start_frame
 from .common import PanelOperator
@@ -25,7 +26,7 @@ class TakeOperator:
 
     bl_options = {"REGISTER", "UNDO"}
     panel = PANEL
-    path: bpy.props.StringProperty(name="Take", description="File of the take", options={"HIDDEN", "SKIP_SAVE"})
+    path: string("Take", "File of the take", options={"HIDDEN", "SKIP_SAVE"})
 
 
 def take_motion(context: bpy.types.Context, take: TakeFile) -> TakeMotion:
@@ -63,7 +64,6 @@ def put_on_character(context: bpy.types.Context, path: Path) -> str:
 class PERFANIM_OT_play_take(TakeOperator, PanelOperator, bpy.types.Operator):
     """Write the take onto the character as an action, NLA strip or layer"""
 
-    bl_idname = "perfanim.play_take"
     bl_label = "Put on Character"
 
     def run(self, context: bpy.types.Context) -> str:
@@ -74,7 +74,6 @@ class PERFANIM_OT_play_take(TakeOperator, PanelOperator, bpy.types.Operator):
 class PERFANIM_OT_recover_take(TakeOperator, JobOperator, bpy.types.Operator):
     """Save the intact part of an unfinished take, and put it onto the character"""
 
-    bl_idname = "perfanim.recover_take"
     bl_label = "Recover Take"
     title = "Recovering the take"
 

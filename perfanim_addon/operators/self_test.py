@@ -16,7 +16,6 @@ from .jobs import JobOperator
 class PERFANIM_OT_self_test(JobOperator, bpy.types.Operator):
     """Check libraries and cameras, and capture the simulated performer for a second"""
 
-    bl_idname = "perfanim.self_test"
     bl_label = "Self-Test"
     panel = PANEL
 

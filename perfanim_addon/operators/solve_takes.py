@@ -17,6 +17,7 @@ from ..preferences.paths import absolute
 from ..preferences.property_kinds import choice, switch
 from ..settings import readiness
 from ..settings.capture_settings import settings
+from .common import DialogOperator
 from .database import SolvingOperator
 from .put_on_character import TakeOperator, put_on_character
 
@@ -37,10 +38,9 @@ def _recorded_or_chosen(name: str, thing: str, panel: str, default: str) -> Any:
     return choice(name, f"Source of the {thing}", items, default)
 
 
-class PERFANIM_OT_solve_take(TakeOperator, SolvingOperator, bpy.types.Operator):
+class PERFANIM_OT_solve_take(DialogOperator, TakeOperator, SolvingOperator, bpy.types.Operator):
     """Solve the recorded markers again with other settings, as a new take"""
 
-    bl_idname = "perfanim.solve_take"
     bl_label = "Solve Again"
     title = "Solving the take"
     method: choice("Method", "Solver method", _METHODS, "best")
@@ -48,10 +48,6 @@ class PERFANIM_OT_solve_take(TakeOperator, SolvingOperator, bpy.types.Operator):
     performer: _recorded_or_chosen("Performer", "performer", "Subject", "RECORDED")
     cameras: _recorded_or_chosen("Cameras", "calibration of the cameras", "Cameras", "RECORDED")
     put_on: switch("Put on Character", "Put the result onto the character at once", default=True)
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Ask for the settings."""
-        return context.window_manager.invoke_props_dialog(self)
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         """Return the command."""
@@ -85,7 +81,6 @@ class PERFANIM_OT_solve_take(TakeOperator, SolvingOperator, bpy.types.Operator):
 class PERFANIM_OT_import_takes(SolvingOperator, bpy.types.Operator, ImportHelper):
     """Solve other systems' marker files with the chosen performer, and list them"""
 
-    bl_idname = "perfanim.import_takes"
     bl_label = "Import Marker Takes"
     title = "Importing takes"
     panel = takes.KEY

@@ -26,7 +26,6 @@ _TICKS = ("3:", "2:", "1:")  # the seconds before a pose that are heard
 class PERFANIM_OT_calibrate_subject(JobOperator, bpy.types.Operator):
     """Measure bone lengths and marker positions from a take of the calibration poses"""
 
-    bl_idname = "perfanim.calibrate_subject"
     bl_label = "Calibrate from Take"
     title = "Calibrating the performer"
     panel = PANEL
@@ -80,7 +79,6 @@ class PERFANIM_OT_calibrate_performer(_Recording, bpy.types.Operator):
     """Record T pose, hanging arms and motorcycle pose to measure the performer.
     Each has a countdown. Leave the view empty at the start"""
 
-    bl_idname = "perfanim.calibrate_performer"
     bl_label = "Calibrate Performer"
     title = "Calibrating the performer"
 
@@ -101,7 +99,6 @@ class PERFANIM_OT_calibrate_performer(_Recording, bpy.types.Operator):
 class PERFANIM_OT_record_t_pose(_Recording, bpy.types.Operator):
     """Record the T pose after a countdown. Leave the view empty at the start"""
 
-    bl_idname = "perfanim.record_t_pose"
     bl_label = "Record T Pose"
     title = "Recording the T pose"
 
@@ -120,7 +117,6 @@ class PERFANIM_OT_average_performer(PanelOperator, bpy.types.Operator):
     """Use an average body of this height with default marker positions.
     One camera needs this: it cannot measure the performer"""
 
-    bl_idname = "perfanim.average_performer"
     bl_label = "Average Body of This Height"
     bl_options = {"REGISTER", "UNDO"}
 
@@ -153,7 +149,6 @@ def _profile_items(_self: object, _context: object) -> list[tuple[str, str, str]
 class PERFANIM_OT_use_profile(PanelOperator, bpy.types.Operator):
     """Use a calibrated performer"""
 
-    bl_idname = "perfanim.use_profile"
     bl_label = "Calibrated Performers"
     bl_options = {"REGISTER", "UNDO"}
 

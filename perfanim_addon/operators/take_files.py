@@ -9,7 +9,7 @@ from ...core.formats.take_file.reading import summarise
 from ...core.formats.take_file.setup import MOST_STARS
 from .. import take_library
 from ..panels.takes import KEY as PANEL
-from ..preferences.property_kinds import choice, switch, whole_number
+from ..preferences.property_kinds import choice, string, switch, whole_number
 from .common import PanelOperator
 
 
@@ -23,9 +23,8 @@ class _FileOperator(PanelOperator):
 class PERFANIM_OT_delete_take(_FileOperator, bpy.types.Operator):
     """Move the take to the trash, until Restore or Clean Up; its actions stay"""
 
-    bl_idname = "perfanim.delete_take"
     bl_label = "Delete Take"
-    path: bpy.props.StringProperty(name="Take", description="File of the take", options={"HIDDEN", "SKIP_SAVE"})
+    path: string("Take", "File of the take", options={"HIDDEN", "SKIP_SAVE"})
 
     def run(self, context: bpy.types.Context) -> str:
         """Move the file."""
@@ -45,7 +44,6 @@ def _deleted_items(_self: object, _context: object) -> list[tuple[str, str, str]
 class PERFANIM_OT_restore_take(_FileOperator, bpy.types.Operator):
     """Bring a deleted take back into the list"""
 
-    bl_idname = "perfanim.restore_take"
     bl_label = "Restore"
     take: choice("Take", "Take to restore", _deleted_items)
 
@@ -64,7 +62,6 @@ class PERFANIM_OT_restore_take(_FileOperator, bpy.types.Operator):
 class PERFANIM_OT_clean_up_takes(_FileOperator, bpy.types.Operator):
     """Show the disk space of the takes, and permanently remove deleted or old ones"""
 
-    bl_idname = "perfanim.clean_up_takes"
     bl_label = "Clean Up Takes"
     deleted: switch("Deleted Takes", "Deleted takes, and damaged files that were recovered", default=True)
     old: switch("Old Takes", "Listed takes that are older and have no more stars than below")

@@ -7,14 +7,14 @@ import bpy
 from ..panels import takes
 from ..panels.targets import KEY as PANEL
 from ..preferences.paths import user_folder
-from .common import PanelOperator
+from ..preferences.property_kinds import string
+from .common import DialogOperator, PanelOperator
 from .jobs import JobOperator
 
 
 class PERFANIM_OT_add_target(PanelOperator, bpy.types.Operator):
     """Capture a prop or another performer besides the first"""
 
-    bl_idname = "perfanim.add_target"
     bl_label = "Add Target"
     bl_options = {"REGISTER", "UNDO"}
 
@@ -30,7 +30,6 @@ class PERFANIM_OT_add_target(PanelOperator, bpy.types.Operator):
 class PERFANIM_OT_remove_target(PanelOperator, bpy.types.Operator):
     """Remove the target; its object or character and their actions stay"""
 
-    bl_idname = "perfanim.remove_target"
     bl_label = "Remove Target"
     bl_options = {"REGISTER", "UNDO"}
 
@@ -48,14 +47,13 @@ class PERFANIM_OT_remove_target(PanelOperator, bpy.types.Operator):
         shown.active = max(min(shown.active, len(shown.entries) - 1), 0)
 
 
-class PERFANIM_OT_measure_target(JobOperator, bpy.types.Operator):
+class PERFANIM_OT_measure_target(DialogOperator, JobOperator, bpy.types.Operator):
     """Measure the prop from the selected take, a capture of the prop alone"""
 
-    bl_idname = "perfanim.measure_target"
     bl_label = "Measure from Take"
     title = "Measuring the prop"
     panel = PANEL
-    called: bpy.props.StringProperty(name="Name", description="Name of the prop", default="Prop")
+    called: string("Name", "Name of the prop", "Prop")
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
@@ -66,10 +64,6 @@ class PERFANIM_OT_measure_target(JobOperator, bpy.types.Operator):
         if not takes.active_path(context):
             return "Capture the prop alone, lying still, and select the take under Takes"
         return ""
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Ask for the name."""
-        return context.window_manager.invoke_props_dialog(self)
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         """Return the command."""

@@ -14,7 +14,7 @@ from ...core.solver.settings import SolveSettings
 from .. import take_library
 from ..capture.live_capture import LiveCapture
 from ..jobs import activity
-from ..preferences.property_kinds import property_column
+from ..preferences.property_kinds import property_column, string, whole_number
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import result_settings
 from . import drawing
@@ -45,12 +45,10 @@ def _note(name: str, default: Any) -> dict[str, Any]:
 class PERFANIM_PG_take(bpy.types.PropertyGroup):
     """A take in the list; its facts and notes are those of its file."""
 
-    path: bpy.props.StringProperty(name="File", description="File of the take")
-    title: bpy.props.StringProperty(name="Name", description="Name of the take", **_note("name", ""))
-    notes: bpy.props.StringProperty(name="Notes", description="Notes about the take", **_note("notes", ""))
-    rating: bpy.props.IntProperty(
-        name="Rating", description="Stars, 0 to 5", min=0, max=MOST_STARS, **_note("rating", 0)
-    )
+    path: string("File", "File of the take")
+    title: string("Name", "Name of the take", **_note("name", ""))
+    notes: string("Notes", "Notes about the take", **_note("notes", ""))
+    rating: whole_number("Rating", "Stars, 0 to 5", 0, 0, MOST_STARS, **_note("rating", 0))
 
     @property
     def summary(self) -> TakeSummary | None:

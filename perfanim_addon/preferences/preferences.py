@@ -8,7 +8,7 @@ import bpy
 from ...core.solver.settings import METHODS
 from . import diagnostics_ui, sidebar_tab
 from .paths import ADDON, CHOSEN_FOLDERS, folder_problem
-from .property_kinds import choice, file_path, folder_path, number, switch, whole_number
+from .property_kinds import choice, file_path, folder_path, number, string, switch, whole_number
 from .sidebar_tab import DEFAULT_TAB
 
 _METHOD_TEXTS = {
@@ -53,21 +53,11 @@ class PERFANIM_AP_preferences(bpy.types.AddonPreferences):
 
     bl_idname = ADDON
 
-    tab: bpy.props.StringProperty(
-        name="Sidebar Tab",
-        description="Name of the tab in the 3D viewport's sidebar",
-        default=DEFAULT_TAB,
-        update=_tab_changed,
-    )
+    tab: string("Sidebar Tab", "Name of the tab in the 3D viewport's sidebar", DEFAULT_TAB, update=_tab_changed)
     takes_folder: _folder("Takes", "recorded takes")
     databases_folder: _folder("Databases", "motion databases")
     profiles_folder: _folder("Profiles", "calibrated performers and cameras, and bone maps")
-    marker_set: bpy.props.StringProperty(
-        name="Marker Set",
-        description="Marker set of new files",
-        default="boxing",
-        search=_marker_sets,
-    )
+    marker_set: string("Marker Set", "Marker set of new files", "boxing", search=_marker_sets)
     database: file_path("Database", "Motion database of new files; empty for the starter database")
     method: choice(
         "Method",

@@ -4,6 +4,8 @@ from typing import Any
 
 import bpy
 
+_LARGEST = 2**31 - 1  # number of Blender's
+
 
 def switch(name: str, description: str, default: bool = False, **more: Any) -> Any:
     """Return a property that is on or off."""
@@ -15,7 +17,12 @@ def number(name: str, description: str, default: float, least: float, most: floa
     return bpy.props.FloatProperty(name=name, description=description, default=default, min=least, max=most, **more)
 
 
-def whole_number(name: str, description: str, default: int, least: int, most: int, **more: Any) -> Any:
+def string(name: str, description: str, default: str = "", **more: Any) -> Any:
+    """Return a property for text."""
+    return bpy.props.StringProperty(name=name, description=description, default=default, **more)
+
+
+def whole_number(name: str, description: str, default: int, least: int, most: int = _LARGEST, **more: Any) -> Any:
     """Return a whole number within bounds."""
     return bpy.props.IntProperty(name=name, description=description, default=default, min=least, max=most, **more)
 
@@ -32,12 +39,12 @@ def choice(name: str, description: str, items: Any, default: Any = None, **more:
 
 def file_path(name: str, description: str) -> Any:
     """Return a property for a file."""
-    return bpy.props.StringProperty(name=name, description=description, subtype="FILE_PATH")
+    return string(name, description, subtype="FILE_PATH")
 
 
 def folder_path(name: str, description: str) -> Any:
     """Return a property for a folder."""
-    return bpy.props.StringProperty(name=name, description=description, subtype="DIR_PATH")
+    return string(name, description, subtype="DIR_PATH")
 
 
 def property_column(layout: bpy.types.UILayout) -> bpy.types.UILayout:

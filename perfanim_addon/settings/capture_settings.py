@@ -8,7 +8,7 @@ from ...core.markers.marker_set import marker_set_names
 from ..character.posing import fill_map
 from ..jobs import activity
 from ..preferences.attach_settings import attach_property_group
-from ..preferences.property_kinds import choice, duration, file_path, folder_path, number, switch, whole_number
+from ..preferences.property_kinds import choice, duration, file_path, folder_path, number, string, switch, whole_number
 
 SOURCES = (
     ("SIMULATED", "Simulated Performer", "Simulate a performer and two cameras: needs no hardware"),
@@ -92,18 +92,13 @@ class CameraSettings:
     practise: switch(
         "Practise Calibration", "Treat the simulated cameras and performer as real: calibrate them before the capture"
     )
-    left_device: bpy.props.IntProperty(
-        name="Left", description="Device number of the left camera, from the cameras' point of view", default=0, min=0
+    left_device: whole_number("Left", "Device number of the left camera, from the cameras' point of view", 0, 0)
+    right_device: whole_number(
+        "Right", "Device number of the right camera, from the cameras' point of view; -1 for one camera only", 1, -1
     )
-    right_device: bpy.props.IntProperty(
-        name="Right",
-        description="Device number of the right camera, from the cameras' point of view; -1 for one camera only",
-        default=1,
-        min=-1,
-    )
-    further_devices: bpy.props.StringProperty(
-        name="Additional",
-        description="Device numbers of more cameras, such as 2, 3. Calibrate with Board needs the board in view of all",
+    further_devices: string(
+        "Additional",
+        "Device numbers of more cameras, such as 2, 3. Calibrate with Board needs the board in view of all",
     )
     width: whole_number("Width", "Image width", 640, 160, 4096, subtype="PIXEL")
     height: whole_number("Height", "Image height", 480, 120, 4096, subtype="PIXEL")
@@ -183,9 +178,7 @@ class SubjectSettings:
     """Settings of the Subject panel."""
 
     subject: file_path("Subject", "Calibrated performer (TOML); empty for the simulated performer")
-    subject_name: bpy.props.StringProperty(
-        name="Name", description="Name of the performer to calibrate", default="Performer"
-    )
+    subject_name: string("Name", "Name of the performer to calibrate", "Performer")
     countdown_s: duration(
         "Countdown",
         "Time to walk in front of the cameras and take the T pose, after the background is learned",

@@ -6,7 +6,7 @@ import bpy
 
 from ...core.formats.vmc.ports import PERFORMER_PORT
 from ..preferences.attach_settings import attach_property_group
-from ..preferences.property_kinds import whole_number
+from ..preferences.property_kinds import string, whole_number
 from . import vmc_output
 
 THIS_COMPUTER = "127.0.0.1"
@@ -16,10 +16,10 @@ class PERFANIM_PG_receiving(bpy.types.PropertyGroup):
     """Sender of the trackers."""
 
     port: whole_number("Port", "UDP port of this computer that receives the trackers", PERFORMER_PORT, 1, 65535)
-    sender: bpy.props.StringProperty(
-        name="Sender",
-        description="Name or address of the sending computer; empty accepts every sender: for trusted networks only",
-        default=THIS_COMPUTER,
+    sender: string(
+        "Sender",
+        "Name or address of the sending computer; empty accepts every sender: for trusted networks only",
+        THIS_COMPUTER,
     )
 
 

@@ -7,7 +7,7 @@ import bpy
 
 from ...core.formats.vmc.ports import MARIONETTE_PORT
 from ..preferences.attach_settings import attach_property_group
-from ..preferences.property_kinds import switch, whole_number
+from ..preferences.property_kinds import string, switch, whole_number
 
 
 class PERFANIM_PG_sending(bpy.types.PropertyGroup):
@@ -17,9 +17,7 @@ class PERFANIM_PG_sending(bpy.types.PropertyGroup):
         "Send by VMC",
         "Send the live motion to another program (avatars, game engines) over the Virtual Motion Capture protocol",
     )
-    host: bpy.props.StringProperty(
-        name="Host", description="Name or address of the receiving computer", default="127.0.0.1"
-    )
+    host: string("Host", "Name or address of the receiving computer", "127.0.0.1")
     port: whole_number("Port", "UDP port of the receiving program", MARIONETTE_PORT, 1, 65535)
 
 

@@ -16,7 +16,7 @@ from ...geometry.arrays import Array, IntArray
 from .cones import RoundCones, axis_distances
 from .settings import TABLES
 
-WOOD = "wood"  # material of what is held
+WOOD = "wood"  # material of things that are held
 
 _HELD_M = 0.2  # a marker farther than this from the body sits on something that is held
 _STICK_RADIUS_M = 0.012
