@@ -1,43 +1,43 @@
 """Labels of points without a past: at the start, and after the body was lost.
 
 Torso markers keep their distances from each other in every pose, so the few ways in which points can be the torso are
-enumerated. Each places the root. In its frame the limb markers, as a whole and every pair of them, are compared
-with poses of the database: two arms and two legs may all be known, though never seen together.
+enumerated. Each places the root. In its frame every pair of limb markers is compared with poses of the database: two
+arms and two legs may all be known, though never seen together.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ..geometry.arrays import Array, FloatArray, IntArray, Mask
+from .torso_candidates import FEWEST, MISSED_COST, Search, TorsoCandidates
 
-_FEWEST_TORSO = 3  # from which the root can be placed
-_STRETCH = 0.1  # share by which torso distances may lie outside those of the examples,
-_STRETCH_M = 0.03  # and metres
-_RANGE = (0.5, 99.5)  # percentiles of the examples' distances
-_TORSOS = 24  # ways to place the root that are compared with the examples,
-_KEPT_TORSOS = 8  # and of these, completed by limbs
-_WAYS = 4000  # to choose the torso, at most; fewer among many points
-_WAYS_TIMES_POINTS = 120_000
-_LABELLINGS = 100  # of the limbs, kept while they are completed,
-_COMPARED = 20  # and of these, compared with whole examples
-_WHOLE_SHARE = 0.5  # of the likelihood of all limbs at once against that of their pairs
+_COARSE = 8  # every so many examples are enough to choose between placements of the root
+_FITTED = 400  # torsos that are fitted,
+_PLACED = 24  # of these, compared with some examples,
+_COMPARED = 8  # and of these, compared with all and completed by limbs
+_LABELLINGS = 40  # of the limbs, kept while they are completed
+_BEST = 6  # of each torso
+_LIMB_POINTS = 12  # that are tried for each limb
 _MARGIN_M = 0.3  # beyond the farthest limb of all examples, where a point is no limb
-_PRODUCTS = 1e9  # multiplications for the pairs of limbs of one torso, at most: fewer examples for larger sets
 _FEWEST_FOUND = 0.6  # share of the markers that must be found
 REACH_M = 0.30  # from the closest example, within which a point may be a marker
 
 # costs are minus logarithms of likelihoods
 _TORSO_SIGMA_M = 0.05  # of a torso marker about the examples'
 _UP_SIGMA_RAD = 0.25  # of the vertical
-_LIMB_SIGMA_M = 0.08  # of a limb marker about the examples'
-_MISSED_TORSO_COST = 6.0
+_UP_TAIL = 2.0  # who stands on the hands does so unlike any example; smaller is wider
+_LIMB_SIGMA_M = 0.1  # of a limb marker about the examples'
 _MISSED_LIMB_COST = 6.0
 _GHOST_COST = 4.0  # of a point that is no marker
 _HOPELESS = 15.0  # above the cheapest torso: such a torso is not completed
+_HOPELESS_SUM = 6.0  # above the cheapest labels, limbs included
 _BACK_COST = 6.0  # of facing away from the cameras: many a crouch is also somebody who looks the other way
+_ALIKE_RAD = 0.4  # between verticals of poses with limbs alike
+_UNLIKE_WEIGHT = 0.02  # of other examples
 _LEAST_LIKELIHOOD = 1e-9  # of a pair of limbs
-_UNLIKELY = 50.0  # cost above which points are no body
+_UNLIKELY = 3.6  # cost of each marker found, above which points are no body
 
 
 @dataclass(frozen=True)
@@ -48,11 +48,13 @@ class InitialLabels:
         labels: (N,) marker of each point, -1 for none.
         cost: minus the logarithm of their likelihood, up to a constant.
         expected_m: (M, 3) the markers of the closest example, where the body stands.
+        rivals: other labels (N,) and their costs, the likeliest first.
     """
 
     labels: IntArray
     cost: float
     expected_m: Array
+    rivals: tuple[tuple[IntArray, float], ...]
 
 
 @dataclass(frozen=True)
@@ -62,8 +64,15 @@ class _Placement:
     torso: IntArray
     turn: Array
     shift: Array
+    cost: float = 0.0
+
+
+class _Found(NamedTuple):
+    """Labels (N,) of all points, with the torso from a placement."""
+
     cost: float
-    example_costs: FloatArray
+    labels: IntArray
+    placement: _Placement
 
 
 class InitialLabeller:
@@ -79,46 +88,41 @@ class InitialLabeller:
         self._examples = np.asarray(examples_m, dtype=np.float32)
         self._ups = np.asarray(ups, dtype=np.float32)
         self._torso, self._limbs = np.flatnonzero(torso), np.flatnonzero(~torso)
-        self._limb_places = np.ascontiguousarray(self._examples[:, self._limbs])
-        self._limb_norms = np.einsum("slc,slc->sl", self._limb_places, self._limb_places)
-        self._reach_m = float(np.sqrt(self._limb_norms.max(initial=0.0))) + _MARGIN_M
-        own = self._examples[:, self._torso].astype(np.float64)
-        spans = np.linalg.norm(own[:, :, None] - own[:, None], axis=-1)
-        low, high = np.percentile(spans, _RANGE, axis=0)
-        self._least_m = low * (1.0 - _STRETCH) - _STRETCH_M
-        self._most_m = high * (1.0 + _STRETCH) + _STRETCH_M
-        self._mean_torso = own.mean(axis=0)
+        own = np.ascontiguousarray(self._examples[:, self._torso])
+        self._torsos = TorsoCandidates(own)
+        self._torso_places, self._mean_torso = own, own.mean(axis=0, dtype=np.float64)
+        self._limb_places = np.ascontiguousarray(self._examples[:, self._limbs].transpose(1, 0, 2))
+        norms = np.einsum("lsc,lsc->ls", self._limb_places, self._limb_places)
+        self._limb_norms = norms
+        self._reach_m = float(np.sqrt(norms.max(initial=0.0))) + _MARGIN_M
 
     def label(self, points_m: Array) -> InitialLabels | None:
-        """Return the labels of points (N, 3), y up; None if they look like no body."""
-        torsos = self._torsos(points_m)
+        """Return labels of points (N, 3), y up; None if they look like no body."""
+        search = self.search(points_m)
+        while True:
+            try:
+                next(search)
+            except StopIteration as end:
+                found: InitialLabels | None = end.value
+                return found
+
+    def search(self, points_m: Array) -> Search[InitialLabels | None]:
+        """Do the same as `label`, in pieces."""
+        torsos = yield from self._torsos.choose(points_m)
         if len(torsos) == 0:
             return None
-        turns, shifts, errors = _fit_torsos(self._mean_torso, points_m, torsos)
-        rough = errors / (2.0 * _TORSO_SIGMA_M**2) + _MISSED_TORSO_COST * np.sum(torsos < 0, axis=1)
-        placements = [
-            self._place(points_m, torsos[row], turns[row], shifts[row]) for row in np.argsort(rough)[:_TORSOS]
-        ]
-        placements.sort(key=lambda placement: placement.cost)
-        found = [
-            self._label_limbs(points_m, placement)
-            for placement in placements[:_KEPT_TORSOS]
-            if placement.cost < placements[0].cost + _HOPELESS
-        ]
-        best = min(found, key=lambda labels: labels.cost)
-        count = np.sum(best.labels >= 0)
-        likely = best.cost < _UNLIKELY + _GHOST_COST * (len(points_m) - count)
-        return best if likely and count >= _FEWEST_FOUND * self._examples.shape[1] else None
-
-    def complete(self, points_m: Array, labels: IntArray) -> InitialLabels | None:
-        """Complete known torso labels (N,) of points (N, 3); None with too few."""
-        torso = np.full(len(self._torso), -1)
-        for index, marker in enumerate(self._torso):
-            torso[index] = np.flatnonzero(labels == marker)[0] if np.any(labels == marker) else -1
-        if np.sum(torso >= 0) < _FEWEST_TORSO:
-            return None
-        turns, shifts, _ = _fit_torsos(self._mean_torso, points_m, torso[None])
-        return self._label_limbs(points_m, self._place(points_m, torso, turns[0], shifts[0]))
+        placements = self._place_roughly(points_m, torsos[:_FITTED])
+        yield 5.0 * _PLACED * self._torso_places[::_COARSE].size + 500.0 * len(torsos[:_FITTED])
+        found: list[_Found] = []
+        for placement in placements:
+            least = min((each.cost for each in found), default=np.inf)
+            if placement.cost < min(placements[0].cost + _HOPELESS, least + _HOPELESS_SUM):
+                found += self._label_limbs(points_m, placement)
+                yield 50.0 * len(self._examples) * len(self._limbs)
+        result = self._result(points_m, found)
+        count, markers = int(np.sum(result.labels >= 0)), self._examples.shape[1]
+        cost = result.cost - _GHOST_COST * (len(points_m) - count) - _MISSED_LIMB_COST * (markers - count)
+        return result if cost < _UNLIKELY * count and count >= _FEWEST_FOUND * markers else None
 
     def cost(self, markers_m: Array, followed_m: Array | None = None, ghosts: int = 0) -> float:
         """Return the cost of labelled markers, as of `InitialLabels.cost`.
@@ -131,110 +135,132 @@ class InitialLabeller:
         """
         seen = np.all(np.isfinite(markers_m), axis=1)
         placing, torso = markers_m, np.where(seen[self._torso], self._torso, -1)
-        if np.sum(torso >= 0) < _FEWEST_TORSO:
+        if np.sum(torso >= 0) < FEWEST:
             if followed_m is None:
                 return float("inf")
             placing, torso = np.where(seen[:, None], markers_m, followed_m), self._torso
         turns, shifts, _ = _fit_torsos(self._mean_torso, placing, torso[None])
-        placement = self._place(placing, torso, turns[0], shifts[0])
+        placement = self._place(placing, _Placement(torso, turns[0], shifts[0]))
         found = seen[self._limbs]
-        likelihoods = np.ones((len(self._examples), len(found)), dtype=np.float32)
-        local = _to_local(markers_m[self._limbs[found]], placement)
-        away = np.sum((self._examples[:, self._limbs[found]] - local) ** 2, axis=2)
-        likelihoods[:, found] = np.exp(-away / (2.0 * _LIMB_SIGMA_M**2))
-        pairs = -np.log(likelihoods.T @ likelihoods / len(likelihoods) + _LEAST_LIKELIHOOD)
-        limbs = float(np.sum(np.triu(pairs, 1))) / max(len(found) - 1, 1) + _whole_cost(likelihoods, found)
+        own = np.where(found, self._limbs, -1)[:, None]
+        pairs = self._pair_costs(_to_local(markers_m, placement), own, placement)
+        column = np.where(found, 0, 1)
+        rows = np.arange(len(found))
+        chosen = pairs[rows[:, None], column[:, None], rows[None], column[None]]
+        limbs = float(np.sum(np.triu(chosen, 1))) / max(len(found) - 1, 1)
         return placement.cost + limbs + _MISSED_LIMB_COST * float(np.sum(~found)) + _GHOST_COST * ghosts
 
-    def _torsos(self, points_m: Array) -> IntArray:
-        """Return candidate points (H, T) of the torso markers by distances; -1: none."""
-        spans = np.linalg.norm(points_m[:, None] - points_m[None], axis=-1)
-        count, points = len(self._torso), np.arange(len(points_m))
-        ways = min(_WAYS, _WAYS_TIMES_POINTS // max(len(points), 1))
-        chosen = np.empty((1, 0), dtype=np.int64)
-        for marker in range(count):
-            # every partial choice continues with each point that is left and fits, and with none
-            parent, point = np.indices((len(chosen), len(points_m))).reshape(2, -1)
-            fits = np.all(chosen[parent] != point[:, None], axis=1)
-            for before in range(marker):
-                other = chosen[parent, before]
-                span = spans[other, point]
-                between = (span >= self._least_m[before, marker]) & (span <= self._most_m[before, marker])
-                fits &= between | (other < 0)
-            taken = np.column_stack((chosen[parent[fits]], points[point[fits]]))
-            without = np.column_stack((chosen, np.full(len(chosen), -1)))
-            chosen = np.concatenate((taken, without))
-            missing = np.sum(chosen < 0, axis=1)
-            order = np.argsort(missing, kind="stable")[:ways]
-            chosen = chosen[order[missing[order] <= count - _FEWEST_TORSO]]
-        return chosen
+    def _place_roughly(self, points_m: Array, torsos: IntArray) -> list[_Placement]:
+        """Return the likeliest placements of the root, with their costs."""
+        turns, shifts, errors = _fit_torsos(self._mean_torso, points_m, torsos)
+        missing = torsos < 0
+        rough = errors / (2.0 * _TORSO_SIGMA_M**2) + MISSED_COST * missing.sum(axis=1)
+        rough += _BACK_COST * 0.5 * (1.0 - turns[:, 2, 2])
+        rows = np.argsort(rough, kind="stable")[:_PLACED]
+        placements = [_Placement(torsos[row], turns[row], shifts[row]) for row in rows]
+        coarse = [self._place(points_m, placement, _COARSE).cost for placement in placements]
+        best = np.argsort(coarse, kind="stable")[:_COMPARED]
+        return sorted((self._place(points_m, placements[row]) for row in best), key=lambda placed: placed.cost)
 
-    def _place(self, points_m: Array, torso: IntArray, turn: Array, shift: Array) -> _Placement:
-        """Return the root that a choice of the torso gives, with the cost of the torso."""
-        placement = _Placement(torso, turn, shift, 0.0, np.empty(0, dtype=np.float32))
-        seen = torso >= 0
-        away = self._examples[:, self._torso[seen]] - _to_local(points_m[torso[seen]], placement)
+    def _place(self, points_m: Array, placement: _Placement, step: int = 1) -> _Placement:
+        """Return a placement with the cost of the torso against every `step`th example."""
+        torso, turn = placement.torso, placement.turn
+        cost = float(self._torso_costs(points_m, placement, step).min())
+        cost += MISSED_COST * float(np.sum(torso < 0)) + _BACK_COST * 0.5 * (1.0 - turn[2, 2])
+        return _Placement(torso, turn, placement.shift, cost)
+
+    def _torso_costs(self, points_m: Array, placement: _Placement, step: int = 1) -> FloatArray:
+        """Return the cost of the torso's places and of the vertical against examples (S,)."""
+        seen = placement.torso >= 0
+        away = self._torso_places[::step, seen] - _to_local(points_m[placement.torso[seen]], placement)
         costs = np.einsum("smc,smc->s", away, away) / np.float32(2.0 * _TORSO_SIGMA_M**2)
-        costs += np.sum((self._ups - turn[1].astype(np.float32)) ** 2, axis=1) / np.float32(2.0 * _UP_SIGMA_RAD**2)
-        fixed = _MISSED_TORSO_COST * np.sum(~seen) + _BACK_COST * 0.5 * (1.0 - turn[2, 2])
-        return _Placement(torso, turn, shift, float(costs.min() + fixed), costs)
+        tilt = 1.0 - self._ups[::step] @ placement.turn[1].astype(np.float32)
+        costs += _UP_TAIL * np.log1p(np.maximum(tilt, 0.0) * np.float32(1.0 / (_UP_TAIL * _UP_SIGMA_RAD**2)))
+        return np.asarray(costs, dtype=np.float32)
 
-    def _label_limbs(self, points_m: Array, placement: _Placement) -> InitialLabels:
-        """Label the points that are not the torso by pairs of limbs."""
+    def _label_limbs(self, points_m: Array, placement: _Placement) -> list[_Found]:
+        """Label the points that are not the torso by pairs of limbs, the likeliest first."""
         torso = placement.torso
-        within = np.linalg.norm(_to_local(points_m, placement), axis=1) < self._reach_m
-        free = np.setdiff1d(np.flatnonzero(within), torso)
-        count, limbs = len(free), len(self._limbs)
-        step = int(np.ceil(len(self._examples) * (limbs * (count + 1)) ** 2 / _PRODUCTS))
-        local = _to_local(points_m[free], placement)
-        away = self._limb_norms[::step, :, None] + np.einsum("nc,nc->n", local, local)
-        away -= 2.0 * (self._limb_places[::step].reshape(-1, 3) @ local.T).reshape(away.shape)
-        # the last column stands for a limb without a point
-        likelihoods = np.ones((len(away), limbs, count + 1), dtype=np.float32)
-        likelihoods[:, :, :count] = np.exp(-away / np.float32(2.0 * _LIMB_SIGMA_M**2))
-        flat = likelihoods.reshape(len(away), -1)
-        pairs = -np.log(flat.T @ flat / np.float32(len(flat)) + np.float32(_LEAST_LIKELIHOOD))
-        choices, costs = _cheapest(pairs.reshape(limbs, count + 1, limbs, count + 1))
-        costs += [_whole_cost(likelihoods[:, np.arange(limbs), choice], choice < count) for choice in choices]
-        chosen = choices[np.argmin(costs)]
-        cost = float(np.min(costs) - _GHOST_COST * np.sum(chosen == count))
-        labels = np.full(len(points_m), -1, dtype=np.int64)
-        labels[torso[torso >= 0]] = self._torso[torso >= 0]
-        labels[free[chosen[chosen < count]]] = self._limbs[chosen < count]
-        found = np.flatnonzero(chosen < count)
-        total = away[:, found, chosen[found]].sum(axis=1) / np.float32(2.0 * _LIMB_SIGMA_M**2)
-        total += placement.example_costs[::step]
-        cost += placement.cost + _GHOST_COST * float(np.sum(labels < 0))
-        markers = self._examples[step * int(np.argmin(total))].astype(np.float64)
-        turns, shifts, _ = _fit_torsos(markers[self._torso], points_m, torso[None])
-        return InitialLabels(labels, float(cost), markers @ turns[0].T + shifts[0])
+        local = _to_local(points_m, placement)
+        is_free = np.einsum("nc,nc->n", local, local) < self._reach_m**2
+        is_free[torso[torso >= 0]] = False
+        candidates = self._limb_candidates(local, np.flatnonzero(is_free))
+        choices, costs = _cheapest(self._pair_costs(local, candidates, placement), candidates)
+        result = []
+        for choice, cost in zip(choices, costs, strict=True):
+            labels = np.full(len(points_m), -1, dtype=np.int64)
+            labels[torso[torso >= 0]] = self._torso[torso >= 0]
+            labels[choice[choice >= 0]] = self._limbs[choice >= 0]
+            cost += placement.cost + _MISSED_LIMB_COST * np.sum(choice < 0) + _GHOST_COST * np.sum(labels < 0)
+            result.append(_Found(float(cost), labels, placement))
+        return result
+
+    def _result(self, points_m: Array, found: list[_Found]) -> InitialLabels:
+        """Return the likeliest labels with where the closest example has the markers."""
+        found = sorted(found, key=lambda each: each.cost)[:_BEST]
+        cost, labels, placement = found[0]
+        seen = labels >= 0
+        away = self._examples[:, labels[seen]] - _to_local(points_m[seen], placement)
+        markers = self._examples[int(np.argmin(np.einsum("smc,smc->s", away, away)))].astype(np.float64)
+        turns, shifts, _ = _fit_torsos(markers[self._torso], points_m, placement.torso[None])
+        rivals = tuple((other.labels, other.cost) for other in found[1:])
+        return InitialLabels(labels, cost, np.asarray(markers @ turns[0].T + shifts[0]), rivals)
+
+    def _limb_candidates(self, local: FloatArray, free: IntArray) -> IntArray:
+        """Return the points (L, C) that may be each limb, the likeliest of many."""
+        limbs = len(self._limbs)
+        if len(free) <= _LIMB_POINTS:
+            return np.repeat(free[None], limbs, axis=0)
+        likelihoods = [_likelihoods(places[::_COARSE], norms[::_COARSE], local[free]).sum(axis=0)
+                       for places, norms in zip(self._limb_places, self._limb_norms, strict=True)]  # fmt: skip
+        return free[np.argsort(likelihoods, axis=1)[:, : -_LIMB_POINTS - 1 : -1]]
+
+    def _pair_costs(self, local: FloatArray, candidates: IntArray, placement: _Placement) -> FloatArray:
+        """Return the `pairs` of `_cheapest` for points in a placement's frame."""
+        limbs, count = candidates.shape
+        likelihoods = np.ones((limbs, count + 1, len(self._examples)), dtype=np.float32)
+        for limb, own in enumerate(candidates):
+            likelihoods[limb, :count] = _likelihoods(self._limb_places[limb], self._limb_norms[limb], local[own]).T
+        flat = likelihoods.reshape(-1, len(self._examples))
+        # examples with another vertical say less
+        tilt = self._ups @ placement.turn[1].astype(np.float32)
+        weights = np.exp((tilt - 1.0) / np.float32(_ALIKE_RAD**2)) + np.float32(_UNLIKE_WEIGHT)
+        costs = -np.log((flat * (weights / weights.sum())) @ flat.T + np.float32(_LEAST_LIKELIHOOD))
+        return np.asarray(costs.reshape(limbs, count + 1, limbs, count + 1), dtype=np.float32)
 
 
-def _cheapest(pairs: FloatArray) -> tuple[IntArray, Array]:
-    """Return the cheapest choices (K, L) of the limbs' points, and their costs (K,).
+def _likelihoods(places: FloatArray, norms: FloatArray, points: FloatArray) -> FloatArray:
+    """Return the heavy-tailed likelihoods (S, N) of points by places of examples."""
+    away = norms[:, None] + np.einsum("nc,nc->n", points, points) - 2.0 * (places @ points.T)
+    far = 1.0 / (1.0 + np.maximum(away, 0.0) * np.float32(1.0 / (8.0 * _LIMB_SIGMA_M**2)))
+    far *= far
+    return np.asarray(far * far, dtype=np.float32)
+
+
+def _cheapest(pairs: FloatArray, candidates: IntArray) -> tuple[IntArray, Array]:
+    """Return the cheapest points (K, L) of the limbs, -1 for none, and costs (K,).
 
     Args:
-        pairs: (L, N + 1, L, N + 1) cost of two limbs at two points; the last stands for none.
+        pairs: (L, C + 1, L, C + 1) costs of two limbs at two of their candidates; the last stands for none.
+        candidates: (L, C) points.
     """
-    limbs, none = len(pairs), pairs.shape[1] - 1
+    limbs, none = candidates.shape
+    points = np.column_stack((candidates, np.full(limbs, -1)))
     chosen, costs = np.empty((1, 0), dtype=np.int64), np.zeros(1)
     for limb in range(limbs):
-        parent, point = np.indices((len(chosen), none + 1)).reshape(2, -1)
-        free = (point == none) | np.all(chosen[parent] != point[:, None], axis=1)
-        parent, point = parent[free], point[free]
-        # a limb without a point leaves a point without a limb
-        cost = costs[parent] + np.where(point == none, _MISSED_LIMB_COST + _GHOST_COST, 0.0)
         earlier = np.arange(limb)
-        cost += pairs[earlier, chosen[parent], limb, point[:, None]].sum(axis=1) / max(limbs - 1, 1)
-        best = np.argsort(cost, kind="stable")[:_LABELLINGS]
-        chosen, costs = np.column_stack((chosen[parent[best]], point[best])), cost[best]
-    return chosen[:_COMPARED], costs[:_COMPARED]
-
-
-def _whole_cost(likelihoods: FloatArray, found: Mask) -> float:
-    """Return the cost of all limbs (S, L) at once; it decides near an example."""
-    likelihood = np.mean(np.prod(likelihoods, axis=1, dtype=np.float64)) if np.all(found) else 0.0
-    return -_WHOLE_SHARE * float(np.log(likelihood + _LEAST_LIKELIHOOD))
+        taken = points[earlier, chosen][:, None] == points[limb][:, None]
+        fits = ~np.any(taken & (points[limb] >= 0)[:, None], axis=2)
+        cost = costs[:, None] + pairs[earlier, chosen, limb].sum(axis=1) / max(limbs - 1, 1)
+        # a limb without a point leaves a point without a limb
+        cost[:, none] += _MISSED_LIMB_COST + _GHOST_COST
+        parent, column = np.nonzero(fits)
+        best = np.argsort(cost[parent, column], kind="stable")[:_LABELLINGS]
+        chosen = np.column_stack((chosen[parent[best]], column[best]))
+        costs = cost[parent[best], column[best]]
+    chosen, costs = chosen[:_BEST], costs[:_BEST]
+    rows = points[np.arange(limbs), chosen]
+    return rows, costs - (_MISSED_LIMB_COST + _GHOST_COST) * np.sum(rows < 0, axis=1)
 
 
 def _to_local(points_m: Array, placement: _Placement) -> FloatArray:

@@ -17,6 +17,7 @@ from ..markers.marker_frame import MarkerFrame, undistort_blobs
 
 _GATE_M = 0.08  # plus what the marker moves in a frame
 _GATE_SPEED_SHARE = 0.6  # of the predicted movement, by which the gate grows
+_GATE_UNKNOWN_M_S = 6.0  # of a marker with a movement not known yet
 _GATE_LOST_M_S = 2.0  # growth of the gate with the time that a marker has been lost
 _GATE_MAX_M = 0.35
 _GATE_TORSO_MAX_M = 0.12
@@ -27,7 +28,7 @@ _MEMORY_S = 0.1  # a velocity older than this is not used
 
 @dataclass
 class _Seen:
-    """Where and how fast each marker was when it was last located."""
+    """Where and how fast (NaN: unknown) each marker was when last located."""
 
     positions_m: Array
     velocities_m_s: Array
@@ -57,13 +58,6 @@ class LabelledBlobs:
         alone = np.any(shown, axis=1) & ~np.isfinite(self.points_m[:, 0])
         return np.where(alone, np.argmax(shown, axis=1), -1)
 
-    def unlabelled_points(self, frame: MarkerFrame) -> Array:
-        """Return the frame's points (N, 3) without a blob of a located marker."""
-        located = np.isfinite(self.points_m[:, 0])
-        taken = self.blobs[located]
-        shares = (frame.point_blobs[:, None] == taken[None]) & (taken[None] >= 0)
-        return frame.points_m[~np.any(shares, axis=(1, 2))]
-
 
 class Labeller:
     """Labels the points of successive frames of one capture.
@@ -77,21 +71,11 @@ class Labeller:
         self.names = tuple(names)
         self._torso = np.zeros(len(self.names), dtype=bool) if torso is None else np.asarray(torso)
         count = len(self.names)
-        self._seen = _Seen(np.full((count, 3), np.nan), np.zeros((count, 3)), np.full(count, np.inf))
+        self._seen = _Seen(np.full((count, 3), np.nan), np.full((count, 3), np.nan), np.full(count, np.inf))
 
     def begin(self, points_m: Array, labels: IntArray) -> None:
         """Start from labels (N,) of points (N, 3), -1 for none."""
         self._remember(points_m, labels, 0.0)
-
-    def correct(self, markers_m: Array) -> None:
-        """Correct the markers (M, 3) of the last frame, NaN for those without any data."""
-        seen = self._seen
-        located = np.isfinite(markers_m[:, 0])
-        moved = located & np.any(seen.positions_m != markers_m, axis=1)
-        seen.velocities_m_s[moved] = 0.0  # they are another marker's
-        seen.positions_m[located] = markers_m[located]
-        seen.lost_s[located] = 0.0
-        seen.lost_s[~located & (seen.lost_s == 0.0)] = _MEMORY_S
 
     def label(self, points_m: Array, covariances_m2: Array, predicted_m: Array, elapsed_s: float) -> IntArray:
         """Return labels (N,) by one assignment of points to the predicted markers.
@@ -104,6 +88,16 @@ class Labeller:
         labels = np.full(len(points_m), -1, dtype=np.int64)
         rows, columns = assign_points(points_m, covariances_m2, *self.expected(predicted_m, elapsed_s))
         labels[rows] = columns
+        self._remember(points_m, labels, elapsed_s)
+        return labels
+
+    def follow(self, points_m: Array, elapsed_s: float) -> IntArray:
+        """Return labels (N,) by where the markers were last, without a body."""
+        known = np.flatnonzero(np.isfinite(self._seen.positions_m[:, 0]))
+        expected, gates = self.expected(self._seen.positions_m, elapsed_s)
+        rows, columns = assign_points(points_m, np.zeros((len(points_m), 3, 3)), expected[known], gates[known])
+        labels = np.full(len(points_m), -1, dtype=np.int64)
+        labels[rows] = known[columns]
         self._remember(points_m, labels, elapsed_s)
         return labels
 
@@ -133,10 +127,12 @@ class Labeller:
 
     def expected(self, predicted_m: Array, elapsed_s: float) -> tuple[Array, Array]:
         """Return expected markers (M, 3) and their gates (M,), metres; see `label`."""
-        fresh = self._seen.lost_s < _MEMORY_S
+        is_known = np.isfinite(self._seen.velocities_m_s[:, 0])
+        fresh = is_known & (self._seen.lost_s < _MEMORY_S)
         movement = np.where(fresh[:, None], self._seen.velocities_m_s * elapsed_s, 0.0)
         lost = np.where(np.isfinite(self._seen.lost_s), self._seen.lost_s, 1.0)
         gates = _GATE_M + _GATE_SPEED_SHARE * np.linalg.norm(movement, axis=1) + _GATE_LOST_M_S * lost
+        gates += np.where(is_known, 0.0, _GATE_UNKNOWN_M_S * elapsed_s)
         return predicted_m + movement, np.minimum(gates, np.where(self._torso, _GATE_TORSO_MAX_M, _GATE_MAX_M))
 
     def _remember(self, points_m: Array, labels: IntArray, elapsed_s: float) -> None:
@@ -146,7 +142,7 @@ class Labeller:
         if elapsed_s > 0.0:
             known = seen.lost_s[markers] < _MEMORY_S
             velocity = (points - seen.positions_m[markers]) / (elapsed_s + seen.lost_s[markers][:, None])
-            seen.velocities_m_s[markers] = np.where(known[:, None], velocity, 0.0)
+            seen.velocities_m_s[markers] = np.where(known[:, None], velocity, np.nan)
         seen.lost_s += elapsed_s
         seen.lost_s[markers] = 0.0
         seen.positions_m[markers] = points

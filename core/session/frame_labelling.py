@@ -1,21 +1,26 @@
 """Labels of the marker frames of one capture."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..body.calibration_poses import standing, t_pose
+from ..body.scene_pose import PerformerPose
 from ..body.skeleton import marker_positions
 from ..database.store import Database
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray, IntArray
 from ..geometry.camera import Camera
 from ..labelling.initial_labelling import InitialLabeller, InitialLabels
+from ..labelling.label_search import WORK_ALONE, LabelSearch
 from ..labelling.labeller import Labeller
-from ..labelling.relabelling import Relabeller
 from ..markers.marker_frame import MarkerFrame
 from ..solver.observation import Observation
 from ..solver.subject_model import SubjectModel
+from .label_check import LabelCheck
 
-_EXAMPLES = 2048  # poses of the database that a body without a past is compared with
+_EXAMPLES = 2048  # poses of the database that a body without a past is compared with,
+_EVERY = 2  # located points with every second of them
 
 
 class BodyExamples:
@@ -49,18 +54,38 @@ class FrameLabeller:
         self, names: tuple[str, ...], model: SubjectModel, cameras: tuple[Camera, ...], examples: BodyExamples
     ) -> None:
         self._names, self._torso, self._cameras = names, model.torso, cameras
-        self._initial = InitialLabeller(examples.markers_m, examples.ups, model.torso)
+        self._initial = InitialLabeller(examples.markers_m[::_EVERY], examples.ups[::_EVERY], model.torso)
         self.reset()
 
     def reset(self) -> None:
         """Forget the motion so far."""
         self._labeller = Labeller(self._names, self._torso)
-        self._relabeller = Relabeller(self._initial, self._torso)
+        self._search: LabelSearch | None = None
+        self._is_resumed = False
+        self._check = LabelCheck(self._initial, self._names, self._torso)
 
-    @property
-    def has_relabelled(self) -> bool:
-        """Whether the last frame has other labels than the pose before suggests."""
-        return self._relabeller.changed
+    def confidence(self, frame: MarkerFrame, observed_m: Array) -> float:
+        """Return the share of its confidence that a pose with these labels deserves."""
+        return self._check.confidence(frame, observed_m)
+
+    def disprove(
+        self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose, nearness: Callable[[Observation], float]
+    ) -> bool:
+        """Return whether a pose has wrong labels; the next frame then follows others.
+
+        Args:
+            nearness: returns the distance of the closest example to other labels as a share of that to the pose's.
+        """
+        rival = self._check.step(frame, elapsed_s, pose)
+        if rival is None:
+            return False
+        labeller, labels = rival.search.carry(rival.labels)
+        other = Observation.of_points(self._by_marker(frame.points_m, labels))
+        if np.isfinite(rival.nearer) and not nearness(other) < rival.nearer:
+            return False
+        self.reset()
+        self._labeller, self._is_resumed = labeller, True
+        return True
 
     def expected(self, predicted_m: Array, elapsed_s: float) -> tuple[Array, Array]:
         """Return the expected marker positions (M, 3) and their uncertainty (M,), metres."""
@@ -78,37 +103,37 @@ class FrameLabeller:
         if is_labelled(frame):
             return self._observe_known_labels(frame)
         if predicted_m is None:
-            start = self.label_initially(frame.points_m)
-            labels = start.labels if start else np.full(len(frame.points_m), -1)
-            self._labeller.begin(frame.points_m, labels)
-            return Observation.of_points(self._by_marker(frame.points_m, labels))
+            return Observation.of_points(self._by_marker(frame.points_m, self._search_labels(frame, elapsed_s)))
         return self.label_tracked(frame, predicted_m, elapsed_s)
 
     def label_tracked(self, frame: MarkerFrame, predicted_m: Array, elapsed_s: float) -> Observation:
         """Return the labelled markers of a frame of a tracked body, see `label`."""
         if not self._cameras or len(frame.blobs) != len(self._cameras):
             labels = self._labeller.label(frame.points_m, frame.covariances_m2, predicted_m, elapsed_s)
-            observation = Observation.of_points(self._by_marker(frame.points_m, labels))
-            return self._relabel(frame, observation, frame.points_m[labels < 0])
+            return Observation.of_points(self._by_marker(frame.points_m, labels))
         found = self._labeller.label_blobs(frame, self._cameras, predicted_m, elapsed_s)
         single = found.single_cameras
         image_points = found.normalised[np.arange(len(self._names)), single]
         image_points[single < 0] = np.nan
-        observation = Observation(found.points_m, single, image_points, self._cameras)
-        return self._relabel(frame, observation, found.unlabelled_points(frame))
+        return Observation(found.points_m, single, image_points, self._cameras)
 
-    def label_cost(self, frame: MarkerFrame, observed_m: Array, followed_m: Array) -> float:
-        """Return the cost of a frame's labelled points (M, 3)."""
-        ghosts = len(frame.points_m) - int(np.sum(np.isfinite(observed_m[:, 0])))
-        return self._initial.cost(observed_m, followed_m, max(ghosts, 0))
-
-    def _relabel(self, frame: MarkerFrame, observation: Observation, unlabelled_m: Array) -> Observation:
-        """Return the observation under better labels, where there are any."""
-        better = self._relabeller.relabel(frame.time_s, observation.points_m, unlabelled_m)
-        if better is None:
-            return observation
-        self._labeller.correct(better)
-        return Observation.of_points(better)
+    def _search_labels(self, frame: MarkerFrame, elapsed_s: float) -> IntArray:
+        """Return labels (N,) without a past, -1 until they are found."""
+        if self._is_resumed:
+            self._is_resumed = False
+            self._check.begin(frame.time_s)
+            return self._labeller.follow(frame.points_m, elapsed_s)
+        if self._search is None:
+            self._search = LabelSearch(self._initial, frame.points_m, Labeller(self._names, self._torso))
+        else:
+            self._search.follow(frame.points_m, elapsed_s)
+        labels = np.full(len(frame.points_m), -1)
+        if self._search.advance(WORK_ALONE):
+            if self._search.found is not None:
+                self._labeller, labels = self._search.carry(self._search.found.labels)
+                self._check.begin(frame.time_s, self._search.found)
+            self._search = None
+        return labels
 
     def _observe_known_labels(self, frame: MarkerFrame) -> Observation:
         count = len(self._names)

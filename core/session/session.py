@@ -1,6 +1,7 @@
 """One capture of one subject: marker frames in, poses out, live and from takes."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from ..markers.usable_frame import FrameTimes, usable_frame
 from ..solver.observation import Observation
 from ..solver.pose_solver import PoseSolver
 from ..solver.settings import SolveSettings
-from ..solver.solution import Solution
+from ..solver.solution import Solution, SolverState
 from ..solver.subject_model import SubjectModel
 from .frame_labelling import BodyExamples, FrameLabeller, is_labelled, rest_markers
 from .hypothesis_tracking import HypothesisTracker
@@ -67,9 +68,14 @@ class Session:
             pose = self._solved_pose(frame, observation, solution)
         else:
             pose = self._last_pose(frame, frame.time_s, TrackingNote.WAITING, observation)
+        elapsed_s = self._elapsed_s(frame.time_s)
         self._last = pose
-        if self._quality.is_lost(pose) or self._is_mislabelled(frame, pose):
+        if self._quality.is_lost(pose):
             self.restart()
+        elif solution and not is_labelled(frame):
+            nearness = partial(self._nearness, self._solver.initial_state, solution)
+            if self._labeller.disprove(frame, elapsed_s, pose, nearness):
+                self._forget()
         return pose
 
     @property
@@ -93,8 +99,12 @@ class Session:
 
     def restart(self) -> None:
         """Let the next frame be labelled and solved like the first."""
-        self._state = self._solver.initial_state
         self._labeller.reset()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Let the next frame be solved like the first."""
+        self._state = self._solver.initial_state
         self._quality.reset()
         if self._hypotheses is not None:
             self._hypotheses.reset()
@@ -105,8 +115,6 @@ class Session:
     def _track(self, frame: MarkerFrame) -> tuple[Observation, Solution | None]:
         """Label and solve a frame by the pose before."""
         observation = self._labeller.label(frame, self._state.markers_m, self._elapsed_s(frame.time_s))
-        if self._labeller.has_relabelled:
-            self._state = self._solver.initial_state
         solution, self._state = self._solver.step(self._state, observation, frame.time_s)
         if self._quality.is_pose_check_due(frame.time_s, observation, solution) and solution is not None:
             solution = self._escape_local_minimum(frame.time_s, observation, solution)
@@ -119,13 +127,17 @@ class Session:
         """
         settings = self._quality.settings
         state = self._solver.forget_poses(self._state)
-        if not self._solver.closest_m(state, observation) < settings.promising * solution.nearest_m:
+        if not self._nearness(state, solution, observation) < settings.promising:
             return solution
         found, state = self._solver.step(state, observation, time_s)
         if found is None or not found.nearest_m < settings.nearer * solution.nearest_m:
             return solution
         self._state = state
         return found
+
+    def _nearness(self, state: SolverState, solution: Solution, observation: Observation) -> float:
+        """Return the distance of other markers' closest example over the solution's."""
+        return self._solver.closest_m(state, observation) / solution.nearest_m
 
     def _track_hypotheses(self, frame: MarkerFrame, tracker: HypothesisTracker) -> tuple[Observation, Solution | None]:
         """Label and solve a frame of one camera by the best of several hypotheses."""
@@ -134,15 +146,6 @@ class Session:
             return Observation.of_points(np.full((len(self.subject.marker_set), 3), np.nan)), None
         self._state = best.state
         return best.observation, best.solution
-
-    def _is_mislabelled(self, frame: MarkerFrame, pose: PerformerPose) -> bool:
-        """Return whether the points, labelled without a past, are more like a body."""
-        if is_labelled(frame) or not self.is_tracking or not self._quality.is_label_check_due(pose):
-            return False
-        start, gain = self.label_initially(frame.points_m), 0.0
-        if start is not None:
-            gain = self._labeller.label_cost(frame, pose.observed_m, pose.markers_m) - start.cost
-        return self._quality.are_labels_disproved(gain, pose.time_s)
 
     def _solved_pose(self, frame: MarkerFrame, observation: Observation, solution: Solution) -> PerformerPose:
         # with one camera the distance of the markers from their rays counts
@@ -157,13 +160,13 @@ class Session:
         notes += [TrackingNote.HELD.value] if held else []
         rotations = self._model.rotations(solution.pose, solution.root)
         rotations = self._easer.step(frame.time_s, rotations, shown.points_m, held)
+        is_sure = self._has_one_camera or is_labelled(frame)
         return PerformerPose(
             number=frame.number,
             time_s=frame.time_s,
             rotations=rotations,
             root_position_m=solution.root.position_m,
-            confidence=fit.confidence
-            * (1.0 if self._has_one_camera or is_labelled(frame) else self._quality.label_confidence),
+            confidence=fit.confidence * (1.0 if is_sure else self._labeller.confidence(frame, observation.points_m)),
             markers_m=solution.markers_m,
             observed_m=observation.points_m,
             single_cameras=observation.cameras,

@@ -32,14 +32,8 @@ class TrackingSettings:
         wrong_for_s: duration of wrong markers, after which labelling starts again.
         lost_for_s: duration without two torso markers, after which labelling starts again.
         torso_markers: fewest by which the torso is seen.
-        first_check_s: wait before the first check of labels or of a doubtful pose; each further wait is doubled.
-        label_check_s: the same while labels are doubtful; they are checked at once when confidence falls.
-        rare_check_s: longest wait; from then on labels are checked at low confidence only.
-        doubtful: that confidence.
-        better: of the logarithm of the likelihood, from which a check speaks for new labels.
-        confirmations: checks in a row that find nothing better, until which labels without a past are not trusted.
-        unconfirmed: share of its confidence that a pose has until then.
-        proven: sum of it over checks in a row, from which the present labels are wrong.
+        first_check_s: wait before the first check of a doubtful pose; each further wait is doubled.
+        rare_check_s: longest wait.
         sufficient: share of located markers needed to doubt a pose: some example or other is near to fewer.
         promising: share of the distance to the closest example, below which a pose without a past is solved.
         nearer: share of the same distance, below which a pose without a past is the right one.
@@ -52,13 +46,7 @@ class TrackingSettings:
     lost_for_s: float = 1.0
     torso_markers: int = 2
     first_check_s: float = 0.1
-    label_check_s: float = 0.03
     rare_check_s: float = 1.0
-    doubtful: float = 0.5
-    better: float = 3.0
-    confirmations: int = 3
-    unconfirmed: float = 0.3
-    proven: float = 12.0
     sufficient: float = 0.75
     promising: float = 0.6
     nearer: float = 0.5
@@ -108,7 +96,7 @@ class _Lapse:
 
 
 class TrackingQuality:
-    """Decides when to doubt the labels or the pose of a tracked body.
+    """Decides when a tracked body is lost, and when to doubt its pose.
 
     With `one_camera`, markers on its rays count as seen.
     """
@@ -121,8 +109,6 @@ class TrackingQuality:
     def reset(self) -> None:
         """Forget the poses so far."""
         self._unseen, self._wrong = _Lapse(), _Lapse()
-        self._label_check = Backoff(self.settings.label_check_s, self.settings.rare_check_s)
-        self._was_doubtful, self._against_labels, self._confirmed = False, 0.0, 0
         self._pose_check = Backoff(self.settings.first_check_s, self.settings.rare_check_s)
 
     def is_lost(self, pose: PerformerPose) -> bool:
@@ -132,44 +118,6 @@ class TrackingQuality:
         unseen_s = self._unseen.update(now_s, bool(np.sum(seen & self._torso) >= settings.torso_markers))
         wrong_s = self._wrong.update(now_s, not pose.marker_rms_m > settings.wrong_m)
         return unseen_s > settings.lost_for_s or wrong_s > settings.wrong_for_s
-
-    def is_label_check_due(self, pose: PerformerPose) -> bool:
-        """Return whether to compare the labels with new ones now.
-
-        Due at once when confidence falls, soon while new labels seem better, then ever more rarely.
-        """
-        check, doubtful = self._label_check, pose.confidence < self.settings.doubtful
-        if doubtful and not self._was_doubtful:
-            self._label_check = check = Backoff(self.settings.label_check_s, self.settings.rare_check_s)
-            check.reset(pose.time_s - self.settings.label_check_s)
-        self._was_doubtful = doubtful
-        if not check.is_due(pose.time_s) or (check.is_longest and not doubtful):
-            return False
-        check.attempt(pose.time_s)
-        return True
-
-    @property
-    def label_confidence(self) -> float:
-        """Share of its confidence that a pose with these labels deserves."""
-        return 1.0 if self._confirmed >= self.settings.confirmations else self.settings.unconfirmed
-
-    def are_labels_disproved(self, gain: float, time_s: float) -> bool:
-        """Return whether checks have shown that the labels are wrong.
-
-        Args:
-            gain: logarithm of the likelihood of new labels over that of the present ones.
-        """
-        if gain < self.settings.better:
-            self._against_labels, self._confirmed = 0.0, self._confirmed + 1
-            if self._confirmed < self.settings.confirmations:
-                self._label_check.reset(time_s)
-            return False
-        self._confirmed = 0
-        self._against_labels += gain
-        if self._against_labels > self.settings.proven:
-            return True
-        self._label_check.reset(time_s)  # look again soon
-        return False
 
     def is_pose_check_due(self, time_s: float, observation: Observation, solution: Solution | None) -> bool:
         """Return whether to compare the pose with one without a past now.

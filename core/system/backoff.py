@@ -25,11 +25,6 @@ class Backoff:
             self._since_s = now_s
         return now_s - self._since_s >= self._wait_s
 
-    @property
-    def is_longest(self) -> bool:
-        """Whether the wait has grown to the longest."""
-        return self._wait_s >= self._longest_s
-
     def attempt(self, now_s: float) -> None:
         """Begin the next wait, twice as long."""
         self._since_s, self._wait_s = now_s, min(2.0 * self._wait_s, self._longest_s)

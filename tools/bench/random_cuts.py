@@ -23,7 +23,7 @@ from .methods import WITHOUT_PRIOR
 BEFORE, AFTER = 45, 75  # frames of a cut's two takes
 
 _UNSOLVABLE = ("49_21",)  # hangs on ropes, which nobody does in the database
-_HIDDEN = (0, 12, 60, 300)  # frames without any marker between the takes
+_HIDDEN = (0, 12, 30, 60, 300)  # frames without any marker between the takes
 _T_POSE_EVERY = 3  # cuts, of which one comes from a T pose
 _TURN_RAD, _SHIFT_M = 1.2, 0.5  # how far, at most, the second take faces and begins elsewhere
 _NOISE_M, _LOST, _GHOSTS = 0.002, 0.03, 0.1  # noise; shares of lost markers, and of frames with a ghost

@@ -7,10 +7,19 @@ from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import SubjectError, TakeError
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
+from perfanim.core.session.solve_take import solve_take
 from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.subjects.from_motion import frames_of, subject_from_motion
 
 LEGS = ("lfemur", "ltibia", "rfemur", "rtibia")
+
+
+def explained(take, subject, database):
+    """Share of the take's frames that the subject's body explains, as the fit asks of frames to learn from."""
+    poses = solve_take(take, subject, database, SolveSettings(), lambda fraction, text: None).poses_of()
+    away = [np.nanmedian(np.linalg.norm(pose.markers_m - pose.observed_m, axis=1)) for pose in poses]
+    return np.mean([distance_m < 0.06 for distance_m in away])
 
 
 def bones(skeleton, names=LEGS):
@@ -47,6 +56,7 @@ def test_body_and_offsets_come_closer_to_the_truth(embedded_motion, take, worn, 
     assert fit.residual_m < 0.01
     off = np.linalg.norm(fit.marker_set.offsets_m - worn.offsets_m, axis=1)
     assert np.median(off) < 0.025
+    assert explained(frames_of(take, slice(0, 300)), fit, database) > 0.8
     assert fit.marker_set.names == take.names
 
 
@@ -68,6 +78,7 @@ def test_markers_on_wands_are_found_where_they_are(embedded_motion, database):
     motion = sliced(embedded_motion["walking-02-energetic"], 0, 90)
     take = simulate_markers(motion, suit.with_offsets(offsets), noise_mm=2.0, seed=5)[0]
     fit = subject_from_motion(take, Subject("walker", motion.skeleton, suit), database)
+    assert explained(take, fit, database) > 0.8
     assert fit.residual_m < 0.01
     off = np.linalg.norm(fit.marker_set.offsets_m - offsets, axis=1)
     assert np.max(off[wands]) < 0.5 * 0.15  # drawn to the usual place, but less than halfway

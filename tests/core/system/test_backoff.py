@@ -8,7 +8,6 @@ def test_waits_double_up_to_the_longest():
             attempts.append(now)
             backoff.attempt(float(now))
     assert attempts == [1, 3, 7, 11, 15, 19]
-    assert backoff.is_longest
 
 
 def test_a_reset_begins_with_the_first_wait():
@@ -18,4 +17,3 @@ def test_a_reset_begins_with_the_first_wait():
     backoff.reset(5.0)
     assert not backoff.is_due(5.5)
     assert backoff.is_due(6.0)
-    assert not backoff.is_longest

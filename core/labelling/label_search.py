@@ -1,0 +1,53 @@
+"""Labels without a past, searched while frames go on."""
+
+from ..geometry.arrays import Array, IntArray
+from .initial_labelling import InitialLabeller, InitialLabels
+from .labeller import Labeller
+
+WORK = 1_000_000  # array elements that one frame handles, about 3 ms
+WORK_ALONE = 5_500_000  # the same in a frame without a body to follow
+
+
+class LabelSearch:
+    """Search for labels of one frame's points, a piece of it in each further frame.
+
+    What it finds is carried to the last frame by following the points.
+
+    Args:
+        points_m: (N, 3) points of the frame that it begins with.
+        follower: new labeller, which follows the labels found.
+
+    Attributes:
+        found: result for the first frame's points; None if they look like no body.
+    """
+
+    def __init__(self, initial: InitialLabeller, points_m: Array, follower: Labeller) -> None:
+        self.found: InitialLabels | None = None
+        self.points_m = points_m
+        self._search, self._is_done = initial.search(points_m), False
+        self._later: list[tuple[Array, float]] = []
+        self._follower = follower
+
+    def follow(self, points_m: Array, elapsed_s: float) -> None:
+        """Add the points (N, 3) of the next frame."""
+        self._later.append((points_m, elapsed_s))
+
+    def advance(self, work: float = WORK) -> bool:
+        """Do a frame's share of the work; return whether nothing is left."""
+        while not self._is_done and work > 0.0:
+            try:
+                work -= next(self._search)
+            except StopIteration as end:
+                self.found, self._is_done = end.value, True
+        return self._is_done
+
+    def labellings(self) -> list[tuple[IntArray, float]]:
+        """Return all labels (N,) of the first points with costs, likeliest first."""
+        return [(self.found.labels, self.found.cost), *self.found.rivals] if self.found else []
+
+    def carry(self, labels: IntArray) -> tuple[Labeller, IntArray]:
+        """Return a labeller that has followed labels (N,) to the last frame's (N,)."""
+        self._follower.begin(self.points_m, labels)
+        for points_m, elapsed_s in self._later:
+            labels = self._follower.follow(points_m, elapsed_s)
+        return self._follower, labels

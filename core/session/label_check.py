@@ -1,0 +1,141 @@
+"""Checks of a tracked body's labels against labels without a past."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..body.scene_pose import PerformerPose
+from ..geometry.arrays import Array, IntArray, Mask
+from ..labelling.initial_labelling import InitialLabeller, InitialLabels
+from ..labelling.label_search import LabelSearch
+from ..labelling.labeller import Labeller
+from ..markers.marker_frame import MarkerFrame
+
+_FIRST_S, _RARE_S = 0.03, 1.0  # wait between checks; each further one is doubled while labels are certain
+_DOUBTFUL_S = 0.1  # longest wait for a doubtful pose, and between two looks for examples
+_DOUBTFUL = 0.5  # confidence, for the markers located, below which a pose is doubtful
+_STRAYS = 2  # points without a marker beside as many markers without a point, from which labels are doubtful
+_TORSO_MARKERS = 2  # fewest by which the torso is seen
+_ENOUGH = 0.6  # share of the markers that must be seen, for a check to have a meaning
+_SAME_M = 0.02  # distance up to which two points are the same
+_UNCERTAIN = 0.3  # share of its confidence that a pose with uncertain labels has
+
+# gains are logarithms of the likelihood of other labels over that of the present ones
+_CERTAIN = -2.0  # below this one check makes the present labels certain,
+_UNCLEAR = -0.8  # above this it does not confirm them; several between these make them certain, too
+_CONFIRMATIONS = 3.0  # times as much is needed for the labels of a doubtful pose
+_BETTER = 1.0  # above this labels are uncertain again
+_PLAUSIBLE = -4.0  # above this, others than the present labels of a doubtful pose are right, if
+_NEARER = 0.7  # the closest example is nearer to them than this share of the present distance
+_PROVEN = 5.0  # sum of gains, above which others are right if an example is nearer to them; or that name more points
+_DECISIVE = 8.0  # above this they are right in any case
+
+
+class Rival(NamedTuple):
+    """Labels (N,) of a search's points, right if an example is so much nearer."""
+
+    search: LabelSearch
+    labels: IntArray
+    nearer: float
+
+
+class LabelCheck:
+    """Decides how sure the labels of a tracked body are, and when they are wrong.
+
+    Args:
+        names, torso: as of a `Labeller`.
+    """
+
+    def __init__(self, initial: InitialLabeller, names: tuple[str, ...], torso: Mask) -> None:
+        self._initial, self._names, self._torso = initial, names, torso
+        self._search: LabelSearch | None = None
+        self._present_m, self._present_cost = np.empty((0, 3)), 0.0
+        self._confirmed, self._against, self._was_doubtful = 0.0, 0.0, False
+        self._wait_s, self._checked_s, self._looked_s = _FIRST_S, -np.inf, -np.inf
+
+    def begin(self, time_s: float, start: InitialLabels | None = None) -> None:
+        """Judge labels that a search has just found by those that it found besides."""
+        self._checked_s = time_s
+        if start is not None:
+            self._confirmed = _confirmation(max((start.cost - cost for _, cost in start.rivals), default=-np.inf))
+
+    def confidence(self, frame: MarkerFrame, observed_m: Array) -> float:
+        """Return the share of its confidence that a pose with these labels deserves."""
+        certain = self._is_certain(self._was_doubtful) and _strays(frame, observed_m) < _STRAYS
+        return 1.0 if certain else _UNCERTAIN
+
+    def step(self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose) -> Rival | None:
+        """Return other labels that have just turned out to be likely, if any."""
+        doubtful = self._is_doubtful(frame, pose)
+        if self._search is not None:
+            self._search.follow(frame.points_m, elapsed_s)
+        elif self._is_due(frame, pose, doubtful):
+            self._search = LabelSearch(self._initial, frame.points_m, Labeller(self._names, self._torso))
+            self._present_m = pose.observed_m
+            ghosts = max(len(frame.points_m) - int(np.sum(np.isfinite(pose.observed_m[:, 0]))), 0)
+            self._present_cost = self._initial.cost(pose.observed_m, pose.markers_m, ghosts)
+        if self._search is None or not self._search.advance():
+            return None
+        search, self._search = self._search, None
+        return self._judge(search, doubtful, pose.time_s)
+
+    def _is_doubtful(self, frame: MarkerFrame, pose: PerformerPose) -> bool:
+        """Return whether the pose, or points without a name, speak against the labels."""
+        located = np.isfinite(pose.observed_m[:, 0])
+        explained = pose.confidence / (self.confidence(frame, pose.observed_m) * max(np.mean(located), 1e-3))
+        unseen = np.sum(located & self._torso) < _TORSO_MARKERS
+        return bool(explained < _DOUBTFUL or unseen or _strays(frame, pose.observed_m) >= _STRAYS)
+
+    def _is_due(self, frame: MarkerFrame, pose: PerformerPose, doubtful: bool) -> bool:
+        """Return whether to compare the labels with others now."""
+        turned, self._was_doubtful = doubtful and not self._was_doubtful, doubtful
+        if turned:
+            self._confirmed = 0.0
+        if not self._is_certain(doubtful):
+            self._wait_s = _FIRST_S
+        waited_s = pose.time_s - self._checked_s
+        if waited_s == 0.0 or (waited_s < self._wait_s and not turned):
+            return False
+        if len(frame.points_m) < _ENOUGH * len(self._names):
+            return False
+        self._checked_s = pose.time_s
+        self._wait_s = min(2.0 * self._wait_s, _DOUBTFUL_S if doubtful else _RARE_S)
+        return True
+
+    def _is_certain(self, doubtful: bool) -> bool:
+        return self._confirmed >= (_CONFIRMATIONS if doubtful else 1.0)
+
+    def _judge(self, search: LabelSearch, doubtful: bool, time_s: float) -> Rival | None:
+        """Return the likeliest labels but the present ones, if likely enough."""
+        others = [other for other in search.labellings() if not self._is_present(other[0], search.points_m)]
+        labels, cost = others[0] if others else (None, np.inf)
+        gain = self._present_cost - cost
+        self._against = max(self._against + gain, 0.0)
+        self._confirmed = self._confirmed + _confirmation(gain) if gain < _BETTER else 0.0
+        if labels is None:
+            return None
+        names_more = np.sum(labels >= 0) > np.sum(np.isfinite(self._present_m[:, 0]))
+        if gain > (_PROVEN if names_more else _DECISIVE):
+            return Rival(search, labels, np.inf)
+        is_better = self._against > _PROVEN
+        if (not is_better and not (doubtful and gain > _PLAUSIBLE)) or time_s - self._looked_s < _DOUBTFUL_S:
+            return None
+        self._looked_s = time_s
+        return Rival(search, labels, 1.0 if is_better else _NEARER)
+
+    def _is_present(self, labels: IntArray, points_m: Array) -> bool:
+        other = np.full(self._present_m.shape, np.nan)
+        other[labels[labels >= 0]] = points_m[labels >= 0]
+        seen = np.isfinite(other[:, 0])
+        is_same = np.array_equal(seen, np.isfinite(self._present_m[:, 0]))
+        return is_same and bool(np.all(np.linalg.norm(other - self._present_m, axis=1)[seen] < _SAME_M))
+
+
+def _confirmation(gain: float) -> float:
+    """Return how much a check confirms the present labels, 0 to 1."""
+    return float(np.clip((_UNCLEAR - gain) / (_UNCLEAR - _CERTAIN), 0.0, 1.0))
+
+
+def _strays(frame: MarkerFrame, observed_m: Array) -> int:
+    """Return how many points without a marker may be markers without a point."""
+    return min(len(frame.points_m), len(observed_m)) - int(np.sum(np.isfinite(observed_m[:, 0])))
