@@ -1,5 +1,20 @@
 """Error tree: each error has a fact, a place and an advice."""
 
+MOST_TEXT = 300  # characters of a message
+_SHARES = (90, 115, 90)  # of place, fact and advice, where they are too long together
+
+
+def printable(text: str) -> str:
+    """Return a text with what is no UTF-8 escaped, as bytes of a file's name may be."""
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+def shorten(text: str, most: int) -> str:
+    """Return a printable text, without its middle if it is longer than `most`."""
+    text = printable(text)
+    half = (most - 3) // 2
+    return text if len(text) <= most else f"{text[:half]}...{text[-half:]}"
+
 
 class PerfanimError(Exception):
     """Base of all errors that are reported to the user in one line.
@@ -11,6 +26,9 @@ class PerfanimError(Exception):
     """
 
     def __init__(self, what: str, *, where: str = "", advice: str = "") -> None:
+        whole = len(where) + len(what) + len(advice) + 4 <= MOST_TEXT
+        parts = zip((where, what, advice), _SHARES, strict=True)
+        where, what, advice = (shorten(part, MOST_TEXT if whole else share) for part, share in parts)
         self.what = what
         self.where = where
         self.advice = advice

@@ -9,6 +9,8 @@ from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray
 from .skeleton import Skeleton
 
+LEAST_FPS, MOST_FPS = 1.0, 2000.0  # of motion and markers in files
+
 
 @dataclass(frozen=True)
 class Motion:

@@ -14,6 +14,9 @@ from ..errors import SkeletonError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, Mask
 
+MOST_JOINTS = 2000  # of a file's hierarchy
+_LONGEST_BONE_M = 10.0
+
 
 @dataclass(frozen=True)
 class Skeleton:
@@ -58,6 +61,10 @@ class Skeleton:
             raise SkeletonError("joint 0 must be the only root and parents must come before their children")
         if not (np.all(np.isfinite(self.offsets_m)) and np.all(np.isfinite(self.tips_m))):
             raise SkeletonError("joint offsets must be finite numbers")
+        if np.any(np.linalg.norm(self.offsets_m[1:], axis=1) > _LONGEST_BONE_M):
+            raise SkeletonError(f"a bone is longer than {_LONGEST_BONE_M:g} m", advice="check the unit of length")
+        if not np.all(np.abs(np.linalg.norm(self.angle_axes, axis=1) - 1.0) < 1e-3):
+            raise SkeletonError("the axes of an angle are no rotation")
 
     def __len__(self) -> int:
         return len(self.names)

@@ -4,6 +4,7 @@ Exit status: 0 done; 1 bad input or failed work (one line on stderr); 2 wrong us
 """
 
 import argparse
+import io
 import json
 import math
 import os
@@ -43,6 +44,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # OpenCV and its video reader would write their own lines beside ours.
 os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(1 << 27))  # a small file may declare any size
 
 _MOST_ROWS = 60  # of a report that are printed
 
@@ -98,13 +100,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = sys.argv[1:] if argv is None else argv
     args = build_parser(given[:1] if given and given[0] in COMMANDS else COMMANDS).parse_args(given)
     progress = Progress()
+    if isinstance(sys.stdout, io.TextIOWrapper):  # names of files may be no text
+        sys.stdout.reconfigure(errors="backslashreplace")
     # SIGTERM ends like any error: half-written files are removed on the way out
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     try:
         summary = args.run(args, progress)
-    except PerfanimError as error:
+    except (PerfanimError, OSError, MemoryError, UnicodeError) as error:
         progress.clear()
-        sys.stderr.write("perfanim: " + " ".join(str(error).split()) + "\n")
+        own = error if isinstance(error, PerfanimError) else PerfanimError(f"failed ({error or 'out of memory'})")
+        sys.stderr.write("perfanim: " + " ".join(str(own).split()) + "\n")
         return 1
     except KeyboardInterrupt:
         progress.clear()

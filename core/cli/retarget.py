@@ -13,6 +13,7 @@ from typing import Any
 from ..errors import CharacterError, FormatError
 from ..retarget.joint_naming import NAMINGS
 from ..system import helper_process
+from ..system.files import is_file
 from ..system.progress import Progress
 from .options import add_character_options, add_text
 
@@ -86,7 +87,7 @@ def check_blender(blender: str | None) -> None:
         raise CharacterError(
             "Blender's Python module is not here", advice="pip install bpy, of the same Python, or name a --blender"
         )
-    if blender is not None and not Path(blender).is_file():
+    if blender is not None and not is_file(blender):
         raise CharacterError("is no program", where=blender, advice="name the file of Blender's program")
 
 

@@ -21,7 +21,7 @@ from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import DatabaseError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray
-from ..system.files import atomic_path
+from ..system.files import atomic_path, open_foreign, reading
 from .graph import GraphSettings, NeighbourGraph, build_graph
 
 DATABASE_SUFFIX = ".pfdb"
@@ -32,6 +32,10 @@ _VERSION = 2
 _COMMON_ZERO_VERSION = 1  # without zeros of the subjects
 _PREAMBLE = struct.Struct("<12sIQQ32s")
 _ALIGNMENT = 64
+_SLOWEST, _FASTEST = 1.0, 2000.0  # frames per second
+_UNIT = 1e-3  # by which the length of a stored quaternion may differ from 1
+_FARTHEST = 1e5  # metres or radians
+_CHUNK = 1 << 14  # frames looked at together
 _SAME_BONES_M = 2e-4  # offsets that differ by less are one body, written with other rounding
 
 
@@ -210,12 +214,15 @@ def save_database(database: Database, graph: GraphSettings | None = None) -> Non
 
 def _check_parts(database: Database) -> None:
     where, clips, shape = str(database.path), database.clips, database.root_positions_m.shape
+    if not (_SLOWEST <= database.fps <= _FASTEST and database.frames):
+        raise DatabaseError(f"holds {database.frames} frames at {database.fps} frames per second", where=where)
     if shape != (database.frames, 3):
         raise DatabaseError(f"root positions have shape {shape}, not ({database.frames}, 3)", where=where)
     edges = [clip.start for clip in clips] + [database.frames]
     if edges[0] != 0 or [clip.stop for clip in clips] != edges[1:]:
         raise DatabaseError("clips do not cover the frames", where=where)
-    if not all(0 <= clip.skeleton < len(database.skeletons) for clip in clips):
+    bodies = [clip.skeleton for clip in clips] + [zero.skeleton for zero in database.zeros]
+    if not all(0 <= body < len(database.skeletons) for body in bodies):
         raise DatabaseError("a clip has no skeleton", where=where)
 
 
@@ -245,46 +252,88 @@ def open_database(path: str | Path) -> Database:
     """
     path = Path(path)
     advice = "build it again with `perfanim database build`, or import the motion again"
-    try:
-        size = path.stat().st_size
-        with path.open("rb") as stream:
-            preamble = stream.read(_PREAMBLE.size)
-            if len(preamble) < _PREAMBLE.size or not preamble.startswith(_MAGIC):
-                raise DatabaseError("is not a motion database", where=str(path), advice=advice)
-            _, version, header_bytes, file_bytes, digest = _PREAMBLE.unpack(preamble)
-            if version not in (_COMMON_ZERO_VERSION, _VERSION):
-                raise DatabaseError(f"has version {version}, not {_VERSION}", where=str(path), advice=advice)
-            if size != file_bytes:
-                raise DatabaseError(f"is cut off: {size} of {file_bytes} bytes", where=str(path), advice=advice)
-            header = stream.read(min(header_bytes, size))
-    except OSError as error:
-        raise DatabaseError(f"cannot be read ({error.strerror})", where=str(path), advice="check the path") from error
-    if hashlib.sha256(header).digest() != digest:
-        raise DatabaseError("is damaged", where=str(path), advice=advice)
-    facts = json.loads(header)
-    if tuple(facts["joints"]) != JOINT_NAMES:
-        raise DatabaseError("was made for other joints", where=str(path), advice=advice)
-    start = _PREAMBLE.size + header_bytes
-    start += -start % _ALIGNMENT
-    arrays = {name: _map_array(path, start, row) for name, row in facts["arrays"].items()}
-    return Database(
+    with open_foreign(path, DatabaseError) as stream, reading(path, DatabaseError, advice):
+        size = stream.seek(0, 2)
+        stream.seek(0)
+        preamble = stream.read(_PREAMBLE.size)
+        if len(preamble) < _PREAMBLE.size or not preamble.startswith(_MAGIC):
+            raise DatabaseError("is not a motion database", where=str(path), advice=advice)
+        _, version, header_bytes, file_bytes, digest = _PREAMBLE.unpack(preamble)
+        if version not in (_COMMON_ZERO_VERSION, _VERSION):
+            raise DatabaseError(f"has version {version}, not {_VERSION}", where=str(path), advice=advice)
+        if size != file_bytes:
+            raise DatabaseError(f"is cut off: {size} of {file_bytes} bytes", where=str(path), advice=advice)
+        header = stream.read(min(header_bytes, size))
+        if hashlib.sha256(header).digest() != digest:
+            raise DatabaseError("is damaged", where=str(path), advice=advice)
+        facts = json.loads(header)
+        if tuple(facts["joints"]) != JOINT_NAMES:
+            raise DatabaseError("was made for other joints", where=str(path), advice=advice)
+        start = _PREAMBLE.size + header_bytes
+        start += -start % _ALIGNMENT
+        return _database_from(
+            path, facts, {name: _map_array(path, start, row) for name, row in facts["arrays"].items()}
+        )
+
+
+def _database_from(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Database:
+    """Return the database of a header and mapped arrays; any error for a damaged one."""
+    frames, joints, zeros = len(arrays["poses"]), len(JOINT_NAMES), facts.get("zeros", ())
+    expected = {
+        "mean_rotations": ("<f8", (joints, 4)),
+        "poses": ("<f4", (frames, joints - 1, 3)),
+        "root_rotations": ("<f4", (frames, 4)),
+        "root_positions_m": ("<f4", (frames, 3)),
+        "zeros": ("<f8", (len(zeros), joints, 4)),
+        "neighbours": ("<i4", (frames, arrays["neighbours"].shape[-1] if "neighbours" in arrays else 0)),
+        "clusters": ("<i4", (frames,)),
+    }
+    for name, array in arrays.items():
+        if (array.dtype.str, array.shape) != expected[name]:
+            raise ValueError(f"{name} has the shape {array.shape} and the type {array.dtype.str}")
+    own = [
+        Zero(str(subject), int(skeleton), bool(mirrored), np.array(rotations))
+        for (subject, skeleton, mirrored), rotations in zip(zeros, arrays.get("zeros", ()), strict=True)
+    ]
+    database = Database(
         path=path,
-        fps=facts["fps"],
-        clips=tuple(Clip(**clip) for clip in facts["clips"]),
+        fps=float(facts["fps"]),
+        clips=tuple(
+            Clip(**{key: Clip.__annotations__[key](value) for key, value in row.items()}) for row in facts["clips"]
+        ),
         skeletons=tuple(_skeleton_from_facts(row) for row in facts["skeletons"]),
         mean_rotations=np.array(arrays["mean_rotations"]),
         poses=arrays["poses"],
         root_rotations=arrays["root_rotations"],
         root_positions_m=arrays["root_positions_m"],
         graph=NeighbourGraph(arrays["neighbours"], arrays["clusters"]) if "neighbours" in arrays else None,
-        culled_frames=facts.get("culled_frames", 0),
-        zeros=tuple(
-            Zero(subject, skeleton, mirrored, np.array(rotations))
-            for (subject, skeleton, mirrored), rotations in zip(
-                facts.get("zeros", ()), arrays.get("zeros", ()), strict=True
-            )
-        ),
+        culled_frames=int(facts.get("culled_frames", 0)),
+        zeros=tuple(own),
     )
+    _check_parts(database)
+    for rotations in (database.mean_rotations, *(zero.rotations for zero in own)):
+        if not np.all(np.abs(np.linalg.norm(rotations, axis=-1) - 1.0) < _UNIT):
+            raise ValueError("a zero is no rotation")
+    return database
+
+
+def check_arrays(database: Database) -> None:
+    """Read all poses once; DatabaseError where a number is not finite, or no rotation.
+
+    What opens a database does not read it. What solves with it does, and calls this.
+    """
+    for frames in range(0, database.frames, _CHUNK):
+        part = slice(frames, frames + _CHUNK)
+        lengths = np.linalg.norm(database.root_rotations[part], axis=1)
+        largest = max(np.max(np.abs(database.poses[part])), np.max(np.abs(database.root_positions_m[part])))
+        fine = bool(np.all(np.abs(lengths - 1.0) < _UNIT) and largest < _FARTHEST)
+        if database.graph is not None:
+            joined, clusters = database.graph.neighbours[part], database.graph.clusters[part]
+            fine &= bool(np.all((joined >= -1) & (joined < database.frames)) and np.all(clusters >= 0))
+            fine &= bool(np.all(clusters < database.frames))
+        if not fine:
+            where, advice = f"{database.path}, frames from {frames}", "build the database again"
+            raise DatabaseError("holds numbers that are no poses", where=where, advice=advice)
 
 
 def identity(database: Database) -> dict[str, Any]:
@@ -296,6 +345,8 @@ def identity(database: Database) -> dict[str, Any]:
 
 
 def _map_array(path: Path, start: int, row: Mapping[str, Any]) -> NDArray[Any]:
+    if not row["offset"] >= 0:
+        raise ValueError("an array lies before the others")
     return np.memmap(path, dtype=row["dtype"], mode="r", offset=start + row["offset"], shape=tuple(row["shape"]))
 
 

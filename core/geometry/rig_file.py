@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import CalibrationError
-from ..system.files import read_bytes, read_toml, write_toml
+from ..system.files import read_bytes, read_toml, reading, write_toml
 from . import rotations as rot
 from .camera import Camera, CameraRig
 from .rig_import import caliscope_rows, level_from_world, qualisys_rows
@@ -86,11 +86,11 @@ def _levelled(cameras: Sequence[Camera], metadata: Mapping[str, Any]) -> CameraR
 
 def _camera_order(key: str) -> tuple[int, str]:
     suffix = key.removeprefix("cam_")
-    return (int(suffix) if suffix.isdigit() else 10**9, key)
+    return (int(suffix) if suffix.isdecimal() and len(suffix) < 9 else 10**9, key)
 
 
 def _camera_from(row: Mapping[str, Any], where: str) -> Camera:
-    try:
+    with reading(where, CalibrationError, "calibrate the cameras again", "a camera table is incomplete"):
         if row.get("fisheye", False):
             raise CalibrationError(
                 "fisheye lenses are not supported", where=where, advice="calibrate with the standard lens model"
@@ -110,10 +110,6 @@ def _camera_from(row: Mapping[str, Any], where: str) -> Camera:
             rotation=matrix,
             translation_m=np.asarray(row["translation"], dtype=np.float64),
         )
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-        raise CalibrationError(
-            f"a camera table is incomplete ({error})", where=where, advice="calibrate the cameras again"
-        ) from error
 
 
 def _spread(cameras: Sequence[Camera]) -> float:

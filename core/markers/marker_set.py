@@ -11,7 +11,7 @@ from ..body.skeleton import Skeleton
 from ..errors import MarkerSetError
 from ..geometry.arrays import Array, IntArray, Mask
 from ..system.assets import MARKER_SETS
-from ..system.files import read_toml
+from ..system.files import is_file, read_toml
 
 _MINIMUM_TORSO_MARKERS = 3
 
@@ -112,9 +112,9 @@ def marker_set_names() -> tuple[str, ...]:
 def load_marker_set(name_or_path: str | Path) -> MarkerSet:
     """Return a shipped marker set by its name, or one from a TOML file."""
     path = MARKER_SETS / f"{name_or_path}.toml"
-    if not path.is_file():
+    if not is_file(path):
         path = Path(name_or_path)
-    if not path.is_file():
+    if not is_file(path):
         raise MarkerSetError(
             f"there is no marker set or file {str(name_or_path)!r}",
             advice="shipped sets: " + ", ".join(marker_set_names()),
@@ -138,7 +138,7 @@ def _marker(row: Mapping[str, Any], where: str) -> Marker:
     if offset is not None:
         try:
             x, y, z = (float(value) for value in offset)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise MarkerSetError("offset_m must be three numbers", where=f"{where}, {row['name']}") from None
         offset = (x, y, z)
     also = row.get("also", [])

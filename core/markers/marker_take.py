@@ -1,7 +1,5 @@
 """Labelled marker trajectories: tracked, simulated, or of other systems."""
 
-import zipfile
-import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,15 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import CalibrationError, TakeError
+from ..body.motion import MOST_FPS
+from ..errors import TakeError, printable
 from ..geometry.arrays import Array, IntArray, Mask
 from ..geometry.camera import Camera, CameraRig
-from ..system.files import atomic_path
+from ..geometry.npz import read_arrays
+from ..system.files import atomic_path, reading
 
 _KIND = "perfanim marker take"
 _VERSION = 1
-# what numpy and zipfile raise on files that are none of theirs, or damaged ones
-_DAMAGE = (KeyError, ValueError, EOFError, TypeError, RuntimeError, zipfile.BadZipFile, zlib.error, MemoryError)
 
 
 @dataclass(frozen=True)
@@ -62,7 +60,8 @@ class MarkerTake:
     single: SingleViews | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "names", tuple(self.names))
+        object.__setattr__(self, "name", printable(self.name))
+        object.__setattr__(self, "names", tuple(printable(name) for name in self.names))
         object.__setattr__(self, "positions_m", np.asarray(self.positions_m, dtype=np.float64))
         frames = len(self.positions_m)
         if len(self.frame_numbers) == 0:
@@ -77,16 +76,22 @@ class MarkerTake:
             )
         if len(set(self.names)) != len(self.names):
             raise TakeError("marker names are not unique", where=self.name)
-        if not (np.isfinite(self.fps) and self.fps > 0.0):
-            raise TakeError(f"frame rate {self.fps} is not positive", where=self.name)
-        if len(self.frame_numbers) != frames or len(self.times_s) != frames:
+        if not 0.0 < self.fps <= MOST_FPS:
+            raise TakeError(f"frame rate {self.fps:g} is not positive, or above {MOST_FPS:g}", where=self.name)
+        if np.shape(self.frame_numbers) != (frames,) or np.shape(self.times_s) != (frames,):
             raise TakeError("frame numbers or times do not fit the number of frames", where=self.name)
+        if not np.all(np.isfinite(self.times_s)):
+            raise TakeError("has times that are not finite", where=self.name)
         if self.single is not None:
             self._check_single(self.single)
 
     def _check_single(self, single: SingleViews) -> None:
         shape = self.positions_m.shape[:2]
-        if single.cameras.shape != shape or single.points.shape != (*shape, 2):
+        if (
+            not np.issubdtype(single.cameras.dtype, np.integer)
+            or single.cameras.shape != shape
+            or single.points.shape != (*shape, 2)
+        ):
             raise TakeError("what single cameras show does not fit the markers and frames", where=self.name)
         if not np.all((single.cameras >= -1) & (single.cameras < len(single.rig))):
             raise TakeError(f"markers are shown by cameras that are not among its {len(single.rig)}", where=self.name)
@@ -144,22 +149,16 @@ def _single_from(stored: Mapping[str, Any]) -> SingleViews | None:
 
 def load_take(path: str | Path) -> MarkerTake:
     """Return a take from a .take.npz file; TakeError when it is none or damaged."""
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            if str(stored["kind"]) != _KIND or int(stored["version"]) != _VERSION:
-                raise TakeError("is not a marker take of this version", where=str(path))
-            return MarkerTake(
-                name=str(stored["name"]),
-                fps=float(stored["fps"]),
-                names=tuple(str(name) for name in stored["names"]),
-                positions_m=stored["positions_m"],
-                frame_numbers=stored["frame_numbers"],
-                times_s=stored["times_s"],
-                single=_single_from(stored),
-            )
-    except OSError as error:
-        raise TakeError(
-            f"cannot be read ({error.strerror or error})", where=str(path), advice="check the path"
-        ) from error
-    except (*_DAMAGE, CalibrationError) as error:
-        raise TakeError(f"is not a marker take ({error})", where=str(path), advice="check the file") from error
+    stored = read_arrays(path, TakeError, what="is not a marker take")
+    with reading(path, TakeError, what="is not a marker take"):
+        if str(stored["kind"]) != _KIND or int(stored["version"]) != _VERSION:
+            raise TakeError("is not a marker take of this version", where=str(path))
+        return MarkerTake(
+            name=str(stored["name"]),
+            fps=float(stored["fps"]),
+            names=tuple(str(name) for name in stored["names"]),
+            positions_m=stored["positions_m"],
+            frame_numbers=stored["frame_numbers"].astype(np.int64, casting="same_kind"),
+            times_s=stored["times_s"].astype(np.float64, casting="same_kind"),
+            single=_single_from(stored),
+        )

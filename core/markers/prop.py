@@ -15,7 +15,7 @@ from ..errors import PropError
 from ..geometry.arrays import Array
 from ..geometry.point_patterns import fit_rigid, match_rigid_pattern, planarity_m
 from ..system.assets import PROPS
-from ..system.files import read_toml, write_toml
+from ..system.files import is_file, read_toml, reading, write_toml
 
 FEWEST_MARKERS = 3
 MOST_MARKERS = 12
@@ -113,9 +113,9 @@ def load_prop(name_or_path: str | Path) -> Prop:
         FormatError: the file cannot be read, or is no TOML.
     """
     path = PROPS / f"{name_or_path}.toml"
-    if not path.is_file():
+    if not is_file(path):
         path = Path(name_or_path)
-    if not path.is_file():
+    if not is_file(path):
         advice = f"calibrate it; shipped props: {', '.join(prop_names())}"
         raise PropError(f"there is no prop or file {str(name_or_path)!r}", advice=advice)
     return prop_from(read_toml(path), str(path))
@@ -125,13 +125,11 @@ def prop_from(table: Mapping[str, Any], where: str) -> Prop:
     """Return the prop of a definition's tables; PropError for another version."""
     if table.get("kind") != _KIND or table.get("version") != 1:
         raise PropError("is no prop definition of this version", where=where, advice="calibrate the prop again")
-    try:
+    with reading(where, PropError, "calibrate the prop again"):
         rows = table["marker"]
         names = tuple(str(row["name"]) for row in rows)
         places = np.array([[float(value) for value in row["position_m"]] for row in rows]).reshape(len(rows), 3)
         name, residual_m = str(table["name"]), float(table.get("residual_m", 0.0))
-    except (KeyError, TypeError, ValueError) as error:
-        raise PropError(f"is damaged ({error})", where=where, advice="calibrate the prop again") from error
     return Prop(name, names, places, residual_m)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..body.skeleton import Skeleton
 from ..errors import SubjectError
-from ..system.files import read_toml, write_toml
+from ..system.files import read_toml, reading, write_toml
 from .marker_set import MarkerSet, marker_set_from, marker_set_table
 
 
@@ -81,12 +81,10 @@ def subject_from(table: Mapping[str, Any], where: str) -> Subject:
     """Return the subject of a file's tables; SubjectError for another version."""
     if table.get("kind") != "perfanim subject" or table.get("version") != 1:
         raise SubjectError("is not a subject file of this version", where=where, advice="calibrate the subject again")
-    try:
+    with reading(where, SubjectError, "calibrate the subject again"):
         skeleton = _skeleton_from(table["joint"])
         marker_set = marker_set_from(dict(table["marker_set"]), where=where)
         return Subject(str(table["name"]), skeleton, marker_set, float(table["residual_m"]))
-    except (KeyError, TypeError, ValueError) as error:
-        raise SubjectError(f"is damaged ({error})", where=where, advice="calibrate the subject again") from error
 
 
 def _skeleton_from(joints: list[Mapping[str, Any]]) -> Skeleton:

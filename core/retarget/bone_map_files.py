@@ -14,7 +14,7 @@ from pathlib import Path
 from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import CharacterError, FormatError
 from ..system.assets import ASSETS
-from ..system.files import read_toml, write_toml
+from ..system.files import is_file, read_toml, write_toml
 
 BONE_MAPS = ASSETS / "bone_maps"
 _ENDING = ".toml"
@@ -75,7 +75,7 @@ def load_bone_map(name_or_file: str) -> dict[str, str]:
     paths = preset_paths()
     if name_or_file in paths:
         return read_bone_map(paths[name_or_file])
-    if not Path(name_or_file).is_file():
+    if not is_file(name_or_file):
         raise CharacterError(
             f"there is no bone map {name_or_file!r}",
             advice=f"give a file, or one of {', '.join(sorted(paths))}; without --map it is found by itself",

@@ -42,10 +42,10 @@ def parse_bone_name(name: str) -> BoneName:
     """Parse a bone's name: "mixamorig:LeftUpLeg" -> left, "upleg"."""
     words = [word.lower() for word in _WORDS.findall(re.split(r"[:|]", name)[-1])]
     numbers = tuple(
-        int(word) for before, word in zip(["", *words], words, strict=False) if word.isdigit() and before != "bip"
+        int(word[:9]) for before, word in zip(["", *words], words, strict=False) if word.isdecimal() and before != "bip"
     )
     sides = [_SIDES[word] for word in words if word in _SIDES]
-    said = [word for word in words if word not in _SIDES and word not in _DROPPED and not word.isdigit()]
+    said = [word for word in words if word not in _SIDES and word not in _DROPPED and not word.isdecimal()]
     joined = "".join(said)
     known = {word for aliases in LIMB_WORDS.values() for word in aliases}
     if not sides and joined[:1] in ("l", "r") and joined[1:] in known:  # CMU and Poser: lfemur, rshldr

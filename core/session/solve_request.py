@@ -173,11 +173,11 @@ class SolveMarkers:
         """Return the subject with the markers to solve with, and facts about their choice."""
         if self.use is None:
             return worn_in(take, subject), {}
-        if not self.use.strip().isdigit():
+        if not self.use.strip().isdecimal():
             worn = with_markers(subject, [name.strip() for name in self.use.split(",") if name.strip()])
             return worn, {"used": list(worn.marker_set.names)}
         seen = [name for name, visible in zip(take.names, take.visible.T, strict=True) if visible.any()]
-        choice = choose_markers(subject, database, int(self.use), seen)
+        choice = choose_markers(subject, database, int(self.use.strip()[:9]), seen)
         worn = with_markers(subject, choice.names)
         return worn, {"used": list(choice.names), "expected_mm": (1e3 * choice.expected_m).round(1).tolist()}
 

@@ -17,6 +17,7 @@ from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import FormatError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray, IntArray
+from ..geometry.npz import read_arrays
 from .gaussian_conditioning import Prior
 from .observation import Observation
 from .root import root_from_torso
@@ -86,8 +87,7 @@ def open_network(path: Path) -> Network | None:
     if not path.is_file():
         return None
     try:
-        with np.load(path, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
+        arrays = read_arrays(path)
         facts = json.loads(str(arrays.pop("facts")))
         for name in arrays:
             kind = np.int64 if name == "part_of_joint" else np.float32 if name in (*_WEIGHTS, "bones") else np.float64

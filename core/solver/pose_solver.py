@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..database.store import Database
+from ..database.store import Database, check_arrays
 from ..errors import DatabaseError
 from ..geometry.arrays import Array, IntArray
 from .lagged_history import LaggedHistory
@@ -35,6 +35,7 @@ class PoseSolver:
     def __init__(self, subject: SubjectModel, database: Database, settings: SolveSettings) -> None:
         if database.frames < 2:
             raise DatabaseError("has fewer than two frames", where=str(database.path), advice="import more motion")
+        check_arrays(database)
         self.subject = subject
         self.settings = settings
         self._poses = database.poses.reshape(database.frames, -1)

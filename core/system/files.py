@@ -1,16 +1,22 @@
-"""Files that are never half written, and TOML."""
+"""Files that are never half written, the door for foreign ones, and TOML."""
 
 import errno
 import os
+import stat
 import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
-from ..errors import FormatError
+from ..errors import FormatError, PerfanimError, shorten
 
+SLACK_BYTES = 64 << 20  # that any input may take beside some times its own size
+_MOST_BYTES = 8 << 30  # of a file that is read whole
+_MOST_TOML = 4 << 20
+_DEEPEST_TOML = 32
+_LARGEST_NUMBER = 1e18  # of TOML: its square is still a number
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
 
 
@@ -60,20 +66,84 @@ def _umask() -> int:
     return mask
 
 
-def read_bytes(path: Path | str) -> bytes:
-    """Return the content of a file; FormatError when it cannot be read."""
+def is_file(path: Path | str) -> bool:
+    """Return whether there is a regular file; False for names that none can have."""
+    return os.path.isfile(path)  # noqa: PTH113 - pathlib's raises for long names and folders that may not be read
+
+
+def is_folder(path: Path | str) -> bool:
+    """Return whether there is a folder; False for names that none can have."""
+    return os.path.isdir(path)  # noqa: PTH112 - as above
+
+
+def open_foreign(path: Path | str, kind: type[PerfanimError] = FormatError) -> BinaryIO:
+    """Open a file for reading; `kind` is raised for folders, pipes and devices, too."""
     try:
-        return Path(path).read_bytes()
-    except OSError as error:
-        raise FormatError(f"cannot be read ({error.strerror})", where=str(path), advice="check the path") from error
+        if not stat.S_ISREG(Path(path).stat().st_mode):  # before it is opened: a pipe waits for its other end
+            raise OSError(errno.EINVAL, "it is a folder, a pipe or a device")
+        return Path(path).open("rb")
+    except (OSError, ValueError) as error:  # ValueError: the name holds NUL, or cannot be encoded
+        raise _unreadable(path, error, kind) from error
+
+
+def _unreadable(path: Path | str, error: Exception, kind: type[PerfanimError]) -> PerfanimError:
+    return kind(f"cannot be read ({getattr(error, 'strerror', error)})", where=str(path), advice="check the path")
+
+
+def read_bytes(path: Path | str, most: int = _MOST_BYTES) -> bytes:
+    """Return the content of a file; FormatError when it cannot be read or is too large."""
+    with open_foreign(path) as file:
+        try:
+            size = os.fstat(file.fileno()).st_size
+            if size > most:
+                raise FormatError(f"has {size} bytes, {most} at most", where=str(path), advice="cut it into parts")
+            return file.read()
+        except OSError as error:
+            raise _unreadable(path, error, FormatError) from error
+
+
+@contextmanager
+def reading(
+    where: Path | str, kind: type[PerfanimError] = FormatError, advice: str = "check the file", what: str = "is damaged"
+) -> Iterator[None]:
+    """Raise `kind` for all that damaged content makes a parser raise.
+
+    Parsers of others raise what they like (struct, zlib, lzma, tokenize, ...), so none is listed.
+    """
+    try:
+        yield
+    except Exception as error:
+        if isinstance(error, kind) or (isinstance(error, PerfanimError) and error.where):
+            raise
+        raise kind(f"{what} ({str(error) or type(error).__name__})", where=str(where), advice=advice) from error
 
 
 def read_toml(path: Path | str) -> dict[str, Any]:
-    """Return the tables of a TOML file; FormatError when it is missing or malformed."""
-    try:
-        return tomllib.loads(read_bytes(path).decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise FormatError(f"is not valid TOML ({error})", where=str(path)) from error
+    """Return the tables of a TOML file.
+
+    Raises:
+        FormatError: it is missing, malformed, nested too deeply, or a number is not finite or beyond all use.
+    """
+    with reading(path, what="is not valid TOML"):
+        tables = tomllib.loads(read_bytes(path, _MOST_TOML).decode("utf-8"))
+        level: list[tuple[Any, Any]] = list(tables.items())
+        for _ in range(_DEEPEST_TOML):
+            for key, value in level:
+                if isinstance(value, int | float) and not abs(value) < _LARGEST_NUMBER:
+                    raise ValueError(f"a number of {shorten(str(key), 40)} is not finite, or too large")
+                if isinstance(value, str) and "\0" in value:  # no path can hold it
+                    raise ValueError(f"a text of {shorten(str(key), 40)} holds NUL")
+            level = [
+                row
+                for key, value in level
+                for row in (
+                    value.items() if isinstance(value, dict)
+                    else [(key, item) for item in value] if isinstance(value, list) else ()
+                )
+            ]  # fmt: skip
+        if level:
+            raise ValueError(f"nested more than {_DEEPEST_TOML} deep")
+    return tables
 
 
 def write_toml(path: Path | str, tables: Mapping[str, Any]) -> None:

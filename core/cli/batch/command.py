@@ -19,6 +19,7 @@ from ...markers.label_matching import AUTO, load_names
 from ...markers.marker_set import load_marker_set
 from ...markers.subject import load_subject
 from ...solver.settings import METHODS
+from ...system.files import is_file
 from ...system.progress import Progress
 from ..options import (
     add_character_options,
@@ -154,7 +155,7 @@ def _check_options(take: TakePlan) -> None:
 
 
 def _check_character(path: Path, blender: str | None) -> None:
-    if not path.is_file():
+    if not is_file(path):
         raise FormatError("cannot be read (no such file)", where=str(path), advice="check the path")
     check_blender(blender)
 

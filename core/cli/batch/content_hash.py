@@ -9,6 +9,7 @@ from ... import __version__
 from ...errors import PerfanimError
 from ...formats.markers.marker_files import is_recorded
 from ...formats.take_file.reading import read_take_file
+from ...system.files import is_file, open_foreign
 from .plan import KEYS, Kind, TakePlan
 
 _VERSION = 1  # of what a batch makes of a take
@@ -30,10 +31,10 @@ class ContentDigests:
     def of_source(self, source: str) -> list[list[str]]:
         """Return names and digests of the files of a file, a folder or a pattern."""
         path = Path(source)
-        if path.is_file():
+        if is_file(path):
             return [["", self.of_file(path)]]
         folder, pattern = (path, "*") if path.is_dir() else (path.parent, path.name)
-        files = sorted(file for file in folder.glob(pattern) if file.is_file())
+        files = sorted(file for file in folder.glob(pattern) if is_file(file))
         return [[file.name, self.of_file(file)] for file in files]
 
 
@@ -41,10 +42,10 @@ def file_digest(path: Path) -> str:
     """Return the SHA-256 of a file's bytes, "" when it cannot be read."""
     digest = hashlib.sha256()
     try:
-        with path.open("rb") as stream:
+        with open_foreign(path) as stream:
             while block := stream.read(_BLOCK):
                 digest.update(block)
-    except OSError:
+    except (OSError, PerfanimError):
         return ""
     return digest.hexdigest()
 

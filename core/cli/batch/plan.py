@@ -16,7 +16,7 @@ from typing import Any
 from ...errors import SettingsError
 from ...formats.markers.marker_files import READABLE, is_recorded
 from ...formats.motion.write_motion import ANGLES, BVH, MOTION_ENDINGS
-from ...system.files import read_toml
+from ...system.files import is_file, is_folder, read_toml
 
 Value = str | float | bool | list[str]
 
@@ -220,7 +220,7 @@ def _value(kind: Kind, value: Any, folder: Path, where: str) -> Value:
     if kind in (Kind.SOURCES, Kind.CAMERAS) and isinstance(value, list) and all(isinstance(v, str) for v in value):
         return [_source(text, folder, kind is Kind.CAMERAS) for text in value]
     if isinstance(value, str) and value:
-        if kind is Kind.WORD or (kind is Kind.NAME_OR_FILE and not (folder / value).is_file()):
+        if kind is Kind.WORD or (kind is Kind.NAME_OR_FILE and not is_file(folder / value)):
             return value
         if kind in (Kind.FILE, Kind.NAME_OR_FILE, Kind.SOURCE):
             return _absolute(value, folder)
@@ -239,9 +239,9 @@ def _absolute(text: str, folder: Path) -> str:
 def _find_takes(text: str, folder: Path, where: str) -> list[tuple[str, str]]:
     """Return label and path of each take of a file, folder or pattern."""
     path = Path(_absolute(text, folder))
-    if path.is_dir():
-        found = [file for file in path.rglob("*") if file.is_file() and _is_take(file.name.lower())]
-    elif path.exists() or not set(text) & set(_PATTERN):
+    if is_folder(path):
+        found = [file for file in path.rglob("*") if is_file(file) and _is_take(file.name.lower())]
+    elif is_file(path) or not set(text) & set(_PATTERN):
         found = [path]  # a missing file is a bad take; the others are done
     else:
         found = [Path(name) for name in glob.glob(str(path), recursive=True)]  # noqa: PTH207 - a whole path

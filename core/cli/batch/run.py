@@ -11,6 +11,7 @@ from pathlib import Path
 
 from ...errors import FormatError, SettingsError
 from ...formats.take_file.lock import lock
+from ...system.files import is_file
 from ...system.progress import Progress
 from .content_hash import ContentDigests, take_digest
 from .plan import TakePlan
@@ -103,7 +104,7 @@ def _do(
 def _weight(take: TakePlan) -> int:
     """Return the expected work of a take: the bytes of its files."""
     sources = [take.take] if take.take else [str(take.options.get(key, "")) for key in ("left", "right")]
-    return 1 + sum(Path(source).stat().st_size for source in sources if source and Path(source).is_file())
+    return 1 + sum(Path(source).stat().st_size for source in sources if source and is_file(source))
 
 
 def _duration(seconds: float) -> str:

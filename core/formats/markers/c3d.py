@@ -4,6 +4,7 @@ After the public format description (c3d.org): a 512-byte header block, paramete
 then frames of four words a point (x, y, z, residual with camera mask) and the analog samples, which are passed over.
 """
 
+import math
 import struct
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from ...errors import FormatError
 from ...geometry.arrays import Array
 from ...markers.marker_take import MarkerTake
-from ...system.files import read_bytes
+from ...system.files import read_bytes, reading
 from .reader_parts import make_take, metres_of
 
 _BLOCK = 512
@@ -73,18 +74,21 @@ def read_c3d(path: Path | str) -> MarkerTake:
     Raises:
         FormatError: not a C3D file, damaged, or without points.
     """
-    return _C3dParser(read_bytes(path), str(path)).read()
+    with reading(path):
+        return _C3dParser(read_bytes(path), str(path)).read()
 
 
 def layout_of(data: bytes, where: str) -> Layout:
     """Return where the frames of a C3D file's bytes are; errors as in `read_c3d`."""
-    reader = _C3dParser(data, where)
-    return reader.layout(reader.parameters())
+    with reading(where):
+        reader = _C3dParser(data, where)
+        return reader.layout(reader.parameters())
 
 
 def declared_frames(path: Path | str) -> int:
     """Return the frame count in a C3D header, 0 when open; errors as in `read_c3d`."""
-    return _C3dParser(read_bytes(path), str(path)).header_frames()
+    with reading(path):
+        return _C3dParser(read_bytes(path), str(path)).header_frames()
 
 
 class _C3dParser:
@@ -125,7 +129,7 @@ class _C3dParser:
         labels: list[str] = []
         for suffix in ("", "2", "3", "4"):  # a parameter holds at most 255 labels
             labels += [str(label) for label in parameters.get(("POINT", "LABELS" + suffix), [])]
-        return [labels[i] if i < len(labels) else "unnamed" for i in range(count)]
+        return [*labels[:count], *["unnamed"] * (count - len(labels))]
 
     def _real(self, raw: bytes) -> float:
         if self.processor == _DEC:
@@ -139,12 +143,6 @@ class _C3dParser:
         return value
 
     def layout(self, parameters: Parameters) -> Layout:
-        try:
-            return self._layout(parameters)
-        except (struct.error, ValueError, IndexError) as error:
-            raise FormatError(f"is damaged ({error})", where=self.where) from error
-
-    def _layout(self, parameters: Parameters) -> Layout:
         points = int(_point(parameters, "USED", self._word(2))) & 0xFFFF
         if points == 0:
             raise FormatError("has no points", where=self.where)
@@ -190,12 +188,6 @@ class _C3dParser:
             return reals.reshape(-1, width).astype(np.float64)
 
     def parameters(self) -> Parameters:
-        try:
-            return self._parameters()
-        except (struct.error, ValueError, IndexError) as error:
-            raise FormatError(f"is damaged ({error})", where=self.where) from error
-
-    def _parameters(self) -> Parameters:
         groups: dict[int, str] = {}
         found: list[tuple[int, str, list[Any]]] = []
         at = self.parameter_start + 4
@@ -220,7 +212,7 @@ class _C3dParser:
         kind, dimensions = struct.unpack_from("bB", self.data, at)
         shape = list(self.data[at + 2 : at + 2 + dimensions])
         at += 2 + dimensions
-        count = int(np.prod(shape)) if shape else 1
+        count = math.prod(shape)
         raw = self.data[at : at + count * abs(kind)]
         if len(raw) < count * abs(kind) or kind not in (-1, 1, 2, 4):
             return []

@@ -6,6 +6,7 @@ then one row a frame in metres, blank where a marker is missing.
 
 import csv
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from ...errors import FormatError
 from ...geometry.arrays import Array
 from ...markers.marker_take import MarkerTake
 from ...system.files import atomic_path, read_bytes
-from .reader_parts import make_take, metres_of, numbers_of, rate_from_times
+from .reader_parts import make_take, metres_of, numbers_of, rate_from_times, table_of
 
 _COLUMN = re.compile(r"(?P<name>.+?)[ _.:]?(?P<axis>[xyzXYZ])")
 # Motive's kinds of columns, best first: measured before modelled
@@ -104,23 +105,26 @@ def _is_triple(matches: list[re.Match[str] | None]) -> bool:
 
 
 def _table(rows: list[list[str]], start: int, width: int, where: str) -> Array:
-    result = []
+    size = sum(len(cell) + 1 for row in rows for cell in row)
+    return table_of(_fields(rows, start, width, where), len(rows), width, size, where)
+
+
+def _fields(rows: list[list[str]], start: int, width: int, where: str) -> Iterator[tuple[list[str], str]]:
     for number, row in enumerate(rows[start:], start=start + 1):
         if not any(cell.strip() for cell in row) or row[0].startswith("#"):
             continue
         if len(row) > width and any(cell.strip() for cell in row[width:]):
             raise FormatError(f"has more than {width} fields", where=f"{where}, line {number}")
-        values = numbers_of(row[:width], f"{where}, line {number}")
-        result.append(values + [np.nan] * (width - len(values)))
-    if not result:
-        raise FormatError("has no frames", where=where)
-    return np.array(result)
+        yield row, f"{where}, line {number}"
 
 
 def write_csv(take: MarkerTake, path: Path | str) -> None:
     """Write a take as our own table, metres to a micrometre."""
     header = ["frame", "time_s", *(f"{name}_{axis}" for name in take.names for axis in "xyz")]
-    with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+    with (
+        atomic_path(path) as temporary,
+        temporary.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file,
+    ):
         file.write(f"# marker take of perfanim, metres, fps={take.fps!r}\n")
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(header)

@@ -1,6 +1,6 @@
 """Common parts of the readers of marker takes."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -8,6 +8,8 @@ from ...errors import FormatError, TakeError
 from ...geometry.arrays import Array
 from ...markers.frame_rate import frame_rate
 from ...markers.marker_take import MarkerTake
+from ...system.files import SLACK_BYTES
+from ..unique_names import unique_names
 
 # metres of the units that marker files name
 LENGTHS: dict[str, float] = {
@@ -26,26 +28,34 @@ def metres_of(unit: str, where: str) -> float:
         raise FormatError(f"has the unknown unit of length {unit.strip()[:20]!r}", where=where) from None
 
 
+def table_of(rows: Iterable[tuple[Sequence[str], str]], count: int, width: int, size: int, where: str) -> Array:
+    """Return the numbers of rows of fields, each with its place; rows may end early.
+
+    Args:
+        count: number of rows at most.
+        size: bytes of the file, which a few names in its header must not blow up.
+    """
+    if count * width * 8 > 4 * size + SLACK_BYTES:
+        advice = "export it again, without columns that are empty"
+        raise FormatError(
+            f"declares {count} rows of {width} columns, far more than it holds", where=where, advice=advice
+        )
+    table, row = np.full((count, width), np.nan), 0
+    for fields, place in rows:
+        values = numbers_of(fields[:width], place)
+        table[row, : len(values)] = values
+        row += 1
+    if row == 0:
+        raise FormatError("has no frames", where=where)
+    return table[:row]
+
+
 def numbers_of(fields: Sequence[str], where: str) -> list[float]:
     """Return the numbers of text fields, NaN for blank fields and "nan"."""
     try:
         return [float(field) if field and not field.isspace() else np.nan for field in fields]
     except ValueError as error:
         raise FormatError(f"has a field that is no number ({error})", where=where) from None
-
-
-def unique_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Return names made unique by a count; blank ones become "unnamed"."""
-    result: list[str] = []
-    taken: set[str] = set()
-    for name in names:
-        base = name.strip() or "unnamed"
-        unique, count = base, 2
-        while unique in taken:
-            unique, count = f"{base}_{count}", count + 1
-        taken.add(unique)
-        result.append(unique)
-    return tuple(result)
 
 
 def make_take(
@@ -64,7 +74,9 @@ def make_take(
     has_times = times_s is not None and bool(np.all(np.isfinite(times_s)))
     times = np.asarray(times_s, dtype=np.float64) if has_times else frames / max(fps, 1e-9)
     try:
-        return MarkerTake(name, fps, unique_names(names), positions_m, frames, times)
+        return MarkerTake(
+            name, fps, unique_names([name.strip() or "unnamed" for name in names]), positions_m, frames, times
+        )
     except TakeError as error:
         raise FormatError(error.what, where=where, advice=error.advice) from error
 

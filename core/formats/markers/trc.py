@@ -1,6 +1,7 @@
 """TRC marker trajectories (Motion Analysis, OpenSim)."""
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from ...errors import FormatError
 from ...geometry.arrays import Array, Mask
 from ...markers.marker_take import MarkerTake
 from ...system.files import atomic_path, read_bytes
-from .reader_parts import make_take, metres_of, numbers_of, rate_from_times
+from .reader_parts import make_take, metres_of, rate_from_times, table_of
 
 
 def read_trc(path: Path | str) -> MarkerTake:
@@ -22,14 +23,16 @@ def read_trc(path: Path | str) -> MarkerTake:
         FormatError: not a TRC file, damaged, or without markers; names file and line.
     """
     where = str(path)
-    lines = read_bytes(path).decode("utf-8", errors="replace").replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    data = read_bytes(path)
+    lines = data.decode("utf-8", errors="replace").replace("\r\n", "\n").replace("\r", "\n").split("\n")
     if not lines[0].lstrip("\ufeff").lower().startswith("pathfiletype"):
         raise FormatError("is not a TRC file (it does not begin with PathFileType)", where=where)
     if len(lines) < 5:
         raise FormatError("ends within its header", where=f"{where}, line {len(lines)}", advice="the file is cut off")
     header = _header(lines, where)
     names = _names(lines[3], header, where)
-    rows = _rows(lines, 2 + 3 * len(names), where)
+    width = 2 + 3 * len(names)
+    rows = table_of(_rows(lines, width, where), len(lines), width, len(data), where)
     fps = _number(header.get("datarate", ""))
     if not fps > 0.0:
         fps = rate_from_times(rows[:, 1])
@@ -73,22 +76,17 @@ def _names(line: str, header: dict[str, str], where: str) -> list[str]:
     return names
 
 
-def _rows(lines: list[str], width: int, where: str) -> Array:
-    rows = []
+def _rows(lines: list[str], width: int, where: str) -> Iterator[tuple[list[str], str]]:
     for number, line in enumerate(lines[5:], start=6):
-        if not line.strip():
-            continue
         fields = line.split("\t")
         if not fields[0].strip():
             continue
+        place = f"{where}, line {number}"
         # Vicon and BTK put points without a name behind the named ones: they are passed over
-        if len(line.rstrip().split("\t")) > width and (len(line.rstrip().split("\t")) - width) % 3:
-            raise FormatError(f"has fields beyond its {width}", where=f"{where}, line {number}")
-        values = numbers_of(fields[:width], f"{where}, line {number}")
-        rows.append(values + [np.nan] * (width - len(values)))
-    if not rows:
-        raise FormatError("has no frames", where=where)
-    return np.array(rows)
+        beyond = len(line.rstrip().split("\t")) - width
+        if beyond > 0 and beyond % 3:
+            raise FormatError(f"has fields beyond its {width}", where=place)
+        yield fields, place
 
 
 def write_trc(take: MarkerTake, path: Path | str) -> None:
@@ -107,7 +105,7 @@ def write_trc(take: MarkerTake, path: Path | str) -> None:
         fields = "\t".join("" if np.isnan(value) else f"{value:.5f}" for value in row)
         lines.append(f"{number}\t{time:.6f}\t{fields}")
     with atomic_path(path) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", errors="backslashreplace")
 
 
 def rewrite_trc(data: bytes, where: str, positions_m: Array, changed: Mask) -> bytes:

@@ -59,7 +59,7 @@ def parse_amc_values(content: bytes, where: str, asf: AsfFile) -> AmcValues:
     values = _values(body, layout)
     if values is None:
         # indented, with blank lines, or damaged
-        values = _values(re.sub(rb"[ \t]*\n\s*", b"\n", body.strip()), layout)
+        values = _values(re.sub(rb"(?<![ \t])[ \t]*\n\s*", b"\n", body.strip()), layout)
     if values is None:
         raise _first_fault(body, where, layout, header.count(b"\n"))
     return AmcValues(tuple(layout), values, np.pi / 180.0 if degrees else 1.0)
@@ -77,7 +77,7 @@ def _layout(body: bytes, where: str, asf: AsfFile, line: int) -> list[AsfBone]:
     layout: list[AsfBone] = []
     for number, raw in enumerate(body[: 1 << 16].split(b"\n")[1:], start=line + 2):
         words = raw.decode("latin-1").split()
-        if len(words) == 1 and words[0].isdigit():
+        if len(words) == 1 and words[0].isdecimal():
             break
         if not words:
             continue
@@ -150,7 +150,7 @@ def _first_fault(body: bytes, where: str, layout: list[AsfBone], line: int) -> F
 
 def _line_fault(words: list[str], expected: list[str]) -> str:
     if not expected[0]:
-        return "" if len(words) == 1 and words[0].isdigit() else f"expected a frame number, found {words[0]!r}"
+        return "" if len(words) == 1 and words[0].isdecimal() else f"expected a frame number, found {words[0]!r}"
     if words[0] != expected[0]:
         return f"expected the values of {expected[0]!r}, found {words[0]!r}"
     if len(words) != len(expected):

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ...body.skeleton import Skeleton
+from ...body.skeleton import MOST_JOINTS, Skeleton
 from ...body.standard_skeleton import JOINT_NAMES
 from ...errors import FormatError
 from ...geometry import rotations as rot
 from ...geometry.arrays import Array
-from ...system.files import read_bytes
+from ...system.files import read_bytes, reading
 
 _METRES_PER_INCH = 0.0254
 ROOT = "root"
@@ -112,10 +112,8 @@ class _Parser:
         return sections
 
     def parse(self) -> AsfFile:
-        try:
+        with reading(self.where):
             return self._parse()
-        except (ValueError, IndexError, KeyError) as error:
-            raise self._error(f"is damaged ({error})") from error
 
     def _error(self, what: str) -> FormatError:
         return FormatError(what, where=f"{self.where}, line {self.line}" if self.line else self.where)
@@ -189,8 +187,8 @@ class _Parser:
                 bones[bone.name] = bone
             else:
                 fields[keyword] = (self.line, words[1:])
-        if not bones:
-            raise self._error("has no bones")
+        if not 0 < len(bones) <= MOST_JOINTS:
+            raise self._error(f"has {len(bones)} bones, not 1 to {MOST_JOINTS}")
         return bones
 
     def _bone(self, fields: dict[str, Line]) -> AsfBone:
@@ -266,15 +264,15 @@ def _link(name: str, parents: dict[str, str], bones: dict[str, AsfBone], kept: l
 
 
 def _parents_first(parents: dict[str, str], where: str) -> list[str]:
-    order: list[str] = []
+    order: dict[str, None] = {}
     waiting = list(parents)
     while waiting:
         ready = [name for name in waiting if parents[name] == ROOT or parents[name] in order]
         if not ready:
             raise FormatError(f"has bones that do not hang on the root: {', '.join(waiting[:5])}", where=where)
-        order.append(ready[0])
+        order[ready[0]] = None
         waiting.remove(ready[0])
-    return order
+    return list(order)
 
 
 def _angle_order(bone: AsfBone) -> str:

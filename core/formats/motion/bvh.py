@@ -11,13 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ...body.motion import Motion
-from ...body.skeleton import Skeleton
+from ...body.motion import LEAST_FPS, MOST_FPS, Motion
+from ...body.skeleton import MOST_JOINTS, Skeleton
 from ...body.source_motion import SourceMotion
 from ...errors import FormatError
 from ...geometry import rotations as rot
 from ...geometry.arrays import Array, IntArray
 from ...system.files import atomic_path, read_bytes
+from ..unique_names import unique_names
 from .numbers import parse_numbers
 
 # metres of one unit of a file; "cmu" is the unit of the CMU database's own files (inches / 0.45)
@@ -141,14 +142,12 @@ class _HierarchyParser:
     def _open(self, name: str) -> int:
         if not name:
             raise self._error("has a joint without a name")
+        if len(self.joints) == MOST_JOINTS:
+            raise self._error(f"has more than {MOST_JOINTS} joints")
         parent = self.stack[-1] if self.stack else -1
         if parent == -2 or (parent == -1) != (len(self.joints) == 0):
             raise self._error(f"has the joint {name!r} outside of the root's hierarchy")
-        taken = {joint.name for joint in self.joints}
-        unique, copy = name, 2
-        while unique in taken:
-            unique, copy = f"{name}_{copy}", copy + 1
-        self.joints.append(_Joint(unique, parent))
+        self.joints.append(_Joint(name, parent))
         return len(self.joints) - 1
 
     def _offset(self, words: list[str]) -> None:
@@ -181,8 +180,8 @@ def _read_motion(block: bytes, width: int, where: str, line: int) -> tuple[Array
         declared, interval = (int(match[1]), float(match[2])) if match else (0, float("nan"))
     except ValueError:
         declared, interval = 0, float("nan")
-    if match is None or not (np.isfinite(interval) and interval > 0.0):
-        raise FormatError("needs 'Frames:' and a positive 'Frame Time:' after MOTION", where=place)
+    if match is None or not 1.0 / MOST_FPS <= interval <= 1.0 / LEAST_FPS:
+        raise FormatError("needs 'Frames:' and a 'Frame Time:' from 0.0005 to 1 s after MOTION", where=place)
     if width == 0:
         raise FormatError("has no channels", where=where)
     body = block[match.end() :]
@@ -203,7 +202,7 @@ def _first_fault(body: bytes, width: int, where: str, line: int) -> FormatError:
     for number, raw in enumerate(body.split(b"\n"), start=line):
         for word in raw.split():
             seen += 1
-            if re.fullmatch(rb"[-+]?(\d+\.?\d*([eE][-+]?\d+)?|\.\d+([eE][-+]?\d+)?|nan(\(\w*\))?)", word, re.I) is None:
+            if re.fullmatch(rb"[-+]?((\d+(\.\d*)?|\.\d+)(e[-+]?\d+)?|nan(\(\w*\))?)", word, re.I) is None:
                 text = word[:30].decode("latin-1")
                 return FormatError(f"{text!r} is not a finite number", where=f"{where}, line {number}")
         if raw.split() and seen % width and len(raw.split()) not in (seen, seen % width, width):
@@ -232,7 +231,7 @@ def _assemble(
         name=name,
         where=where,
         fps=fps,
-        names=tuple(joint.name for joint in joints),
+        names=unique_names([joint.name for joint in joints]),
         parents=parents,
         offsets_m=offsets * metres,
         tips_m=tips * metres,

@@ -10,7 +10,7 @@ from ...body.scene_pose import PerformerPose, ScenePose
 from ...errors import CaptureError, TakeError
 from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_frame_codec import unpack_stamped
-from ...system.files import read_bytes
+from ...system.files import open_foreign, read_bytes
 from .chunks import (
     HEADER_BYTES,
     PREAMBLE_BYTES,
@@ -218,7 +218,7 @@ def summarise(path: Path | str) -> TakeSummary:
     """Return the summary of a take; TakeError for other or unreadable files."""
     path = Path(path)
     try:
-        with path.open("rb") as file:
+        with open_foreign(path, TakeError) as file:
             preamble_faults(file.read(PREAMBLE_BYTES + HEADER_BYTES), str(path))
             footer = find_footer(file)
             if footer is None:
@@ -231,7 +231,7 @@ def summarise(path: Path | str) -> TakeSummary:
 def has_frames(path: Path | str) -> bool:
     """Return whether a take holds a frame; errors as of `summarise`."""
     try:
-        with Path(path).open("rb") as file:
+        with open_foreign(path, TakeError) as file:
             preamble_faults(file.read(PREAMBLE_BYTES + HEADER_BYTES), str(path))
             chunk = read_chunk(file, PREAMBLE_BYTES)
             while chunk is not None and chunk.kind != ChunkKind.FRAMES:

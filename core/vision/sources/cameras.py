@@ -269,4 +269,4 @@ def _devices() -> list[int]:
     if sys.platform != "linux":
         return list(range(_MOST_DEVICES))
     numbers = (path.name.removeprefix("video") for path in Path("/dev").glob("video*"))
-    return sorted(int(number) for number in numbers if number.isdigit())
+    return sorted(int(number) for number in numbers if number.isdecimal())

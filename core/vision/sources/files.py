@@ -12,6 +12,7 @@ import numpy as np
 
 from ...errors import CaptureError
 from ...geometry.arrays import Image
+from ...system.files import is_file, is_folder, open_foreign
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
 
@@ -26,13 +27,13 @@ def list_images(pattern: str | Path) -> list[Path]:
     """
     text = os.path.expanduser(str(pattern))  # noqa: PTH111 - a glob need not be a valid path
     path = Path(text)
-    if path.is_dir():
+    if is_folder(text):
         found = [p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and not p.name.startswith(".")]
-    elif path.is_file():
+    elif is_file(path):
         found = [path] if path.suffix.lower() in IMAGE_SUFFIXES else []
     else:
         found = [Path(p) for p in glob.glob(text, recursive=True)]  # noqa: PTH207 - absolute patterns too
-        found = [p for p in found if p.is_file() and p.suffix.lower() in IMAGE_SUFFIXES]
+        found = [p for p in found if is_file(p) and p.suffix.lower() in IMAGE_SUFFIXES]
     if not found:
         raise CaptureError("no image files found", where=text, advice="give a folder or a pattern like left/*.jpg")
     return sorted(found, key=natural_key)
@@ -41,7 +42,7 @@ def list_images(pattern: str | Path) -> list[Path]:
 def natural_key(path: Path) -> tuple[tuple[int, int, str], ...]:
     """Order by the numbers in a name (9 before 10), then by its text."""
     parts = re.split(r"(\d+)", path.name)
-    return tuple((1, int(part), "") if part.isdigit() else (2, 0, part) for part in parts if part)
+    return tuple((1, int(part), "") if part.isdecimal() else (2, 0, part) for part in parts if part)
 
 
 def pair_by_number(lists: Sequence[Sequence[Path]]) -> tuple[list[tuple[int, tuple[Path, ...]]], list[Path]]:
@@ -115,10 +116,11 @@ def _in_order(lists: Sequence[Sequence[Path]]) -> list[dict[int, Path]]:
 def read_image(path: Path) -> Image:
     """Return a BGR image; CaptureError when the file is missing or not an image."""
     try:
-        data = np.fromfile(path, dtype=np.uint8)  # not cv2.imread: it cannot open every path on Windows
-    except OSError as error:
-        raise CaptureError(f"cannot be read ({error.strerror})", where=str(path), advice="check the path") from error
-    image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+        with open_foreign(path, CaptureError) as file:  # not cv2.imread: it cannot open every path on Windows
+            data = np.frombuffer(file.read(), dtype=np.uint8)
+        image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    except cv2.error:  # more pixels than OpenCV allows
+        image = None
     if image is None:
         raise CaptureError("is not a readable image", where=str(path), advice="export it again")
     return np.asarray(image, dtype=np.uint8)

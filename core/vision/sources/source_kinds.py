@@ -11,6 +11,7 @@ from typing import Any, Protocol
 
 from ...errors import CaptureError, SettingsError
 from ...geometry.arrays import Image
+from ...system.files import is_file, is_folder
 from .cameras import CameraSource
 from .images import ImageFileSource, is_image_pattern
 from .videos import VideoSource, is_stream
@@ -77,16 +78,15 @@ def open_image_source(
 
 
 def _kind(text: str) -> str:
-    if text.isdigit():
+    if text.isdecimal() and len(text) < 6:
         return "cameras"
     if is_stream(text):
         return "videos"
     if is_image_pattern(text):
         return "images"
-    path = Path(text)
-    if path.is_file():
+    if is_file(text):
         return "videos"
-    what = "holds no image files" if path.is_dir() else "not found"
+    what = "holds no image files" if is_folder(text) else "not found"
     raise CaptureError(
         what, where=text, advice="give a video, a folder, a pattern like take/*_1.jpg, a device number or an address"
     )

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...errors import CaptureError
 from ...geometry.arrays import Image
+from ...system.files import is_file
 from .camera_watch import is_repeated
 from .image_set import ImageSet, next_number
 
@@ -175,7 +176,7 @@ class _Reader:
 
 
 def _open(path: str) -> Any:
-    if not is_stream(path) and not Path(path).is_file():
+    if not is_stream(path) and not is_file(path):
         raise CaptureError("there is no such video", where=path, advice="check the path")
     capture = cv2.VideoCapture(path)
     if not capture.isOpened():

@@ -1,3 +1,5 @@
+import hashlib
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -6,9 +8,11 @@ import pytest
 from bench.subset import write_database
 from perfanim.core.body.joint_angle_frames import with_angle_frames
 from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton, scaled
+from perfanim.core.database import store
 from perfanim.core.database.store import (
     Clip,
     Database,
+    check_arrays,
     open_database,
     pose_from_rotations,
     rotations_from_pose,
@@ -136,3 +140,77 @@ def test_a_database_is_replaced_as_a_whole(written: Path) -> None:
     np.testing.assert_array_equal(opened.poses, before)  # who has the old one open keeps it
     database: Database = open_database(written)
     assert (database.frames, database.fps) == (10, 30.0)
+
+
+def _with_facts(path: Path, change) -> None:
+    """Change the header of a file and make its digest and lengths right again."""
+    data = path.read_bytes()
+    _, version, length, _, _ = store._PREAMBLE.unpack(data[: store._PREAMBLE.size])
+    facts = json.loads(data[store._PREAMBLE.size : store._PREAMBLE.size + length])
+    start = store._PREAMBLE.size + length
+    arrays = data[start + -start % 64 :]
+    change(facts)
+    header = json.dumps(facts).encode()
+    start = store._PREAMBLE.size + len(header)
+    start += -start % 64
+    digest = hashlib.sha256(header).digest()
+    preamble = store._PREAMBLE.pack(store._MAGIC, version, len(header), start + len(arrays), digest)
+    path.write_bytes((preamble + header).ljust(start, b"\0") + arrays)
+
+
+WRONG = [None, "text", 3, -1, 1e400, float("nan"), [], {}, [[]], [None], "9" * 9999, [[[]]], {"a": 1}]
+
+
+@pytest.mark.parametrize("value", WRONG, ids=[str(value)[:9] for value in WRONG])
+def test_facts_of_wrong_type_are_refused(written: Path, value) -> None:
+    whole = written.read_bytes()
+    places = [(key,) for key in ("fps", "joints", "clips", "skeletons", "arrays")]
+    places += [("clips", 0, key) for key in ("start", "stop", "skeleton", "source_fps")]
+    places += [("skeletons", 0, key) for key in ("offsets_m", "tips_m", "angle_axes", "parents")]
+    places += [("arrays", "poses", key) for key in ("dtype", "shape", "offset")]
+    places += [("arrays", "poses"), ("clips", 0), ("skeletons", 1)]
+    harmless = 0
+    for place in places:
+
+        def change(facts, place=place) -> None:
+            for key in place[:-1]:
+                facts = facts[key]
+            facts[place[-1]] = value
+
+        written.write_bytes(whole)
+        _with_facts(written, change)
+        try:
+            open_database(written)
+            harmless += 1
+        except DatabaseError as error:
+            assert len(str(error)) <= 300
+    assert harmless <= 3  # a rate of 3, of the database or of a file, and -1 or 3 for a body that there is
+
+
+def test_arrays_elsewhere_or_of_other_types_are_refused(written: Path) -> None:
+    whole = written.read_bytes()
+    for change in (
+        {"offset": 1 << 40}, {"offset": -64}, {"dtype": "<f8"}, {"dtype": "|O"}, {"shape": [FRAMES + 1000, 28, 3]},
+        {"shape": [10**15, 28, 3]}, {"shape": [FRAMES, 29, 3]}, {"shape": [FRAMES - 1, 28, 3]},
+    ):  # fmt: skip
+        written.write_bytes(whole)
+        _with_facts(written, lambda facts, change=change: facts["arrays"]["poses"].update(change))
+        with pytest.raises(DatabaseError):
+            open_database(written)
+    written.write_bytes(whole)
+    _with_facts(written, lambda facts: facts["arrays"].update(more=facts["arrays"]["poses"]))
+    with pytest.raises(DatabaseError):
+        open_database(written)
+
+
+def test_numbers_that_are_no_poses_are_refused_before_a_solve(written: Path) -> None:
+    check_arrays(open_database(written))
+    for name, value in (
+        ("poses", np.nan), ("poses", 1e30), ("root_positions_m", -np.inf), ("root_rotations", 0.0),
+        ("root_rotations", np.nan),
+    ):  # fmt: skip
+        database = open_database(written)
+        array = np.array(getattr(database, name))
+        array.reshape(len(array), -1)[FRAMES // 2] = value
+        with pytest.raises(DatabaseError, match="holds numbers that are no poses"):
+            check_arrays(replace(database, **{name: array}))

@@ -76,8 +76,11 @@ def test_toml_round_trip(tmp_path: Path) -> None:
 
 def test_toml_keeps_numbers_exactly(tmp_path: Path) -> None:
     values = np.random.default_rng(0).normal(size=50).tolist()
-    write_toml(tmp_path / "a.toml", {"values": values, "inf": math.inf})
-    assert read_toml(tmp_path / "a.toml") == {"values": values, "inf": math.inf}
+    write_toml(tmp_path / "a.toml", {"values": values})
+    assert read_toml(tmp_path / "a.toml") == {"values": values}
+    write_toml(tmp_path / "a.toml", {"values": [1.0, math.inf]})
+    with pytest.raises(FormatError, match="a number of values is not finite"):
+        read_toml(tmp_path / "a.toml")
 
 
 def test_what_toml_cannot_hold_is_refused_without_a_file(tmp_path: Path) -> None:

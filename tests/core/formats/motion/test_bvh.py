@@ -132,7 +132,7 @@ def test_nan_stays_and_is_told() -> None:
         (SMALL.replace("0.1 -0.5 0", "0.1 x 0").encode(), "line 8: has an OFFSET that is no number"),
         (SMALL.replace("CHANNELS 3", "CHANNELS 4").encode(), "line 9: has unknown channels"),
         (SMALL.replace("Yrotation Xrotation Zrotation", "Wrotation Xrotation Zrotation").encode(), "unknown channels"),
-        (SMALL.replace("Frame Time: 0.0333333", "Frame Time: 0").encode(), "positive 'Frame Time:'"),
+        (SMALL.replace("Frame Time: 0.0333333", "Frame Time: 0").encode(), "a 'Frame Time:' from"),
         (SMALL.replace("Frames: 2\n", "").encode(), "line 25: needs 'Frames:'"),
         (SMALL[: SMALL.rindex("4 5 6")].encode(), "line 29: has 12 of 15 values"),
         (SMALL.replace("1 2 4 11", "1 2 4 abc").encode(), "line 29: 'abc' is not a finite number"),

@@ -1,0 +1,17 @@
+"""Names that differ, for joints and markers of files that repeat some."""
+
+from collections.abc import Sequence
+
+
+def unique_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Return names made unique by a count: "a", "a_2"."""
+    taken: dict[str, None] = {}
+    counts: dict[str, int] = {}
+    for name in names:
+        unique = name
+        while unique in taken:
+            counts[name] = counts.get(name, 1) + 1
+            unique = f"{name}_{counts[name]}"
+        taken[unique] = None
+        counts.setdefault(unique, 1)
+    return tuple(taken)

@@ -1,0 +1,125 @@
+"""Archives of arrays from anywhere: nothing hostile reaches NumPy's parser or memory."""
+
+import io
+import resource
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from perfanim.core.errors import FormatError, TakeError
+from perfanim.core.geometry.npz import read_arrays
+from perfanim.core.markers.marker_take import MarkerTake, load_take, save_take
+
+ARRAYS = {
+    "text": np.array(["a", "longer \u00e4"]),
+    "number": np.array(60.0),
+    "cube": np.arange(24.0).reshape(2, 3, 4),
+    "fortran": np.asfortranarray(np.arange(6.0).reshape(2, 3)),
+    "flags": np.array([True, False]),
+    "small": np.arange(5, dtype=np.uint8),
+    "big": np.arange(4, dtype=">i4"),
+    "none": np.zeros((0, 3)),
+}
+
+
+@pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
+def test_what_numpy_writes_is_read(tmp_path: Path, save) -> None:
+    save(tmp_path / "a.npz", **ARRAYS)
+    found = read_arrays(tmp_path / "a.npz")
+    assert set(found) == set(ARRAYS)
+    for name, array in ARRAYS.items():
+        assert found[name].dtype == array.dtype
+        np.testing.assert_array_equal(found[name], array)
+
+
+def _npy(descr: str = "'<f8'", shape: str = "(2, 3)", data: bytes = bytes(48), head: bytes = b"") -> bytes:
+    text = head or f"{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}, }}\n".encode()
+    return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text + data
+
+
+HOSTILE = {
+    "objects": _npy("'|O'"),
+    "structure": _npy("[('a', '<f8')]"),
+    "larger shape": _npy(shape="(2, 4)"),
+    "negative shape": _npy(shape="(-2, 3)"),
+    "endless shape": _npy(shape="(" + "9, " * 30 + ")"),
+    "huge shape": _npy(shape="(999999999999999, 999999999999999)"),
+    "no header": b"",
+    "text": b"hello",
+    "code": _npy(head=b"{'descr': __import__('os').getcwd(), 'fortran_order': False, 'shape': (), }\n"),
+    "nested": _npy(head=b"(" * 60000 + b"\n"),
+    "strange type": _npy("'<f3'"),
+}
+
+
+@pytest.mark.parametrize("member", HOSTILE.values(), ids=HOSTILE)
+def test_hostile_members_are_refused(tmp_path: Path, member: bytes) -> None:
+    save_take(MarkerTake("a", 60.0, ("A",), np.zeros((4, 1, 3))), tmp_path / "a.take.npz")
+    for replaced in ("positions_m", "names", "kind", "fps"):
+        with zipfile.ZipFile(tmp_path / "a.take.npz") as good, zipfile.ZipFile(tmp_path / "b.npz", "w") as bad:
+            for name in good.namelist():
+                bad.writestr(name, member if name == f"{replaced}.npy" else good.read(name))
+        with pytest.raises(TakeError, match=r"b\.npz: is not a marker take"):
+            load_take(tmp_path / "b.npz")
+
+
+@pytest.mark.parametrize("packing", [zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2])
+def test_other_ways_of_packing_are_refused(tmp_path: Path, packing: int) -> None:
+    with zipfile.ZipFile(tmp_path / "a.npz", "w", packing) as archive:
+        archive.writestr("a.npy", _npy())
+    with pytest.raises(FormatError, match="packed in an unknown way"):
+        read_arrays(tmp_path / "a.npz")
+
+
+def test_a_small_file_that_unpacks_to_much_takes_no_memory(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        for number in range(2):
+            archive.writestr(f"{number}.npy", _npy(shape=f"({5 << 20},)", data=bytes(40 << 20)))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(FormatError, match="declares far more than it holds"):
+        read_arrays(tmp_path / "a.npz")
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 8 << 10
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("fps", np.array(np.inf)),
+        ("fps", np.array([60.0, 60.0])),
+        ("fps", np.array("sixty")),
+        ("names", np.array("A")),
+        ("names", np.arange(3)),
+        ("positions_m", np.zeros((4, 3))),
+        ("positions_m", np.array([["x"] * 3])),
+        ("times_s", np.array(["a"] * 4)),
+        ("times_s", np.zeros((4, 2))),
+        ("times_s", np.full(4, np.nan)),
+        ("frame_numbers", np.zeros(3)),
+        ("frame_numbers", np.full(4, np.inf)),
+        ("version", np.array(np.nan)),
+        ("single_cameras", np.zeros((4, 1), dtype=np.int64)),
+    ],
+)
+def test_members_of_wrong_type_or_shape_are_refused(tmp_path: Path, key: str, value: np.ndarray) -> None:
+    save_take(MarkerTake("a", 60.0, ("A",), np.zeros((4, 1, 3))), tmp_path / "a.take.npz")
+    arrays = read_arrays(tmp_path / "a.take.npz") | {key: value}
+    np.savez(tmp_path / "b.take.npz", **arrays)
+    with pytest.raises(TakeError):
+        load_take(tmp_path / "b.take.npz")
+
+
+def test_an_archive_that_is_cut_off_or_changed_is_refused_or_harmless(tmp_path: Path) -> None:
+    content = io.BytesIO()
+    np.savez_compressed(content, **ARRAYS)
+    whole, random = content.getvalue(), np.random.default_rng(0)
+    for _ in range(300):
+        damaged = bytearray(whole[: random.integers(len(whole)) if random.random() < 0.3 else None])
+        for place in random.integers(max(len(damaged), 1), size=random.integers(1, 6)) if damaged else ():
+            damaged[place] = random.integers(256)
+        (tmp_path / "a.npz").write_bytes(damaged)
+        try:
+            found = read_arrays(tmp_path / "a.npz")
+        except FormatError:
+            continue
+        assert sum(array.nbytes for array in found.values()) < 1 << 20
