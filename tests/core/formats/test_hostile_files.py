@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from perfanim.core.errors import FormatError, PerfanimError
+from perfanim.core.errors import FormatError
 from perfanim.core.formats.markers.c3d import read_c3d
 from perfanim.core.formats.markers.c3d_write import write_c3d
 from perfanim.core.formats.markers.marker_files import read_take, write_take
@@ -139,9 +139,5 @@ def test_an_archive_that_holds_far_more_than_its_size(tmp_path: Path) -> None:
 @pytest.mark.parametrize("ending", ["trc", "c3d", "csv", "take.npz"])
 def test_a_take_can_be_written_under_a_name_that_is_no_text(tmp_path: Path, ending: str) -> None:
     take = MarkerTake("a\udcff", 60.0, ("A", "B\udcff"), np.ones((3, 2, 3)))
-    try:
-        write_take(take, tmp_path / f"a\udcff.{ending}")
-    except PerfanimError as error:
-        assert ending not in ("trc", "take.npz"), error
-        return
-    assert len(read_take(tmp_path / f"a\udcff.{ending}").names) == 2
+    write_take(take, tmp_path / f"a\udcff.{ending}")
+    assert read_take(tmp_path / f"a\udcff.{ending}").names == ("A", "B\\udcff")
