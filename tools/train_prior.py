@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 from perfanim.core.database.store import open_database
-from perfanim.core.solver.motion_prior import VERSION
+from perfanim.core.solver.motion_prior import VERSION, WEIGHTS, open_network
 from perfanim.core.system.files import atomic_path
 from prior_training.motion import Recordings, read_recordings
-from prior_training.network import LEAST_SCALE, PART_OF_JOINT, Scaling, residuals, train
+from prior_training.network import LEAST_SCALE, PART_OF_JOINT, Scaling, first_parameters, residuals, scaling_of, train
 from prior_training.performers import PerformerMaker
 from prior_training.windows import LAGS_S, WindowMaker
 
@@ -37,21 +37,28 @@ def main() -> None:
     parser.add_argument(
         "--unseen", nargs="*", default=[], metavar="SUBJECT", help="subjects that the errors are taken from"
     )
-    parser.add_argument("--errors-of", type=Path, help="prior that gives the errors on unseen people")
+    parser.add_argument(
+        "--further", type=Path, metavar="FILE", help="prior to train further; its errors on unseen people are kept"
+    )
     parser.add_argument("--steps", type=int, default=_STEPS)
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
-    if bool(args.unseen) == bool(args.errors_of):
-        parser.error("give either --unseen or --errors-of")
+    if bool(args.unseen) == bool(args.further):
+        parser.error("give either --unseen or --further")
     databases = [open_database(path) for path in args.database]
     everyone = {clip.subject for database in databases for clip in database.clips}
-    recordings = read_recordings(databases, everyone - {*args.without, *args.unseen})
+    earlier = open_network(args.further) if args.further else None
+    recordings = read_recordings(
+        databases, everyone - {*args.without, *args.unseen}, earlier.mean_rotations if earlier else None
+    )
     _say(f"{len(recordings.poses)} frames of {len(recordings.subjects)} subjects")
     makers = PerformerMaker(recordings.skeletons)
     windows = WindowMaker(recordings, makers)
-    scaling = Scaling(windows, np.random.default_rng(args.seed))
-    parameters = train(windows, scaling, args.seed, args.steps, _say)
-    if args.unseen:
+    generator = np.random.default_rng(args.seed)
+    scaling = Scaling(earlier.bones, earlier.outputs.astype(np.float32)) if earlier else scaling_of(windows, generator)
+    first = {name: getattr(earlier, name) for name in WEIGHTS} if earlier else first_parameters(generator)
+    parameters = train(windows, scaling, first, generator, args.steps, _say)
+    if earlier is None:
         unseen = read_recordings(databases, set(args.unseen), recordings.mean_rotations)
         errors, sigmas = residuals(
             parameters, WindowMaker(unseen, makers), scaling, np.random.default_rng(args.seed), _BATCHES
@@ -60,8 +67,7 @@ def main() -> None:
         rms_deg = np.degrees(np.sqrt(np.mean(errors[:, _PLACED:] ** 2)))
         _say(f"unseen people: {rms_deg:.2f} degrees RMS of an entry of the pose")
     else:
-        with np.load(args.errors_of) as stored:
-            error_model = {name: stored[name] for name in ("correlation", "spread")}
+        error_model = {"correlation": earlier.correlation, "spread": earlier.spread}
     facts = _facts(recordings, args)
     _write(args.out, parameters, scaling, recordings, error_model, facts)
 

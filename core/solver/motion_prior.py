@@ -28,7 +28,7 @@ VERSION = 1
 _OFFSET_SCALE = 10.0  # offsets are centimetres, the other inputs decimetres to metres
 _LAG_FLOOR_S = 0.03  # movements are divided by their lag plus this
 _ROOT = 6  # outputs of the root: turn, position
-_WEIGHTS = ("marker_weights", "marker_biases", "weights", "biases", "first_weights", "output_weights", "output_biases")
+WEIGHTS = ("marker_weights", "marker_biases", "weights", "biases", "first_weights", "output_weights", "output_biases")
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def open_network(path: Path) -> Network | None:
         arrays = read_arrays(path)
         facts = json.loads(str(arrays.pop("facts")))
         for name in arrays:
-            kind = np.int64 if name == "part_of_joint" else np.float32 if name in (*_WEIGHTS, "bones") else np.float64
+            kind = np.int64 if name == "part_of_joint" else np.float32 if name in (*WEIGHTS, "bones") else np.float64
             arrays[name] = arrays[name].astype(kind)
         network = Network(**arrays, facts=facts)
         fits = facts["version"] == VERSION and _fits(network)

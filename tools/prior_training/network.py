@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import jax
@@ -33,9 +34,8 @@ LEAST_SCALE = 0.005  # of an output
 Parameters = dict[str, Any]
 
 
-def first_parameters(seed: int) -> Parameters:
+def first_parameters(generator: np.random.Generator) -> Parameters:
     """Return random weights."""
-    generator = np.random.default_rng(seed)
     joints, entries = len(JOINT_NAMES), len(_PARTS) * HIDDEN + len(JOINT_NAMES) - 1
 
     def random(*shape: int) -> FloatArray:
@@ -84,19 +84,16 @@ def _loss(parameters: Parameters, inputs: tuple[Any, ...], targets: Any) -> tupl
     return jnp.mean(weight * unlikely), jnp.mean(error**2)
 
 
+@dataclass(frozen=True)
 class Scaling:
     """Units of inputs and outputs.
 
-    Attributes:
+    Args:
         bones, outputs: (2, n) mean and scale.
     """
 
-    def __init__(self, windows: WindowMaker, generator: np.random.Generator) -> None:
-        drawn = [windows.draw(generator, 64) for _ in range(8)]
-        targets = np.concatenate([batch.targets.reshape(-1, OUTPUTS) for batch in drawn])
-        bones = np.concatenate([batch.bones for batch in drawn])
-        self.bones = np.array((bones.mean(axis=0), np.maximum(bones.std(axis=0), 0.01)), dtype=np.float32)
-        self.outputs = np.array((targets.mean(axis=0), np.maximum(targets.std(axis=0), LEAST_SCALE)), dtype=np.float32)
+    bones: FloatArray
+    outputs: FloatArray
 
     def inputs(self, batch: Batch) -> tuple[Any, ...]:
         """Return the inputs of `forward`."""
@@ -107,12 +104,28 @@ class Scaling:
         return np.clip((batch.targets - self.outputs[0]) / self.outputs[1], -10.0, 10.0)
 
 
-def train(windows: WindowMaker, scaling: Scaling, seed: int, steps: int, report: Callable[[str], None]) -> Parameters:
-    """Return the trained weights, averaged over the last steps."""
-    generator = np.random.default_rng(seed)
-    parameters = first_parameters(seed)
-    zeros = jax.tree.map(jnp.zeros_like, parameters)
-    state = (parameters, zeros, zeros, parameters)
+def scaling_of(windows: WindowMaker, generator: np.random.Generator) -> Scaling:
+    """Return the mean and spread of some windows."""
+    drawn = [windows.draw(generator, 64) for _ in range(8)]
+    targets = np.concatenate([batch.targets.reshape(-1, OUTPUTS) for batch in drawn])
+    bones = np.concatenate([batch.bones for batch in drawn])
+    return Scaling(
+        np.array((bones.mean(axis=0), np.maximum(bones.std(axis=0), 0.01)), dtype=np.float32),
+        np.array((targets.mean(axis=0), np.maximum(targets.std(axis=0), LEAST_SCALE)), dtype=np.float32),
+    )
+
+
+def train(
+    windows: WindowMaker,
+    scaling: Scaling,
+    first: Parameters,
+    generator: np.random.Generator,
+    steps: int,
+    report: Callable[[str], None],
+) -> Parameters:
+    """Return the weights trained from the first ones, averaged over the last steps."""
+    zeros = jax.tree.map(jnp.zeros_like, first)
+    state = (first, zeros, zeros, first)
 
     def step(state: Any, number: Any, inputs: Any, targets: Any) -> Any:
         parameters, first, second, averaged = state
