@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..database.store import Database
+from ..database.store import Database, same_bones
 from ..geometry.arrays import Array, FloatArray, IntArray
 from ..system.assets import MOTION_PRIOR
 from . import gaussian_conditioning, local_model, synthesis
@@ -25,7 +25,10 @@ _BROAD_SAMPLES = 4096  # frames that the covariance of the whole database is tak
 _COMPONENTS = 30  # principal ones of earlier poses that "best" goes by
 _FIT_STEPS = 8  # of Gauss-Newton at most: most priors are so close that one is enough
 _LIMIT_PERCENTILES = (1.0, 99.0)  # of the database's joint angles,
-_DOUBT = 2.0  # of the neighbours beside the learned prior: factor of their deviations for one of the markers
+# RMS deviations of the markers from the neighbours at which these and the learned prior count alike, for bodies that the
+# database lacks and for those that it knows; by the fourth power, so that each alone decides where it is surely better
+_TRUSTED, _TRUSTED_KNOWN = 0.6, 1.2
+_MOST_DOUBT = 100.0
 _LIMIT_MARGIN_RAD = 0.05  # beyond which a joint hardly goes
 _SYNTHESIS_PASSES = 2  # synthesis needs the root and the root needs the synthesized torso
 
@@ -180,6 +183,9 @@ class BestMethod:
         self.query_pose_m_per_rad, self.longest_s = settings.query_pose_m_per_rad, settings.history_s[-1]
         network = open_network(Path(settings.prior_file or MOTION_PRIOR)) if settings.prior_share else None
         self._learned = MotionPrior(network, subject, database.mean_rotations) if network else None
+        bodies = (database.skeletons[index].offsets_m for index in {clip.skeleton for clip in database.clips})
+        known = any(same_bones(body_m, subject.skeleton.offsets_m) for body_m in bodies)
+        self._trusted = _TRUSTED_KNOWN if known else _TRUSTED
         if self._learned:
             self.longest_s = max(self.longest_s, self._learned.lags_s[-1])
         poses = database.poses.reshape(database.frames, -1)
@@ -205,10 +211,13 @@ class BestMethod:
         if self._learned:
             learned = self._learned.estimate(self._learned.recent(problem.observation, state), root)
             root, root_sigma = learned.root, learned.root_sigma
-            # neighbours that do not foresee the markers are no better where there are none: unseen people and motions
             off = Expectation(prior, problem.observation, root, root_sigma, self._limits).deviation(self._subject)
-            prior = Prior(prior.mean, max(1.0, _DOUBT * off) ** 2 * prior.covariance)
-            prior = continue_prior(prior, learned.pose.mean, learned.pose.covariance / settings.prior_share)
+            doubt = float(np.clip((off / self._trusted) ** 4, 1.0 / _MOST_DOUBT, _MOST_DOUBT))
+            prior = continue_prior(
+                Prior(prior.mean, max(doubt, 1.0) * prior.covariance),
+                learned.pose.mean,
+                learned.pose.covariance / (settings.prior_share * min(doubt, 1.0)),
+            )
         if state.pose is not None and state.previous_pose is not None:
             expected = state.pose + settings.momentum * (state.pose - state.previous_pose)
             prior = continue_prior(prior, expected, self._change)

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from perfanim.core.errors import FormatError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.solver.motion_prior import MotionPrior, open_network
+from perfanim.core.solver.motion_prior import VERSION, MotionPrior, open_network
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.pose_solver import PoseSolver
 from perfanim.core.solver.root import root_from_torso
 from perfanim.core.solver.settings import BestSettings, SolveSettings
 from perfanim.core.solver.subject_model import RootPose, SubjectModel
+from perfanim.core.system.assets import MOTION_PRIOR
 from random_prior import HIDDEN, JOINTS, LAGS_S, OUTPUTS, WIDTH, write_network
 
 
@@ -134,3 +135,8 @@ def test_damaged_files_are_named(database, network_file, tmp_path):
         damaged.write_bytes(changed)
         with pytest.raises(FormatError, match="is no motion prior"):
             open_network(damaged)
+
+
+def test_the_shipped_file_opens_and_is_small():
+    assert MOTION_PRIOR.stat().st_size <= 4e6
+    assert open_network(MOTION_PRIOR).facts["version"] == VERSION
