@@ -24,11 +24,11 @@ _HISTORY_SHARE = 0.3  # weight of a squared distance of earlier markers against 
 _BROAD_SAMPLES = 4096  # frames that the covariance of the whole database is taken over
 _COMPONENTS = 30  # principal ones of earlier poses that "best" goes by
 _FIT_STEPS = 8  # of Gauss-Newton at most: most priors are so close that one is enough
-_LIMIT_PERCENTILES = (1.0, 99.0)  # of the database's joint angles,
-# RMS deviations of the markers from the neighbours at which these and the learned prior count alike, for bodies that the
-# database lacks and for those that it knows; by the fourth power, so that each alone decides where it is surely better
+# RMS deviations of the markers from the neighbours at which these and the learned prior count alike: for bodies that
+# the database lacks, and for those it knows. By the fourth power: each decides alone where it is surely better.
 _TRUSTED, _TRUSTED_KNOWN = 0.6, 1.2
 _MOST_DOUBT = 100.0
+_LIMIT_PERCENTILES = (1.0, 99.0)  # of the database's joint angles,
 _LIMIT_MARGIN_RAD = 0.05  # beyond which a joint hardly goes
 _SYNTHESIS_PASSES = 2  # synthesis needs the root and the root needs the synthesized torso
 

@@ -56,7 +56,7 @@ def default_settings(out: Path, subject: str, search: str = "auto") -> SolveSett
     path = out / "databases" / "motion_prior.npz"
     network = open_network(path)
     unseen = network is not None and subject not in network.facts["subjects"]
-    best = BestSettings(prior_file=str(path)) if unseen else _NO_PRIOR
+    best = BestSettings(prior_share=1.0, prior_file=str(path)) if unseen else _NO_PRIOR
     return SolveSettings(search=search, best=best)
 
 

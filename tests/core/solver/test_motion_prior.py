@@ -105,9 +105,9 @@ def solved(model, database, markers, **settings):
 def test_without_the_file_it_is_as_without_the_prior(model, database, true_markers, tmp_path, network_file):
     markers = true_markers[:8]
     off = solved(model, database, markers, prior_share=0.0)
-    missing = solved(model, database, markers, prior_file=str(tmp_path / "none.npz"))
+    missing = solved(model, database, markers, prior_share=1.0, prior_file=str(tmp_path / "none.npz"))
     np.testing.assert_array_equal(off, missing)
-    assert np.max(np.abs(solved(model, database, markers, prior_file=str(network_file)) - off)) > 1e-4
+    assert np.max(np.abs(solved(model, database, markers, prior_share=1.0, prior_file=str(network_file)) - off)) > 1e-4
 
 
 def test_damaged_files_are_named(database, network_file, tmp_path):
