@@ -5,7 +5,7 @@ _SHARES = (90, 115, 90)  # of place, fact and advice, where they are too long to
 
 
 def printable(text: str) -> str:
-    """Return a text with what is no UTF-8 escaped, as bytes of a file's name may be."""
+    """Return a text with all that UTF-8 lacks escaped, as in names of files."""
     return text.encode("utf-8", "backslashreplace").decode("utf-8")
 
 

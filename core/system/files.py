@@ -91,7 +91,7 @@ def _unreadable(path: Path | str, error: Exception, kind: type[PerfanimError]) -
 
 
 def read_bytes(path: Path | str, most: int = _MOST_BYTES) -> bytes:
-    """Return the content of a file; FormatError when it cannot be read or is too large."""
+    """Return the content of a file; FormatError if unreadable or too large."""
     with open_foreign(path) as file:
         try:
             size = os.fstat(file.fileno()).st_size
