@@ -1,9 +1,10 @@
 """Errors of a motion against the truth: angles, positions, jitter, foot skate."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import minimum_filter1d
 
 from ..errors import FormatError
 from ..geometry import rotations as rot
@@ -147,10 +148,8 @@ def _angle_skeleton(chosen: Skeleton, compared: Skeleton) -> Skeleton:
     if missing:
         raise FormatError("the skeleton that gives the joint angles lacks " + ", ".join(missing[:5]))
     order = [chosen.index(name) for name in compared.names]
-    return Skeleton(
-        compared.names, compared.parents, compared.offsets_m, compared.tips_m,
-        chosen.angle_axes[order], tuple(chosen.angle_orders[joint] for joint in order),
-    )  # fmt: skip
+    orders = tuple(chosen.angle_orders[joint] for joint in order)
+    return replace(compared, angle_axes=chosen.angle_axes[order], angle_orders=orders)
 
 
 def _errors(pair: _Pair, angles: Skeleton, estimated: tuple[Array, Array], true: tuple[Array, Array]) -> _Errors:
@@ -233,7 +232,8 @@ def _foot_skate(truth: Motion, estimated: Array, true: Array) -> tuple[float, fl
         return float("nan"), float("nan")
     velocity = np.diff(true[:, feet], axis=0) * truth.fps
     height = 0.5 * (true[1:, feet, 1] + true[:-1, feet, 1])
-    low = height < _lowest_within(height, round(truth.fps)) + _CONTACT_HEIGHT_M
+    lowest = minimum_filter1d(height, 2 * round(truth.fps) + 1, axis=0, mode="nearest")
+    low = height < lowest + _CONTACT_HEIGHT_M
     contact = low & (np.linalg.norm(velocity, axis=-1) < _CONTACT_SPEED_M_S)
     if not np.any(contact):
         return float("nan"), float("nan")
@@ -241,11 +241,6 @@ def _foot_skate(truth: Motion, estimated: Array, true: Array) -> tuple[float, fl
     speeds = (np.linalg.norm(v[..., [0, 2]], axis=-1)[contact] for v in (mine, velocity))
     skate, true_skate = (100.0 * float(np.mean(speed)) for speed in speeds)
     return skate, true_skate
-
-
-def _lowest_within(height: Array, radius: int) -> Array:
-    padded = np.pad(height, ((radius, radius), (0, 0)), mode="edge")
-    return np.min(np.lib.stride_tricks.sliding_window_view(padded, 2 * radius + 1, axis=0), axis=-1)
 
 
 def _per_joint(names: tuple[str, ...], errors: _Errors) -> dict[str, dict[str, float]]:

@@ -4,6 +4,8 @@ The rest pose has the arms along +-x with the palms down and the legs spread by 
 its motion needs no conversion. The joints without degrees of freedom (lhipjoint, rhipjoint) are part of the offsets.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..geometry.arrays import Array
@@ -81,11 +83,4 @@ def _joint_of(name: str) -> tuple[str, Array, Array]:
 def scaled(skeleton: Skeleton, factors: Array | float) -> Skeleton:
     """Return the skeleton with offsets and tips multiplied by factors."""
     per_joint = np.broadcast_to(np.asarray(factors, dtype=np.float64), (len(skeleton),))[:, None]
-    return Skeleton(
-        names=skeleton.names,
-        parents=skeleton.parents,
-        offsets_m=skeleton.offsets_m * per_joint,
-        tips_m=skeleton.tips_m * per_joint,
-        angle_axes=skeleton.angle_axes,
-        angle_orders=skeleton.angle_orders,
-    )
+    return replace(skeleton, offsets_m=skeleton.offsets_m * per_joint, tips_m=skeleton.tips_m * per_joint)

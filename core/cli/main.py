@@ -19,23 +19,11 @@ from ..errors import PerfanimError
 from .partial_result import PartialResult
 
 # Each command's module has add_parser(subparsers), which sets `run`: (args, progress) -> summary or `PartialResult`.
-_MODULES = {
-    "demo": "demo",
-    "calibrate": "calibrate.command",
-    "track": "track",
-    "take": "take.command",
-    "database": "database",
-    "solve": "solve",
-    "evaluate": "evaluate",
-    "retarget": "retarget",
-    "vmc": "vmc",
-    "batch": "batch.command",
-    "simulate": "simulate",
-    "bench": "bench",
-    "diagnose": "diagnose",
-}
-COMMANDS = tuple(_MODULES)
-
+COMMANDS = (
+    "demo", "calibrate", "track", "take", "database", "solve", "evaluate", "retarget", "vmc", "batch", "simulate",
+    "bench", "diagnose",
+)  # fmt: skip
+_PACKAGES = ("calibrate", "take", "batch")  # commands with a package of their own, in its module `command`
 
 # The solver's matrices are small: threads cost more than they gain, most of all beside other processes.
 # Read by numpy's libraries when they are loaded, which is not before a command is chosen.
@@ -80,7 +68,7 @@ def build_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for name in commands:
         # one command's module: the others' take a second to load
-        import_module(f".{_MODULES[name]}", __package__).add_parser(subparsers)
+        import_module(f".{name}.command" if name in _PACKAGES else f".{name}", __package__).add_parser(subparsers)
     _add_json_option(parser)
     return parser
 

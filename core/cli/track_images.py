@@ -3,6 +3,7 @@
 import argparse
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -76,17 +77,16 @@ class TrackImages:
         Raises:
             PerfanimError: a source cannot be opened or has no end, or the output cannot be written.
         """
-        source: Any = open_image_source(*self.sources, fps=self.options.fps, size=self.rig.cameras[0].image_size)
         spent_s: list[float] = []
-        try:
+        with closing(
+            open_image_source(*self.sources, fps=self.options.fps, size=self.rig.cameras[0].image_size)
+        ) as source:
             pipeline = self._pipeline(source, progress)
             frames = self._detect(pipeline, source, spent_s, progress)
             if is_recorded(self.options.out):
                 facts = self._record(frames, pipeline.settings, keep_cut=_is_endless(source))
             else:
                 facts = self._write_trajectories(tuple(frames), pipeline.settings, source.fps, progress)
-        finally:
-            source.close()
         return facts | {
             "frames_per_s": len(spent_s) / max(sum(spent_s), 1e-9),
             "warnings": [*getattr(source, "warnings", ()), *facts["warnings"]],
@@ -233,11 +233,8 @@ def make_pipeline(options: argparse.Namespace, rig: CameraRig, progress: Progres
     pipeline = MarkerPipeline(rig, PipelineSettings(detection=(DetectionSettings(threshold=options.threshold),)))
     progress(0.0, "learning the background")
     if options.background:
-        empty: Any = open_image_source(*options.background)
-        try:
+        with closing(open_image_source(*options.background)) as empty:
             pipeline.learn_empty(empty.samples(_EMPTY_SAMPLES))
-        finally:
-            empty.close()
     return pipeline
 
 

@@ -27,6 +27,10 @@ _PARENT_GONE_GRACE_S = 3.0
 _BLOCKED_S = 20.0  # without any Python executed: longer than anybody waits for a sign of life
 
 
+class Stopped(Exception):  # noqa: N818 - no error: the end was requested
+    """A stop was requested before the work was done: there is no result."""
+
+
 class Channel:
     """Connection to Blender.
 

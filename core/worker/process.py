@@ -20,7 +20,7 @@ from importlib import import_module
 from types import ModuleType
 
 from ..errors import CaptureError, PerfanimError
-from .channel import Channel
+from .channel import Channel, Stopped
 
 JOBS = (
     "capture",
@@ -42,6 +42,8 @@ def main(port: int, token: str, name: str) -> int:
     try:
         job = _job(name)  # its libraries load while the request is on its way
         job.run(channel.wait_request(), channel)
+    except Stopped:
+        return 0
     except PerfanimError as error:
         channel.send_error(error)
         return 1

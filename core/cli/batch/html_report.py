@@ -6,6 +6,7 @@ from html import escape
 from pathlib import Path
 from urllib.parse import quote
 
+from ...system.assets import BATCH_STYLE
 from .quality import LEAST_CONFIDENCE, LIMITS
 from .take_record import BAD, DOUBTFUL, GOOD, Record
 
@@ -19,21 +20,7 @@ _COLUMNS = (
     ("longest_gap_s", "longest gap, s", "{:.2f}"),
     ("foot_skate_cm_s", "foot skate, cm/s", "{:.0f}"),
 )
-_STYLE = """
-body { font: 14px/1.4 system-ui, sans-serif; margin: 2em; color: #222; background: #fafafa; }
-table { border-collapse: collapse; background: #fff; }
-th, td { padding: 6px 10px; border-bottom: 1px solid #ddd; text-align: right; vertical-align: middle; }
-th { position: sticky; top: 0; background: #eee; font-weight: 600; }
-th:first-child, td:first-child { text-align: left; min-width: 20em; overflow-wrap: anywhere; }
-th:last-child { text-align: left; }
-td:last-child { padding: 2px; }
-tr.bad td:first-child { border-left: 6px solid #c62828; background: #fdecea; }
-tr.doubtful td:first-child { border-left: 6px solid #f0a500; background: #fff7e0; }
-tr.good td:first-child { border-left: 6px solid #4b9b4b; }
-.reason { color: #a31515; } .doubtful .reason { color: #8a5a00; } .warning { color: #666; font-size: 12px; }
-td.out { background: #fff0c2; font-weight: 600; } tr.bad td.out { background: #f9d0cc; }
-img { display: block; }
-"""
+_STYLE = "\n" + BATCH_STYLE.read_text(encoding="utf-8")
 
 
 def page_text(records: Sequence[Record], out: Path) -> str:

@@ -1,6 +1,7 @@
 """`perfanim calibrate floor`: floor, origin and scale from markers on the floor."""
 
 import argparse
+from contextlib import closing
 from typing import Any
 
 from ...system.progress import Progress
@@ -58,14 +59,11 @@ def _watch(args: argparse.Namespace, rig: Any, progress: Progress) -> Any:
 
     pipeline = make_pipeline(args, rig, progress)
     watch = FloorWatch()
-    source = open_image_source(args.left, args.right, *args.camera)
-    try:
+    with closing(open_image_source(args.left, args.right, *args.camera)) as source:
         total = max(int(getattr(source, "frames", 0)), 1)
         for number, images in enumerate(source):
             progress(min(number / total, 1.0), f"looking for markers: moment {number + 1}")
             watch.see(images.times_s[0], pipeline.process(images).points_m)
             if watch.points_m is not None:
                 break
-    finally:
-        source.close()
     return watch

@@ -1,6 +1,7 @@
 """`perfanim calibrate refine`: poses of bumped cameras from a take's markers."""
 
 import argparse
+from contextlib import closing
 from dataclasses import replace
 from typing import Any
 
@@ -33,8 +34,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ...vision.sources.source_kinds import open_image_source
 
     rig = load_rig(args.cameras)
-    source = open_image_source(args.left, args.right, *args.camera)
-    try:
+    with closing(open_image_source(args.left, args.right, *args.camera)) as source:
         pipeline = MarkerPipeline(rig)
         progress(0.0, "learning the background")
         samples = list(source.samples(_BACKGROUND_SAMPLES))
@@ -45,8 +45,6 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
             _check(rig, images)
             progress(0.8 * number / _LOOKED_AT, f"looking for markers: moment {number + 1}")
             frames.append([d.detect(image) for d, image in zip(pipeline.detectors, images, strict=True)])
-    finally:
-        source.close()
     progress(0.8, "placing the cameras")
     result = refine_rig(rig, frames)
     names = [camera.name for camera in rig.cameras]

@@ -21,10 +21,7 @@ _MOST_LOST = 100  # frames for each that came; more are no loss but a clock that
 
 
 class Recording:
-    """Frames of VMC packets.
-
-    Attributes:
-    """
+    """Frames of VMC packets."""
 
     def __init__(self) -> None:
         self.gathering = FrameAssembler()

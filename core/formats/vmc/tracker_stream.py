@@ -26,8 +26,6 @@ class TrackerStream:
     Args:
         marker_set: worn; of what comes, its markers alone count. Names agree as `match_labels` says, those of
             `axis_points` among them.
-
-    Attributes:
     """
 
     def __init__(self, marker_set: MarkerSet) -> None:

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ _SPACING_M = 1.2  # between performers: both stay in the picture, and arms held 
 _RETURN_S = 1.5  # time in which a performer who starts again goes back to the first pose
 
 
+@dataclass(eq=False)
 class SimulatedSource:
     """Image sets of a performance, with their truth.
 
@@ -42,25 +43,15 @@ class SimulatedSource:
         first: number of the first frame that is handed over; live all begin at 0.
     """
 
-    def __init__(
-        self,
-        performance: Performance,
-        subject: Subject,
-        renderer: Renderer,
-        *,
-        fps: float = FPS,
-        live: bool = False,
-        loop: bool = False,
-    ) -> None:
-        self.performance = performance
-        self.subject = subject
-        self.renderer = renderer
-        self.fps = fps
-        self.live = live
-        self.loop = loop
-        self.first = 0
-        self.dropped = 0
-        self._closed = False
+    performance: Performance
+    subject: Subject
+    renderer: Renderer
+    fps: float = FPS
+    live: bool = False
+    loop: bool = False
+    first: int = field(default=0, init=False)
+    dropped: int = field(default=0, init=False)
+    _closed: bool = field(default=False, init=False)
 
     @property
     def rig(self) -> CameraRig:

@@ -113,11 +113,9 @@ class Detector:
         """Grey levels above the background of a marker's pixels."""
         return self._threshold
 
-    def foreground(self, image: Image) -> Image:
-        """Return the dilated mask (0 or 255) of pixels that differ from the background."""
-        return self._foreground(image, self._room)
-
-    def _foreground(self, image: Image, room: "_EmptyRoom | None") -> Image:
+    def foreground(self, image: Image, part: "_EmptyRoom | None" = None) -> Image:
+        """Return the dilated mask (0 or 255) of pixels unlike the background, or a part."""
+        room = part or self._room
         if room is None:
             outside = cv2.threshold(image, self._threshold, 255, cv2.THRESH_BINARY)[1]
         else:
@@ -183,7 +181,7 @@ class Detector:
     def _found(self, image: Image, room: "_EmptyRoom | None") -> Array:
         """Return marker candidates in an image, or in a part of image and room."""
         dimmest = max(self._threshold, _DIMMEST * self.settings.relative_brightness * self._usual_contrast)
-        parts = _parts(self._foreground(image, room), self.settings)
+        parts = _parts(self.foreground(image, room), self.settings)
         alone, bodies = self._measure_alone(image, room, [part for part in parts if part.may_be_marker], dimmest)
         # the other parts are of the performer, with markers on them
         bodies += [part for part in parts if not part.may_be_marker]

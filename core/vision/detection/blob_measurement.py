@@ -3,6 +3,7 @@
 import math
 from bisect import bisect_left
 from collections.abc import Sequence
+from colorsys import rgb_to_hsv
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -107,16 +108,14 @@ def measure(pixels: BlobPixels) -> tuple[IntArray, Array]:
         np.concatenate((pixels.colours, np.ones_like(pixels.x)[:, None]), 1) * bright[:, None], starts
     )
     colours = lit[:, :3] / lit[:, 3:]
-    hues = [_hue(*colour) for colour in colours.tolist()]
+    hues = [180.0 * rgb_to_hsv(red, green, blue)[0] for blue, green, red in colours.tolist()]  # as in OpenCV
     rows = np.array((left + x, top + y, radius, colours.max(axis=1), hues, plateau, roundness)).T
     return pixels.owner[starts], rows
 
 
 def _sums_before(values: FloatArray) -> Array:
     """Return (P + 1,) the sum of all values before each, and of all."""
-    sums = np.zeros(len(values) + 1)
-    np.cumsum(values, dtype=np.float64, out=sums[1:])
-    return sums
+    return np.concatenate(([0.0], np.cumsum(values, dtype=np.float64)))
 
 
 def measure_apart(pixels: BlobPixels) -> tuple[IntArray, Array]:
@@ -132,20 +131,6 @@ def measure_apart(pixels: BlobPixels) -> tuple[IntArray, Array]:
         return owners, table
     found[0] = (owners[whole], table[whole])
     return np.concatenate([part[0] for part in found]), np.concatenate([part[1] for part in found])
-
-
-def _hue(blue: float, green: float, red: float) -> float:
-    """Hue of a BGR colour, 0 to 180 as in OpenCV; 0 for grey."""
-    high, low = max(blue, green, red), min(blue, green, red)
-    if high - low < 1e-6:
-        return 0.0
-    if high == red:
-        sixth = (green - blue) / (high - low)
-    elif high == green:
-        sixth = 2.0 + (blue - red) / (high - low)
-    else:
-        sixth = 4.0 + (red - green) / (high - low)
-    return (sixth * 30.0) % 180.0
 
 
 def subtract_skin(pixels: BlobPixels) -> BlobPixels:

@@ -12,7 +12,6 @@ from ...markers.subject import save_subject
 from ...subjects.pose_calibration import calibrate_subject, pose_points
 from ...subjects.prototype_bodies import load_bodies
 from ..channel import Channel
-from .cameras import Stopped
 from .record_pose import record_poses
 
 
@@ -22,10 +21,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     Raises:
         PerfanimError: the source cannot be opened or used, does not show the performer, or a pose was not held.
     """
-    try:
-        take, result = record_poses(request, channel)
-    except Stopped:
-        return
+    take, result = record_poses(request, channel)
     channel.send_status("measuring the performer")
     marker_set, poses = load_marker_set(request["marker_set"]), [str(pose) for pose in request["poses"]]
     points = pose_points(take, marker_set, poses)

@@ -30,7 +30,7 @@ from ...vision.detection.background import Background
 from ...vision.live import live_frames, live_settings
 from ...vision.pipeline import MarkerPipeline
 from ...vision.sources.source_kinds import ImageSetLike, ImageSource
-from ..channel import Channel
+from ..channel import Channel, Stopped
 from ..open_source import open_source
 from ..source_traits import is_live, is_repeatable, is_simulated
 from .camera_preview import PreviewSender
@@ -39,10 +39,6 @@ _EMPTY_FRAMES = 30  # of the simulated room
 _SPREAD_FRAMES = 40  # of a recorded take, which shows the performer
 _FREED_S = 5.0  # in which a process that was replaced gives the cameras back
 _RETRY_S = 0.1
-
-
-class Stopped(Exception):  # noqa: N818 - no error: the end was requested
-    """A stop was requested before the work was done."""
 
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:
@@ -54,23 +50,20 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     in_flight = request.get("in_flight")
     # images of this size are done before a second thread has begun, and Blender draws on the other core
     cv2.setNumThreads(1)
-    try:
-        with open_pipeline(request, channel) as (source, pipeline):
-            channel.send_status("waiting for images")
-            for warning in getattr(source, "warnings", ()):
-                channel.send_warning(warning)
-            remaining = _remaining(request, source)
-            images = _Images(channel.stop_requested, remaining if is_live(request) else _pace(remaining))
-            preview = PreviewSender(request, channel)
-            thresholds = [detector.threshold for detector in pipeline.detectors]
-            for stamp_s, frame in live_frames(images, pipeline, channel.send_warning, exact=is_simulated(request)):
-                channel.slowness.add(time.perf_counter() - stamp_s, time.thread_time() - images.processor_s)
-                channel.send_frame(stamp_s, frame)
-                preview.send(images.newest, partial(draw_blobs, frame, thresholds, pipeline.rig))
-                if in_flight is not None:
-                    channel.wait_for_ack(int(in_flight))
-    except Stopped:
-        return
+    with open_pipeline(request, channel) as (source, pipeline):
+        channel.send_status("waiting for images")
+        for warning in getattr(source, "warnings", ()):
+            channel.send_warning(warning)
+        remaining = _remaining(request, source)
+        images = _Images(channel.stop_requested, remaining if is_live(request) else _pace(remaining))
+        preview = PreviewSender(request, channel)
+        thresholds = [detector.threshold for detector in pipeline.detectors]
+        for stamp_s, frame in live_frames(images, pipeline, channel.send_warning, exact=is_simulated(request)):
+            channel.slowness.add(time.perf_counter() - stamp_s, time.thread_time() - images.processor_s)
+            channel.send_frame(stamp_s, frame)
+            preview.send(images.newest, partial(draw_blobs, frame, thresholds, pipeline.rig))
+            if in_flight is not None:
+                channel.wait_for_ack(int(in_flight))
 
 
 class _Images:

@@ -5,8 +5,7 @@ import time
 from collections.abc import Iterator
 
 from ...vision.sources.source_kinds import ImageSetLike
-from ..channel import Channel
-from .cameras import Stopped
+from ..channel import Channel, Stopped
 
 
 def count_down(images: Iterator[ImageSetLike], seconds: float, channel: Channel, text: str) -> ImageSetLike | None:

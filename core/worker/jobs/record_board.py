@@ -11,6 +11,7 @@ folders, and "rig", the calibration as tables: Blender writes it, so that a canc
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -46,22 +47,18 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     """
     board, folder = parse_board(request["board"]), Path(request["out"])
     channel.send_status("opening the cameras", 0.0)
-    source = _open(request["source"], board)
-    try:
-        with ThreadPoolExecutor(1) as later:
-            images = iter(source)
-            first = next(images, None)
-            if first is None:
-                raise CaptureError("the cameras gave no images", advice="check the source")
-            names, titles = camera_names(len(first.images))
-            folders = [_empty_folder(folder / name) for name in names]
-            every_s = None if request.get("every_s") is None else float(request["every_s"])
-            session = BoardSession(board, names, titles, later.submit, int(request["limit"]), every_s)
-            _watch(chain([first], images), session, folders, PreviewSender(request, channel), channel)
-            channel.send_status("calibrating", 1.0)
-            result = session.finish()
-    finally:
-        source.close()
+    with closing(_open(request["source"], board)) as source, ThreadPoolExecutor(1) as later:
+        images = iter(source)
+        first = next(images, None)
+        if first is None:
+            raise CaptureError("the cameras gave no images", advice="check the source")
+        names, titles = camera_names(len(first.images))
+        folders = [_empty_folder(folder / name) for name in names]
+        every_s = None if request.get("every_s") is None else float(request["every_s"])
+        session = BoardSession(board, names, titles, later.submit, int(request["limit"]), every_s)
+        _watch(chain([first], images), session, folders, PreviewSender(request, channel), channel)
+        channel.send_status("calibrating", 1.0)
+        result = session.finish()
     summary = calibration_summary(result, board.square_m)
     channel.send_result({**summary, "rig": rig_tables(result.rig), "pictures": [str(path) for path in folders]})
 

@@ -7,6 +7,7 @@ and "scale", size of the board by the calibration / by its SPEC. There is none a
 """
 
 from collections.abc import Mapping
+from contextlib import closing
 from functools import partial
 from typing import Any
 
@@ -38,11 +39,8 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     """
     board, rig = parse_board(request["board"]), rig_from(request["rig"], "calibration")
     channel.send_status("opening the cameras", 0.0)
-    source = _open(request["source"], board)
-    try:
+    with closing(_open(request["source"], board)) as source:
         look = _still_board(source, board, PreviewSender(request, channel), channel)
-    finally:
-        source.close()
     if look is None:
         return
     points_m = board_in_space(rig, [view for view in look.views if view is not None], board)

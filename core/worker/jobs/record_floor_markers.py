@@ -22,10 +22,10 @@ from ...vision.live import live_settings
 from ...vision.pipeline import MarkerPipeline
 from ...vision.sources.image_set import moment_of
 from ...vision.sources.source_kinds import ImageSource
-from ..channel import Channel
+from ..channel import Channel, Stopped
 from ..source_traits import is_simulated
 from .camera_preview import PreviewSender
-from .cameras import Stopped, open_pipeline
+from .cameras import open_pipeline
 
 _EMPTY_FRAMES = 30  # of the simulated room
 
@@ -36,11 +36,8 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     Raises:
         PerfanimError: the source cannot be opened or used, or does not show markers that lie still.
     """
-    try:
-        with _open(request, channel) as (source, pipeline):
-            watch = _watch(source, pipeline, PreviewSender(request, channel), channel)
-    except Stopped:
-        return
+    with _open(request, channel) as (source, pipeline):
+        watch = _watch(source, pipeline, PreviewSender(request, channel), channel)
     if watch.points_m is None:
         raise CalibrationError("no markers were seen lying still on the floor", advice=watch.advice)
     rig, points_m, scale = pipeline.rig, watch.points_m, 1.0

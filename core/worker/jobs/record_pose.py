@@ -25,9 +25,9 @@ from ...simulate.studio.placement import ARRIVAL_S
 from ...subjects.pose_calibration import check_poses
 from ...vision.calibration.floor import rig_on_floor
 from ...vision.sources.source_kinds import ImageSetLike
-from ..channel import Channel
+from ..channel import Channel, Stopped
 from ..source_traits import is_live, is_simulated
-from .cameras import Stopped, open_pipeline
+from .cameras import open_pipeline
 from .countdown import count_down
 
 _LONGEST_S = 60.0  # of a recording in which poses are looked for
@@ -38,10 +38,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     Raises:
         PerfanimError: the source cannot be opened or used, or does not show the performer.
     """
-    try:
-        channel.send_result(record_poses(request, channel)[1])
-    except Stopped:
-        return
+    channel.send_result(record_poses(request, channel)[1])
 
 
 def record_poses(request: Mapping[str, Any], channel: Channel) -> tuple[MarkerTake, dict[str, Any]]:
