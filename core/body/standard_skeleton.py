@@ -5,51 +5,31 @@ its motion needs no conversion. The joints without degrees of freedom (lhipjoint
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from ..geometry.arrays import Array
+from ..system.assets import JOINTS
+from ..system.files import read_toml
 from .skeleton import Skeleton
 
 DEFAULT_HEIGHT_M = 1.75
 _REFERENCE_HEIGHT_M = 1.75
 
-_SIN20, _COS20 = 0.3420, 0.9397
+TABLES = read_toml(JOINTS)  # a row a joint, of limbs the left side's
 
-# joint: (parent, offset from the parent, bone from the joint to its end), metres, left side, for 1.75 m of height.
-# Segment lengths follow usual anthropometric shares of the height (thigh and shank 0.245 each, upper arm 0.172, ...).
-_MIDDLE: dict[str, tuple[str, tuple[float, float, float], tuple[float, float, float]]] = {
-    "root": ("", (0.0, 0.0, 0.0), (0.0, 0.05, 0.0)),
-    "lowerback": ("root", (0.0, 0.0, 0.0), (0.0, 0.118, -0.008)),
-    "upperback": ("lowerback", (0.0, 0.118, -0.008), (0.0, 0.118, 0.0)),
-    "thorax": ("upperback", (0.0, 0.118, 0.0), (0.0, 0.119, 0.004)),
-    "lowerneck": ("thorax", (0.0, 0.119, 0.004), (0.0, 0.086, 0.010)),
-    "upperneck": ("lowerneck", (0.0, 0.086, 0.010), (0.0, 0.086, -0.006)),
-    "head": ("upperneck", (0.0, 0.086, -0.006), (0.0, 0.090, 0.0)),
-}
-_LEG: dict[str, tuple[str, tuple[float, float, float], tuple[float, float, float]]] = {
-    "femur": ("root", (0.085, -0.098, 0.040), (0.425 * _SIN20, -0.425 * _COS20, 0.0)),
-    "tibia": ("femur", (0.425 * _SIN20, -0.425 * _COS20, 0.0), (0.425 * _SIN20, -0.425 * _COS20, 0.0)),
-    "foot": ("tibia", (0.425 * _SIN20, -0.425 * _COS20, 0.0), (0.013, -0.036, 0.130)),
-    "toes": ("foot", (0.013, -0.036, 0.130), (0.0, 0.0, 0.068)),
-}
-_ARM: dict[str, tuple[str, tuple[float, float, float], tuple[float, float, float]]] = {
-    "clavicle": ("thorax", (0.0, 0.119, 0.004), (0.185, 0.045, -0.020)),
-    "humerus": ("clavicle", (0.185, 0.045, -0.020), (0.295, 0.0, 0.0)),
-    "radius": ("humerus", (0.295, 0.0, 0.0), (0.210, 0.0, 0.0)),
-    "wrist": ("radius", (0.210, 0.0, 0.0), (0.080, 0.0, 0.0)),
-    "hand": ("wrist", (0.080, 0.0, 0.0), (0.045, 0.0, 0.0)),
-    "fingers": ("hand", (0.045, 0.0, 0.0), (0.060, 0.0, 0.0)),
-    "thumb": ("wrist", (0.080, 0.0, 0.0), (0.042, 0.0, 0.042)),
-}
+_MIDDLE = ("root", "lowerback", "upperback", "thorax", "lowerneck", "upperneck", "head")
+_LEG = ("femur", "tibia", "foot", "toes")
+_ARM = ("clavicle", "humerus", "radius", "wrist", "hand", "fingers", "thumb")
 
 JOINT_NAMES: tuple[str, ...] = (
     "root",
     *(f"{side}{name}" for side in "lr" for name in _LEG),
-    *(name for name in _MIDDLE if name != "root"),
+    *_MIDDLE[1:],
     *(f"{side}{name}" for side in "lr" for name in _ARM),
 )
-SPINE_JOINTS: tuple[str, ...] = ("lowerback", "upperback", "thorax", "lowerneck", "upperneck", "head")
+SPINE_JOINTS = _MIDDLE[1:]
 
 
 def mirrored_name(name: str) -> str:
@@ -70,14 +50,17 @@ def default_skeleton(height_m: float = DEFAULT_HEIGHT_M) -> Skeleton:
     )
 
 
+def facts_of(joint: str) -> dict[str, Any]:
+    """Return the row of a joint; both sides share it."""
+    rows: dict[str, dict[str, Any]] = TABLES["joint"]
+    return rows[joint] if joint in rows else rows[joint[1:]]
+
+
 def _joint_of(name: str) -> tuple[str, Array, Array]:
-    if name in _MIDDLE:
-        parent, offset, tip = _MIDDLE[name]
-        return parent, np.array(offset), np.array(tip)
-    side, base = name[0], name[1:]
-    parent, offset, tip = (_LEG | _ARM)[base]
-    mirror = np.array([1.0 if side == "l" else -1.0, 1.0, 1.0])
-    return (parent if parent in _MIDDLE else side + parent), mirror * np.array(offset), mirror * np.array(tip)
+    row, side = facts_of(name), "" if name in _MIDDLE else name[0]
+    mirror = np.array([-1.0 if side == "r" else 1.0, 1.0, 1.0])
+    parent = row["parent"] if row["parent"] in ("", *_MIDDLE) else side + row["parent"]
+    return parent, mirror * np.array(row["offset_m"]), mirror * np.array(row["tip_m"])
 
 
 def scaled(skeleton: Skeleton, factors: Array | float) -> Skeleton:

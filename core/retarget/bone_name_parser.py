@@ -8,8 +8,7 @@ import re
 from dataclasses import dataclass
 from functools import lru_cache
 
-from ..body.standard_skeleton import JOINT_NAMES
-from .joint_naming import TABLES, facts_of
+from ..body.standard_skeleton import JOINT_NAMES, TABLES, facts_of
 
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _SIDES = {"left": "l", "l": "l", "lft": "l", "right": "r", "r": "r", "rgt": "r"}

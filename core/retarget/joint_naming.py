@@ -1,24 +1,12 @@
 """Names of the joints in the panel and in other programs, from a file of data."""
 
 from dataclasses import replace
-from typing import Any
 
 from ..body.motion import Motion
-from ..body.standard_skeleton import JOINT_NAMES
+from ..body.standard_skeleton import JOINT_NAMES, TABLES, facts_of
 from ..errors import SettingsError
-from ..system.assets import JOINT_NAME_TABLES
-from ..system.files import read_toml
 
 OWN = "cmu"  # the standard skeleton's joints have the names of the CMU Motion Capture Database
-
-TABLES = read_toml(JOINT_NAME_TABLES)
-
-
-def facts_of(joint: str) -> dict[str, Any]:
-    """Return the label, the names and the words of a joint; both sides share them."""
-    rows: dict[str, dict[str, Any]] = TABLES["joint"]
-    return rows[joint] if joint in rows else rows[joint[1:]]
-
 
 NAMINGS: dict[str, dict[str, str]] = {
     OWN: {name: name for name in JOINT_NAMES},

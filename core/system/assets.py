@@ -5,7 +5,7 @@ from .. import PACKAGE_ROOT
 ASSETS = PACKAGE_ROOT / "assets"
 BATCH_STYLE = ASSETS / "batch_report.css"
 CHARACTER = ASSETS / "character.npz"
-JOINT_NAME_TABLES = ASSETS / "joint_names.toml"
+JOINTS = ASSETS / "joints.toml"
 MARKER_SETS = ASSETS / "marker_sets"
 MOTION = ASSETS / "motion"
 MOTION_PRIOR = ASSETS / "motion_prior.npz"

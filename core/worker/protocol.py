@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import CaptureError
 from ..formats.take_file.pose_codec import TimedPose, unpack_solved
+from ..formats.take_file.setup import plain
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_frame_codec import pack_stamped, unpack_stamped
 
@@ -104,12 +105,7 @@ def encode(kind: MessageKind, payload: bytes = b"") -> bytes:
 
 def encode_json(kind: MessageKind, content: Mapping[str, Any]) -> bytes:
     """Return a control message as bytes."""
-    return encode(kind, json.dumps(content, default=_plain).encode("utf-8"))
-
-
-def _plain(value: Any) -> Any:
-    """Return numpy scalars and arrays as Python's own, paths and the like as text."""
-    return value.tolist() if hasattr(value, "tolist") else str(value)
+    return encode(kind, json.dumps(content, default=plain).encode("utf-8"))
 
 
 def encode_frame(stamp_s: float, frame: MarkerFrame) -> bytes:

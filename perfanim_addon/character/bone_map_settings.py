@@ -4,10 +4,9 @@ from typing import Any
 
 import bpy
 
-from ...core.body.standard_skeleton import JOINT_NAMES
+from ...core.body.standard_skeleton import JOINT_NAMES, TABLES, facts_of
 from ...core.errors import CharacterError
 from ...core.retarget.bone_map import BoneMap, JointMatch, MatchState, checked_map
-from ...core.retarget.joint_naming import TABLES, facts_of
 from ...core.retarget.retargeter import RootMotion
 from ..preferences.attach_settings import attach_property_group
 from ..preferences.property_kinds import string

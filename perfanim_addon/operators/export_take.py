@@ -18,6 +18,7 @@ from ..export.export_animation import ENDINGS, Form, TimedPoses, export_poses
 from ..panels.takes import KEY as PANEL
 from ..preferences.paths import absolute
 from ..preferences.property_kinds import choice, number, property_column, switch, whole_number
+from ..settings.batch_settings import NAMINGS
 from .common import PanelOperator, report_error
 from .put_on_character import TakeOperator, recorded_poses, take_motion
 
@@ -46,13 +47,7 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
     naming: choice(
         "Naming",
         "Bone naming convention",
-        (
-            ("OWN", "Unchanged", "The character's own bone names"),
-            ("unreal", "Unreal", "The mannequin of Unreal Engine 5"),
-            ("vrm", "VRM", "Humanoid bones of VRM 1.0"),
-            ("mixamo", "Mixamo", "Mixamo's"),
-            ("cmu", "CMU", "The CMU Motion Capture Database, as on a new character"),
-        ),
+        (("OWN", "Unchanged", "The character's own bone names"), *NAMINGS),
     )
     rate: number("Rate (Hz)", "Frames per second of the file; 0 for the recorded rate", 0, 0, 1000)
     scale: number("Scale", "BVH units per scene unit: 100 for centimetres if the scene has metres", 1, 0.001, 1000)

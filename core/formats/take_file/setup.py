@@ -67,7 +67,7 @@ class TakeSetup:
         performers = tables.pop("performers")
         subject, further = performers[0] if performers else {}, performers[1:]
         facts = {"rig": tables.pop("rig"), "subject": subject, **tables, "performers": further}
-        return json.dumps(facts, default=_plain).encode("utf-8")
+        return json.dumps(facts, default=plain).encode("utf-8")
 
     @staticmethod
     def from_json(data: bytes, where: str) -> "TakeSetup":
@@ -160,6 +160,6 @@ def _made(what: str, make: Any) -> Any:
         raise TakeError(f"has an unusable {what} ({error})", advice=f"give another {what}") from error
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Return numpy values as Python's own, others as text."""
     return value.tolist() if hasattr(value, "tolist") else str(value)
