@@ -79,5 +79,4 @@ def resampled(motion: Motion, fps: float) -> Motion:
 def _between_frames(rotations: Array, before: IntArray, fraction: Array) -> Array:
     if np.all(fraction == np.round(fraction)):  # whole ratio of rates: frames are picked, nothing is computed
         return rotations[before + np.round(fraction).astype(np.int64)]
-    start, end = rotations[before], rotations[before + 1]
-    return rot.slerp(start, end, np.broadcast_to(fraction[:, None], start.shape[:2]))
+    return rot.slerp(rotations[before], rotations[before + 1], fraction[:, None])

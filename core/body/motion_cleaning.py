@@ -232,8 +232,7 @@ def _bridge(rotations: Array, first: int, stop: int, start: int) -> Array:
     if stop == len(rotations):
         return np.tile(rotations[first - 1], (stop - first, 1))
     share = np.arange(1, stop - first + 1) / (stop - first + 1)
-    before, after = (np.broadcast_to(rotations[at], (stop - first, 4)) for at in (first - 1, stop))
-    return rot.slerp(before, after, share)
+    return rot.slerp(rotations[first - 1], rotations[stop], share)
 
 
 def _sound_parts(

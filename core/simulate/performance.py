@@ -86,10 +86,7 @@ def with_return(motion: Motion) -> Motion:
     f = np.arange(1, steps) / steps
     ease = f * f * (3.0 - 2.0 * f)
     first, last = motion.rotations[0], motion.rotations[-1]
-    shape = (len(ease), *first.shape)
-    back = rot.slerp(
-        np.broadcast_to(last, shape), np.broadcast_to(first, shape), np.broadcast_to(ease[:, None], shape[:2])
-    )
+    back = rot.slerp(last, first, ease[:, None])
     start, end = motion.root_positions_m[-1], motion.root_positions_m[0]
     return replace(
         motion,

@@ -22,7 +22,7 @@ from ..preferences.paths import absolute, user_folder
 from ..preferences.property_kinds import string
 from ..settings import readiness
 from ..settings.capture_settings import PERFANIM_PG_settings, settings
-from .common import DialogOperator, PanelOperator
+from .common import DialogOperator, UndoOperator
 
 PANEL = "character"
 
@@ -33,12 +33,10 @@ def performer_skeleton(chosen: PERFANIM_PG_settings) -> Skeleton:
     return default_skeleton() if found is None or isinstance(found, PerfanimError) else found.skeleton
 
 
-class PERFANIM_OT_add_character(PanelOperator, bpy.types.Operator):
+class PERFANIM_OT_add_character(UndoOperator, bpy.types.Operator):
     """Add a humanoid armature with a simple mesh and the proportions of the subject"""
 
     bl_label = "Add Character"
-    bl_options = {"REGISTER", "UNDO"}
-
     panel = PANEL
 
     def run(self, context: bpy.types.Context) -> str:
@@ -64,12 +62,10 @@ def _candidates(context: bpy.types.Context) -> list[bpy.types.Object]:
     return [obj for obj in active.children_recursive if obj.type == "ARMATURE"]
 
 
-class PERFANIM_OT_use_active_armature(PanelOperator, bpy.types.Operator):
+class PERFANIM_OT_use_active_armature(UndoOperator, bpy.types.Operator):
     """Animate the active armature; its bones are mapped to joints automatically"""
 
     bl_label = "Use Active Armature"
-    bl_options = {"REGISTER", "UNDO"}
-
     panel = PANEL
 
     @classmethod
@@ -89,11 +85,10 @@ class PERFANIM_OT_use_active_armature(PanelOperator, bpy.types.Operator):
         return ""
 
 
-class _ArmatureOperator(PanelOperator):
+class _ArmatureOperator(UndoOperator):
     """Base of the operators on an armature's bone map."""
 
     panel = PANEL
-    bl_options = {"REGISTER", "UNDO"}
     armature: string(
         "Armature", "Armature to map; empty for the one chosen under Character", options={"HIDDEN", "SKIP_SAVE"}
     )

@@ -81,6 +81,12 @@ class PanelOperator(CheckedOperator):
         return {"FINISHED"}
 
 
+class UndoOperator(PanelOperator):
+    """Base of those that Undo takes back."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+
 def _scene_problem(context: bpy.types.Context) -> str:
     if context.window is None or context.scene is None:
         return "Needs a window with a scene"

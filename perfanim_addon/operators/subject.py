@@ -14,7 +14,7 @@ from ..preferences.paths import absolute, user_folder
 from ..preferences.property_kinds import choice
 from ..settings import readiness
 from ..settings.capture_settings import settings
-from .common import PanelOperator
+from .common import UndoOperator
 from .jobs import JobOperator
 
 PANEL = "subject"
@@ -113,13 +113,11 @@ class PERFANIM_OT_record_t_pose(_Recording, bpy.types.Operator):
         return f"{text}; {summary['floor_advice']}" if "floor_advice" in summary else text
 
 
-class PERFANIM_OT_average_performer(PanelOperator, bpy.types.Operator):
+class PERFANIM_OT_average_performer(UndoOperator, bpy.types.Operator):
     """Use an average body of this height with default marker positions.
     One camera needs this: it cannot measure the performer"""
 
     bl_label = "Average Body of This Height"
-    bl_options = {"REGISTER", "UNDO"}
-
     panel = PANEL
 
     @classmethod
@@ -146,11 +144,10 @@ def _profile_items(_self: object, _context: object) -> list[tuple[str, str, str]
     return _profiles
 
 
-class PERFANIM_OT_use_profile(PanelOperator, bpy.types.Operator):
+class PERFANIM_OT_use_profile(UndoOperator, bpy.types.Operator):
     """Use a calibrated performer"""
 
     bl_label = "Calibrated Performers"
-    bl_options = {"REGISTER", "UNDO"}
 
     profile: choice("Performer", "Performer to use", _profile_items)
     target: bpy.props.IntProperty(

@@ -8,16 +8,14 @@ from ..panels import takes
 from ..panels.targets import KEY as PANEL
 from ..preferences.paths import user_folder
 from ..preferences.property_kinds import string
-from .common import DialogOperator, PanelOperator
+from .common import DialogOperator, UndoOperator
 from .jobs import JobOperator
 
 
-class PERFANIM_OT_add_target(PanelOperator, bpy.types.Operator):
+class PERFANIM_OT_add_target(UndoOperator, bpy.types.Operator):
     """Capture a prop or another performer besides the first"""
 
     bl_label = "Add Target"
-    bl_options = {"REGISTER", "UNDO"}
-
     panel = PANEL
 
     def run(self, context: bpy.types.Context) -> None:
@@ -27,12 +25,10 @@ class PERFANIM_OT_add_target(PanelOperator, bpy.types.Operator):
         shown.active = len(shown.entries) - 1
 
 
-class PERFANIM_OT_remove_target(PanelOperator, bpy.types.Operator):
+class PERFANIM_OT_remove_target(UndoOperator, bpy.types.Operator):
     """Remove the target; its object or character and their actions stay"""
 
     bl_label = "Remove Target"
-    bl_options = {"REGISTER", "UNDO"}
-
     panel = PANEL
 
     @classmethod

@@ -137,10 +137,9 @@ def _at_rate(poses: BonePoses, times_s: Array, fps: float) -> BonePoses:
     step = np.maximum(times_s[after] - times_s[before], 1e-9)
     share = np.clip((wanted - times_s[before]) / step, 0.0, 1.0)
     share = np.where(np.abs(share - np.round(share)) < _ON_A_FRAME, np.round(share), share)
-    start, end = poses.rotations[before], poses.rotations[after]
     positions = poses.positions_m
     return BonePoses(
         poses.names,
         positions[before] + share[:, None, None] * (positions[after] - positions[before]),
-        rot.slerp(start, end, np.broadcast_to(share[:, None], start.shape[:2])),
+        rot.slerp(poses.rotations[before], poses.rotations[after], share[:, None]),
     )

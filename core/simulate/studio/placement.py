@@ -57,11 +57,7 @@ def _between(start: tuple[Array, Array], end: tuple[Array, Array], fps: float) -
     steps = max(round(ARRIVAL_S * fps), 1)
     f = np.arange(1, steps) / steps
     ease = f * f * (3.0 - 2.0 * f)
-    shape = (len(ease), *start[0].shape)
-    rotations = rot.slerp(
-        np.broadcast_to(start[0], shape), np.broadcast_to(end[0], shape), np.broadcast_to(ease[:, None], shape[:2])
-    )
-    return rotations, start[1] + ease[:, None] * (end[1] - start[1])
+    return rot.slerp(start[0], end[0], ease[:, None]), start[1] + ease[:, None] * (end[1] - start[1])
 
 
 def lowest_point_m(motion: Motion) -> float:
