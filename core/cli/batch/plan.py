@@ -44,35 +44,26 @@ class Key:
     commands: tuple[str, ...]
 
 
-KEYS = {  # "label": options of track by which it labels the markers of videos
-    "cameras": Key(Kind.FILE, ("track",)),  # of a recorded take an option of solve, see `options_of`
-    "left": Key(Kind.SOURCE, ("track",)),
-    "right": Key(Kind.SOURCE, ("track",)),
-    "camera": Key(Kind.CAMERAS, ("track",)),
-    "background": Key(Kind.SOURCES, ("track",)),
-    "fps": Key(Kind.NUMBER, ("track",)),
-    "floor": Key(Kind.WORD, ("track",)),
-    "no_time_offset": Key(Kind.SWITCH, ("track",)),
-    "marker_set": Key(Kind.NAME_OR_FILE, ("track", "solve")),
-    "database": Key(Kind.FILE, ("label", "solve")),
-    "subject": Key(Kind.FILE, ("label", "solve")),
-    "skeleton": Key(Kind.FILE, ("label", "solve")),
-    "names": Key(Kind.FILE, ("solve",)),
-    "use": Key(Kind.WORD, ("solve",)),
-    "up": Key(Kind.WORD, ("solve",)),
-    "method": Key(Kind.WORD, ("solve",)),
-    "smooth": Key(Kind.NUMBER, ("solve",)),
-    "feet": Key(Kind.WORD, ("solve",)),
-    "units": Key(Kind.WORD, ("solve",)),
-    "naming": Key(Kind.WORD, ("solve",)),
-    "rate": Key(Kind.NUMBER, ("solve",)),
-    "also": Key(Kind.MOTIONS, ()),
-    "to": Key(Kind.FILE, ("retarget",)),
-    "map": Key(Kind.NAME_OR_FILE, ("retarget",)),
-    "root_motion": Key(Kind.WORD, ("retarget",)),
-    "save_as": Key(Kind.CHARACTER, ()),
-    "blender": Key(Kind.FILE, ("retarget",)),
-}
+_KEYS = (  # "label": options of track by which it labels the markers of videos
+    (Kind.FILE, ("track",), "cameras"),  # of a recorded take an option of solve, see `options_of`
+    (Kind.SOURCE, ("track",), "left right"),
+    (Kind.CAMERAS, ("track",), "camera"),
+    (Kind.SOURCES, ("track",), "background"),
+    (Kind.NUMBER, ("track",), "fps"),
+    (Kind.WORD, ("track",), "floor"),
+    (Kind.SWITCH, ("track",), "no_time_offset"),
+    (Kind.NAME_OR_FILE, ("track", "solve"), "marker_set"),
+    (Kind.FILE, ("label", "solve"), "database subject skeleton"),
+    (Kind.FILE, ("solve",), "names"),
+    (Kind.WORD, ("solve",), "use up method feet units naming"),
+    (Kind.NUMBER, ("solve",), "smooth rate"),
+    (Kind.MOTIONS, (), "also"),
+    (Kind.FILE, ("retarget",), "to blender"),
+    (Kind.NAME_OR_FILE, ("retarget",), "map"),
+    (Kind.WORD, ("retarget",), "root_motion"),
+    (Kind.CHARACTER, (), "save_as"),
+)
+KEYS = {name: Key(kind, commands) for kind, commands, names in _KEYS for name in names.split()}
 ALSO = tuple(ending.removeprefix(".") for ending in MOTION_ENDINGS if ending != BVH)
 SAVED_AS = ("blend", "fbx", "glb")
 _BODIES = ("subject", "skeleton")  # a take's own of either takes the place of both that all takes share
