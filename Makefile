@@ -70,7 +70,8 @@ train-prior: $(STAMP)
 	$(PRIOR_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[prior]'
 	$(BIN)/perfanim database build $(DATA)/cmu --out out/prior/cmu.pfdb
 	$(PRIOR_VENV)/bin/python tools/train_prior.py --database out/prior/cmu.pfdb --unseen $(PRIOR_FOLD) --out out/prior/fold.npz
-	$(PRIOR_VENV)/bin/python tools/train_prior.py --database out/prior/cmu.pfdb --further out/prior/fold.npz \
+	$(BIN)/perfanim database build assets/motion --out out/prior/embedded.pfdb
+	$(PRIOR_VENV)/bin/python tools/train_prior.py --database out/prior/cmu.pfdb out/prior/embedded.pfdb --further out/prior/fold.npz \
 	  --out assets/motion_prior.npz
 
 gplvm-test: $(GPLVM_STAMP)
