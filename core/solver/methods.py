@@ -54,11 +54,13 @@ class Method(Protocol):
 
     Attributes:
         examples: number of closest examples to search.
+        fits_markers: whether its poses are fitted to the markers, more closely than an example is.
         query_pose_m_per_rad: metres of marker distance that a radian of pose counts in its search.
         longest_s: longest time looked back at markers and solved poses.
     """
 
     examples: int
+    fits_markers: bool
     query_pose_m_per_rad: float
     longest_s: float
 
@@ -89,6 +91,7 @@ def _settle_root(subject: SubjectModel, observation: Observation, pose: Array, r
 class NearestMethod:
     """The closest example."""
 
+    fits_markers = False
     longest_s = 0.0
 
     def __init__(self, settings: NearestSettings, subject: SubjectModel) -> None:
@@ -123,6 +126,7 @@ class LwrMethod(NearestMethod):
 class LocalPcaMethod:
     """The paper's: pose of least energy in a local model (Eq. 9)."""
 
+    fits_markers = True
     longest_s = 0.0
 
     def __init__(self, settings: LocalPcaSettings, subject: SubjectModel, clips: IntArray) -> None:
@@ -169,6 +173,8 @@ class LocalPcaMethod:
 
 class BestMethod:
     """Gaussian of the neighbours conditioned on the past and fitted to the markers."""
+
+    fits_markers = True
 
     def __init__(
         self,
