@@ -117,13 +117,12 @@ class PoseSolver:
 
     def _is_misled(self, state: SolverState, observation: Observation, solution: Solution) -> bool:
         """Return whether the limbs have jumped, or the markers are not explained."""
-        if state.pose is None:
+        if state.pose is None or not self._method.fits_markers:  # an example is off anyway
             return False
         seen = observation.located
         before_m = self.subject.markers(state.pose.reshape(-1, 3))[seen]
         jump_m = _rms(solution.root.to_root_frame(observation.points_m[seen]) - before_m)
-        away_m = _rms(solution.markers_m[seen] - observation.points_m[seen])
-        return jump_m > _JUMP_M or (self._method.fits_markers and away_m > solution.nearest_m)
+        return jump_m > _JUMP_M or _rms(solution.markers_m[seen] - observation.points_m[seen]) > solution.nearest_m
 
     def _in_space(self, state: SolverState, observation: Observation) -> Observation:
         """Return the observation with three torso markers located in space."""

@@ -208,3 +208,9 @@ def test_small_databases_are_enough_to_start(model, noisy, embedded_motion, tmp_
     single = database_of(tmp_path / "one.db", [sliced(walk, 0, 1)])
     with pytest.raises(DatabaseError, match="fewer than two frames; import more motion"):
         PoseSolver(own, single, SolveSettings(method=method))
+
+
+@pytest.mark.parametrize("method", ["nearest", "lwr"])
+def test_methods_that_fit_no_markers_are_not_solved_twice(model, database, noisy, method, monkeypatch):
+    monkeypatch.setattr(PoseSolver, "solve_without_past", lambda *arguments: pytest.fail("solved again"))
+    assert all(solve(model, database, [Observation.of_points(row) for row in noisy[:20]], method))
