@@ -77,7 +77,7 @@ def random_cuts(takes: Mapping[str, Motion], count: int, generator: np.random.Ge
             before = replace(before, rotations=np.repeat(t_pose(skeleton)[None], BEFORE, axis=0))
         turn, (x, z) = generator.uniform(-_TURN_RAD, _TURN_RAD), generator.uniform(-_SHIFT_M, _SHIFT_M, 2)
         after = facing(replace(after, skeleton=skeleton), float(turn), np.array([x, 0.0, z]))
-        seen = [_markers(motion) for motion in (facing(before, 0.0, np.zeros(3)), after)]
+        seen = [markers_of(motion) for motion in (facing(before, 0.0, np.zeros(3)), after)]
         gone = np.full((hidden, *seen[0].shape[1:]), np.nan)
         title = "T pose" if is_t_pose else first
         yield Cut(title, second, first, hidden, skeleton, np.concatenate((seen[0], gone, seen[1])))
@@ -151,7 +151,8 @@ def _part(motion: Motion, frames: int, generator: np.random.Generator) -> Motion
     return sliced(motion, start, start + frames)
 
 
-def _markers(motion: Motion) -> Array:
+def markers_of(motion: Motion) -> Array:
+    """Return the true markers (F, M, 3) of a motion."""
     return simulate_markers(motion, true_subject(motion))[0].positions_m
 
 

@@ -18,6 +18,7 @@ from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.system.progress import Progress
 
+from .crossings import crossings, play_crossing
 from .data import CMU, FPS, development_takes, whole_database, without_subject
 from .figure6 import degrees_per_joint, true_subject
 from .methods import WITHOUT_PRIOR
@@ -34,6 +35,7 @@ class Sizes:
     Args:
         takes: development takes, at most.
         cuts: random cuts between them.
+        crossings: pairs of performers who pass each other.
         t_pose_frames: frames of each take after a T pose, at most.
         noisy_frames: frames from the middle of each take with noise, at most.
         passes: times that these are solved, each with other noise.
@@ -44,10 +46,13 @@ class Sizes:
     t_pose_frames: int
     noisy_frames: int
     passes: int = 1
+    crossings: int = 12
 
 
 QUICK = Sizes(takes=32, cuts=60, t_pose_frames=60, noisy_frames=100)  # about 25 minutes on one core
-FULL = Sizes(takes=1000, cuts=500, t_pose_frames=60, noisy_frames=600, passes=2)  # 182 takes, 104,528 noisy frames
+FULL = Sizes(
+    takes=1000, cuts=500, t_pose_frames=60, noisy_frames=600, passes=2, crossings=60
+)  # 182 takes, 104,528 noisy frames
 SIZES = QUICK  # or FULL, which takes hours
 _SEED = 3
 _T_POSE_S = 0.5  # before a take
@@ -90,12 +95,12 @@ class Curves(NamedTuple):
 def robustness(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
     """Solve disturbed takes by unseen subjects and list the worst frames.
 
-    Four parts, on development takes: random cuts between takes without labels; a T pose put before takes; noise and
-    dropout; more subjects in the database. The sizes are `SIZES`.
+    Five parts, on development takes: random cuts between takes without labels; two performers who pass each other;
+    a T pose put before takes; noise and dropout; more subjects in the database. The sizes are `SIZES`.
 
     Returns:
-        rows (check, value, goal), cuts, t_pose, noise, more_data (a row for each cut or take), worst (check, take,
-        frame, joint, value), sizes, outputs.
+        rows (check, value, goal), cuts, crossings, t_pose, noise, more_data (a row for each cut, pair or take), worst
+        (check, take, frame, joint, value), sizes, outputs.
     """
     check_plots()
     whole = whole_database(data, out, (CMU,), workers, progress)
@@ -104,6 +109,11 @@ def robustness(data: Path, out: Path, workers: int, progress: Progress) -> dict[
     databases = {subject: without_subject(whole, out / "databases", subject) for subject in subjects}
     worst: list[dict[str, Any]] = []
     cuts = _cuts(takes, databases, worst, progress)
+    generator = np.random.default_rng(_SEED)
+    crossed = [
+        play_crossing(crossing, databases[subject_of(crossing.motion.name)], generator)
+        for crossing in crossings(takes, SIZES.crossings, generator)
+    ]
     after_t_pose, noisy = [], []
     curves: dict[str, Curves] = {}
     for number, (name, take) in enumerate(takes.items()):
@@ -118,10 +128,11 @@ def robustness(data: Path, out: Path, workers: int, progress: Progress) -> dict[
         more_data_row(name, takes[name], whole, out / "databases") for name in list(takes)[:: -(-len(takes) // TAKES)]
     ]
     worst = _worst(worst)
-    rows = _summary(cuts, after_t_pose, noisy) + _more_data_summary(grown)
+    rows = _summary(cuts, after_t_pose, noisy) + _crossing_summary(crossed) + _more_data_summary(grown)
     parts = {"cuts": cuts, "noise": noisy, "worst": worst}
-    figures = {"rows": rows, "t_pose": after_t_pose, "more_data": grown} | parts
+    figures = {"rows": rows, "crossings": crossed, "t_pose": after_t_pose, "more_data": grown} | parts
     tables = {"": rows, "t-pose": after_t_pose, "more-data": grown} | parts
+    tables |= {"crossings": crossed} if crossed else {}
     return write_figures(out, "robustness", figures | {"sizes": vars(SIZES)}, tables, _pictures(out, cuts, curves))
 
 
@@ -285,6 +296,12 @@ def _summary(
         ("noise: frames too long over 1.2 of nearest", sum(row["long_worse_frames"] for row in noisy), "0"),
     )
     return [{"check": check, "value": value, "goal": goal} for check, value, goal in rows]
+
+
+def _crossing_summary(crossed: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return rows as of `_summary` on two performers passing each other."""
+    longest = max((row["longest_wrong_s"] for row in crossed), default=0.0)
+    return [{"check": f"{len(crossed)} crossings: longest wrong labels, s", "value": longest, "goal": "<= 0.5"}]
 
 
 def _more_data_summary(grown: list[dict[str, Any]]) -> list[dict[str, Any]]:

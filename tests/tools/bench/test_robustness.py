@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bench.crossings import crossings, play_crossing
 from bench.data import FPS
 from bench.random_cuts import AFTER, BEFORE, cut_figures, facing, play_cut, random_cuts
 from bench.robustness import Sizes, robustness, with_t_pose
 from perfanim.core.body.calibration_poses import t_pose
-from perfanim.core.body.motion import sliced
+from perfanim.core.body.motion import resampled, sliced
 from perfanim.core.database.store import open_database
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry import rotations as rot
@@ -40,6 +41,7 @@ def test_robustness_writes_what_it_measures(data, tmp_path, monkeypatch):
     assert [row["seed"] for row in figures["noise"]] == [0, 1, 0, 1]
     assert {clip.subject for clip in open_database(tmp_path / "databases/cmu-without-subject-16.pfdb").clips} == {"09"}
     assert len(figures["cuts"]) == 2
+    assert figures["crossings"] == []  # the takes are too short
     values = {row["check"]: row["value"] for row in figures["rows"]}
     assert values["noise: frames"] == 24
     assert 0.0 < values["noise: degrees per joint"] < 60.0
@@ -72,6 +74,27 @@ def test_a_body_known_to_the_database_is_named_after_the_cut(takes, database_of,
         assert len(right) == len(confidence) == AFTER
         assert row["right_again_s"] <= 1.0
         assert row["wrong_frames"] == (~right).sum()
+
+
+def test_two_who_pass_each_other_keep_their_labels(embedded_motion, database_of, tmp_path):
+    names = ("walking-01-neutral", "walking-02-energetic")
+    walks = {}
+    for number, name in enumerate(names):
+        walk = sliced(resampled(embedded_motion[name], FPS), 0, 150)
+        forward = rot.rotate(walk.rotations[0, 0], np.array([0.0, 0.0, 1.0]))
+        gone = np.linspace(0.0, 2.5, walk.frames)[:, None] * forward
+        walks[f"0{number}_01"] = replace(walk, root_positions_m=walk.root_positions_m + gone)
+    database = database_of(tmp_path / "both.pfdb", list(walks.values()))
+    generator = np.random.default_rng(4)
+    for crossing in crossings(walks, 1, generator):
+        middles = [markers.mean(axis=1) for markers in crossing.markers_m]
+        apart = np.linalg.norm(middles[0] - middles[1], axis=1)
+        assert abs(int(np.argmin(apart)) - len(apart) // 2) < 15  # they meet in the middle of the time
+        assert apart.min() < crossing.apart_m + 0.2 < apart[0]
+        assert play_crossing(crossing, database, generator)["longest_wrong_s"] <= 0.5
+        break
+    else:
+        pytest.fail("nobody walks")
 
 
 def test_cuts_are_the_same_for_a_seed_and_hide_the_body_between(takes):
