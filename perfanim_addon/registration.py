@@ -46,14 +46,7 @@ def _other_modules() -> Sequence[ModuleType]:
 
     panels = (character, steps, camera_controls, capture, vmc, targets, takes, batch)  # as in the sidebar
     # activity is unregistered first, so that it ends running work while the rest is still there
-    return (
-        bone_map_settings,
-        *_modules_of(settings),
-        *_modules_of(operators),
-        new_file_defaults,
-        *panels,
-        activity,
-    )
+    return (bone_map_settings, *_modules_of(settings), *_modules_of(operators), new_file_defaults, *panels, activity)
 
 
 def _modules_of(package: ModuleType) -> list[ModuleType]:

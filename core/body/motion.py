@@ -52,11 +52,7 @@ class Motion:
 
 def sliced(motion: Motion, start: int, stop: int) -> Motion:
     """Return frames `start` up to, without, `stop`."""
-    return replace(
-        motion,
-        rotations=motion.rotations[start:stop],
-        root_positions_m=motion.root_positions_m[start:stop],
-    )
+    return replace(motion, rotations=motion.rotations[start:stop], root_positions_m=motion.root_positions_m[start:stop])
 
 
 def resampled(motion: Motion, fps: float) -> Motion:

@@ -41,6 +41,8 @@ def add_parser(subparsers: Any) -> None:
     receive.add_argument(
         "--port", type=_port, default=PERFORMER_PORT, help=f"UDP port; 0 for a free one (default {PERFORMER_PORT})"
     )
+    sender = "the only computer that is listened to (default this one: no network is used), or any"
+    add_text(receive, "--from", "HOST", sender, dest="sender", default="127.0.0.1")
     receive.add_argument(
         "--out",
         required=True,
@@ -103,7 +105,7 @@ def run_receive(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     endings = (*MOTION_ENDINGS, *WRITABLE)
     if not out.name.lower().endswith(endings):
         raise FormatError("has an ending that cannot be written", where=str(out), advice=f"use {', '.join(endings)}")
-    with Receiver(args.port) as receiver:
+    with Receiver(args.port, "" if args.sender == "any" else args.sender) as receiver:
         recording = record(receiver, args.seconds, progress)
     facts: dict[str, Any]
     if is_motion(out):

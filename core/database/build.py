@@ -14,9 +14,10 @@ import numpy as np
 from ..body.mirroring import mirrored_behaviour, mirrored_points, mirrored_rotations, mirrored_skeleton
 from ..body.skeleton import Skeleton
 from ..body.standard_skeleton import JOINT_NAMES
-from ..errors import DatabaseError, FormatError
+from ..errors import DatabaseError
 from ..formats.motion.motion_sources import MotionFile, motion_files
 from ..geometry.arrays import FloatArray
+from ..system.files import writing
 from ..system.progress import Progress
 from .culling import clips_after_culling, near_duplicates
 from .frame_file import FrameFile
@@ -211,12 +212,8 @@ def _report(database: Database, collected: _Collected, started: float) -> dict[s
 def _folder_beside(out: Path) -> Iterator[Path]:
     """Yield a scratch folder on the database's disk, where there is room for both."""
     place = next(folder for folder in out.absolute().parents if folder.exists())  # a new one is made at the end
-    try:
+    with writing(out):
         folder = tempfile.TemporaryDirectory(prefix=f".{out.stem}.", dir=place)
-    except OSError as error:
-        raise FormatError(
-            f"cannot be written ({error.strerror})", where=str(out), advice="choose a folder you may write to"
-        ) from error
     with folder as name:
         yield Path(name)
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import FormatError
 from ..geometry.arrays import FloatArray
+from ..system.files import writing
 
 _CHUNK = 8192  # frames read at once
 
@@ -32,12 +32,8 @@ class FrameFile:
 
     def append(self, frames: NDArray[Any]) -> None:
         """Add frames (n, ...); FormatError when the disk is full."""
-        try:
+        with writing(self._path.parent.parent, "free some space"):
             self._stream.write(np.ascontiguousarray(frames, dtype=np.float32).data)
-        except OSError as error:
-            raise FormatError(
-                f"cannot be written ({error.strerror})", where=str(self._path.parent.parent), advice="free some space"
-            ) from error
         self._frames += len(frames)
 
     def __getitem__(self, wanted: slice) -> FloatArray:

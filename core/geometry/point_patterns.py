@@ -9,11 +9,7 @@ _MOST_WAYS = 2000
 
 
 def match_rigid_pattern(
-    points_m: Array,
-    spans_m: Array,
-    tolerances_m: Array,
-    fewest: int,
-    allowed: Mask | None = None,
+    points_m: Array, spans_m: Array, tolerances_m: Array, fewest: int, allowed: Mask | None = None
 ) -> IntArray:
     """Return (H, M) point indices of the markers, -1 for none; fullest first.
 

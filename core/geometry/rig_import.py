@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import CalibrationError
+from ..system.files import reading
 from .arrays import Array
 
 _SUBPIXELS = 64.0
@@ -52,10 +53,8 @@ def qualisys_rows(raw: bytes, where: str) -> list[dict[str, Any]]:
     """
     if len(raw) > _MOST_BYTES or b"<!ENTITY" in raw:
         raise CalibrationError("is no calibration of Qualisys", where=where, advice="export it again")
-    try:
+    with reading(where, CalibrationError, "export it again", "is not valid XML"):
         root = ElementTree.fromstring(raw)  # noqa: S314 - entities, which could grow without end, are refused above
-    except ElementTree.ParseError as error:
-        raise CalibrationError(f"is not valid XML ({error})", where=where, advice="export it again") from error
     cameras = root.findall("cameras/camera")
     if root.tag != "calibration" or not cameras:
         raise CalibrationError("is XML, but holds no cameras of a calibration", where=where, advice="export it again")
@@ -89,13 +88,8 @@ def _qualisys_row(camera: ElementTree.Element, where: str) -> dict[str, Any]:
 def _numbers(camera: ElementTree.Element, tag: str, names: tuple[str, ...], place: str) -> Array:
     element = camera.find(tag)
     values = {} if element is None else element.attrib
-    try:
-        numbers = np.array([float(values[name]) for name in names])
-    except (KeyError, ValueError) as error:
-        raise CalibrationError(
-            f"<{tag}> is incomplete ({error})", where=place, advice="export the calibration again"
-        ) from error
-    return numbers
+    with reading(place, CalibrationError, "export the calibration again", f"<{tag}> is incomplete"):
+        return np.array([float(values[name]) for name in names])
 
 
 def level_from_world(rotations: Array) -> Array:

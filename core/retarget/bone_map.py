@@ -173,10 +173,7 @@ def _fill_limbs(rest: ArmatureRest, found: dict[str, int], by_name: dict[str, bo
 def _shift_if_named_by_ends(rest: ArmatureRest, found: dict[str, int]) -> None:
     """Move limbs one bone outwards in rigs with bones named by their end joints."""
     size = float(np.max(np.ptp(rest.heads, axis=0)))
-    chains: tuple[tuple[str, ...], ...] = (
-        ("femur", "tibia", "foot", "toes"),
-        ("humerus", "radius", "hand", "fingers"),
-    )
+    chains: tuple[tuple[str, ...], ...] = (("femur", "tibia", "foot", "toes"), ("humerus", "radius", "hand", "fingers"))
     for chain in chains:
         starts = [rest.heads[found[side + chain[0]]] for side in "lr"]
         if float(np.linalg.norm(starts[0] - starts[1])) > _ONE_PLACE * size:

@@ -78,12 +78,7 @@ def _leg_lengths(skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str, in
 
 
 def _turns(
-    skeleton: Skeleton,
-    rest: ArmatureRest,
-    joints: Mapping[str, int],
-    heads: Array,
-    tails: Array,
-    same_body: bool,
+    skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str, int], heads: Array, tails: Array, same_body: bool
 ) -> dict[str, Array]:
     names = [name for name in skeleton.names if name in joints]
     followed = {**ABOVE, "toes": ("foot",), "fingers": _HAND_ABOVE, "thumb": _HAND_ABOVE}

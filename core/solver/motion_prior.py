@@ -18,6 +18,7 @@ from ..errors import FormatError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray, IntArray
 from ..geometry.npz import read_arrays
+from ..system.files import reading
 from .gaussian_conditioning import Prior
 from .observation import Observation
 from .root import root_from_torso
@@ -86,23 +87,16 @@ def open_network(path: Path) -> Network | None:
     """
     if not path.is_file():
         return None
-    try:
-        arrays = read_arrays(path)
+    with reading(path, FormatError, "install the extension again", "is no motion prior of this version"):
+        arrays = read_arrays(path, what="is no motion prior of this version")
         facts = json.loads(str(arrays.pop("facts")))
         for name in arrays:
             kind = np.int64 if name == "part_of_joint" else np.float32 if name in (*WEIGHTS, "bones") else np.float64
             arrays[name] = arrays[name].astype(kind)
         network = Network(**arrays, facts=facts)
-        fits = facts["version"] == VERSION and _fits(network)
-    except Exception as error:  # a damaged archive raises those of zipfile, zlib, tokenize, json and NumPy
-        raise _damaged(path) from error
-    if not fits:
-        raise _damaged(path)
-    return network
-
-
-def _damaged(path: Path) -> FormatError:
-    return FormatError("is no motion prior of this version", where=str(path), advice="install the extension again")
+        if facts["version"] != VERSION or not _fits(network):
+            raise ValueError("another one")
+        return network
 
 
 def _fits(network: Network) -> bool:

@@ -28,36 +28,36 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
         FormatError: the folder cannot be written, `target` is a folder, or the disk is full.
     """
     target = Path(target)
-    try:
+    with writing(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(prefix=f".{target.stem}.", suffix=target.suffix, dir=target.parent)
-    except OSError as error:
-        raise _unwritable(target, error, "choose a folder you may write to") from error
     os.close(handle)
     temporary = Path(name)
     try:
         yield temporary
-        _finish(temporary, target)
+        with writing(target, "choose another name"):
+            with temporary.open("r+b") as written:  # synced only if open for writing, on Windows
+                os.fsync(written.fileno())
+            temporary.chmod(0o666 & ~_umask())
+            temporary.replace(target)
     except OSError as error:
         if error.errno not in _DISK_ERRORS:
             raise
-        raise _unwritable(target, error, "free some space, or choose another folder") from error
+        with writing(target, "free some space, or choose another folder"):
+            raise
     finally:
         temporary.unlink(missing_ok=True)
 
 
-def _finish(temporary: Path, target: Path) -> None:
+@contextmanager
+def writing(
+    target: Path | str, advice: str = "choose a folder you may write to", kind: type[PerfanimError] = FormatError
+) -> Iterator[None]:
+    """Raise `kind` where the system cannot write."""
     try:
-        with temporary.open("r+b") as written:  # synced only if open for writing, on Windows
-            os.fsync(written.fileno())
-        temporary.chmod(0o666 & ~_umask())
-        temporary.replace(target)
+        yield
     except OSError as error:
-        raise _unwritable(target, error, "choose another name") from error
-
-
-def _unwritable(target: Path, error: OSError, advice: str) -> FormatError:
-    return FormatError(f"cannot be written ({error.strerror})", where=str(target), advice=advice)
+        raise kind(f"cannot be written ({error.strerror or error})", where=str(target), advice=advice) from error
 
 
 def _umask() -> int:

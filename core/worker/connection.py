@@ -13,9 +13,11 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from .protocol import Decoder, Message, MessageKind, encode_json
+from ..errors import CaptureError
+from .protocol import MAGIC, Decoder, Message, MessageKind, encode_json
 
-_CHUNK = 1 << 20
+_CHUNK = 1 << 16  # as small as its shortest messages are many
+_MOST_BYTES, _MOST_MESSAGES = 8 << 20, 1000  # of one call, about; the rest waits for the next
 
 
 class WorkerConnection:
@@ -40,7 +42,7 @@ class WorkerConnection:
         return int(self._listener.getsockname()[1])
 
     def receive(self) -> list[Message]:
-        """Return all whole messages that have arrived.
+        """Return whole messages that have arrived, not more than one call can deal with.
 
         Raises:
             CaptureError: the stream is damaged or of another version.
@@ -48,16 +50,19 @@ class WorkerConnection:
         if self._socket is None and not self.is_authenticated:
             self._accept()
         messages: list[Message] = []
-        while self._socket is not None:
+        received = 0
+        while self._socket is not None and received < _MOST_BYTES and len(messages) < _MOST_MESSAGES:
             try:
                 data = self._socket.recv(_CHUNK)
             except BlockingIOError:
                 break
             except OSError:
                 data = b""
-            if not data:
+            is_stranger = not self.is_authenticated and not received and not data.startswith(MAGIC)
+            if not data or is_stranger:
                 self.disconnect()
                 break
+            received += len(data)
             messages += self._decoder.feed(data)
         if messages and not self.is_authenticated:
             messages = self._authenticate(messages)
@@ -75,8 +80,11 @@ class WorkerConnection:
     def _authenticate(self, messages: Sequence[Message]) -> list[Message]:
         """Return the messages after the greeting; drop a program without the token."""
         hello = messages[0]
-        token = str(hello.json().get("token", "")) if hello.kind is MessageKind.HELLO else ""
-        if not hmac.compare_digest(token, self.token):
+        try:
+            token = str(hello.json().get("token", "")) if hello.kind is MessageKind.HELLO else ""
+        except CaptureError:
+            token = ""
+        if not hmac.compare_digest(token.encode("utf-8", "replace"), self.token.encode()):
             self.disconnect()
             self._decoder = Decoder()
             return []

@@ -20,13 +20,18 @@ from ..formats.take_file.pose_codec import TimedPose, unpack_solved
 from ..formats.take_file.setup import plain
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_frame_codec import pack_stamped, unpack_stamped
+from ..system.files import reading
 
 VERSION = 1
 MAX_PAYLOAD = 64 * 1024 * 1024
 
+_MAX_CONTROL = 1 << 20
+_LARGEST_NUMBER = 1e12
+_NUMBERS = frozenset(("stalled_s", "slowness", "fraction", "frames", "skew_s", "blind", "handed_over"))
+
 _HEADER = struct.Struct("<2sBBI")
 _PICTURE = struct.Struct("<HH")  # width, height
-_MAGIC = b"PA"
+MAGIC = b"PA"
 
 
 class MessageKind(IntEnum):
@@ -47,6 +52,11 @@ class MessageKind(IntEnum):
     PREVIEW = 18  # width, height and RGB bytes of a picture to show, row after row from the top
 
 
+_LONG_KINDS = (
+    MessageKind.REQUEST, MessageKind.FRAME, MessageKind.RESULT, MessageKind.POSE, MessageKind.PREVIEW
+)  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Message:
     """One whole message."""
@@ -58,12 +68,12 @@ class Message:
         """Return the JSON object that a control message carries; {} for an empty payload."""
         if not self.payload:
             return {}
-        try:
+        with reading("worker", CaptureError, "start again", f"a {self.kind.name} message is not JSON"):
             value = json.loads(self.payload)
-        except (UnicodeDecodeError, json.JSONDecodeError) as error:
-            raise CaptureError(f"a {self.kind.name} message is not JSON ({error})", where="worker") from error
         if not isinstance(value, dict):
             raise CaptureError(f"a {self.kind.name} message is not an object", where="worker")
+        if self.kind in (MessageKind.STATUS, MessageKind.ACK, MessageKind.END):
+            return {key: item for key, item in value.items() if key not in _NUMBERS or _is_number(item)}
         return value
 
     def error(self) -> CaptureError:
@@ -96,11 +106,15 @@ class Message:
         return values.reshape(height, width, 3)
 
 
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and abs(value) < _LARGEST_NUMBER
+
+
 def encode(kind: MessageKind, payload: bytes = b"") -> bytes:
     """Return a message as bytes."""
     if len(payload) > MAX_PAYLOAD:
         raise CaptureError(f"a {kind.name} message of {len(payload)} bytes is too long", where="worker")
-    return _HEADER.pack(_MAGIC, VERSION, kind, len(payload)) + payload
+    return _HEADER.pack(MAGIC, VERSION, kind, len(payload)) + payload
 
 
 def encode_json(kind: MessageKind, content: Mapping[str, Any]) -> bytes:
@@ -146,12 +160,15 @@ class Decoder:
 
     def _header(self, start: int) -> tuple[MessageKind, int]:
         magic, version, number, length = _HEADER.unpack_from(self._buffer, start)
-        if magic != _MAGIC:
+        if magic != MAGIC:
             raise CaptureError("the stream from the other process is damaged", where="worker")
         if version != VERSION:
             raise CaptureError(
                 f"speaks protocol {version}, this add-on {VERSION}", where="worker", advice="restart Blender"
             )
-        if length > MAX_PAYLOAD or number not in MessageKind._value2member_map_:
+        if (
+            length > (MAX_PAYLOAD if number in _LONG_KINDS else _MAX_CONTROL)
+            or number not in MessageKind._value2member_map_
+        ):
             raise CaptureError(f"sent an impossible message (kind {number}, {length} bytes)", where="worker")
         return MessageKind(number), length

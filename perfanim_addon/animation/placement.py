@@ -78,11 +78,7 @@ def _push_down(animation: bpy.types.AnimData) -> None:
 
 
 def _add_strip(
-    animation: bpy.types.AnimData,
-    action: bpy.types.Action,
-    frames: tuple[float, float],
-    blend: float,
-    slot: Any = None,
+    animation: bpy.types.AnimData, action: bpy.types.Action, frames: tuple[float, float], blend: float, slot: Any = None
 ) -> bpy.types.NlaStrip:
     """Add an action as a strip on a new top track; it blends in and out over `blend`.
 

@@ -28,11 +28,7 @@ class SceneDriver:
     """
 
     def __init__(
-        self,
-        context: bpy.types.Context,
-        performers: Sequence[Subject],
-        props: Sequence[Prop],
-        parts: Collection[str],
+        self, context: bpy.types.Context, performers: Sequence[Subject], props: Sequence[Prop], parts: Collection[str]
     ) -> None:
         for entry in target_settings.of_kind(context.scene, "PROP"):
             target_settings.check_object(entry.object)

@@ -7,11 +7,7 @@ import bpy
 from ...core.retarget.retargeter import RetargetPlan
 from .posing import bones_of
 
-_MIDDLE = {
-    "HIPS": ("root",),
-    "TORSO": ("lowerback", "upperback", "thorax"),
-    "HEAD": ("lowerneck", "upperneck", "head"),
-}
+_MIDDLE = {"HIPS": ("root",), "TORSO": ("lowerback", "upperback", "thorax"), "HEAD": ("lowerneck", "upperneck", "head")}
 _SIDED = {
     "ARM": ("clavicle", "humerus", "radius", "wrist", "hand", "fingers", "thumb"),
     "LEG": ("femur", "tibia", "foot", "toes"),

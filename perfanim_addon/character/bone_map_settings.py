@@ -51,9 +51,7 @@ class PERFANIM_PG_character(bpy.types.PropertyGroup):
     problem: string("Problem", "Why the armature cannot be driven")
     filling: bpy.props.BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
     root_motion: bpy.props.EnumProperty(
-        name="Root Motion",
-        description="What carries the character through the room",
-        items=_ROOT_MOTIONS,
+        name="Root Motion", description="What carries the character through the room", items=_ROOT_MOTIONS
     )
 
 

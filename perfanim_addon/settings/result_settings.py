@@ -12,11 +12,7 @@ from ..preferences.property_kinds import choice, number, property_column, switch
 _ONTO = (
     (PlacementMode.ACTION.name, "New Action", "Replace the active action, which is kept in the file"),
     (PlacementMode.STRIP.name, "NLA Strip", "Push the active action down and add a strip above it"),
-    (
-        PlacementMode.LAYER.name,
-        "Layer",
-        "Add a strip that blends in over the present animation and out again",
-    ),
+    (PlacementMode.LAYER.name, "Layer", "Add a strip that blends in over the present animation and out again"),
 )
 
 

@@ -54,9 +54,7 @@ class PERFANIM_PG_targets(bpy.types.PropertyGroup):
     """The list of further targets."""
 
     entries: bpy.props.CollectionProperty(
-        name="Additional Targets",
-        description="Props and performers besides the first",
-        type=PERFANIM_PG_target,
+        name="Additional Targets", description="Props and performers besides the first", type=PERFANIM_PG_target
     )
     active: bpy.props.IntProperty(name="Target", description="Target shown below the list")
 

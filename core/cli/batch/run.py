@@ -9,9 +9,9 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ...errors import FormatError, SettingsError
+from ...errors import SettingsError
 from ...formats.take_file.lock import lock
-from ...system.files import is_file
+from ...system.files import is_file, writing
 from ...system.progress import Progress
 from .content_hash import ContentDigests, take_digest
 from .plan import TakePlan
@@ -72,12 +72,7 @@ def run_batch(takes: Sequence[TakePlan], out: Path, do_tasks: DoTasks, progress:
 
 
 def _do(
-    left: Sequence[TakePlan],
-    out: Path,
-    work: Path,
-    do_tasks: DoTasks,
-    done: dict[str, Record],
-    progress: Progress,
+    left: Sequence[TakePlan], out: Path, work: Path, do_tasks: DoTasks, done: dict[str, Record], progress: Progress
 ) -> None:
     """Do the takes and enter their records."""
     weights = {take.name: _weight(take) for take in left}
@@ -116,13 +111,9 @@ def _duration(seconds: float) -> str:
 @contextmanager
 def _workplace(out: Path) -> Iterator[Path]:
     """Yield a new folder below `out` for unfinished files; remove it in the end."""
-    try:
+    with writing(out):
         (out / REPORT).mkdir(parents=True, exist_ok=True)
         handle = os.open(out / REPORT / ".lock", os.O_RDWR | os.O_CREAT, 0o666)
-    except OSError as error:
-        raise FormatError(
-            f"cannot be written ({error.strerror})", where=str(out), advice="choose a folder you may write to"
-        ) from error
     try:
         if not lock(handle):
             raise SettingsError(

@@ -22,14 +22,7 @@ from ..unique_names import unique_names
 from .numbers import parse_numbers
 
 # metres of one unit of a file; "cmu" is the unit of the CMU database's own files (inches / 0.45)
-UNITS: dict[str, float] = {
-    "m": 1.0,
-    "cm": 0.01,
-    "mm": 0.001,
-    "in": 0.0254,
-    "ft": 0.3048,
-    "cmu": 0.0254 / 0.45,
-}
+UNITS: dict[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048, "cmu": 0.0254 / 0.45}
 WRITTEN_ORDER = "ZXY"
 _CHANNELS = frozenset(axis + kind for axis in "xyz" for kind in ("position", "rotation"))
 _LONGEST_LIMB_M = 1.25  # pelvis to finger tips of an adult; decides between units, which lie a factor of two apart

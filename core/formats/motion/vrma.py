@@ -109,11 +109,7 @@ class _Buffer:
 
     def tables(self) -> dict[str, Any]:
         """Return the arrays' part of the document."""
-        return {
-            "buffers": [{"byteLength": len(self.data)}],
-            "bufferViews": self._views,
-            "accessors": self._accessors,
-        }
+        return {"buffers": [{"byteLength": len(self.data)}], "bufferViews": self._views, "accessors": self._accessors}
 
 
 def _glb(document: dict[str, Any], data: bytes) -> bytes:

@@ -7,6 +7,7 @@ from io import FileIO
 from pathlib import Path
 
 from ...errors import TakeError
+from ...system.files import writing
 from .chunks import ChunkKind, encode_chunk
 from .footer import Footer, find_footer
 from .lock import is_locked, lock
@@ -21,18 +22,13 @@ def append_notes(path: Path | str, notes: TakeNotes) -> None:
     Raises:
         TakeError: the take has no end mark, is being recorded, or cannot be written.
     """
-    try:
-        with Path(path).open("r+b", buffering=0) as file:
-            if not lock(file.fileno()):
-                raise TakeError("is being recorded", where=str(path), advice="wait for the end of the capture")
-            footer = find_footer(file)
-            if footer is None:
-                raise TakeError("has no end mark", where=str(path), advice="recover it first")
-            _append(file, footer, notes)
-    except OSError as error:
-        raise TakeError(
-            f"cannot be written ({error.strerror})", where=str(path), advice="free some space, or check the folder"
-        ) from error
+    with writing(path, "free some space, or check the folder", TakeError), Path(path).open("r+b", buffering=0) as file:
+        if not lock(file.fileno()):
+            raise TakeError("is being recorded", where=str(path), advice="wait for the end of the capture")
+        footer = find_footer(file)
+        if footer is None:
+            raise TakeError("has no end mark", where=str(path), advice="recover it first")
+        _append(file, footer, notes)
 
 
 def _append(file: FileIO, footer: Footer, notes: TakeNotes) -> None:

@@ -10,7 +10,7 @@ from ...body.scene_pose import PerformerPose, ScenePose
 from ...errors import CaptureError, TakeError
 from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_frame_codec import unpack_stamped
-from ...system.files import open_foreign, read_bytes
+from ...system.files import open_foreign, read_bytes, reading
 from .chunks import (
     HEADER_BYTES,
     PREAMBLE_BYTES,
@@ -217,28 +217,22 @@ class TakeSummary:
 def summarise(path: Path | str) -> TakeSummary:
     """Return the summary of a take; TakeError for other or unreadable files."""
     path = Path(path)
-    try:
-        with open_foreign(path, TakeError) as file:
-            preamble_faults(file.read(PREAMBLE_BYTES + HEADER_BYTES), str(path))
-            footer = find_footer(file)
-            if footer is None:
-                return TakeSummary(path, False, notes=TakeNotes(take_name(path)))
-            return _listed(path, file, footer)
-    except OSError as error:
-        raise TakeError(f"cannot be read ({error.strerror})", where=str(path), advice="check the path") from error
+    with open_foreign(path, TakeError) as file, reading(path, TakeError, what="cannot be read"):
+        preamble_faults(file.read(PREAMBLE_BYTES + HEADER_BYTES), str(path))
+        footer = find_footer(file)
+        if footer is None:
+            return TakeSummary(path, False, notes=TakeNotes(take_name(path)))
+        return _listed(path, file, footer)
 
 
 def has_frames(path: Path | str) -> bool:
     """Return whether a take holds a frame; errors as of `summarise`."""
-    try:
-        with open_foreign(path, TakeError) as file:
-            preamble_faults(file.read(PREAMBLE_BYTES + HEADER_BYTES), str(path))
-            chunk = read_chunk(file, PREAMBLE_BYTES)
-            while chunk is not None and chunk.kind != ChunkKind.FRAMES:
-                chunk = read_chunk(file, file.tell())
-            return chunk is not None
-    except OSError as error:
-        raise TakeError(f"cannot be read ({error.strerror})", where=str(path), advice="check the path") from error
+    with open_foreign(path, TakeError) as file, reading(path, TakeError, what="cannot be read"):
+        preamble_faults(file.read(PREAMBLE_BYTES + HEADER_BYTES), str(path))
+        chunk = read_chunk(file, PREAMBLE_BYTES)
+        while chunk is not None and chunk.kind != ChunkKind.FRAMES:
+            chunk = read_chunk(file, file.tell())
+        return chunk is not None
 
 
 def _listed(path: Path, file: BinaryIO, footer: Footer) -> TakeSummary:

@@ -7,11 +7,12 @@ from datetime import UTC, datetime
 from typing import Any
 
 from ... import __version__
-from ...errors import PerfanimError, TakeError
+from ...errors import TakeError
 from ...geometry.camera import CameraRig
 from ...geometry.rig_file import rig_from, rig_tables
 from ...markers.prop import Prop, prop_from, prop_tables
 from ...markers.subject import Subject, subject_from, subject_tables
+from ...system.files import reading
 
 MOST_STARS = 5
 
@@ -73,12 +74,10 @@ class TakeSetup:
     def from_json(data: bytes, where: str) -> "TakeSetup":
         """Return the set-up of `to_json`; ignore new parts, TakeError for missing ones."""
         facts = json_object(data, where)
-        try:
+        with reading(where, TakeError, what="has an incomplete set-up"):
             parts = {name: dict(facts[name]) for name in ("rig", "settings", "database", "capture")}
             performers = tuple(dict(table) for table in (facts["subject"], *facts.get("performers", ())) if table)
             props = tuple(dict(table) for table in facts.get("props", ()))
-        except (KeyError, TypeError, ValueError) as error:
-            raise TakeError(f"has an incomplete set-up ({error})", where=where) from error
         created, software = str(facts.get("created", "")), str(facts.get("software", ""))
         return TakeSetup(**parts, performers=performers, props=props, created=created, software=software)
 
@@ -142,22 +141,16 @@ class TakeNotes:
 
 def json_object(data: bytes, where: str) -> dict[str, Any]:
     """Return a JSON object; TakeError for other bytes."""
-    try:
+    with reading(where, TakeError, what="holds no JSON where some was expected"):
         value = json.loads(data)
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise TakeError(f"holds no JSON where some was expected ({error})", where=where) from error
     if not isinstance(value, dict):
         raise TakeError("holds no JSON object where one was expected", where=where)
     return value
 
 
 def _made(what: str, make: Any) -> Any:
-    try:
+    with reading("", TakeError, f"give another {what}", f"has an unusable {what}"):
         return make()
-    except PerfanimError:
-        raise
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise TakeError(f"has an unusable {what} ({error})", advice=f"give another {what}") from error
 
 
 def plain(value: Any) -> Any:

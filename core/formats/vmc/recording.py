@@ -1,16 +1,17 @@
 """Recording of VMC packets as motion or as marker take."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from ...body.motion import Motion
+from ...body.motion import MOST_FPS, Motion
 from ...errors import TakeError
 from ...geometry import rotations as rot
 from ...geometry.arrays import Array
 from ...markers.frame_rate import frame_rate
 from ...markers.marker_take import MarkerTake
-from .frames import FrameAssembler, Key, VmcFrame, tracker_names
+from .frames import MOST_PLACED, FrameAssembler, Key, VmcFrame, tracker_names
 from .humanoid import BONES, BonePoses, motion_of_bones
 from .packets import BONE, ROOT, TRACKERS
 from .tracker_points import AXES, axis_names, axis_points
@@ -26,10 +27,18 @@ class Recording:
     def __init__(self) -> None:
         self.gathering = FrameAssembler()
         self._frames: list[VmcFrame] = []
+        self._keys: set[Key] = set()
 
     def add(self, packet: bytes, arrival_s: float) -> None:
         """Take a packet in, as `FrameAssembler.add` does."""
-        self._frames += self.gathering.add(packet, arrival_s)
+        self._keep(self.gathering.add(packet, arrival_s))
+
+    def _keep(self, frames: Sequence[VmcFrame]) -> None:
+        """Keep frames with the first names that came, no more than a frame may have."""
+        for frame in frames:
+            self._keys.update([key for key in frame.placed if key not in self._keys][: MOST_PLACED - len(self._keys)])
+            placed = {key: place for key, place in frame.placed.items() if key in self._keys}
+            self._frames += [replace(frame, placed=placed)] * bool(placed)
 
     def motion(self, name: str) -> tuple[Motion, int]:
         """Return the bones' motion at the sender's rate, and how many frames of it came.
@@ -77,7 +86,7 @@ class Recording:
 
     def _all(self) -> list[VmcFrame]:
         """Return all frames, the one that is still open with them."""
-        self._frames += self.gathering.end()
+        self._keep(self.gathering.end())
         return self._frames
 
     def _with(self, keys: Sequence[Key], name: str, what: str) -> tuple[list[VmcFrame], Array, float]:
@@ -94,7 +103,7 @@ class Recording:
         is_steady = len(clocks_s) == len(frames) and bool(np.all(np.diff(clocks_s) > 0.0))
         for times_s in (clocks_s, arrivals_s) if is_steady else (arrivals_s,):
             from_first_s = times_s - times_s[0]
-            fps = frame_rate(from_first_s, np.arange(len(frames)))
+            fps = min(frame_rate(from_first_s, np.arange(len(frames))), MOST_FPS)  # packets may come all at once
             if from_first_s[-1] * fps < _MOST_LOST * len(frames):
                 return frames, from_first_s, fps
         raise TakeError(

@@ -16,7 +16,7 @@ from ...formats.motion.bvh import write_bvh
 from ...geometry.rig_file import save_rig
 from ...markers.marker_take import MarkerTake, save_take
 from ...markers.subject import save_subject
-from ...system.files import atomic_path
+from ...system.files import atomic_path, writing
 from ...system.progress import Progress
 from .boards import DEFAULT_BOARD, board_pictures
 from .render import FrameTruth
@@ -74,21 +74,16 @@ def _new_folder(target: Path) -> Iterator[Path]:
     """Yield a temporary folder that replaces `target` at the end, or goes on an error."""
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise CaptureError("exists and is not an empty folder", where=str(target), advice="give a new folder")
-    try:
+    with writing(target, "choose another folder", CaptureError):
         target.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
-    except OSError as error:
-        raise CaptureError(
-            f"cannot be written ({error.strerror})", where=str(target), advice="choose another folder"
-        ) from error
     try:
-        yield temporary
-        if target.exists():
-            target.rmdir()
-        temporary.chmod(0o755)
-        temporary.rename(target)
-    except OSError as error:
-        raise CaptureError(f"cannot be written ({error})", where=str(target), advice="check the disk") from error
+        with writing(target, "check the disk", CaptureError):
+            yield temporary
+            if target.exists():
+                target.rmdir()
+            temporary.chmod(0o755)
+            temporary.rename(target)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 

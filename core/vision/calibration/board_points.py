@@ -8,7 +8,7 @@ import numpy as np
 
 from ...errors import CalibrationError
 from ...geometry.arrays import Array
-from ...system.files import read_bytes
+from ...system.files import read_bytes, reading
 from .board import BoardView
 from .rig_fit import CameraViews
 
@@ -27,7 +27,7 @@ def load_board_points(path: str | Path) -> tuple[Array, tuple[CameraViews, Camer
         FormatError: the file cannot be read. CalibrationError: it does not hold that.
     """
     raw = read_bytes(path)
-    try:
+    with reading(path, CalibrationError, f"expected {_LAYOUT}", "does not hold board points"):
         content = json.loads(raw)
         size = (int(content["image_size"][0]), int(content["image_size"][1]))
         flat = np.asarray(content["board_points_mm"], dtype=np.float64).reshape(len(content["board_points_mm"]), -1)
@@ -35,12 +35,6 @@ def load_board_points(path: str | Path) -> tuple[Array, tuple[CameraViews, Camer
         points[:, :2] = flat[:, :2] / 1000.0
         left = _views(content["image_points_cam1"], len(points))
         right = _views(content["image_points_cam2"], len(points))
-    except (ValueError, KeyError, TypeError, IndexError) as error:
-        raise CalibrationError(
-            f"does not hold board points ({type(error).__name__}: {error})",
-            where=str(path),
-            advice=f"expected {_LAYOUT}",
-        ) from error
     if np.ptp(points[:, :2], axis=0).min() <= 0.0:
         raise CalibrationError("the board's points lie on one line or in one place", where=str(path))
     return points, (CameraViews("left", size, left), CameraViews("right", size, right))

@@ -111,10 +111,7 @@ def _camera_views(
 
 
 def _check_found(
-    board: Board,
-    shown: tuple[int, int] | None,
-    files: Mapping[str, Mapping[str, Path]],
-    cameras: Sequence[CameraViews],
+    board: Board, shown: tuple[int, int] | None, files: Mapping[str, Mapping[str, Path]], cameras: Sequence[CameraViews]
 ) -> None:
     """Refuse a camera with too few views, naming a board of another size."""
     missing = [camera for camera in cameras if len(camera.views) < MINIMUM_VIEWS]

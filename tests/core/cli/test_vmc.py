@@ -99,3 +99,20 @@ def test_bad_input_is_told(tmp_path, capsys):
         with pytest.raises(SystemExit) as wrong:
             main(["vmc", "send", "a.bvh", *words])
         assert wrong.value.code == 2
+
+
+@pytest.mark.parametrize(("options", "address"), [([], "127.0.0.1"), (["--from", "any"], "")])
+def test_only_this_computer_is_listened_to_by_default(tmp_path, monkeypatch, options, address):
+    opened = []
+
+    class ClosedError(Exception):
+        pass
+
+    def receiver(port, sender):
+        opened.append((port, sender))
+        raise ClosedError
+
+    monkeypatch.setattr("perfanim.core.cli.vmc.Receiver", receiver)
+    with pytest.raises(ClosedError):
+        run(["--out", tmp_path / "a.bvh", "--seconds", "0.01", *options], lambda _: None)
+    assert opened == [(0, address)]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from perfanim.core.body.motion import resampled, sliced
 from perfanim.core.errors import CaptureError, TakeError
+from perfanim.core.formats.vmc.frames import MOST_PLACED
 from perfanim.core.formats.vmc.humanoid import bone_poses, motion_of_bones
 from perfanim.core.formats.vmc.link import Receiver, play, record
 from perfanim.core.formats.vmc.packets import BONE, ROOT, TIME, frame_packet
@@ -165,3 +166,12 @@ def test_a_tracker_that_turns_leaves_points_on_its_axes():
     np.testing.assert_allclose(take.positions_m[:, 0], np.tile([0.1, 1.0, 0.2], (5, 1)), atol=1e-6)
     away = take.positions_m[:, 1:4] - take.positions_m[:, :1]
     np.testing.assert_allclose(away, rot.rotate(turns[:, None], 0.1 * np.eye(3)), atol=1e-6)
+
+
+def test_a_sender_of_ever_new_names_is_recorded_in_bounded_memory():
+    recording = Recording()
+    for at in range(60):
+        recording.add(tracker_packet({"own": (0, 1, 0)} | {f"{at}-{i}": (0, 1, 0) for i in range(50)}), at / 60)
+    take = recording.markers("a")
+    assert len(take.names) == MOST_PLACED
+    assert (take.names[0], take.frames) == ("own", 60)
