@@ -27,16 +27,18 @@ def more_data_row(name: str, take: Motion, whole: Database, folder: Path) -> dic
     others = sorted({clip.subject for clip in whole.clips} - {own})
     np.random.default_rng(_SEED).shuffle(others)
     kept = {"all": others} | {f"half_{number}": others[number::HALVES] for number in range(HALVES)}
-    errors = {}
+    errors: dict[str, float | None] = dict.fromkeys(kept)
     for part, subjects in kept.items():
         chosen = {own, *subjects}
         clips = [(c, 0, c.stop - c.start) for c in whole.clips if c.name != name and c.subject in chosen]
+        if not clips:  # the take is its subject's only one, and there is one other subject: a half is empty
+            continue
         database = write_subset(whole, folder / "more-data.pfdb", clips)
         errors[part] = float(degrees_per_joint(solve_truth(truth, database, SolveSettings())[0], truth).mean())
-    halves = [error for part, error in errors.items() if part != "all"]
+    whole_error, *halves = (error for error in errors.values() if error is not None)
     return {
         "take": name,
         "frames": truth.frames,
-        **{f"deg_per_joint_{part}": round(error, 4) for part, error in errors.items()},
-        "ratio": round(errors["all"] / min(halves), 4),
+        **{f"deg_per_joint_{part}": error and round(error, 4) for part, error in errors.items()},
+        "ratio": round(whole_error / min(halves), 4) if halves else 1.0,
     }
