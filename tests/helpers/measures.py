@@ -2,13 +2,14 @@
 
 import numpy as np
 from perfanim.core.body.motion import Motion
-from perfanim.core.body.motion_metrics import _CONTACT_HEIGHT_M, _CONTACT_SPEED_M_S, _lowest_within
+from perfanim.core.body.motion_metrics import _CONTACT_HEIGHT_M, _CONTACT_SPEED_M_S
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.retarget.armature_rest import ArmatureRest
 from perfanim.core.retarget.character_rest_pose import bone_direction
 from perfanim.core.retarget.rest_alignment import BONE_ENDS
 from perfanim.core.retarget.retargeter import CharacterPose, RetargetPlan
+from scipy.ndimage import minimum_filter1d
 
 LIMBS = ("femur", "tibia", "humerus", "radius", "hand")
 
@@ -98,9 +99,9 @@ def slides_cm_s(motion: Motion, made: RetargetPlan, heads: np.ndarray) -> tuple[
     ball = [motion.skeleton.index(side + "toes") for side in "lr"]
     velocity = np.diff(positions[:, ball], axis=0) * motion.fps
     height = 0.5 * (positions[1:, ball, 1] + positions[:-1, ball, 1])
-    contact = (height < _lowest_within(height, round(motion.fps)) + _CONTACT_HEIGHT_M) & (
-        np.linalg.norm(velocity, axis=-1) < _CONTACT_SPEED_M_S
-    )
+    contact = (
+        height < minimum_filter1d(height, 2 * round(motion.fps) + 1, axis=0, mode="nearest") + _CONTACT_HEIGHT_M
+    ) & (np.linalg.norm(velocity, axis=-1) < _CONTACT_SPEED_M_S)
     kind = "toes" if "ltoes" in made.joints else "foot"
     own = np.diff(positions[:, [motion.skeleton.index(side + kind) for side in "lr"]], axis=0) * motion.fps
     mine = np.diff(to_performer(made, heads[:, [made.joints[side + kind] for side in "lr"]]), axis=0) * motion.fps
