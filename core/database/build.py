@@ -125,9 +125,9 @@ def build_database(
 
     Returns:
         frames, clips, seconds, bytes, fps, behaviours (name -> frames), zeros (subject -> joint -> degrees from
-        the common zero), skipped (list of file, line, reason), defects
-        (list of file, frames, defect, done; those kept unchanged come last), mirrored_clips, culled_frames,
-        peak_memory_mb of this process and peak_reader_memory_mb of the largest reading process, None where unknown.
+        the common zero), skipped (list of file, line, reason), defects (list of file, frames, defect, done; those
+        kept unchanged come last), mirrored_clips, culled_frames, peak_memory_mb of this process and
+        peak_reader_memory_mb of the largest reading process, None where unknown.
 
     Raises:
         FormatError: a source is missing or a damaged archive, or `out` cannot be written.

@@ -67,21 +67,20 @@ def find_zeros(rotations: NDArray[Any] | FrameFile, clips: Sequence[Clip]) -> tu
     persons: dict[_Person, list[Array]] = {}
     for clip in clips:
         chosen = np.linspace(0, clip.stop - clip.start - 1, _CLIP_SAMPLES).astype(np.int64)
-        samples = np.asarray(rotations[clip.start : clip.stop], dtype=np.float64)[chosen]
+        samples = np.asarray(rotations[clip.start : clip.stop][chosen][:, _JOINTS], dtype=np.float64)
         persons.setdefault(_person(clip), []).append(samples)
     if len(persons) < _FEWEST_SUBJECTS or all(len(parts) == 1 for parts in persons.values()):
         return mean, ()
     medians = np.array([_median(np.concatenate(parts)) for parts in persons.values()])
     common = mean.copy()
-    common[_JOINTS] = _median(medians)[_JOINTS]
-    away = rot.to_rotation_vector(rot.multiply(rot.conjugate(common), medians))
+    common[_JOINTS] = _median(medians)
+    away = rot.to_rotation_vector(rot.multiply(rot.conjugate(common[_JOINTS]), medians))
     within = _clip_variance([np.array(parts) for parts in persons.values() if len(parts) > 1])
     uncertain = within / np.array([[len(parts)] for parts in persons.values()])
     between = np.maximum(np.sum(away**2, axis=(0, 2)) / (len(away) - 1) - uncertain.mean(axis=0), 0.0)
     shares = (between / (between + uncertain + 1e-12))[:, :, None]
-    own = np.zeros_like(away)
-    own[:, _JOINTS] = (shares * away)[:, _JOINTS]
-    turned = rot.multiply(common, rot.from_rotation_vector(own))
+    turned = np.repeat(common[None], len(away), axis=0)
+    turned[:, _JOINTS] = rot.multiply(common[_JOINTS], rot.from_rotation_vector(shares * away))
     return common, tuple(Zero(*person, turn) for person, turn in zip(persons, turned, strict=True))
 
 
