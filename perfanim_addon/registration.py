@@ -14,7 +14,8 @@ from typing import Any
 
 import bpy
 
-from .preferences import diagnostics, preferences
+from .panels import broken_installation
+from .preferences import diagnostics, diagnostics_ui, preferences
 from .preferences.sidebar_tab import SidebarPanel, register_panel, unregister_panel
 
 _KINDS = (
@@ -25,13 +26,6 @@ _KINDS = (
     bpy.types.PropertyGroup,
     bpy.types.UIList,
 )
-
-
-def _first_modules() -> Sequence[ModuleType]:
-    """Import the modules that need no library."""
-    from .preferences import diagnostics_ui
-
-    return preferences, diagnostics_ui
 
 
 def _other_modules() -> Sequence[ModuleType]:
@@ -54,19 +48,12 @@ def _modules_of(package: ModuleType) -> list[ModuleType]:
     return [import_module(f"{package.__name__}.{found.name}") for found in iter_modules(package.__path__)]
 
 
-def _fallback_modules() -> Sequence[ModuleType]:
-    """Import the modules for an installation with a broken library."""
-    from .panels import broken_installation
-
-    return (broken_installation,)
-
-
 _undo: list[Callable[[], None]] = []
 
 
 def register() -> None:
     """Register everything; with a broken library, preferences and diagnostics only."""
-    _add_all(_first_modules())
+    _add_all((preferences, diagnostics_ui))
     diagnostics.problem = ""
     count = len(_undo)
     try:
@@ -76,7 +63,7 @@ def register() -> None:
         _remove_down_to(count)
         name = error.name if isinstance(error, ImportError) else None
         diagnostics.problem = f"{name or 'a library'} cannot be loaded: {error}"
-        _add_all(_fallback_modules())
+        _add_all((broken_installation,))
 
 
 def unregister() -> None:

@@ -55,7 +55,8 @@ def listed() -> list[TakeSummary]:
     except OSError:  # a capture reports it
         return []
     if stamp != _known.stamp:
-        _known.stamp, _known.takes = stamp, _found()
+        _known.stamp = stamp
+        _known.takes = [take for take in _summaries(folder()) if take.complete or _is_cut_off(take.path)]
         _known.bytes, _known.gone = size(take.path for take in _known.takes), in_trash()
         _known.gone_bytes = size(_known.gone)
     return _known.takes
@@ -191,10 +192,6 @@ def _move(path: Path, target: Path) -> None:
     except OSError as error:
         raise TakeError(f"cannot be moved ({error.strerror})", where=str(path), advice="check its folder") from error
     forget()
-
-
-def _found() -> list[TakeSummary]:
-    return [take for take in _summaries(folder()) if take.complete or _is_cut_off(take.path)]
 
 
 def _is_cut_off(path: Path) -> bool:

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Iterable
+from functools import partial
 from typing import Any
 
 from ..errors import SettingsError
@@ -58,9 +59,7 @@ def positive(text: str, most: float, unit: str) -> float:
     return number
 
 
-def rate_hz(text: str) -> float:
-    """Return a rate in frames per second."""
-    return positive(text, _MOST_HZ, "frames per second")
+rate_hz = partial(positive, most=_MOST_HZ, unit="frames per second")
 
 
 def add_motion_options(parser: Any, *, defaults: bool = True) -> None:

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..errors import CharacterError, FormatError
+from ..errors import CharacterError
+from ..formats.markers.marker_files import check_ending
 from ..retarget.joint_naming import NAMINGS
 from ..system import helper_process
 from ..system.files import is_file
@@ -49,9 +50,7 @@ def add_parser(subparsers: Any) -> None:
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Retarget in a process of its own: bpy takes over the one it is loaded into."""
     ending = Path(args.out).suffix.lower()
-    if ending not in (".blend", *_EXPORTED):
-        advice = f"use .blend, {', '.join(_EXPORTED)}"
-        raise FormatError("has an ending that cannot be written", where=args.out, advice=advice)
+    check_ending(args.out, (".blend", *_EXPORTED))
     if args.naming is not None and ending not in _EXPORTED:
         args.wrong_usage("argument --naming: a .blend keeps the character's own names")
     check_blender(args.blender)

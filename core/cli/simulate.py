@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ..body.motion import resampled
-from ..formats.markers.marker_files import check_writable, write_take
+from ..formats.markers.marker_files import check_ending, write_take
 from ..formats.motion.bvh import write_bvh
 from ..formats.motion.read_motion import read_motion
 from ..markers.marker_set import load_marker_set
@@ -38,7 +38,7 @@ def _add_markers(commands: Any) -> None:
 
 def _markers(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     check_fps(args.fps)
-    check_writable(args.out)
+    check_ending(args.out)
     progress(0.0, "reading")
     motion = read_motion(args.motion, args.skeleton)
     if args.fps is not None:

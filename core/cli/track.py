@@ -101,7 +101,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 def _check(args: argparse.Namespace) -> None:
     """Raise SettingsError for options that cannot be meant, before any work."""
-    from ..formats.markers.marker_files import check_writable, is_recorded
+    from ..formats.markers.marker_files import check_ending, is_recorded
 
     if args.markers is not None and not 1 <= args.markers <= 200:
         raise SettingsError(f"--markers {args.markers} cannot be", advice="use 1 to 200")
@@ -111,7 +111,7 @@ def _check(args: argparse.Namespace) -> None:
     if is_recorded(args.out):
         _check_left_out(args, "labels, which a .perftake gets when it is solved")
     else:
-        check_writable(args.out)
+        check_ending(args.out)
         if (args.subject or args.skeleton) and not args.database:
             args.wrong_usage("argument --database is required: the body labels the markers by it")
         if args.database and not (args.subject or args.skeleton):
@@ -147,7 +147,11 @@ def _cameras_and_sources(args: argparse.Namespace, rig: Any) -> tuple[Any, list[
     if twice is not None:
         raise SettingsError(f"two cameras have one source, {twice}", advice="give each camera its own pictures")
     if len(given) == 1:
-        _check_one_camera(args)
+        if not str(args.out).lower().endswith((".take.npz", ".perftake")):
+            raise SettingsError(
+                f"{args.out} cannot hold what one camera shows", advice="write a .take.npz or .perftake"
+            )
+        _check_left_out(args, "markers in space, which one camera does not give")
     elif not named:
         return rig, sources
     if indices[-1] >= len(rig):
@@ -155,13 +159,6 @@ def _cameras_and_sources(args: argparse.Namespace, rig: Any) -> tuple[Any, list[
             f"the calibration has {len(rig)} camera(s)", where=str(args.cameras), advice="use one of this set-up"
         )
     return CameraRig(tuple(rig.cameras[index] for index in indices), rig.metadata), sources
-
-
-def _check_one_camera(args: argparse.Namespace) -> None:
-    """Raise SettingsError for options that need more than one camera."""
-    if not str(args.out).lower().endswith((".take.npz", ".perftake")):
-        raise SettingsError(f"{args.out} cannot hold what one camera shows", advice="write a .take.npz or .perftake")
-    _check_left_out(args, "markers in space, which one camera does not give")
 
 
 def _check_left_out(args: argparse.Namespace, need: str) -> None:

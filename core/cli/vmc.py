@@ -1,14 +1,14 @@
 """`perfanim vmc`: motion sent and recorded live by the VMC protocol."""
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..body.motion import Motion, resampled
-from ..errors import FormatError
-from ..formats.markers.marker_files import WRITABLE, is_recorded, write_take
+from ..formats.markers.marker_files import WRITABLE, check_ending, is_recorded, write_take
 from ..formats.motion.read_motion import read_motion
 from ..formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_motion
 from ..formats.take_file.reading import ENDING, read_take_file
@@ -50,7 +50,7 @@ def add_parser(subparsers: Any) -> None:
         help=f"bones become a motion ({', '.join(MOTION_ENDINGS)}), head set, controllers and trackers a marker take "
         f"({', '.join(WRITABLE)})",
     )
-    add_text(receive, "--seconds", "S", "how long", type=_seconds, required=True)
+    add_text(receive, "--seconds", "S", "how long", type=partial(positive, most=3600.0, unit="seconds"), required=True)
     receive.set_defaults(run=run_receive)
 
 
@@ -68,10 +68,6 @@ def _port(text: str) -> int:
     if not (text.isdecimal() and int(text) < 65536):
         raise argparse.ArgumentTypeError(f"{text!r} is not a port, 0 to 65535")
     return int(text)
-
-
-def _seconds(text: str) -> float:
-    return positive(text, 3600.0, "seconds")
 
 
 def run_send(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
@@ -102,9 +98,7 @@ def _motion(path: str) -> Motion:
 def run_receive(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Record for some seconds and write the bones or the trackers."""
     out = Path(args.out)
-    endings = (*MOTION_ENDINGS, *WRITABLE)
-    if not out.name.lower().endswith(endings):
-        raise FormatError("has an ending that cannot be written", where=str(out), advice=f"use {', '.join(endings)}")
+    check_ending(out, (*MOTION_ENDINGS, *WRITABLE))
     with Receiver(args.port, "" if args.sender == "any" else args.sender) as receiver:
         recording = record(receiver, args.seconds, progress)
     facts: dict[str, Any]

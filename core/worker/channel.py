@@ -11,19 +11,20 @@ import queue
 import socket
 import threading
 import time
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..errors import PerfanimError
+from ..errors import CaptureError, PerfanimError
+from ..geometry.arrays import Image
 from ..markers.marker_frame import MarkerFrame
 from ..system.slowness import Slowness
 from .protocol import Decoder, Message, MessageKind, encode, encode_frame, encode_json, encode_preview
 
 HEARTBEAT_S = 0.5
 _PARENT_GONE_GRACE_S = 3.0
+_FREED_S = 5.0  # in which a process that was replaced gives cameras or port back
+_RETRY_S = 0.1
+_Source = TypeVar("_Source")
 _BLOCKED_S = 20.0  # without any Python executed: longer than anybody waits for a sign of life
 
 
@@ -73,6 +74,16 @@ class Channel:
                 lambda: self.frames - self.acknowledged <= in_flight or self.stop_requested.is_set(), timeout=limit_s
             )
 
+    def open_when_free(self, open_source: Callable[[], _Source], takes_place: bool) -> _Source:
+        """Open cameras or a port; retry while a replaced process may still hold them."""
+        limit_s = time.monotonic() + (_FREED_S if takes_place else 0.0)
+        while True:
+            try:
+                return open_source()
+            except CaptureError:
+                if time.monotonic() > limit_s or self.stop_requested.wait(_RETRY_S):
+                    raise
+
     @property
     def queued(self) -> int:
         """Messages that Blender has not taken yet, those in the socket's buffer excluded."""
@@ -93,7 +104,7 @@ class Channel:
         self.frames += 1
         self._queue.put(encode(MessageKind.POSE, record))
 
-    def send_preview(self, picture: NDArray[np.uint8]) -> None:
+    def send_preview(self, picture: Image) -> None:
         """Send a picture (height, width, 3), RGB, to show."""
         self._queue.put(encode_preview(picture))
 

@@ -56,7 +56,7 @@ class WorkerClient:
         self._launch()
 
     def _launch(self) -> None:
-        self._ended = False
+        self.ended = False  # whether the worker has said that nothing follows
         self._early: list[Message] = []  # came before the first poll
         self._liveness = Liveness()
         self._connection = WorkerConnection(self._request)
@@ -77,11 +77,6 @@ class WorkerClient:
         """Whether the process lives."""
         return self._process.status is None
 
-    @property
-    def ended(self) -> bool:
-        """Whether the worker has said that nothing follows."""
-        return self._ended
-
     def ask(self, **changes: Any) -> None:
         """Wait until the process takes its request, with these keys changed.
 
@@ -101,7 +96,7 @@ class WorkerClient:
             CaptureError: the worker died, hangs, or sent a damaged message.
         """
         early, self._early = self._early, []
-        if self._ended:
+        if self.ended:
             return early
         messages = self._connection.receive()
         self._connection.send()
@@ -111,7 +106,7 @@ class WorkerClient:
                 reason = f"ended by itself (status {self._process.status}){self._process.last_line()}"
                 raise CaptureError(reason, where="worker", advice="start again")
         self._liveness.update(messages)
-        self._ended = any(message.kind is MessageKind.END for message in messages)
+        self.ended = any(message.kind is MessageKind.END for message in messages)
         self._liveness.check(self._connection.is_authenticated)
         return early + messages
 
@@ -162,4 +157,4 @@ class WorkerClient:
         self._connection.close()
         self._process.end(grace_s)
         self._process.release()
-        self._ended = True
+        self.ended = True

@@ -13,11 +13,11 @@ from enum import IntEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import CaptureError
 from ..formats.take_file.pose_codec import TimedPose, unpack_solved
 from ..formats.take_file.setup import plain
+from ..geometry.arrays import Image
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_frame_codec import pack_stamped, unpack_stamped
 from ..system.files import reading
@@ -95,7 +95,7 @@ class Message:
             raise CaptureError(f"a {self.kind.name} message holds no pose", where="worker")
         return unpack_solved(self.payload)
 
-    def preview(self) -> NDArray[np.uint8]:
+    def preview(self) -> Image:
         """Return the picture (height, width, 3), RGB, of a PREVIEW message."""
         if self.kind is not MessageKind.PREVIEW or len(self.payload) < _PICTURE.size:
             raise CaptureError(f"a {self.kind.name} message holds no picture", where="worker")
@@ -127,7 +127,7 @@ def encode_frame(stamp_s: float, frame: MarkerFrame) -> bytes:
     return encode(MessageKind.FRAME, pack_stamped(stamp_s, frame))
 
 
-def encode_preview(picture: NDArray[np.uint8]) -> bytes:
+def encode_preview(picture: Image) -> bytes:
     """Return a PREVIEW message of a picture (height, width, 3), RGB, as bytes."""
     height, width = picture.shape[:2]
     return encode(MessageKind.PREVIEW, _PICTURE.pack(width, height) + np.ascontiguousarray(picture).tobytes())

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ...core.body.scene_pose import ScenePose
 from ...core.errors import CaptureError, PerfanimError
+from ...core.geometry.arrays import Image
 from ...core.system.slowness import BUSY
 from ...core.worker.client import WorkerClient
 from ...core.worker.protocol import Message, MessageKind
@@ -132,7 +130,7 @@ class CaptureRun:
     def _on_restart(self, point: RestartPoint, cause: str) -> None:
         self._restarting = f"{cause}: starting it again"
 
-    def take_preview(self) -> NDArray[np.uint8] | None:
+    def take_preview(self) -> Image | None:
         """Return a new picture (height, width, 3), RGB, of the cameras, None without one."""
         message, self._preview = self._preview, None
         return None if message is None else message.preview()

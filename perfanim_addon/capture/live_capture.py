@@ -164,7 +164,8 @@ class LiveCapture:
         driver.apply(context, run.poses)
         if not self._is_shown:
             self._is_shown = True
-            if any(_is_animated(target.character()) for target in driver.targets):
+            played = [character.animation_data for target in driver.targets if (character := target.character())]
+            if any(animation and (animation.action or len(animation.nla_tracks)) for animation in played):
                 bpy.app.handlers.frame_change_post.append(_after_frame_change)
 
     def reapply_pose(self) -> None:
@@ -219,12 +220,6 @@ class LiveCapture:
             take_library.mark_captured(self._take_path, request.shape(settings(context)), span)
         text = f"{sum(len(part.poses) for part in parts)} frames recorded in {', '.join(actions)}"
         return f"{text}; {self.run.persistent_warning}" if self.run and self.run.persistent_warning else text
-
-
-def _is_animated(armature: bpy.types.Object | None) -> bool:
-    """Return whether an animation overwrites the armature's pose at a change of frame."""
-    animation = armature.animation_data if armature is not None else None
-    return animation is not None and (animation.action is not None or len(animation.nla_tracks) > 0)
 
 
 def _after_frame_change(*_: object) -> None:

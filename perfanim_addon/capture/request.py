@@ -87,13 +87,9 @@ def _with_targets(source: dict[str, Any], settings: Any, partners: int) -> dict[
         return source
     carried = [target_settings.path_of(entry) for entry in target_settings.of_kind(settings.id_data, "PROP")]
     prop = {"prop": carried[0]} if carried else {}
-    return {**source, **prop, **({"partners": _partners(settings, partners)} if partners else {})}
-
-
-def _partners(settings: Any, count: int) -> list[dict[str, Any]]:
-    """Return behaviours of further simulated performers, not the first one's."""
-    doing = [behaviour for behaviour in _PARTNERS if behaviour != settings.behaviour]
-    return [{"behaviour": doing[index % len(doing)]} for index in range(count)]
+    others = [behaviour for behaviour in _PARTNERS if behaviour != settings.behaviour]
+    shown = [{"behaviour": others[index % len(others)]} for index in range(partners)]
+    return {**source, **prop, **({"partners": shown} if shown else {})}
 
 
 def shape(settings: Any) -> dict[str, Any]:

@@ -41,7 +41,9 @@ def create_character(context: bpy.types.Context, skeleton: Skeleton, name: str =
 
 
 def _add_armature(context: bpy.types.Context, skeleton: Skeleton, name: str) -> bpy.types.Object:
-    _leave_edit_mode(context)
+    active = context.view_layer.objects.active
+    if active is not None and active.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
     armature = bpy.data.armatures.new(name)
     obj = bpy.data.objects.new(name, armature)
     (context.collection or context.scene.collection).objects.link(obj)
@@ -59,12 +61,6 @@ def _add_armature(context: bpy.types.Context, skeleton: Skeleton, name: str) -> 
     armature.display_type = "STICK"
     obj.show_in_front = True
     return obj
-
-
-def _leave_edit_mode(context: bpy.types.Context) -> None:
-    active = context.view_layer.objects.active
-    if active is not None and active.mode != "OBJECT":
-        bpy.ops.object.mode_set(mode="OBJECT")
 
 
 def _add_bones(armature: bpy.types.Armature, skeleton: Skeleton) -> None:

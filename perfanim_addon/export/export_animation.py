@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
+from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -75,7 +76,8 @@ def export_poses(
         scene = context.scene
         scene.render.fps, scene.render.fps_base = max(1, round(fps)), 1.0
         frames = scene_frames(poses.times_s, scene)
-        _use_alone(armature_object)
+        animation = armature_object.animation_data or armature_object.animation_data_create()
+        animation.use_nla, animation.action = False, None  # nothing but the next action plays
         motion = poses.rotations, poses.root_positions_m, poses.skeleton
         write_action(object_name, frames, *motion, name=target.stem)
         scene.frame_start, scene.frame_end = 1, max(1, int(np.floor(frames[-1] + 1e-3)))
@@ -161,13 +163,6 @@ def _run(target: Path, kind: str, path: Path, frames: tuple[int, int]) -> None:
         raise FormatError(f"cannot be exported ({line})", where=str(target), advice=advice) from error
 
 
-def _use_alone(armature_object: bpy.types.Object) -> None:
-    """Let nothing but the next action play on the armature."""
-    animation = armature_object.animation_data or armature_object.animation_data_create()
-    animation.use_nla = False
-    animation.action = None
-
-
 def _select(context: bpy.types.Context, armature_object: bpy.types.Object, meshes: bool) -> None:
     """Select the objects of the file."""
     if not armature_object.visible_get():
@@ -189,7 +184,9 @@ def _lent(context: bpy.types.Context, armature_object: bpy.types.Object) -> Iter
     if mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
     known = set(bpy.data.actions)
-    scene_before = _scene_state(context.scene)
+    scene, rendered = context.scene, context.scene.render
+    rate, span = (rendered.fps, rendered.fps_base), (scene.frame_start, scene.frame_end)
+    frame, part = scene.frame_current, scene.frame_subframe
     pose_before = _pose_state(armature_object)
     try:
         yield
@@ -197,7 +194,8 @@ def _lent(context: bpy.types.Context, armature_object: bpy.types.Object) -> Iter
         _restore_pose(armature_object, *pose_before)
         for action in set(bpy.data.actions) - known:
             bpy.data.actions.remove(action)
-        _restore_scene(context.scene, scene_before)
+        (rendered.fps, rendered.fps_base), (scene.frame_start, scene.frame_end) = rate, span
+        scene.frame_set(frame, subframe=part)
         for obj in layer.objects:
             obj.select_set(obj in selected)
         layer.objects.active = active
@@ -205,35 +203,18 @@ def _lent(context: bpy.types.Context, armature_object: bpy.types.Object) -> Iter
             bpy.ops.object.mode_set(mode=mode)
 
 
-def _scene_state(scene: bpy.types.Scene) -> tuple[Any, ...]:
-    render = scene.render
-    return render.fps, render.fps_base, scene.frame_start, scene.frame_end, scene.frame_current, scene.frame_subframe
-
-
-def _restore_scene(scene: bpy.types.Scene, state: tuple[Any, ...]) -> None:
-    scene.render.fps, scene.render.fps_base, scene.frame_start, scene.frame_end, frame, part = state
-    scene.frame_set(frame, subframe=part)
-
-
 _OBJECT_PLACE = ("rotation_mode", "delta_location", "delta_rotation_quaternion", "delta_rotation_euler")
 
 
 def _pose_state(armature_object: bpy.types.Object) -> tuple[Any, ...]:
     """Return the state that driving changes."""
-    bones = [
-        (bone.name, bone.rotation_mode, bone.matrix_basis.copy(), _switches(bone), [c.mute for c in bone.constraints])
-        for bone in armature_object.pose.bones
-    ]
-    place = {name: _copied(getattr(armature_object, name)) for name in _OBJECT_PLACE}
+    bones = []
+    for bone in armature_object.pose.bones:
+        switches = {name: value for name, value in bone.items() if isinstance(value, float | int)}
+        muted = [constraint.mute for constraint in bone.constraints]
+        bones.append((bone.name, bone.rotation_mode, bone.matrix_basis.copy(), switches, muted))
+    place = {name: copy(getattr(armature_object, name)) for name in _OBJECT_PLACE}
     return played(armature_object), bones, place, armature_object.data.pose_position
-
-
-def _switches(bone: bpy.types.PoseBone) -> dict[str, float]:
-    return {name: value for name, value in bone.items() if isinstance(value, float | int)}
-
-
-def _copied(value: Any) -> Any:
-    return value.copy() if hasattr(value, "copy") else value
 
 
 def _restore_pose(

@@ -3,9 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ...core.geometry.arrays import Image
 from ...core.worker.client import WorkerClient
 from ...core.worker.protocol import Message, MessageKind
 
@@ -84,7 +82,7 @@ class Job:
         elif message.kind is MessageKind.ERROR:
             raise message.error()
 
-    def take_preview(self) -> NDArray[np.uint8] | None:
+    def take_preview(self) -> Image | None:
         """Return the newest camera image (height, width, 3), RGB, None without a new one."""
         message, self._preview = self._preview, None
         return None if message is None else message.preview()

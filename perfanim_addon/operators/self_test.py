@@ -9,6 +9,7 @@ from ..jobs import activity
 from ..jobs.job import Job
 from ..preferences import diagnostics
 from ..settings import readiness
+from ..viewport import drawing
 from .database import starter_arguments
 from .jobs import JobOperator
 
@@ -31,19 +32,12 @@ class PERFANIM_OT_self_test(JobOperator, bpy.types.Operator):
         if event.type == "TIMER" or "PASS_THROUGH" not in result:
             state = activity.message(PANEL)[0] or f"{self._test.text} ..."
             diagnostics.tested = [*self._test.lines, f"Self-test: {state}"]
-            _redraw_preferences(context)
+            drawing.redraw("PREFERENCES")
         return result
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         """Return the verdict."""
         return "all works"
-
-
-def _redraw_preferences(context: bpy.types.Context) -> None:
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "PREFERENCES":
-                area.tag_redraw()
 
 
 def register() -> None:

@@ -4,6 +4,7 @@ import bpy
 
 from ..preferences import preferences
 from ..preferences.paths import ADDON
+from ..preferences.property_kinds import property_column
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings.capture_settings import settings
 
@@ -22,7 +23,4 @@ class PERFANIM_PT_camera_controls(SidebarPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw."""
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        preferences.draw_camera_controls(layout, context.preferences.addons[ADDON].preferences)
+        preferences.draw_camera_controls(property_column(self.layout), context.preferences.addons[ADDON].preferences)

@@ -8,6 +8,7 @@ import bpy
 from ..capture.live_capture import LiveCapture
 from ..jobs import activity
 from ..jobs.job import Job
+from ..preferences.property_kinds import property_column
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import readiness
 from ..settings.capture_settings import settings
@@ -39,9 +40,7 @@ class _Step(SidebarPanel):
         """Draw."""
         chosen = settings(context)
         layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        column = layout.column()
+        column = property_column(layout)
         column.enabled = not isinstance(activity.current(), LiveCapture)
         self.draw_step(column, chosen)
         state = type(self).state(chosen)

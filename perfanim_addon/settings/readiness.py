@@ -68,11 +68,8 @@ def prop(path: str) -> Prop | PerfanimError:
 
 def database_frames(path: str) -> int | PerfanimError:
     """Return the number of frames of a database file, or the error in it."""
-    return _loaded("database", path, _count_frames)
-
-
-def _count_frames(path: str) -> int:
-    return open_database(path).frames  # the database itself is not kept: an open file cannot be replaced on Windows
+    # the database itself is not kept: an open file cannot be replaced on Windows
+    return _loaded("database", path, lambda path: open_database(path).frames)
 
 
 def marker_set_source(settings: Any) -> str:

@@ -71,16 +71,13 @@ def placement(
     if armature_object is None:
         return Placement(onto, None, bounds)
     if chosen.only_selected:
-        selected = frozenset(bone.name for bone in armature_object.pose.bones if _selected(bone))
+        bones, has_pose_selection = armature_object.pose.bones, bpy.app.version >= (5, 0, 0)
+        selected = frozenset(bone.name for bone in bones if (bone if has_pose_selection else bone.bone).select)
         only = selected if only is None else selected & only
     animation = armature_object.animation_data
     if only is not None and onto is PlacementMode.ACTION and animation is not None and animation.action is not None:
         onto = PlacementMode.STRIP  # a new action would take the other bones' animation away
     return Placement(onto, only, bounds)
-
-
-def _selected(bone: bpy.types.PoseBone) -> bool:
-    return bool(bone.select if bpy.app.version >= (5, 0, 0) else bone.bone.select)
 
 
 def start_frame(context: bpy.types.Context) -> float:

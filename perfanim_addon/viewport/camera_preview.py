@@ -8,8 +8,8 @@ from typing import Any
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.geometry.arrays import Image
 from . import drawing
 
 NAME = "Perfanim Preview"
@@ -31,7 +31,7 @@ class _State:
 _state = _State()
 
 
-def show(picture: NDArray[np.uint8], line: str) -> None:
+def show(picture: Image, line: str) -> None:
     """Show a picture (height, width, 3), RGB, and a line above it, until `hide`."""
     height, width = picture.shape[:2]
     image = bpy.data.images.get(NAME)

@@ -142,7 +142,9 @@ def _check(plan: Plan) -> None:
     for key, value in sorted(files):
         _CHECKS[key](value)
     for character, blender in sorted(characters):
-        _check_character(Path(character), blender or None)
+        if not is_file(character):
+            raise FormatError("cannot be read (no such file)", where=character, advice="check the path")
+        check_blender(blender or None)
 
 
 def _check_options(take: TakePlan) -> None:
@@ -152,12 +154,6 @@ def _check_options(take: TakePlan) -> None:
         worker.parse_options("track", line)
     if take.options_of("retarget"):
         worker.parse_options("retarget", ["x.bvh", *take.options_of("retarget"), "--out", "x.blend"])
-
-
-def _check_character(path: Path, blender: str | None) -> None:
-    if not is_file(path):
-        raise FormatError("cannot be read (no such file)", where=str(path), advice="check the path")
-    check_blender(blender)
 
 
 def _summary(result: BatchResult, out: str) -> PartialResult:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import FormatError, SettingsError, TakeError
-from ...formats.markers.marker_files import WRITABLE, is_recorded, read_take, write_take
+from ...formats.markers.marker_files import WRITABLE, check_ending, is_recorded, read_take, write_take
 from ...formats.markers.prop_csv import write_prop_csv
 from ...formats.markers.recorded_take import marker_take
 from ...formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_motion
@@ -39,9 +39,7 @@ def add_parser(group: Any) -> None:
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Write the motion or the markers."""
     out = Path(args.out)
-    endings = (*MOTION_ENDINGS, *WRITABLE)
-    if not out.name.lower().endswith(endings):
-        raise FormatError("has an ending that cannot be written", where=str(out), advice=f"use {', '.join(endings)}")
+    check_ending(out, (*MOTION_ENDINGS, *WRITABLE))
     if args.prop is not None and out.suffix.lower() != ".csv":
         raise SettingsError(f"{out} does not end in .csv", advice="a prop's place is written as a table")
     progress(0.0, "reading")

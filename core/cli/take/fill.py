@@ -7,7 +7,7 @@ from typing import Any
 from ...body.standard_skeleton import default_skeleton
 from ...database.store import Database, open_database
 from ...errors import TakeError
-from ...formats.markers.marker_files import WRITABLE, check_writable, is_recorded, read_take
+from ...formats.markers.marker_files import WRITABLE, check_ending, is_recorded, read_take
 from ...formats.markers.rewrite_take import rewrite_take
 from ...markers.gap_filling import find_gaps
 from ...markers.label_matching import AUTO, choose_marker_set, load_names, match_labels, rename_labels
@@ -53,7 +53,7 @@ def add_parser(group: Any) -> None:
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Fill the gaps of a take and write it."""
     check_height(args.height)
-    check_writable(args.out)
+    check_ending(args.out)
     progress(0.0, "reading")
     database, read = open_database(args.database), read_take(args.take)
     if is_recorded(args.take) or is_unnamed(read):

@@ -48,10 +48,10 @@ def declared_frames(path: Path | str) -> int:
     return count(path) if count else 0
 
 
-def check_writable(path: Path | str) -> None:
-    """Raise FormatError when `write_take` knows no format for the file name's ending."""
-    if not Path(path).name.lower().endswith(WRITABLE):
-        raise FormatError("has an ending that cannot be written", where=str(path), advice=f"use {', '.join(WRITABLE)}")
+def check_ending(path: Path | str, endings: tuple[str, ...] = WRITABLE) -> None:
+    """Raise FormatError for a file name with another ending; default `write_take`'s."""
+    if not Path(path).name.lower().endswith(endings):
+        raise FormatError("has an ending that cannot be written", where=str(path), advice=f"use {', '.join(endings)}")
 
 
 def write_take(take: MarkerTake, path: Path | str) -> None:
@@ -60,7 +60,7 @@ def write_take(take: MarkerTake, path: Path | str) -> None:
     Raises:
         FormatError: an ending that cannot be written, or the folder cannot be.
     """
-    check_writable(path)
+    check_ending(path)
     for ending, write in ((".take.npz", save_take), (".c3d", write_c3d), (".csv", write_csv), (".trc", write_trc)):
         if Path(path).name.lower().endswith(ending):
             write(take, path)

@@ -10,7 +10,7 @@ from ...geometry.arrays import Array, Mask
 from ...markers.marker_take import MarkerTake
 from ...system.files import atomic_path, read_bytes
 from .c3d import Layout, layout_of
-from .marker_files import check_writable, read_take, write_take
+from .marker_files import check_ending, read_take, write_take
 from .trc import rewrite_trc
 
 _INTEGERS = 32767  # the largest position that a C3D file of integers holds, in its scale
@@ -29,7 +29,7 @@ def rewrite_take(source: Path | str, take: MarkerTake, target: Path | str) -> li
     Raises:
         FormatError: an ending that cannot be written, a folder that cannot be, or a position that does not fit.
     """
-    check_writable(target)
+    check_ending(target)
     kind = Path(source).suffix.lower()
     if Path(target).suffix.lower() != kind or kind not in (".c3d", ".trc"):
         write_take(take, target)

@@ -7,10 +7,9 @@ lens never is that sharp. The disc is therefore covered exactly on a finer grid,
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from ...geometry.arrays import Array
+from ...geometry.arrays import Array, Image
 
 _LINES = 16  # lines to a pixel in y
 _CELLS = 4  # cells to a pixel in x, covered exactly
@@ -53,7 +52,7 @@ def _gather(pixels: int, cells: int, blur_px: float) -> Array:
     return weights
 
 
-def draw_disc(image: NDArray[np.uint8], centres: Array, radius: float, colour: Array, blur_px: float = 0.0) -> None:
+def draw_disc(image: Image, centres: Array, radius: float, colour: Array, blur_px: float = 0.0) -> None:
     """Blend a disc of a BGR colour into an image, in place.
 
     centres: (S, 2) positions during the exposure (one, if it does not move). What lies outside the image is cut off.

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import CalibrationError, CaptureError
 from ...system.progress import Progress
@@ -158,7 +157,6 @@ def _most_seen_grid(files: Mapping[str, Mapping[str, Path]], board: Board) -> tu
 
 def _seen_in(path: Path, board: Board) -> tuple[int, int] | None:
     try:
-        image: NDArray[np.uint8] = read_image(path)
+        return seen_grid(read_image(path), board.corner_grid)
     except CaptureError:
         return None
-    return seen_grid(image, board.corner_grid)

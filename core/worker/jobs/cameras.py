@@ -37,8 +37,6 @@ from .camera_preview import PreviewSender
 
 _EMPTY_FRAMES = 30  # of the simulated room
 _SPREAD_FRAMES = 40  # of a recorded take, which shows the performer
-_FREED_S = 5.0  # in which a process that was replaced gives the cameras back
-_RETRY_S = 0.1
 
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:
@@ -97,11 +95,12 @@ def open_pipeline(request: Mapping[str, Any], channel: Channel) -> Iterator[tupl
     """
     spec = dict(request["source"])
     channel.send_status("opening the cameras")
-    source = _open_when_free(spec, channel) if _takes_place(request) else open_source(spec)
+    takes_place = request.get("after") is not None
+    source = channel.open_when_free(lambda: open_source(spec), takes_place)
     try:
         pipeline = MarkerPipeline(_rig(request, source), live_settings(request.get("threshold")))
         kept = Path(request.get("background_file") or "")
-        if _takes_place(request) and kept.is_file():
+        if takes_place and kept.is_file():
             pipeline.set_backgrounds(_read_backgrounds(kept))
         else:
             _learn(pipeline, source, str(spec.get("kind", "")), float(request.get("background_s", 2.0)), channel)
@@ -110,21 +109,6 @@ def open_pipeline(request: Mapping[str, Any], channel: Channel) -> Iterator[tupl
         yield source, pipeline
     finally:
         source.close()
-
-
-def _takes_place(request: Mapping[str, Any]) -> bool:
-    return request.get("after") is not None
-
-
-def _open_when_free(spec: Mapping[str, Any], channel: Channel) -> ImageSource:
-    """Open a source that the process before may still hold; errors as `open_source`."""
-    limit_s = time.monotonic() + _FREED_S
-    while True:
-        try:
-            return open_source(spec)
-        except CaptureError:
-            if time.monotonic() > limit_s or channel.stop_requested.wait(_RETRY_S):
-                raise
 
 
 def _keep_backgrounds(pipeline: MarkerPipeline, path: Path) -> None:

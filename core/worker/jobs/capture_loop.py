@@ -5,12 +5,12 @@ from collections import deque
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...body.scene_pose import PerformerPose
 from ...errors import CaptureError, PerfanimError
 from ...formats.take_file.pose_codec import TimedPose, pack_solved
 from ...formats.take_file.writer import TakeWriter
+from ...geometry.arrays import Image
 from ...markers.marker_frame import MarkerFrame
 from ..channel import Channel
 from ..client import WorkerClient
@@ -128,7 +128,7 @@ class CaptureLoop:
         elif message.kind is MessageKind.ERROR:
             raise message.error()
 
-    def _draw_labels(self, pictures: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def _draw_labels(self, pictures: Image) -> Image:
         """Return the cameras' pictures with the names of the markers as solved last."""
         from ...vision.blob_preview import draw_labels  # this process needs no OpenCV otherwise
 

@@ -21,7 +21,7 @@ import cv2
 from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...geometry.rig_file import rig_tables
-from ...simulate.studio.boards import CarriedBoard, board_poses
+from ...simulate.studio.boards import BoardPose, CarriedBoard, board_poses
 from ...simulate.studio.render import Renderer
 from ...simulate.studio.rig import default_rig
 from ...system.files import atomic_path
@@ -47,7 +47,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     """
     board, folder = parse_board(request["board"]), Path(request["out"])
     channel.send_status("opening the cameras", 0.0)
-    with closing(_open(request["source"], board)) as source, ThreadPoolExecutor(1) as later:
+    with closing(open_board(request["source"], board)) as source, ThreadPoolExecutor(1) as later:
         images = iter(source)
         first = next(images, None)
         if first is None:
@@ -78,11 +78,12 @@ def _empty_folder(folder: Path) -> Path:
     return folder
 
 
-def _open(spec: Mapping[str, Any], board: Board) -> ImageSource:
+def open_board(spec: Mapping[str, Any], board: Board, poses: Sequence[BoardPose] = ()) -> ImageSource:
+    """Return the source; a simulated one shows the board in these poses, or in many."""
     if spec.get("kind") != "simulated":
         return open_source(spec)
     rig = default_rig(int(spec.get("cameras", 2)))
-    return CarriedBoard(Renderer(rig), board, board_poses(rig, board, _SIMULATED_PLACES))
+    return CarriedBoard(Renderer(rig), board, poses or board_poses(rig, board, _SIMULATED_PLACES))
 
 
 def _watch(

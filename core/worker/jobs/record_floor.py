@@ -16,9 +16,7 @@ import numpy as np
 from ...errors import CalibrationError
 from ...geometry.arrays import Image
 from ...geometry.rig_file import rig_from, rig_tables
-from ...simulate.studio.boards import CarriedBoard, board_on_floor
-from ...simulate.studio.render import Renderer
-from ...simulate.studio.rig import default_rig
+from ...simulate.studio.boards import board_on_floor
 from ...vision.calibration.board import Board, find_board, parse_board
 from ...vision.calibration.board_preview import draw_corners
 from ...vision.calibration.board_watch import BoardObservation, BoardWatch
@@ -26,9 +24,8 @@ from ...vision.calibration.floor import board_in_space, rig_on_floor
 from ...vision.sources.image_set import moment_of, usable_images
 from ...vision.sources.source_kinds import ImageSource
 from ..channel import Channel
-from ..open_source import open_source
 from .camera_preview import PreviewSender
-from .record_board import camera_names
+from .record_board import camera_names, open_board
 
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:
@@ -39,7 +36,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     """
     board, rig = parse_board(request["board"]), rig_from(request["rig"], "calibration")
     channel.send_status("opening the cameras", 0.0)
-    with closing(_open(request["source"], board)) as source:
+    with closing(open_board(request["source"], board, [board_on_floor(board)[0]])) as source:
         look = _still_board(source, board, PreviewSender(request, channel), channel)
     if look is None:
         return
@@ -48,12 +45,6 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     sides = np.diff(points_m.reshape(rows, columns, 3), axis=1)
     scale = float(np.median(np.linalg.norm(sides, axis=2))) / board.square_m
     channel.send_result({"rig": rig_tables(rig_on_floor(rig, points_m)), "scale": scale})
-
-
-def _open(spec: Mapping[str, Any], board: Board) -> ImageSource:
-    if spec.get("kind") != "simulated":
-        return open_source(spec)
-    return CarriedBoard(Renderer(default_rig(int(spec.get("cameras", 2)))), board, [board_on_floor(board)[0]])
 
 
 def _still_board(

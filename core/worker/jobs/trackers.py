@@ -8,7 +8,6 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from ...errors import CaptureError
 from ...formats.vmc.link import Receiver
 from ...formats.vmc.tracker_stream import TrackerStream
 from ...markers.label_matching import join_names
@@ -17,8 +16,6 @@ from ..channel import Channel
 
 _LOOK_S = 0.1
 _SILENT_S = 1.0  # without a marker until the reason is sent
-_FREED_S = 5.0  # in which a process that was replaced gives the port back
-_RETRY_S = 0.1
 
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:
@@ -29,7 +26,8 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     """
     sender = str(request["source"].get("sender", ""))
     stream = TrackerStream(marker_set_from(request["marker_set"], "trackers"))
-    with _listening(int(request["source"]["port"]), sender, request.get("after") is not None, channel) as receiver:
+    port, takes_place = int(request["source"]["port"]), request.get("after") is not None
+    with channel.open_when_free(lambda: Receiver(port, sender), takes_place) as receiver:
         channel.send_status(f"waiting for trackers on port {receiver.port}")
         silence = _Silence(receiver, stream, sender, channel)
         while not channel.stop_requested.is_set():
@@ -39,17 +37,6 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
             for frame in frames:
                 channel.send_frame(now_s, frame)
             silence.update(now_s, bool(frames))
-
-
-def _listening(port: int, sender: str, takes_place: bool, channel: Channel) -> Receiver:
-    """Return a receiver on the port; wait while the process before still holds it."""
-    limit_s = time.monotonic() + (_FREED_S if takes_place else 0.0)
-    while True:
-        try:
-            return Receiver(port, sender)
-        except CaptureError:
-            if time.monotonic() > limit_s or channel.stop_requested.wait(_RETRY_S):
-                raise
 
 
 class _Silence:

@@ -68,7 +68,7 @@ def test_a_worker_that_gets_no_further_may_be_replaced_but_not_again_and_again(m
     with worker({"job": "nonsense"}) as client:
         collect(client, lambda m: bool(m))
         monkeypatch.setattr(WorkerConnection, "receive", lambda _: [said.pop(0)] if said else [])
-        client._ended = False
+        client.ended = False
         stalled = Message(MessageKind.STATUS, b'{"stalled_s": 2.0}')
         said += [stalled, Message(MessageKind.POSE), Message(MessageKind.STATUS, b'{"stalled_s": 0.4}')]
         for _ in range(3):  # before its first pose a worker may take its time

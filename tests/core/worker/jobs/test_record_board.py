@@ -124,7 +124,7 @@ def test_what_is_wrong_with_a_camera_is_told(monkeypatch: pytest.MonkeyPatch, tm
         channel: Any = SimpleNamespace(
             stop_requested=threading.Event(), send_status=lambda text, *_, told=told, **__: told.append(text)
         )
-        monkeypatch.setattr(job, "open_source", lambda _spec: PlayedSource(moments))
+        monkeypatch.setattr(record_board, "open_source", lambda _spec: PlayedSource(moments))
         with pytest.raises(CalibrationError):
             job.run({**asked({"kind": "cameras"}, tmp_path), "rig": rig_tables(default_rig())}, channel)
         assert "no camera gives images" in told
