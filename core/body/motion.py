@@ -76,3 +76,15 @@ def _between_frames(rotations: Array, before: IntArray, fraction: Array) -> Arra
     if np.all(fraction == np.round(fraction)):  # whole ratio of rates: frames are picked, nothing is computed
         return rotations[before + np.round(fraction).astype(np.int64)]
     return rot.slerp(rotations[before], rotations[before + 1], fraction[:, None])
+
+
+def eased_between(start: tuple[Array, Array], end: tuple[Array, Array], frames: int) -> tuple[Array, Array]:
+    """Return rotations and root positions on the smooth way between two poses.
+
+    Args:
+        start, end: rotations (J, 4) and root position (3,), neither part of the result.
+        frames: from the one to the other.
+    """
+    f = np.arange(1, frames) / frames
+    ease = (f * f * (3.0 - 2.0 * f))[:, None]
+    return rot.slerp(start[0], end[0], ease), start[1] + ease * (end[1] - start[1])

@@ -200,7 +200,8 @@ def apply_plan(plan: RetargetPlan, rotations: ArrayLike, root_positions_m: Array
     hips = _in_armature(plan, c.stacked(hips_m))
     if heading is None:
         return _move_hips(plan, bones, hips)
-    turn = _in_axes(heading, plan.alignment.armature_from_world)
+    in_armature = heading[..., 1:] @ plan.alignment.armature_from_world.T
+    turn = np.concatenate((heading[..., :1], in_armature), axis=-1)
     if plan.carriers.root is None:
         return _move_object(plan, bones, hips, turn)
     return _move_root_bone(plan, plan.carriers.root, bones, hips, turn)
@@ -354,11 +355,6 @@ def _heading(turn: c.Quaternion) -> c.Quaternion:
     """Return the part of a rotation about the vertical."""
     w, _, y, _ = c.unit_quaternion((turn[0], 0.0 * turn[0], turn[2], 0.0 * turn[0]))
     return w, 0.0 * w, y, 0.0 * w
-
-
-def _in_axes(quaternions: Array, matrix: Array) -> Array:
-    """Return rotations expressed in other axes."""
-    return np.concatenate((quaternions[..., :1], quaternions[..., 1:] @ matrix.T), axis=-1)
 
 
 def _jumps(parents: IntArray) -> list[IntArray]:

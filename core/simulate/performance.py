@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..body.mirroring import mirrored_points, mirrored_rotations, mirrored_skeleton
-from ..body.motion import Motion, resampled, sliced
+from ..body.motion import Motion, eased_between, resampled, sliced
 from ..body.skeleton import Skeleton
 from ..body.standard_skeleton import default_skeleton
 from ..errors import SettingsError
@@ -82,16 +82,12 @@ def performance(
 
 def with_return(motion: Motion) -> Motion:
     """Return the motion with a smooth way back to its first pose, so it can repeat."""
-    steps = max(round(_RETURN_S * motion.fps), 1)
-    f = np.arange(1, steps) / steps
-    ease = f * f * (3.0 - 2.0 * f)
-    first, last = motion.rotations[0], motion.rotations[-1]
-    back = rot.slerp(last, first, ease[:, None])
-    start, end = motion.root_positions_m[-1], motion.root_positions_m[0]
+    last, first = ((motion.rotations[frame], motion.root_positions_m[frame]) for frame in (-1, 0))
+    back, way = eased_between(last, first, max(round(_RETURN_S * motion.fps), 1))
     return replace(
         motion,
         rotations=np.concatenate((motion.rotations, back)),
-        root_positions_m=np.concatenate((motion.root_positions_m, start + ease[:, None] * (end - start))),
+        root_positions_m=np.concatenate((motion.root_positions_m, way)),
     )
 
 

@@ -15,7 +15,7 @@ from ..body.skeleton import Skeleton
 from ..errors import CaptureError
 from ..geometry.arrays import Array, Image
 from ..geometry.camera import Camera
-from ..system.files import atomic_path
+from ..vision.sources.files import write_image
 from .studio.body import Body, make_body
 from .studio.lens import undistorted_grid
 from .studio.limb_outlines import Colour, draw_body, outlines
@@ -150,9 +150,7 @@ def write_contact_sheet(path: str | Path, frames: Sequence[Image], columns: int 
     for i, frame in enumerate(frames):
         top, left = gap + (i // columns) * (height + gap), gap + (i % columns) * (cell + gap)
         sheet[top : top + height, left : left + cell] = cv2.resize(frame, (cell, height), interpolation=cv2.INTER_AREA)
-    with atomic_path(path) as temporary:
-        if not cv2.imwrite(str(temporary), sheet):
-            raise CaptureError("the picture could not be written", where=str(path), advice="check the free disk space")
+    write_image(path, sheet)
 
 
 def _part(joint: str) -> str:

@@ -38,7 +38,9 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
         with writing(target, "choose another name"):
             with temporary.open("r+b") as written:  # synced only if open for writing, on Windows
                 os.fsync(written.fileno())
-            temporary.chmod(0o666 & ~_umask())
+            mask = os.umask(0)
+            os.umask(mask)
+            temporary.chmod(0o666 & ~mask)
             temporary.replace(target)
     except OSError as error:
         if error.errno not in _DISK_ERRORS:
@@ -58,12 +60,6 @@ def writing(
         yield
     except OSError as error:
         raise kind(f"cannot be written ({error.strerror or error})", where=str(target), advice=advice) from error
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def is_file(path: Path | str) -> bool:

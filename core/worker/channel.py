@@ -32,6 +32,17 @@ class Stopped(Exception):  # noqa: N818 - no error: the end was requested
     """A stop was requested before the work was done: there is no result."""
 
 
+def open_when_free(open_source: Callable[[], _Source], takes_place: bool, stop: threading.Event) -> _Source:
+    """Open cameras or a port; retry while a replaced process may still hold them."""
+    limit_s = time.monotonic() + (_FREED_S if takes_place else 0.0)
+    while True:
+        try:
+            return open_source()
+        except CaptureError:
+            if time.monotonic() > limit_s or stop.wait(_RETRY_S):
+                raise
+
+
 class Channel:
     """Connection to Blender.
 
@@ -74,21 +85,6 @@ class Channel:
                 lambda: self.frames - self.acknowledged <= in_flight or self.stop_requested.is_set(), timeout=limit_s
             )
 
-    def open_when_free(self, open_source: Callable[[], _Source], takes_place: bool) -> _Source:
-        """Open cameras or a port; retry while a replaced process may still hold them."""
-        limit_s = time.monotonic() + (_FREED_S if takes_place else 0.0)
-        while True:
-            try:
-                return open_source()
-            except CaptureError:
-                if time.monotonic() > limit_s or self.stop_requested.wait(_RETRY_S):
-                    raise
-
-    @property
-    def queued(self) -> int:
-        """Messages that Blender has not taken yet, those in the socket's buffer excluded."""
-        return self._queue.qsize()
-
     def take_filter_settings(self) -> dict[str, Any] | None:
         """Return the settings of a FILTER message once; None when there are no new ones."""
         settings, self._filter_settings = self._filter_settings, None
@@ -111,7 +107,8 @@ class Channel:
     def send_status(self, activity: str, fraction: float | None = None, **details: Any) -> None:
         """Send the present activity, and the `fraction` done where it is known."""
         self.activity = activity
-        content = {"activity": activity, "fraction": fraction, "frames": self.frames, "queued": self.queued}
+        queued = self._queue.qsize()  # messages that Blender has not taken, those in the socket's buffer excluded
+        content = {"activity": activity, "fraction": fraction, "frames": self.frames, "queued": queued}
         self._queue.put(encode_json(MessageKind.STATUS, {**content, **details}))
 
     def send_warning(self, text: str, standing: bool = False) -> None:

@@ -33,7 +33,8 @@ class SceneDriver:
         for entry in target_settings.of_kind(context.scene, "PROP"):
             target_settings.check_object(entry.object)
         self._held = SuspendedActions()
-        self._props = PropDriver(props, self._held)
+        self.props = props
+        self._prop_driver = PropDriver(props, self._held)
         first, *further = performer_targets(context, performers)
         self._further = [_PerformerDriver(target, parts, self._held) for target in further]
         self._main = _PerformerDriver(first, parts, self._held)
@@ -45,11 +46,6 @@ class SceneDriver:
     def targets(self) -> list[PerformerTarget]:
         """The performers with the characters that follow by now."""
         return [driver.target for driver in (self._main, *self._further)]
-
-    @property
-    def props(self) -> tuple[Prop, ...]:
-        """The props, in their order."""
-        return self._props.props
 
     def start(self, context: bpy.types.Context) -> CaptureSpace:
         """Return the capture space; create it and missing characters at the first call."""
@@ -70,7 +66,7 @@ class SceneDriver:
         """
         space, pose = self.start(context), poses[-1]
         self._main.apply(pose, None)
-        self._props.apply(context, pose.props, space)
+        self._prop_driver.apply(context, pose.props, space)
         for driver in self._further:
             driver.apply_offset(poses, space)
 

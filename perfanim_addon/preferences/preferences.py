@@ -139,23 +139,19 @@ def chosen(context: bpy.types.Context) -> PERFANIM_AP_preferences | None:
 
 def worker_python(context: bpy.types.Context) -> str | None:
     """Return the Python that the user chose for the worker, None for Blender's own."""
-    found = chosen(context)
-    return bpy.path.abspath(found.worker_python) or None if found else None
+    return bpy.path.abspath(getattr(chosen(context), "worker_python", "")) or None
 
 
 def method(context: bpy.types.Context) -> str:
     """Return the solver method while capturing."""
-    found = chosen(context)
-    return found.method if found else METHODS[0]
+    return getattr(chosen(context), "method", METHODS[0])
 
 
 def workers(context: bpy.types.Context) -> int:
     """Return the number of processes that read motion files, 0 for one per core."""
-    found = chosen(context)
-    return found.workers if found else 0
+    return getattr(chosen(context), "workers", 0)
 
 
 def tab(context: bpy.types.Context) -> str:
     """Return the name of the sidebar's tab."""
-    found = chosen(context)
-    return found.tab or DEFAULT_TAB if found else DEFAULT_TAB
+    return getattr(chosen(context), "tab", "") or DEFAULT_TAB

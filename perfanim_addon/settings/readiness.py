@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ class StepStatus:
 _cache: dict[tuple[str, str], tuple[tuple[int, int], Any]] = {}
 
 
-def _loaded(kind: str, path: str, load: Callable[[str], Any]) -> Any:
+def _loaded(kind: str, load: Callable[[str], Any], path: str) -> Any:
     """Return load(path) or its error, cached until the file changes."""
     try:
         facts = Path(path).stat()
@@ -51,25 +52,16 @@ def _loaded(kind: str, path: str, load: Callable[[str], Any]) -> Any:
     return known[1]
 
 
-def rig(path: str) -> CameraRig | PerfanimError:
-    """Return the calibration of a file, or the error in it."""
-    return _loaded("rig", path, load_rig)
-
-
-def subject(path: str) -> Subject | PerfanimError:
-    """Return the subject of a file, or the error in it."""
-    return _loaded("subject", path, load_subject)
-
-
-def prop(path: str) -> Prop | PerfanimError:
-    """Return the prop that a file defines, or the error in it."""
-    return _loaded("prop", path, load_prop)
+# The content of a file, or the error in it.
+rig: Callable[[str], CameraRig | PerfanimError] = partial(_loaded, "rig", load_rig)
+subject: Callable[[str], Subject | PerfanimError] = partial(_loaded, "subject", load_subject)
+prop: Callable[[str], Prop | PerfanimError] = partial(_loaded, "prop", load_prop)
 
 
 def database_frames(path: str) -> int | PerfanimError:
     """Return the number of frames of a database file, or the error in it."""
     # the database itself is not kept: an open file cannot be replaced on Windows
-    return _loaded("database", path, lambda path: open_database(path).frames)
+    return _loaded("database", lambda path: open_database(path).frames, path)
 
 
 def marker_set_source(settings: Any) -> str:
@@ -79,7 +71,7 @@ def marker_set_source(settings: Any) -> str:
 
 def marker_set(settings: Any) -> MarkerSet | PerfanimError:
     """Return the chosen marker set, or the error in it."""
-    return _loaded("marker set", marker_set_source(settings), load_marker_set)
+    return _loaded("marker set", load_marker_set, marker_set_source(settings))
 
 
 def is_known(settings: Any) -> bool:

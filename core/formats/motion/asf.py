@@ -82,7 +82,8 @@ def read_asf_file(path: Path | str) -> AsfFile:
 
 def parse_asf(content: bytes, where: str) -> AsfFile:
     """Parse the bytes of an ASF file; `where` names it in errors."""
-    return _Parser(content, where).parse()
+    with reading(where):
+        return _Parser(content, where).parse()
 
 
 Line = tuple[int, list[str]]
@@ -111,10 +112,6 @@ class _Parser:
                 current.append((number, words))
         return sections
 
-    def parse(self) -> AsfFile:
-        with reading(self.where):
-            return self._parse()
-
     def _error(self, what: str) -> FormatError:
         return FormatError(what, where=f"{self.where}, line {self.line}" if self.line else self.where)
 
@@ -126,7 +123,7 @@ class _Parser:
             yield words
         self.line = 0
 
-    def _parse(self) -> AsfFile:
+    def parse(self) -> AsfFile:
         degrees = self._units()
         root, position, orientation = self._root()
         bones = self._bones()

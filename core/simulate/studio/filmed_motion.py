@@ -36,27 +36,17 @@ class Performance:
         """The performer and the partners, each alone."""
         return (replace(self, partners=()), *self.partners)
 
-    @property
-    def fps(self) -> float:
-        """Frames per second of the motion."""
-        return self.motion.fps
-
-    @property
-    def frames(self) -> int:
-        """Frames of the motion."""
-        return self.motion.frames
-
     def cones_at(self, time_s: float) -> RoundCones:
         """Return the performer's body at a time, seconds; still outside the motion."""
         return self.body.placed(
-            _sampled(self.starts_m, self.fps, np.array([time_s]))[0],
-            _sampled(self.ends_m, self.fps, np.array([time_s]))[0],
+            _sampled(self.starts_m, self.motion.fps, np.array([time_s]))[0],
+            _sampled(self.ends_m, self.motion.fps, np.array([time_s]))[0],
         )
 
     def markers_at(self, times_s: ArrayLike) -> Array:
         """Return all performers' marker centres (N, M, 3) at N times, seconds."""
         times = np.asarray(times_s, dtype=np.float64)
-        own = _sampled(self.markers_m, self.fps, times)
+        own = _sampled(self.markers_m, self.motion.fps, times)
         return np.concatenate((own, *(one.markers_at(times) for one in self.partners)), axis=1)
 
 

@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from ...body.calibration_poses import POSES
-from ...body.motion import Motion
+from ...body.motion import Motion, eased_between
 from ...geometry import rotations as rot
-from ...geometry.arrays import Array
 from .body import make_body
 
 ARRIVAL_S = 1.0  # time from a pose to the next, or to the motion's first
@@ -46,18 +45,11 @@ def with_poses(motion: Motion, poses: Sequence[str], seconds: float) -> Motion:
         root = motion.root_positions_m[0].copy()
         root[1] = -lowest_point_m(replace(motion, rotations=pose[None], root_positions_m=np.zeros((1, 3))))
         still = max(round(seconds * motion.fps), 1)
-        between, way = _between((pose, root), (rotations[0], path[0]), motion.fps)
+        frames = max(round(ARRIVAL_S * motion.fps), 1)
+        between, way = eased_between((pose, root), (rotations[0], path[0]), frames)
         rotations = np.concatenate((np.broadcast_to(pose, (still, *pose.shape)), between, rotations))
         path = np.concatenate((np.broadcast_to(root, (still, 3)), way, path))
     return replace(motion, rotations=rotations, root_positions_m=path)
-
-
-def _between(start: tuple[Array, Array], end: tuple[Array, Array], fps: float) -> tuple[Array, Array]:
-    """Return the frames, (F, J, 4) and (F, 3), that lead from one pose to another."""
-    steps = max(round(ARRIVAL_S * fps), 1)
-    f = np.arange(1, steps) / steps
-    ease = f * f * (3.0 - 2.0 * f)
-    return rot.slerp(start[0], end[0], ease[:, None]), start[1] + ease[:, None] * (end[1] - start[1])
 
 
 def lowest_point_m(motion: Motion) -> float:

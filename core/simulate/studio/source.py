@@ -133,9 +133,11 @@ def open_simulated(spec: Mapping[str, Any]) -> SimulatedSource:
     fps = float(spec.get("fps") or FPS)
     partners = [_partner(spec, table) for table in spec.get("partners", ())]
     places_m = _SPACING_M * (np.arange(1 + len(partners)) - 0.5 * len(partners))
+    poses, held_s = spec.get("poses", ()), float(spec.get("held_s", 2.0))
+    motions = [with_poses(_motion(one, fps), poses, held_s) for one in (spec, *partners)]
     motion, *others = (
-        _aside(with_poses(_motion(one, fps), spec.get("poses", ()), float(spec.get("held_s", 2.0))), place_m)
-        for one, place_m in zip((spec, *partners), places_m, strict=True)
+        replace(motion, root_positions_m=motion.root_positions_m + np.array([place_m, 0.0, 0.0]))
+        for motion, place_m in zip(motions, places_m, strict=True)
     )
     renderer = Renderer(default_rig(int(spec.get("cameras", 2))), studio_settings(spec.get("studio", {})))
     carried = in_hand(load_prop(str(spec["prop"]))) if spec.get("prop") else None
@@ -193,11 +195,6 @@ def _partner(spec: Mapping[str, Any], table: Mapping[str, Any]) -> dict[str, Any
     if unknown:
         raise SettingsError("unknown setting " + ", ".join(unknown), where="partner of the simulated performer")
     return {**spec, "mirrored": not spec.get("mirrored", False), **table}
-
-
-def _aside(motion: Motion, place_m: float) -> Motion:
-    """Return the motion moved along x."""
-    return replace(motion, root_positions_m=motion.root_positions_m + np.array([place_m, 0.0, 0.0]))
 
 
 def studio_settings(table: Mapping[str, Any]) -> StudioSettings:

@@ -39,7 +39,8 @@ def write_board_pdf(board: Board, spec: str, path: str | Path) -> str:
     lines += [f"{left + x:.4f} {bottom + height - y - h:.4f} {w:.4f} {h:.4f} re" for x, y, w, h in black]
     lines.append("f")
     label = f"{spec}  on {paper}: print at 100 %, then measure a square and give its true size to --board"
-    lines.append(f"BT /F1 3 Tf {left:.3f} {max(2.0, bottom / 2.0):.3f} Td ({_escape(label)}) Tj ET")
+    label = label.replace("\\", r"\\").replace("(", r"\(").replace(")", r"\)")
+    lines.append(f"BT /F1 3 Tf {left:.3f} {max(2.0, bottom / 2.0):.3f} Td ({label}) Tj ET")
     with atomic_path(path) as temporary:
         temporary.write_bytes(_pdf("\n".join(lines).encode("latin-1"), page_width, page_height))
     return paper
@@ -84,10 +85,6 @@ def _paper(width: float, height: float) -> tuple[str, float, float]:
     raise CalibrationError(
         f"a board of {width:.0f} x {height:.0f} mm does not fit on A0", advice="use smaller or fewer squares"
     )
-
-
-def _escape(text: str) -> str:
-    return text.replace("\\", r"\\").replace("(", r"\(").replace(")", r"\)")
 
 
 def _pdf(content: bytes, width_mm: float, height_mm: float) -> bytes:

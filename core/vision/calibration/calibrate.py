@@ -145,7 +145,8 @@ def _calibrate_camera(points_m: Array, camera: CameraViews, refused: list[Reject
 
 def _first_guess(points_m: Array, camera: CameraViews, views: Sequence[BoardView]) -> Bundle:
     """Return a lens with its axis in the middle of the image, and the boards' poses."""
-    objects, images = _opencv_points(points_m, views)
+    objects = [np.ascontiguousarray(points_m[view.ids], dtype=np.float32) for view in views]
+    images = [np.ascontiguousarray(view.pixels, dtype=np.float32).reshape(-1, 1, 2) for view in views]
     flags = cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3
     try:
         _, matrix, distortion, turns, shifts = cv2.calibrateCamera(
@@ -164,12 +165,6 @@ def _first_guess(points_m: Array, camera: CameraViews, views: Sequence[BoardView
         ) from error
     boards = np.array([np.concatenate((np.ravel(a), np.ravel(b))) for a, b in zip(turns, shifts, strict=True)])
     return Bundle(intrinsics_of(matrix, distortion)[None], np.zeros((1, 6)), boards)
-
-
-def _opencv_points(points_m: Array, views: Sequence[BoardView]) -> tuple[list[Array], list[Array]]:
-    objects = [np.ascontiguousarray(points_m[view.ids], dtype=np.float32) for view in views]
-    images = [np.ascontiguousarray(view.pixels, dtype=np.float32).reshape(-1, 1, 2) for view in views]
-    return objects, images  # type: ignore[return-value]
 
 
 def are_sides_exchanged(centre: Array) -> bool:

@@ -346,13 +346,11 @@ def _start(
         for c, turned in sorted(members[key].items(), reverse=True):
             view = cameras[c].views[key].reverse() if turned else cameras[c].views[key]
             observations.append(CornerObservation(c, moment, points_m[view.ids], view.pixels, view.motion_px_s))
-            boards[moment] = _vector(compose(inverse(starts[c]), _pose(singles[c].poses[key], turned, points_m)))
+            pose = singles[c].poses[key]
+            pose = compose(pose, half_turn(points_m.mean(axis=0))) if turned else pose
+            boards[moment] = _vector(compose(inverse(starts[c]), pose))
     intrinsics = np.array([intrinsics_of(single.matrix, single.distortion) for single in singles])
     return Bundle(intrinsics, np.array([_vector(start) for start in starts]), boards), observations
-
-
-def _pose(camera_from_board: Transform, turned: bool, points_m: Array) -> Transform:
-    return compose(camera_from_board, half_turn(points_m.mean(axis=0))) if turned else camera_from_board
 
 
 def _vector(transform: Transform) -> Array:

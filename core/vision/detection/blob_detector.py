@@ -93,31 +93,27 @@ class Detector:
         self.settings = settings or DetectionSettings()
         self._usual_contrast = 0.0
         self._room: _EmptyRoom | None = None
-        self._threshold = self.settings.threshold or _LOWEST_AUTOMATIC_THRESHOLD
+        # grey levels above the background of a marker's pixels
+        self.threshold = self.settings.threshold or _LOWEST_AUTOMATIC_THRESHOLD
         self._size: tuple[int, int] | None = None
         self._last = np.empty((0, 5), dtype=np.float32)
         self._partly = 0  # images in a row that were not looked at as a whole
         if background is not None:
             if self.settings.threshold is None:
-                self._threshold = max(_LOWEST_AUTOMATIC_THRESHOLD, self.settings.sigmas * background.noise)
-            low, high = background.band(self.settings.sigmas, self._threshold)
+                self.threshold = max(_LOWEST_AUTOMATIC_THRESHOLD, self.settings.sigmas * background.noise)
+            low, high = background.band(self.settings.sigmas, self.threshold)
             light = background.mean.sum(axis=2)
-            lit = np.ceil(light + 3.0 * self._threshold)
+            lit = np.ceil(light + 3.0 * self.threshold)
             self._room = _EmptyRoom(
                 low, high - low, background.mean, np.rint(light).astype(np.uint16), lit.astype(np.uint16)
             )
             self._size = background.image_size
 
-    @property
-    def threshold(self) -> float:
-        """Grey levels above the background of a marker's pixels."""
-        return self._threshold
-
     def foreground(self, image: Image, part: "_EmptyRoom | None" = None) -> Image:
         """Return the dilated mask (0 or 255) of pixels unlike the background, or a part."""
         room = part or self._room
         if room is None:
-            outside = cv2.threshold(image, self._threshold, 255, cv2.THRESH_BINARY)[1]
+            outside = cv2.threshold(image, self.threshold, 255, cv2.THRESH_BINARY)[1]
         else:
             # values below the band wrap around to above it; much faster than cv2.inRange with bounds of each pixel
             above_low = np.subtract(image, room.low)
@@ -180,7 +176,7 @@ class Detector:
 
     def _found(self, image: Image, room: "_EmptyRoom | None") -> Array:
         """Return marker candidates in an image, or in a part of image and room."""
-        dimmest = max(self._threshold, _DIMMEST * self.settings.relative_brightness * self._usual_contrast)
+        dimmest = max(self.threshold, _DIMMEST * self.settings.relative_brightness * self._usual_contrast)
         parts = _parts(self.foreground(image, room), self.settings)
         alone, bodies = self._measure_alone(image, room, [part for part in parts if part.may_be_marker], dimmest)
         # the other parts are of the performer, with markers on them
@@ -235,8 +231,8 @@ class Detector:
             return NO_PIXELS
         contrast = cv2.morphologyEx(light, cv2.MORPH_TOPHAT, _SPOT_KERNEL)
         # pixels no brighter than the empty room are the room beside a limb
-        lit = body.inside & (light >= (3.0 * self._threshold if room is None else room.lit[window]))
-        bright = (lit & (contrast >= 3.0 * max(self._threshold, _LOWEST_SPOT_CONTRAST))).view(np.uint8)
+        lit = body.inside & (light >= (3.0 * self.threshold if room is None else room.lit[window]))
+        bright = (lit & (contrast >= 3.0 * max(self.threshold, _LOWEST_SPOT_CONTRAST))).view(np.uint8)
         spots = _parts(np.asarray(cv2.dilate(bright, np.ones((3, 3), np.uint8)), dtype=np.uint8), self.settings)
         if not spots:
             return NO_PIXELS

@@ -83,11 +83,6 @@ class CameraSource:
         rate = self._readers[0].fps
         self.fps = rate if 1.0 <= rate <= 1000.0 else (fps or 30.0)
 
-    @property
-    def cameras(self) -> int:
-        """Images per set."""
-        return len(self._readers)
-
     def __iter__(self) -> Iterator[ImageSet]:
         """Yield image sets until `close`."""
         start_s = last_s = time.perf_counter()

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...errors import CaptureError
 from ...geometry.arrays import Image
-from ...system.files import is_file, is_folder, open_foreign
+from ...system.files import atomic_path, is_file, is_folder, open_foreign
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
 
@@ -46,10 +46,7 @@ def natural_key(path: Path) -> tuple[tuple[int, int, str], ...]:
 
 
 def pair_by_number(lists: Sequence[Sequence[Path]]) -> tuple[list[tuple[int, tuple[Path, ...]]], list[Path]]:
-    """Pair files of several cameras by a number in their names.
-
-    Which number that is (the first, the last, ...) is found out: the position with values shared by most files.
-    Lists without a common number are paired in order when they are equally long.
+    """Pair files of several cameras by the number that `by_number` finds in names.
 
     Returns:
         pairs (number, one path per camera), in order of number, and the files left over.
@@ -73,7 +70,7 @@ def by_number(lists: Sequence[Sequence[Path]]) -> list[dict[int, Path]]:
     Raises:
         CaptureError: no common numbers, and lists of different length.
     """
-    numbers = [[_numbers(path) for path in paths] for paths in lists]
+    numbers = [[[int(text) for text in _DIGITS.findall(path.stem)] for path in paths] for paths in lists]
     width = max((len(row) for rows in numbers for row in rows), default=0)
     best: list[dict[int, Path]] = []
     most = 0
@@ -87,10 +84,6 @@ def by_number(lists: Sequence[Sequence[Path]]) -> list[dict[int, Path]]:
     if most == 0 or (longest > 1 and most == 1):
         return _in_order(lists)
     return best
-
-
-def _numbers(path: Path) -> list[int]:
-    return [int(text) for text in _DIGITS.findall(path.stem)]
 
 
 def _table(paths: Sequence[Path], rows: Sequence[Sequence[int]], position: int) -> dict[int, Path]:
@@ -111,6 +104,13 @@ def _in_order(lists: Sequence[Sequence[Path]]) -> list[dict[int, Path]]:
             advice="name the pictures of one moment with the same number, e.g. left012.jpg and right012.jpg",
         )
     return [dict(enumerate(paths)) for paths in lists]
+
+
+def write_image(path: Path | str, image: Image) -> None:
+    """Write an image (BGR) in the format of the ending; CaptureError if that fails."""
+    with atomic_path(path) as temporary:
+        if not cv2.imwrite(str(temporary), image):
+            raise CaptureError("cannot be written", where=str(path), advice="check the free disk space")
 
 
 def read_image(path: Path) -> Image:

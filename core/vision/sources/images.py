@@ -42,21 +42,9 @@ class ImageFileSource:
             self.warnings = (f"{len(leftover)} picture(s) have no partner and were left out: {names}",)
         self.name = lists[0][0].parent.name
         self._times = _times_from_names([paths[0] for _, paths in self._pairs])
-        if self._times is not None:
-            self.fps = _usual_rate(self._times)
-        else:
-            self.fps = fps
+        self.fps = fps if self._times is None else _usual_rate(self._times)
+        self.frames = len(self._pairs)
         self._closed = False
-
-    @property
-    def cameras(self) -> int:
-        """Images per set."""
-        return len(self._pairs[0][1])
-
-    @property
-    def frames(self) -> int:
-        """Number of image sets."""
-        return len(self._pairs)
 
     def frame(self, index: int) -> ImageSet:
         """Return one image set by its place in the order."""

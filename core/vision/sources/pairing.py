@@ -57,27 +57,20 @@ class ImagePairing:
         )
         if waits and now_s - start_s < _PATIENCE * self._period_s:
             return None
-        rows = [self._next_of(camera, start_s + _TOGETHER * self._period_s) for camera in range(len(self._held))]
+        before_s = start_s + _TOGETHER * self._period_s
+        rows = [held.popleft() if held and held[0][0] < before_s else None for held in self._held]
         known = [row for row in rows if row is not None]
         middle_s = float(np.mean([time_s for time_s, _, _ in known]))
         self._number = next_number(self._number, start_s - self._last_s, self._period_s) if self._number >= 0 else 0
         self._last_s = start_s
+        lost = tuple(gone) or (False,) * len(self._watches)
+        notes = [watch.note(now_s, away) for watch, away in zip(self._watches, lost, strict=True)]
         return ImageSet(
             number=self._number,
             times_s=tuple(middle_s if row is None else row[0] for row in rows),
             images=tuple(
                 row[1] if row is not None and row[2] else black for row, black in zip(rows, self._black, strict=True)
             ),
-            notes=self.notes(now_s, gone),
+            notes=tuple(note for note in notes if note),
             usable=tuple(row is not None and row[2] for row in rows),
         )
-
-    def notes(self, now_s: float, gone: Sequence[bool] = ()) -> tuple[str, ...]:
-        """Return descriptions of the cameras' faults."""
-        lost = tuple(gone) or (False,) * len(self._watches)
-        found = [watch.note(now_s, away) for watch, away in zip(self._watches, lost, strict=True)]
-        return tuple(note for note in found if note)
-
-    def _next_of(self, camera: int, before_s: float) -> tuple[float, Image, bool] | None:
-        held = self._held[camera]
-        return held.popleft() if held and held[0][0] < before_s else None

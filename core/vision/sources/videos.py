@@ -58,11 +58,6 @@ class VideoSource:
         self.fps = rates[0] if 1.0 <= rates[0] <= 1000.0 else fps
         self._closed = False
 
-    @property
-    def cameras(self) -> int:
-        """Images per set."""
-        return len(self._paths)
-
     def __iter__(self) -> Iterator[ImageSet]:
         """Yield all image sets in order."""
         with ExitStack() as stack:

@@ -30,7 +30,7 @@ from ...vision.detection.background import Background
 from ...vision.live import live_frames, live_settings
 from ...vision.pipeline import MarkerPipeline
 from ...vision.sources.source_kinds import ImageSetLike, ImageSource
-from ..channel import Channel, Stopped
+from ..channel import Channel, Stopped, open_when_free
 from ..open_source import open_source
 from ..source_traits import is_live, is_repeatable, is_simulated
 from .camera_preview import PreviewSender
@@ -96,7 +96,7 @@ def open_pipeline(request: Mapping[str, Any], channel: Channel) -> Iterator[tupl
     spec = dict(request["source"])
     channel.send_status("opening the cameras")
     takes_place = request.get("after") is not None
-    source = channel.open_when_free(lambda: open_source(spec), takes_place)
+    source = open_when_free(lambda: open_source(spec), takes_place, channel.stop_requested)
     try:
         pipeline = MarkerPipeline(_rig(request, source), live_settings(request.get("threshold")))
         kept = Path(request.get("background_file") or "")

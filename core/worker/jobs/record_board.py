@@ -16,19 +16,17 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import cv2
-
 from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...geometry.rig_file import rig_tables
 from ...simulate.studio.boards import BoardPose, CarriedBoard, board_poses
 from ...simulate.studio.render import Renderer
 from ...simulate.studio.rig import default_rig
-from ...system.files import atomic_path
 from ...vision.calibration.board import Board, parse_board
 from ...vision.calibration.board_preview import draw_corners, draw_coverage, draw_taken, draw_wanted
 from ...vision.calibration.board_session import BoardSession, Guidance
 from ...vision.calibration.calibration_summary import calibration_summary
+from ...vision.sources.files import write_image
 from ...vision.sources.image_set import camera_title, moment_of, usable_images
 from ...vision.sources.source_kinds import ImageSetLike, ImageSource
 from ..channel import Channel
@@ -104,7 +102,7 @@ def _watch(
             if guidance.taken:
                 taken_s = time.monotonic()
                 for folder, image in zip(folders, image_set.images, strict=True):
-                    _write_image(folder / f"{session.views - 1:03d}.png", image)
+                    write_image(folder / f"{session.views - 1:03d}.png", image)
             if guidance.seen is not None:
                 preview.send(image_set.images, _Drawing(session, guidance, time.monotonic() - taken_s < _SHOWN_S).draw)
             advice = advice or guidance.advice
@@ -138,9 +136,3 @@ class _Drawing:
             draw_wanted(picture, self._guidance.target[1])
         if self._taken:
             draw_taken(picture)
-
-
-def _write_image(path: Path, image: Image) -> None:
-    with atomic_path(path) as temporary:
-        if not cv2.imwrite(str(temporary), image):
-            raise CaptureError("cannot be written", where=str(path), advice="check the free disk space")

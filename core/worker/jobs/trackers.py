@@ -12,7 +12,7 @@ from ...formats.vmc.link import Receiver
 from ...formats.vmc.tracker_stream import TrackerStream
 from ...markers.label_matching import join_names
 from ...markers.marker_set import marker_set_from
-from ..channel import Channel
+from ..channel import Channel, open_when_free
 
 _LOOK_S = 0.1
 _SILENT_S = 1.0  # without a marker until the reason is sent
@@ -27,7 +27,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     sender = str(request["source"].get("sender", ""))
     stream = TrackerStream(marker_set_from(request["marker_set"], "trackers"))
     port, takes_place = int(request["source"]["port"]), request.get("after") is not None
-    with channel.open_when_free(lambda: Receiver(port, sender), takes_place) as receiver:
+    with open_when_free(lambda: Receiver(port, sender), takes_place, channel.stop_requested) as receiver:
         channel.send_status(f"waiting for trackers on port {receiver.port}")
         silence = _Silence(receiver, stream, sender, channel)
         while not channel.stop_requested.is_set():
