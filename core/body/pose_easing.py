@@ -1,9 +1,9 @@
-"""Easing of poses: a joint that jumps takes a quarter second to its new place.
+"""Easing of poses: no joint jumps, unless markers below it show that it does.
 
-A marker that comes back, or a better explanation of the same markers, moves a joint faster than a body can. The
-difference to the continued motion is kept as an offset, which is then let go ("Inertialization", Bollo, GDC 2018): what
-follows moves as it was solved. Where the markers themselves are elsewhere at once there is nothing to ease: that is
-another person, or the same one after a gap.
+A marker that comes back, or a better explanation of the same markers, moves a joint faster than a body can. Such a
+joint goes to its new place at a limited rate. It may be faster in a movement that has gathered speed over several
+frames and carries markers along: a punch is shown as it was solved. Where the markers themselves are elsewhere at once
+there is nothing to ease: that is another person, or the same one after a gap.
 """
 
 from collections import deque
@@ -12,16 +12,20 @@ import numpy as np
 
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, Mask
+from .skeleton import Skeleton
 
-_SUDDEN_RAD = np.radians(8.0)  # beyond the continued motion, from one frame of 60 a second to the next,
-_SUDDEN_AT_CHANGE_RAD = np.radians(5.0)  # on a limb with a marker that comes or goes
 _FRAME_S = 1.0 / 60.0
-_AFTER_JUMP = 0.5  # share of the earlier turning with which a joint goes on
-_LET_GO_S = 0.06  # in which an offset falls to 1/e,
-_LET_GO_RAD_S = np.radians(240.0)  # no faster than this
+_USUAL_RAD = np.radians(9.8)  # most that a joint turns in a frame without markers that show it,
+_AT_CHANGE_RAD = np.radians(2.9)  # in two on a limb with a marker that comes or goes
+_GATHERED_RAD = np.radians(3.34)  # a movement gains no more in a frame,
+_GATHERED_FRAMES = 5  # as these before show
+_LEVER_M = 0.32  # a joint turns by no more than the way of a marker below it over this,
+_FASTEST_M = 0.15  # and no marker of a body goes further in a frame
+_FADING = 0.8  # share of the last way of a marker that is hidden
 _PAUSE_S = 0.25  # after so long without a pose it starts over
-_CUT_M = 0.15  # between two frames of 60 a second no marker moves so far from where it was lately:
-_CUT_SHARE, _CUT_MARKERS = 0.2, 2  # as several have, it is a cut
+_CUT_M = 0.15  # from one frame to the next no marker moves so far from where it was lately:
+_CUT_MARKERS, _CUT_SHARE = 2, 0.2  # as several have, it is a cut,
+_CUT_SHARE_FOUND = 0.6  # as most have where labels were found: ghosts may be among them
 _EXCHANGED_M = 0.05  # in the same time, from the earlier place of another with its label
 
 
@@ -29,80 +33,93 @@ class PoseEaser:
     """Eases the joints of poses one after another; the root's rotation stays.
 
     Args:
-        parents: (J,) of the joints.
+        skeleton: of the poses.
         carriers: (M,) joint of each marker.
+        offsets_m: (M, 3) markers in their joints' frames.
     """
 
-    def __init__(self, parents: IntArray, carriers: IntArray) -> None:
-        above = np.eye(len(parents), dtype=np.bool_)  # of a joint: itself and those that carry it
-        for joint in range(1, len(parents)):
-            above[joint] |= above[parents[joint]]
-        self._limbs: Mask = (above | above.T)[carriers]
+    def __init__(self, skeleton: Skeleton, carriers: IntArray, offsets_m: Array) -> None:
+        below = skeleton.is_ancestor[carriers]  # the joints that carry a marker
+        self._limbs: Mask = below | skeleton.is_ancestor.T[carriers]
+        rest_m = skeleton.rest_positions_m
+        levers_m = np.linalg.norm((rest_m[carriers] + offsets_m)[:, None] - rest_m, axis=-1)
+        # a marker close to a joint is moved by the joints above
+        self._shares = below * np.minimum(levers_m / _LEVER_M, 1.0) ** 2
         self.reset()
 
     def reset(self) -> None:
         """Show the next pose as it is."""
         self._time_s = float("nan")
 
-    def step(self, time_s: float, rotations: Array, points_m: Array, held: bool = False) -> Array:
+    def step(
+        self,
+        time_s: float,
+        rotations: Array,
+        root_position_m: Array,
+        points_m: Array,
+        held: bool = False,
+        labels_known: bool = True,
+    ) -> Array:
         """Return the next pose's eased rotations (J, 4).
 
         Args:
             points_m: (M, 3) located markers, NaN where not.
             held: keep the joints where they are.
+            labels_known: the source labelled the markers.
         """
-        passed_s = time_s - self._time_s
-        if not 0.0 < passed_s < _PAUSE_S or self._is_cut(passed_s, points_m):
-            self._rate = np.zeros((len(rotations), 3))
-            self._solved_rates = (self._rate, self._rate)
-            self._offset_rad = np.zeros(len(rotations))
+        frames = (time_s - self._time_s) / _FRAME_S
+        in_root_m = (points_m - root_position_m) @ rot.to_matrix(rotations[0])
+        share = _CUT_SHARE if labels_known else _CUT_SHARE_FOUND
+        if not 0.0 < frames < _PAUSE_S / _FRAME_S or self._is_cut(time_s, points_m, share):
+            self._ways_m = np.zeros(len(points_m))
+            self._seen_s = np.full(len(points_m), time_s)
+            self._changed = np.zeros(len(points_m), dtype=np.bool_)
+            self._turns = deque[Array](maxlen=1 + _GATHERED_FRAMES)
             self._shown, self._trail = rotations, deque[tuple[float, Array]]()
         else:
-            changed = np.isfinite(points_m[:, 0]) != np.isfinite(self._trail[-1][1][:, 0])
-            self._shown = self._eased(passed_s, rotations, self._limbs[changed].any(axis=0), held)
-        self._time_s, self._raw = time_s, rotations
+            self._shown = self._eased(frames, rotations, in_root_m, held)
+        self._time_s, self._raw, self._in_root_m = time_s, rotations, in_root_m
+        self._seen_s[np.isfinite(points_m[:, 0])] = time_s
         self._trail.append((time_s, points_m))
         while time_s - self._trail[0][0] > _PAUSE_S:
             self._trail.popleft()
         return self._shown
 
-    def _is_cut(self, passed_s: float, points_m: Array) -> bool:
-        """Return whether several markers are far from where they were lately."""
-        frames = max(1.0, passed_s / _FRAME_S)
+    def _is_cut(self, time_s: float, points_m: Array, share: float) -> bool:
+        """Return whether a share of the markers is far from where they were lately."""
+        frames = np.maximum(1.0, (time_s - self._seen_s) / _FRAME_S)
         lately_m = np.stack([earlier_m for _, earlier_m in self._trail])
         far = np.fmin.reduce(np.linalg.norm(points_m - lately_m, axis=-1)) > _CUT_M * frames
         # markers that exchange labels are where one of them was
         others_m = np.linalg.norm(points_m[far, None] - lately_m[:, far].reshape(-1, 3), axis=-1)
-        moved = np.sum(np.fmin.reduce(others_m, axis=1, initial=np.inf) > _EXCHANGED_M * frames)
-        return bool(moved >= max(_CUT_MARKERS, _CUT_SHARE * np.isfinite(points_m[:, 0]).sum()))
+        moved = np.sum(np.fmin.reduce(others_m, axis=1, initial=np.inf) > _EXCHANGED_M * frames[far])
+        return bool(moved >= max(_CUT_MARKERS, share * np.isfinite(points_m[:, 0]).sum()))
 
-    def _eased(self, passed_s: float, rotations: Array, changed: Mask, held: bool) -> Array:
-        rate = _turn(self._raw, rotations) / passed_s
-        sudden = self._is_sudden(rate, passed_s, np.where(changed, _SUDDEN_AT_CHANGE_RAD, _SUDDEN_RAD))
-        self._solved_rates = self._solved_rates[1], rate
-        # a jump is no motion that goes on, and the one before it ends
-        self._rate = np.where(sudden[:, None], _AFTER_JUMP * self._rate, rate)
-        offset = _turn(rotations, rot.multiply(self._shown, rot.from_rotation_vector(self._rate * passed_s)))
-        if held:
-            offset = _turn(rotations, self._shown)
-        elif not sudden.any() and not self._offset_rad.any():
-            return rotations
-        offset[0] = 0.0
-        angle = np.linalg.norm(offset, axis=-1)
-        less = np.minimum(angle * (1.0 - np.exp(-passed_s / _LET_GO_S)), _LET_GO_RAD_S * passed_s)
-        left = angle if held else angle - less
-        self._offset_rad = np.where(left < 1e-3, 0.0, left)
-        offset *= (self._offset_rad / np.maximum(angle, 1e-12))[:, None]
-        return rot.multiply(rotations, rot.from_rotation_vector(offset))
+    def _eased(self, frames: float, rotations: Array, in_root_m: Array, held: bool) -> Array:
+        """Return the rotations (J, 4) after `frames` of 60 a second."""
+        self._turns.append(_turn(self._raw, rotations) / frames)
+        turn = _turn(self._shown, rotations)
+        angle = np.linalg.norm(turn, axis=-1)
+        limit = frames * self._limits(frames, in_root_m, turn / np.maximum(angle, 1e-12)[:, None])
+        share = np.zeros(len(turn)) if held else np.minimum(limit / np.maximum(angle, 1e-12), 1.0)
+        share[0] = 1.0
+        eased = rot.multiply(self._shown, rot.from_rotation_vector(share[:, None] * turn))
+        return np.where((share < 1.0)[:, None], eased, rotations)
 
-    def _is_sudden(self, rate: Array, passed_s: float, limit_rad: Array) -> Mask:
-        """Return (J,) true for joints that neither go on as before nor as for two frames."""
-        limit_rad = limit_rad * max(1.0, (passed_s / _FRAME_S) ** 2)
-        as_shown, *as_solved = (
-            np.linalg.norm(rate - known, axis=-1) * passed_s <= limit_rad for known in (self._rate, *self._solved_rates)
-        )
-        sudden: Mask = ~(as_shown | (as_solved[0] & as_solved[1]))
-        return sudden
+    def _limits(self, frames: float, in_root_m: Array, directions: Array) -> Array:
+        """Return how far the joints (J,) may turn in a frame, in their directions (J, 3)."""
+        changed = np.isfinite(in_root_m[:, 0]) != np.isfinite(self._in_root_m[:, 0])
+        usual_rad = np.where(self._limbs[changed | self._changed].any(axis=0), _AT_CHANGE_RAD, _USUAL_RAD)
+        self._changed = changed
+        ways_m = np.linalg.norm(in_root_m - self._in_root_m, axis=-1) / frames
+        self._ways_m = np.where(np.isfinite(ways_m), ways_m, _FADING * self._ways_m)
+        self._ways_m[self._ways_m > _FASTEST_M] = 0.0
+        if len(self._turns) <= _GATHERED_FRAMES:
+            return usual_rad
+        gains = _GATHERED_RAD * frames * np.arange(_GATHERED_FRAMES, -1, -1)[:, None]
+        gathered = np.min(np.sum(np.array(self._turns) * directions, axis=-1) + gains, axis=0)
+        explained = np.max(self._shares * self._ways_m[:, None], axis=0) / _LEVER_M
+        return np.asarray(np.maximum(usual_rad, np.minimum(gathered, explained)))
 
 
 def _turn(start: Array, end: Array) -> Array:

@@ -50,7 +50,7 @@ class Session:
         """Forget the motion so far."""
         self._last: PerformerPose | None = None
         self._times = FrameTimes()
-        self._easer = PoseEaser(self._model.skeleton.parents, self._model.joints)
+        self._easer = PoseEaser(self._model.skeleton, self._model.joints, self._model.offsets_m)
         self.restart()
 
     def step(self, frame: MarkerFrame) -> PerformerPose:
@@ -159,7 +159,9 @@ class Session:
         held = fit.rms_m > self._quality.settings.wrong_m
         notes += [TrackingNote.HELD.value] if held else []
         rotations = self._model.rotations(solution.pose, solution.root)
-        rotations = self._easer.step(frame.time_s, rotations, shown.points_m, held)
+        rotations = self._easer.step(
+            frame.time_s, rotations, solution.root.position_m, shown.points_m, held, is_labelled(frame)
+        )
         is_sure = self._has_one_camera or is_labelled(frame)
         return PerformerPose(
             number=frame.number,

@@ -1,0 +1,29 @@
+"""Poses of noisy markers with gaps: no joint jumps."""
+
+import numpy as np
+from perfanim.core.body.motion import resampled, sliced
+from perfanim.core.formats.motion.read_motion import read_motion
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.subject import Subject
+from perfanim.core.session.solve_take import solve_take
+from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.solver.settings import SolveSettings
+from perfanim.core.system.assets import MOTION
+
+FPS = 60.0
+JUMP_DEG = 10.0  # change of a joint between two frames beyond the truth's own
+
+
+def test_no_joint_jumps_with_noise_and_gaps(database):
+    truth = sliced(resampled(read_motion(MOTION / "jumping-05-tired.bvh"), FPS), 60, 180)
+    subject = Subject("jumper", truth.skeleton, load_marker_set("locomotion"))
+    take, _ = simulate_markers(truth, subject, noise_mm=3.0, dropout=0.1, seed=1)
+    solved = solve_take(take, subject, database, SolveSettings(), lambda fraction, text: None).motion
+    beyond = changes_deg(solved.rotations) - changes_deg(truth.rotations)
+    assert beyond.max() <= JUMP_DEG
+
+
+def changes_deg(rotations):
+    """Turns (F - 1, J - 1) of the joints but the root between two frames."""
+    return np.degrees(rot.angle_between(rotations[:-1, 1:], rotations[1:, 1:]))
