@@ -145,13 +145,17 @@ class Database:
         persons = ((clip.subject, clip.skeleton, clip.mirrored) for clip in self.clips)
         return np.array([own.get(person, self.mean_rotations) for person in persons])
 
-    def zero_of(self, skeleton: Skeleton) -> Array:
-        """Return the zero (J, 4) of a recorded body, the common one of any other."""
-        for zero in self.zeros:
-            recorded = self.skeletons[zero.skeleton].offsets_m
-            if not zero.mirrored and same_bones(recorded, skeleton.offsets_m):
-                return zero.rotations
-        return self.mean_rotations
+    def zero_of(self, skeleton: Skeleton, name: str = "") -> Array:
+        """Return the zero (J, 4) of a recorded body or person, the common one of others.
+
+        Args:
+            name: of a person; one who is called as a subject here has the same rest of hands with any measured bones.
+        """
+        own = [zero for zero in self.zeros if not zero.mirrored]
+        same = (zero for zero in own if same_bones(self.skeletons[zero.skeleton].offsets_m, skeleton.offsets_m))
+        named = (zero for zero in own if zero.subject == name)
+        found = next(same, None) or next(named, None)
+        return found.rotations if found else self.mean_rotations
 
     def local_rotations(self, frames: Any) -> Array:
         """Return local rotations (..., J, 4) of frames, world-from-root for the root."""

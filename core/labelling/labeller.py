@@ -24,15 +24,21 @@ _GATE_TORSO_MAX_M = 0.12
 _PIXEL_SIGMA = 0.5
 _MEETING_PX = 3.0  # reprojection error above which two rays do not belong to one marker
 _MEMORY_S = 0.1  # a velocity older than this is not used
+_STEADY_M = 0.06  # from where it was going, within which a marker is surely followed if no other comes as near
 
 
 @dataclass
 class _Seen:
-    """Where and how fast (NaN: unknown) each marker was when last located."""
+    """Where and how fast (NaN: unknown) each marker was when last located.
+
+    Args:
+        is_sure: (M,) whether it was followed without a doubt since all were known.
+    """
 
     positions_m: Array
     velocities_m_s: Array
     lost_s: Array
+    is_sure: Mask
 
 
 @dataclass(frozen=True)
@@ -71,11 +77,22 @@ class Labeller:
         self.names = tuple(names)
         self._torso = np.zeros(len(self.names), dtype=bool) if torso is None else np.asarray(torso)
         count = len(self.names)
-        self._seen = _Seen(np.full((count, 3), np.nan), np.full((count, 3), np.nan), np.full(count, np.inf))
+        unknown = np.full((count, 3), np.nan)
+        self._seen = _Seen(unknown, unknown.copy(), np.full(count, np.inf), np.zeros(count, dtype=bool))
 
-    def begin(self, points_m: Array, labels: IntArray) -> None:
-        """Start from labels (N,) of points (N, 3), -1 for none."""
+    def begin(self, points_m: Array, labels: IntArray, is_sure: Mask | None = None) -> None:
+        """Start from labels (N,) of points (N, 3), -1 for none; `is_sure` (M,): no marker."""
         self._remember(points_m, labels, 0.0)
+        self._seen.is_sure = np.zeros(len(self.names), dtype=bool) if is_sure is None else is_sure.copy()
+
+    @property
+    def is_sure(self) -> Mask:
+        """(M,) markers followed without a doubt since the last `vouch`."""
+        return self._seen.is_sure.copy()
+
+    def vouch(self) -> None:
+        """Take the last frame's labels for certain."""
+        self._seen.is_sure |= self._seen.lost_s == 0.0
 
     def label(self, points_m: Array, covariances_m2: Array, predicted_m: Array, elapsed_s: float) -> IntArray:
         """Return labels (N,) by one assignment of points to the predicted markers.
@@ -139,6 +156,7 @@ class Labeller:
         seen = self._seen
         located = labels >= 0
         markers, points = labels[located], points_m[located]
+        self._doubt(points_m, labels, elapsed_s)
         if elapsed_s > 0.0:
             known = seen.lost_s[markers] < _MEMORY_S
             velocity = (points - seen.positions_m[markers]) / (elapsed_s + seen.lost_s[markers][:, None])
@@ -146,6 +164,24 @@ class Labeller:
         seen.lost_s += elapsed_s
         seen.lost_s[markers] = 0.0
         seen.positions_m[markers] = points
+
+    def _doubt(self, points_m: Array, labels: IntArray, elapsed_s: float) -> None:
+        """Take markers for unsure that jumped, met others, or were lost."""
+        seen, points = self._seen, np.flatnonzero(labels >= 0)
+        markers = labels[points]
+        gone_s = seen.lost_s + elapsed_s
+        moving_s = np.where(gone_s < _MEMORY_S, gone_s, 0.0)
+        expected = seen.positions_m + np.nan_to_num(seen.velocities_m_s) * moving_s[:, None]
+        away = np.linalg.norm(points_m[:, None] - expected[None], axis=-1)
+        away[np.isnan(away)] = np.inf
+        own = away[points, markers]
+        away[points, markers] = np.inf
+        others = np.minimum(away.min(axis=1, initial=np.inf)[points], away.min(axis=0, initial=np.inf)[markers])
+        steady = own < _STEADY_M
+        seen.is_sure[markers] &= steady & (others > own + _STEADY_M)
+        seen.is_sure &= gone_s < _MEMORY_S
+        if 2 * np.sum(steady) < len(steady):  # a cut, or a body that was hidden
+            seen.is_sure[:] = False
 
 
 def assign_points(

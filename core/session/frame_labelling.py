@@ -1,6 +1,6 @@
 """Labels of the marker frames of one capture."""
 
-from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,24 @@ from ..solver.subject_model import SubjectModel
 from .label_check import LabelCheck
 
 _EXAMPLES = 2048  # poses of the database that a body without a past is compared with,
+_SAME_M = 0.02  # distance up to which two points are the same
 _EVERY = 2  # located points with every second of them
+
+
+class RivalLabels(NamedTuple):
+    """Other labels of a frame than a pose has.
+
+    Args:
+        nearer: they are right if an example is nearer to them than this share of the present distance.
+        adds: whether they only name points that had no name.
+        labeller: has these labels, those of the frame at `time_s`.
+    """
+
+    observation: Observation
+    nearer: float
+    adds: bool
+    labeller: Labeller
+    time_s: float
 
 
 class BodyExamples:
@@ -61,31 +78,38 @@ class FrameLabeller:
         """Forget the motion so far."""
         self._labeller = Labeller(self._names, self._torso)
         self._search: LabelSearch | None = None
-        self._is_resumed = False
         self._check = LabelCheck(self._initial, self._names, self._torso)
 
     def confidence(self, frame: MarkerFrame, observed_m: Array) -> float:
         """Return the share of its confidence that a pose with these labels deserves."""
         return self._check.confidence(frame, observed_m)
 
-    def disprove(
-        self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose, nearness: Callable[[Observation], float]
-    ) -> bool:
-        """Return whether a pose has wrong labels; the next frame then follows others.
-
-        Args:
-            nearness: returns the distance of the closest example to other labels as a share of that to the pose's.
-        """
-        rival = self._check.step(frame, elapsed_s, pose)
+    def find_rival(self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose) -> RivalLabels | None:
+        """Return other labels of a solved frame that turn out to be likely, if any."""
+        if self._check.confidence(frame, pose.observed_m) == 1.0:
+            self._labeller.vouch()
+        rival = self._check.step(frame, elapsed_s, pose, self._labeller.is_sure)
         if rival is None:
-            return False
+            return None
         labeller, labels = rival.search.carry(rival.labels)
-        other = Observation.of_points(self._by_marker(frame.points_m, labels))
-        if np.isfinite(rival.nearer) and not nearness(other) < rival.nearer:
-            return False
+        is_sure = self._labeller.is_sure & (not rival.contradicts)
+        away = np.linalg.norm(frame.points_m[:, None] - pose.observed_m[None], axis=-1)
+        points, markers = np.nonzero(away < _SAME_M)
+        kept = is_sure[markers]
+        labels[np.isin(labels, np.flatnonzero(is_sure))] = -1
+        labels[points[kept]] = markers[kept]
+        is_same = labels[points] == markers
+        if is_same.all() and np.sum(labels >= 0) == len(points):  # what the search found has been seen meanwhile
+            return None
+        labeller.begin(frame.points_m, labels, is_sure)
+        observation = Observation.of_points(self._by_marker(frame.points_m, labels))
+        return RivalLabels(observation, rival.nearer, bool(is_same.all() and len(points)), labeller, frame.time_s)
+
+    def follow_rival(self, rival: RivalLabels) -> None:
+        """Go on with other labels than those so far."""
         self.reset()
-        self._labeller, self._is_resumed = labeller, True
-        return True
+        self._labeller = rival.labeller
+        self._check.begin(rival.time_s)
 
     def expected(self, predicted_m: Array, elapsed_s: float) -> tuple[Array, Array]:
         """Return the expected marker positions (M, 3) and their uncertainty (M,), metres."""
@@ -119,10 +143,6 @@ class FrameLabeller:
 
     def _search_labels(self, frame: MarkerFrame, elapsed_s: float) -> IntArray:
         """Return labels (N,) without a past, -1 until they are found."""
-        if self._is_resumed:
-            self._is_resumed = False
-            self._check.begin(frame.time_s)
-            return self._labeller.follow(frame.points_m, elapsed_s)
         if self._search is None:
             self._search = LabelSearch(self._initial, frame.points_m, Labeller(self._names, self._torso))
         else:

@@ -29,14 +29,20 @@ _PLAUSIBLE = -4.0  # above this, others than the present labels of a doubtful po
 _NEARER = 0.7  # the closest example is nearer to them than this share of the present distance
 _PROVEN = 5.0  # sum of gains, above which others are right if an example is nearer to them; or that name more points
 _DECISIVE = 8.0  # above this they are right in any case
+_FOLLOWED = 10.0  # less is the gain of labels that contradict markers followed without a doubt since all were certain
 
 
 class Rival(NamedTuple):
-    """Labels (N,) of a search's points, right if an example is so much nearer."""
+    """Labels (N,) of a search's points, right if an example is so much nearer.
+
+    Args:
+        contradicts: whether they name markers otherwise that were followed without a doubt.
+    """
 
     search: LabelSearch
     labels: IntArray
     nearer: float
+    contradicts: bool
 
 
 class LabelCheck:
@@ -50,6 +56,7 @@ class LabelCheck:
         self._initial, self._names, self._torso = initial, names, torso
         self._search: LabelSearch | None = None
         self._present_m, self._present_cost = np.empty((0, 3)), 0.0
+        self._is_sure: Mask = np.zeros(0, dtype=bool)
         self._confirmed, self._against, self._was_doubtful = 0.0, 0.0, False
         self._wait_s, self._checked_s, self._looked_s = _FIRST_S, -np.inf, -np.inf
 
@@ -64,14 +71,18 @@ class LabelCheck:
         certain = self._is_certain(self._was_doubtful) and _strays(frame, observed_m) < _STRAYS
         return 1.0 if certain else _UNCERTAIN
 
-    def step(self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose) -> Rival | None:
-        """Return other labels that have just turned out to be likely, if any."""
+    def step(self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose, is_sure: Mask) -> Rival | None:
+        """Return other labels that have just turned out to be likely, if any.
+
+        Args:
+            is_sure: (M,) markers followed without a doubt since the labels were certain.
+        """
         doubtful = self._is_doubtful(frame, pose)
         if self._search is not None:
             self._search.follow(frame.points_m, elapsed_s)
         elif self._is_due(frame, pose, doubtful):
             self._search = LabelSearch(self._initial, frame.points_m, Labeller(self._names, self._torso))
-            self._present_m = pose.observed_m
+            self._present_m, self._is_sure = pose.observed_m, is_sure
             ghosts = max(len(frame.points_m) - int(np.sum(np.isfinite(pose.observed_m[:, 0]))), 0)
             self._present_cost = self._initial.cost(pose.observed_m, pose.markers_m, ghosts)
         if self._search is None or not self._search.advance():
@@ -107,8 +118,13 @@ class LabelCheck:
 
     def _judge(self, search: LabelSearch, doubtful: bool, time_s: float) -> Rival | None:
         """Return the likeliest labels but the present ones, if likely enough."""
-        others = [other for other in search.labellings() if not self._is_present(other[0], search.points_m)]
-        labels, cost = others[0] if others else (None, np.inf)
+        others = [
+            (labels, cost + _FOLLOWED * contradicts, contradicts)
+            for labels, cost in search.labellings()
+            if not self._is_present(labels, search.points_m)
+            for contradicts in (self._is_contradicted(labels, search.points_m),)
+        ]
+        labels, cost, contradicts = min(others, key=lambda other: other[1], default=(None, np.inf, False))
         gain = self._present_cost - cost
         self._against = max(self._against + gain, 0.0)
         self._confirmed = self._confirmed + _confirmation(gain) if gain < _BETTER else 0.0
@@ -116,12 +132,20 @@ class LabelCheck:
             return None
         names_more = np.sum(labels >= 0) > np.sum(np.isfinite(self._present_m[:, 0]))
         if gain > (_PROVEN if names_more else _DECISIVE):
-            return Rival(search, labels, np.inf)
+            return Rival(search, labels, np.inf, contradicts)
         is_better = self._against > _PROVEN
         if (not is_better and not (doubtful and gain > _PLAUSIBLE)) or time_s - self._looked_s < _DOUBTFUL_S:
             return None
         self._looked_s = time_s
-        return Rival(search, labels, 1.0 if is_better else _NEARER)
+        return Rival(search, labels, 1.0 if is_better else _NEARER, contradicts)
+
+    def _is_contradicted(self, labels: IntArray, points_m: Array) -> bool:
+        """Return whether labels name a surely followed marker's point otherwise."""
+        followed = np.flatnonzero(self._is_sure & np.isfinite(self._present_m[:, 0]))
+        away = np.linalg.norm(points_m[:, None] - self._present_m[None, followed], axis=-1)
+        point, marker = np.nonzero(away < _SAME_M)
+        elsewhere = np.isin(followed[marker], labels)
+        return bool(np.any((labels[point] != followed[marker]) & ((labels[point] >= 0) | elsewhere)))
 
     def _is_present(self, labels: IntArray, points_m: Array) -> bool:
         other = np.full(self._present_m.shape, np.nan)

@@ -1,7 +1,6 @@
 """One capture of one subject: marker frames in, poses out, live and from takes."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -24,6 +23,8 @@ from .frame_labelling import BodyExamples, FrameLabeller, is_labelled, rest_mark
 from .hypothesis_tracking import HypothesisTracker
 from .tracking_quality import TrackingNote, TrackingQuality, assess_fit
 
+_WORSE_M = 0.01  # RMS by which right labels may fit the body worse than others
+
 
 class Session:
     """Labels and solves the frames of one subject; single-camera markers need `rig`."""
@@ -36,7 +37,7 @@ class Session:
         self.rig = rig
         cameras = rig.cameras if rig else ()
         self._has_one_camera = len(cameras) == 1
-        self._model = SubjectModel(subject, database.zero_of(subject.skeleton))
+        self._model = SubjectModel(subject, database.zero_of(subject.skeleton, subject.name))
         self._solver = PoseSolver(self._model, database, self.settings)
         examples = BodyExamples(self._model, database)
         self._labeller = FrameLabeller(subject.marker_set.names, self._model, cameras, examples)
@@ -60,6 +61,7 @@ class Session:
         if self._times.jumped:
             self.restart()
         frame = usable_frame(frame, len(self.subject.marker_set), len(self.rig or ()))
+        before = self._state
         if self._hypotheses is None or is_labelled(frame):
             observation, solution = self._track(frame)
         else:
@@ -73,9 +75,7 @@ class Session:
         if self._quality.is_lost(pose):
             self.restart()
         elif solution and not is_labelled(frame):
-            nearness = partial(self._nearness, self._solver.initial_state, solution)
-            if self._labeller.disprove(frame, elapsed_s, pose, nearness):
-                self._forget()
+            self._compare_labels(frame, elapsed_s, before, pose, solution.nearest_m)
         return pose
 
     @property
@@ -127,7 +127,7 @@ class Session:
         """
         settings = self._quality.settings
         state = self._solver.forget_poses(self._state)
-        if not self._nearness(state, solution, observation) < settings.promising:
+        if not self._solver.closest_m(state, observation) < settings.promising * solution.nearest_m:
             return solution
         found, state = self._solver.step(state, observation, time_s)
         if found is None or not found.nearest_m < settings.nearer * solution.nearest_m:
@@ -135,9 +135,28 @@ class Session:
         self._state = state
         return found
 
-    def _nearness(self, state: SolverState, solution: Solution, observation: Observation) -> float:
-        """Return the distance of other markers' closest example over the solution's."""
-        return self._solver.closest_m(state, observation) / solution.nearest_m
+    def _compare_labels(
+        self, frame: MarkerFrame, elapsed_s: float, before: SolverState, pose: PerformerPose, nearest_m: float
+    ) -> None:
+        """Go on with other labels of a solved frame where they explain it better."""
+        rival = self._labeller.find_rival(frame, elapsed_s, pose)
+        if rival is None:
+            return
+        if np.isfinite(rival.nearer):
+            closest_m = self._solver.closest_m(self._solver.initial_state, rival.observation)
+            if not closest_m < rival.nearer * nearest_m:
+                return
+        start = before if rival.adds else self._solver.initial_state
+        found, state = self._solver.step(start, rival.observation, frame.time_s)
+        if found is None:
+            return
+        settings = self._quality.settings
+        if assess_fit(rival.observation, found, settings).rms_m > pose.marker_rms_m + _WORSE_M:
+            return
+        if not rival.adds:
+            self._quality.reset()
+        self._labeller.follow_rival(rival)
+        self._state = state
 
     def _track_hypotheses(self, frame: MarkerFrame, tracker: HypothesisTracker) -> tuple[Observation, Solution | None]:
         """Label and solve a frame of one camera by the best of several hypotheses."""

@@ -11,6 +11,7 @@ import numpy as np
 from perfanim.core.body.calibration_poses import CALIBRATION
 from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.body.motion_metrics import evaluate
+from perfanim.core.database.labels import subject_of
 from perfanim.core.database.store import Database
 from perfanim.core.geometry.arrays import Mask
 from perfanim.core.geometry.camera import CameraRig
@@ -70,7 +71,10 @@ def end_to_end(data: Path, out: Path, workers: int, progress: Progress) -> dict[
         rig = rig or studio_on_floor(calibrate_studio(source).rig, source)
         frames, both = _filmed(source, rig)
         progress(0.2 + 0.8 * (number + 0.6) / len(takes), f"{take.title}: solving")
-        rows += [{"take": take.title} | row for row in _solved(source, database, rig, frames, both, taken)]
+        rows += [
+            {"take": take.title} | row
+            for row in _solved(source, database, rig, frames, both, taken, subject_of(take.trial))
+        ]
     figures = {"rows": rows, "paper_deg_per_angle": PAPER, "marker_set": MARKER_SET}
     return write_figures(out, "end-to-end", figures, {"": rows})
 
@@ -93,13 +97,19 @@ def _solved(
     frames: list[MarkerFrame],
     both: Seen,
     taken: int,
+    person: str,
 ) -> list[dict[str, Any]]:
-    """Return the errors of every input in the last `taken` frames (after calibration)."""
+    """Return the errors of every input in the last `taken` frames (after calibration).
+
+    Args:
+        person: name of the subject in the database.
+    """
     start = source.frames - taken
     true_subject = Subject("true", source.motion.skeleton, source.subject.marker_set)
     worn, bodies = load_marker_set(MARKER_SET), load_bodies()
-    of_one = subject_from_recording(frames[:start], source.fps, worn, bodies, "T pose", ("t",)).subject
-    found = subject_from_recording(frames[:start], source.fps, worn, bodies, "all poses", CALIBRATION).subject
+    # a person's name in the database gives the rest of the hands, not the bones
+    of_one = subject_from_recording(frames[:start], source.fps, worn, bodies, person, ("t",)).subject
+    found = subject_from_recording(frames[:start], source.fps, worn, bodies, person, CALIBRATION).subject
     take, _ = simulate_markers(source.motion, true_subject)
     solutions = {
         "true markers": _from_take(take, true_subject, database),

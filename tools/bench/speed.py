@@ -267,7 +267,7 @@ def _solving(truth: Motion, database: Database) -> list[Row]:
 def _searches(truth: Motion, database: Database) -> list[Row]:
     """Time each search, and compare its poses with those of the exhaustive one."""
     subject = true_subject(truth)
-    model = SubjectModel(subject, database.zero_of(subject.skeleton))
+    model = SubjectModel(subject, database.zero_of(subject.skeleton, subject.name))
     markers = simulate_markers(truth, subject)[0].positions_m[:_COMPARED_FRAMES]
     exhaustive = PoseSolver(model, database, SolveSettings(search="exhaustive"))
     errors = {

@@ -107,6 +107,12 @@ def test_a_recorded_body_has_its_own_zero_and_a_stranger_the_common_one(database
     assert database.zero_of(scaled(default_skeleton(), 1.05)) is database.mean_rotations
 
 
+def test_a_recorded_person_with_measured_bones_has_his_own_zero_by_name(database: Database) -> None:
+    measured, person = scaled(default_skeleton(), 1.05), database.zeros[2]
+    assert database.zero_of(measured, person.subject) is person.rotations
+    assert database.zero_of(measured, "nobody") is database.mean_rotations
+
+
 def test_mirror_images_have_zeros_of_their_own(motion: tuple[np.ndarray, list[Clip]]) -> None:
     rotations, clips = motion
     images = [Clip(c.name, "", c.subject, 60.0, c.start, c.stop, c.skeleton, mirrored=True) for c in clips[:CLIPS]]

@@ -114,3 +114,49 @@ def test_blobs_are_labelled_in_each_image_and_single_ones_stay_rays():
     np.testing.assert_array_equal(labelled.single_cameras, [0] + [-1] * 8)
     np.testing.assert_allclose(labelled.points_m[1:], points[1:], atol=1e-3)
     np.testing.assert_allclose(cameras[0].to_pixels(labelled.normalised[0, 0]), blobs[0][0, :2], atol=1e-3)
+
+
+def followed(places_m: list[np.ndarray], elapsed_s: float = 1 / 60) -> np.ndarray:
+    """Return which markers are sure after following places (M, 3) from labels that are certain."""
+    labeller = Labeller([f"marker {index}" for index in range(len(places_m[0]))])
+    labels = np.arange(len(places_m[0]))
+    labeller.begin(places_m[0], labels)
+    labeller.vouch()
+    before = places_m[0]
+    for points in places_m[1:]:
+        seen = np.isfinite(points[:, 0])
+        labeller.label(points[seen], spread(int(seen.sum())), before, elapsed_s)
+        before = np.where(seen[: len(before), None], points[: len(before)], before)
+    return labeller.is_sure
+
+
+def test_markers_followed_without_a_doubt_are_sure() -> None:
+    start = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
+    steps = [start + np.array([0.02 * frame, 0.0, 0.0]) for frame in range(4)]  # 1.2 m/s
+    assert followed(steps).all()
+    before = Labeller(["a", "b", "c", "d"])
+    before.begin(start, np.arange(4))
+    assert not before.is_sure.any()  # nobody has vouched for them
+
+
+def test_markers_that_meet_or_jump_or_were_lost_are_not_sure() -> None:
+    start = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
+    meeting = [start * [share, 1.0, 1.0] for share in (1.0, 0.92, 0.84, 0.76, 0.68)]  # 5 cm nearer in each frame
+    assert followed(meeting).all()
+    close = start * [0.1, 1.0, 1.0]  # 5 cm apart
+    assert not followed([close, close]).any()
+    stranger = np.concatenate((start, np.array([[0.05, 0.0, 0.0]])))
+    np.testing.assert_array_equal(followed([start, stranger]), [False, True, True, True])
+    jumped = start.copy()
+    jumped[2] += [0.0, 0.07, 0.0]
+    np.testing.assert_array_equal(followed([start, jumped]), [True, True, False, True])
+    hidden = start.copy()
+    hidden[3] = np.nan
+    np.testing.assert_array_equal(followed([start, hidden, start]), [True, True, True, True])  # a thirtieth of a second
+    np.testing.assert_array_equal(followed([start, *[hidden] * 6, start]), [True, True, True, False])
+
+
+def test_a_cut_leaves_no_marker_sure() -> None:
+    start = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
+    cut = start + np.array([[0.0, 0.07, 0.0]] * 3 + [[0.0, 0.0, 0.0]])
+    assert not followed([start, cut]).any()

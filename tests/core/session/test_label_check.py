@@ -1,0 +1,53 @@
+"""Right labels stay where the markers were followed without a doubt."""
+
+from collections.abc import Generator
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from perfanim.core.labelling.initial_labelling import InitialLabels
+from perfanim.core.markers.marker_frame import MarkerFrame
+from perfanim.core.session.label_check import LabelCheck, Rival
+
+POINTS_M = np.array([[0.0, 1.0, 0.0], [0.4, 1.0, 0.0], [0.0, 1.5, 0.0], [0.4, 1.5, 0.0]])
+EXCHANGED = np.array([1, 0, 2, 3])
+
+
+class OneRival:
+    """Stands for the labeller of a database whose poses say that two markers are exchanged."""
+
+    def __init__(self, gain: float) -> None:
+        self._gain = gain
+
+    def search(self, points_m: np.ndarray) -> Generator[int, None, InitialLabels]:
+        yield 1
+        return InitialLabels(EXCHANGED, 20.0 - self._gain, POINTS_M, ())
+
+    def cost(self, *_: Any) -> float:
+        return 20.0
+
+
+def rival(gain: float, is_sure: np.ndarray) -> Rival | None:
+    """Return the labels that the first check finds better than the present ones."""
+    check: Any = LabelCheck(OneRival(gain), ("a", "b", "c", "d"), np.ones(4, dtype=bool))  # type: ignore[arg-type]
+    frame = MarkerFrame(0, 1.0, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
+    pose = SimpleNamespace(observed_m=POINTS_M, markers_m=POINTS_M, confidence=0.9, time_s=1.0)
+    return check.step(frame, 1 / 60, pose, is_sure)  # type: ignore[no-any-return]
+
+
+def test_likelier_labels_replace_those_of_markers_that_may_be_others() -> None:
+    found = rival(9.0, np.zeros(4, dtype=bool))
+    assert found is not None
+    np.testing.assert_array_equal(found.labels, EXCHANGED)
+    assert not found.contradicts
+
+
+def test_a_motion_unlike_the_database_does_not_rename_markers_that_were_followed() -> None:
+    assert rival(9.0, np.array([True, False, False, False])) is None
+    assert rival(9.0, np.array([False, False, True, True])) is not None  # the two are not concerned
+
+
+def test_much_likelier_labels_rename_even_these() -> None:
+    found = rival(25.0, np.ones(4, dtype=bool))
+    assert found is not None
+    assert found.contradicts
