@@ -17,7 +17,7 @@ from ..session.solve_request import BodyFiles, MotionOutput, SolveMarkers, Solve
 from ..session.solve_take import SolvedTake
 from ..solver.settings import METHODS
 from ..system.progress import Progress
-from .options import add_choice, add_motion_options, add_names_option, add_repeated, add_text
+from .options import add_choice, add_motion_options, add_names_option, add_repeated, add_switch, add_text
 
 
 def add_parser(subparsers: Any) -> None:
@@ -94,6 +94,7 @@ def _add_recorded_options(parser: argparse.ArgumentParser) -> None:
         help="of a .perftake: a prop besides the performer (repeatable; default: the recorded ones); writes "
         "MOTION.PROP.csv beside the motion",
     )
+    add_switch(parser, "--causal", "of a .perftake: label each frame by earlier ones alone, as live")
     add_repeated(
         parser,
         "--performer",
@@ -126,6 +127,7 @@ def check(args: argparse.Namespace) -> None:
     for is_wrong, message in (
         (not recorded and args.cameras is not None, "--cameras: only a .perftake holds 2D detections of cameras"),
         (not recorded and args.prop, f"--prop: {unlabelled}"),
+        (not recorded and args.causal, f"--causal: {unlabelled}"),
         (not recorded and args.performer, f"--performer: {unlabelled}"),
         (recorded and args.up is not None, "--up: a .perftake has y up"),
         (recorded and args.names is not None, "--names: a .perftake has its marker set's labels"),
@@ -160,6 +162,7 @@ def solve(args: argparse.Namespace, progress: Progress, cache: SessionCache) -> 
             props=args.prop or (),
             performers=args.performer,
             method=args.method,
+            causal=args.causal,
         )
         if args.cameras is not None:
             from ..vision.relocate import retriangulate  # images' libraries are slow to load

@@ -29,7 +29,7 @@ from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
 from ..session.multi_target_session import MultiTargetSession
 from ..session.session import Session
-from ..session.solve_take import SolvedTake, solve_frames
+from ..session.solve_take import solve_frames
 from ..system.files import atomic_path
 from ..system.progress import Progress
 from ..vision.calibration.floor import rig_on_floor
@@ -184,8 +184,8 @@ class TrackImages:
         def after_detection(fraction: float, text: str) -> None:
             progress(_DETECTION_SHARE + (1.0 - _DETECTION_SHARE) * fraction, text)
 
-        poses, seconds = solve_frames(frames, MultiTargetSession([session]), "labelling", after_detection)
-        solved, name = SolvedTake(tuple(poses), (), seconds), self.subject.name
+        solved = solve_frames(frames, MultiTargetSession([session]), "labelling", after_detection)
+        name = self.subject.name
         take = take_of_poses(solved.poses_of(), self.subject.marker_set.names, self._name, fps, self.rig)
         measured, advice = solved.summary(), "check --subject and --marker-set"
         if not any(np.isfinite(pose.marker_rms_m) for pose in solved.poses_of()):

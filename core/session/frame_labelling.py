@@ -22,6 +22,8 @@ from .label_check import LabelCheck
 _EXAMPLES = 2048  # poses of the database that a body without a past is compared with,
 _SAME_M = 0.02  # distance up to which two points are the same
 _EVERY = 2  # located points with every second of them
+_NOTHING_COST = 8.0  # of each point of a frame without any label
+_FIT_M, _UNFIT_M = 0.01, 0.03  # deviation of a marker from the solved body, and the most that counts
 
 
 class RivalLabels(NamedTuple):
@@ -72,6 +74,7 @@ class FrameLabeller:
     ) -> None:
         self._names, self._torso, self._cameras = names, model.torso, cameras
         self._initial = InitialLabeller(examples.markers_m[::_EVERY], examples.ups[::_EVERY], model.torso)
+        self.labellings = 0
         self.reset()
 
     def reset(self) -> None:
@@ -108,12 +111,21 @@ class FrameLabeller:
     def follow_rival(self, rival: RivalLabels) -> None:
         """Go on with other labels than those so far."""
         self.reset()
+        self.labellings += 1
         self._labeller = rival.labeller
         self._check.begin(rival.time_s)
 
     def expected(self, predicted_m: Array, elapsed_s: float) -> tuple[Array, Array]:
         """Return the expected marker positions (M, 3) and their uncertainty (M,), metres."""
         return self._labeller.expected(predicted_m, elapsed_s)
+
+    def cost(self, frame: MarkerFrame, pose: PerformerPose) -> float:
+        """Return minus the logarithm of the likelihood of the labels of a frame's pose."""
+        located = int(np.sum(np.isfinite(pose.observed_m[:, 0])))
+        if located == 0:
+            return _NOTHING_COST * min(len(frame.points_m), len(self._names))
+        cost = self._initial.cost(pose.observed_m, pose.markers_m, max(len(frame.points_m) - located, 0))
+        return cost + 0.5 * located * (float(np.fmin(pose.marker_rms_m, _UNFIT_M)) / _FIT_M) ** 2
 
     def label_initially(self, points_m: Array) -> InitialLabels | None:
         """Return labels of points (N, 3) without a past, None when they are unlike a body."""
@@ -151,6 +163,7 @@ class FrameLabeller:
         if self._search.advance(WORK_ALONE):
             if self._search.found is not None:
                 self._labeller, labels = self._search.carry(self._search.found.labels)
+                self.labellings += 1
                 self._check.begin(frame.time_s, self._search.found)
             self._search = None
         return labels

@@ -5,7 +5,9 @@ Each point has at most one target. Props come first, as their patterns are exact
 
 from collections.abc import Sequence
 
-from ..body.scene_pose import ScenePose
+import numpy as np
+
+from ..body.scene_pose import PerformerPose, PropPose, ScenePose
 from ..errors import SettingsError
 from ..labelling.prop_tracking import PropTracker
 from ..markers.marker_frame import MarkerFrame, undistort_blobs
@@ -13,6 +15,8 @@ from ..markers.prop import Prop, check_distinct
 from ..markers.usable_frame import FrameTimes, usable_frame
 from .performer_assignment import PerformerAssignment
 from .session import Session
+
+_SIGMA_M = 0.001  # uncertainty of points with known labels
 
 
 class MultiTargetSession:
@@ -33,13 +37,33 @@ class MultiTargetSession:
         cameras = self.rig.cameras if self.rig else ()
         if len(sessions) > 1 and len(cameras) == 1:
             raise SettingsError("one camera cannot tell several performers apart", advice="use two cameras")
-        self._sessions = tuple(sessions)
-        self._assignment = PerformerAssignment(sessions)
-        self._times = FrameTimes()
-        self._trackers = [PropTracker(prop, cameras) for prop in props]
+        self._sessions, self._props = tuple(sessions), tuple(props)
+        self._begin()
 
-    def step(self, frame: MarkerFrame) -> ScenePose:
-        """Return the poses of all performers and props in the next marker frame."""
+    def _begin(self) -> None:
+        self._assignment = PerformerAssignment(self._sessions)
+        self._times = FrameTimes()
+        self._trackers = [PropTracker(prop, self.rig.cameras if self.rig else ()) for prop in self._props]
+
+    def reset(self) -> None:
+        """Forget the motion so far."""
+        self._begin()
+        for session in self._sessions:
+            session.reset()
+
+    @property
+    def labellings(self) -> int:
+        """How often labels of a performer without a past were found, or replaced."""
+        return sum(session.labeller.labellings for session in self._sessions)
+
+    def label_cost(self, frame: MarkerFrame, pose: ScenePose) -> float:
+        """Return minus the logarithm of the likelihood of the labels of a frame's pose."""
+        return sum(
+            session.labeller.cost(frame, each) for session, each in zip(self._sessions, pose.performers, strict=True)
+        )
+
+    def step(self, frame: MarkerFrame, doubts: bool = True) -> ScenePose:
+        """Return the poses of all performers and props; `doubts` as of `Session.step`."""
         if not self._times.admit(frame.time_s):
             waiting = [session.step(frame) for session in self._sessions]
             return ScenePose(tuple(waiting), tuple(tracker.last_pose() for tracker in self._trackers), waiting[0].notes)
@@ -47,9 +71,7 @@ class MultiTargetSession:
             self._assignment = PerformerAssignment(self._sessions)
             for session in self._sessions:
                 session.restart()
-        cameras = self.rig.cameras if self.rig else ()
-        labels = max(len(subject.marker_set) for subject in self.subjects)
-        frame = undistort_blobs(usable_frame(frame, labels, len(cameras)), cameras)
+        frame = undistort_blobs(self._usable(frame), self.rig.cameras if self.rig else ())
         props, hidden = [], []
         for tracker in self._trackers:
             detection = tracker.step(frame)
@@ -58,11 +80,50 @@ class MultiTargetSession:
             if not detection.pose.found:
                 hidden.append(f"{tracker.prop.name} hidden")
         shares = self._assignment.split_frame(frame) if len(self._sessions) > 1 else [frame]
-        performers = tuple(session.step(share) for session, share in zip(self._sessions, shares, strict=True))
+        return self._solve(frame.notes, shares, tuple(props), hidden, doubts)
+
+    def step_labelled(self, frame: MarkerFrame, known: ScenePose) -> ScenePose:
+        """Return the poses in the next frame with the labels and props of known poses."""
+        frame = self._usable(frame)
+        shares = [_labelled_share(frame, pose) for pose in known.performers]
+        pairs = zip(self._props, known.props, strict=True)
+        hidden = [f"{prop.name} hidden" for prop, pose in pairs if not pose.found]
+        return self._solve(frame.notes, shares, known.props, hidden, doubts=False)
+
+    def _usable(self, frame: MarkerFrame) -> MarkerFrame:
+        labels = max(len(subject.marker_set) for subject in self.subjects)
+        return usable_frame(frame, labels, len(self.rig or ()))
+
+    def _solve(
+        self,
+        notes: tuple[str, ...],
+        shares: Sequence[MarkerFrame],
+        props: tuple[PropPose, ...],
+        hidden: list[str],
+        doubts: bool,
+    ) -> ScenePose:
+        performers = tuple(session.step(share, doubts) for session, share in zip(self._sessions, shares, strict=True))
         further = [
             f"{subject.name}: {note}"
             for subject, performer in zip(self.subjects[1:], performers[1:], strict=True)
             for note in performer.notes
-            if note not in frame.notes
+            if note not in notes
         ]
-        return ScenePose(performers, tuple(props), (*performers[0].notes, *further, *hidden))
+        return ScenePose(performers, props, (*performers[0].notes, *further, *hidden))
+
+
+def _labelled_share(frame: MarkerFrame, pose: PerformerPose) -> MarkerFrame:
+    """Return a frame of the labelled points and rays of a pose alone."""
+    points, rays = np.flatnonzero(np.isfinite(pose.observed_m[:, 0])), np.flatnonzero(pose.single_cameras >= 0)
+    return MarkerFrame(
+        frame.number,
+        frame.time_s,
+        pose.observed_m[points],
+        np.broadcast_to(_SIGMA_M**2 * np.eye(3), (len(points), 3, 3)),
+        points,
+        single_cameras=pose.single_cameras[rays],
+        single_blobs=np.full(len(rays), -1, dtype=np.int64),
+        single_points=pose.single_points[rays],
+        single_labels=rays,
+        notes=frame.notes,
+    )

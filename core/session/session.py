@@ -10,7 +10,6 @@ from ..body.scene_pose import PerformerPose
 from ..database.store import Database
 from ..geometry.arrays import Array
 from ..geometry.camera import CameraRig
-from ..labelling.initial_labelling import InitialLabels
 from ..markers.marker_frame import MarkerFrame
 from ..markers.subject import Subject
 from ..markers.usable_frame import FrameTimes, usable_frame
@@ -27,7 +26,11 @@ _WORSE_M = 0.01  # RMS by which right labels may fit the body worse than others
 
 
 class Session:
-    """Labels and solves the frames of one subject; single-camera markers need `rig`."""
+    """Labels and solves the frames of one subject; single-camera markers need `rig`.
+
+    Attributes:
+        labeller: of its frames.
+    """
 
     def __init__(
         self, subject: Subject, database: Database, rig: CameraRig | None = None, settings: SolveSettings | None = None
@@ -40,7 +43,7 @@ class Session:
         self._model = SubjectModel(subject, database.zero_of(subject.skeleton, subject.name))
         self._solver = PoseSolver(self._model, database, self.settings)
         examples = BodyExamples(self._model, database)
-        self._labeller = FrameLabeller(subject.marker_set.names, self._model, cameras, examples)
+        self.labeller = FrameLabeller(subject.marker_set.names, self._model, cameras, examples)
         self._hypotheses: HypothesisTracker | None = None
         if self._has_one_camera:
             self._hypotheses = HypothesisTracker(cameras[0], self._solver, examples.start_poses_m, examples.markers_m)
@@ -54,8 +57,11 @@ class Session:
         self._easer = PoseEaser(self._model.skeleton, self._model.joints, self._model.offsets_m)
         self.restart()
 
-    def step(self, frame: MarkerFrame) -> PerformerPose:
-        """Return the next frame's pose; the last one for a frame with an impossible time."""
+    def step(self, frame: MarkerFrame, doubts: bool = True) -> PerformerPose:
+        """Return the next frame's pose; the last one for a frame with an impossible time.
+
+        Without `doubts`, labels of a tracked body are not compared with others.
+        """
         if not self._times.admit(frame.time_s):
             return self._last_pose(frame, self._last.time_s if self._last else 0.0, TrackingNote.REFUSED)
         if self._times.jumped:
@@ -74,7 +80,7 @@ class Session:
         self._last = pose
         if self._quality.is_lost(pose):
             self.restart()
-        elif solution and not is_labelled(frame):
+        elif doubts and solution and not is_labelled(frame):
             self._compare_labels(frame, elapsed_s, before, pose, solution.nearest_m)
         return pose
 
@@ -87,19 +93,11 @@ class Session:
         """Return expected markers (M, 3) and uncertainty (M,), metres, None if untracked."""
         if self._state.markers_m is None:
             return None
-        return self._labeller.expected(self._state.markers_m, self._elapsed_s(time_s))
-
-    def label_initially(self, points_m: Array) -> InitialLabels | None:
-        """Return labels of points (N, 3) without a past, None when unlike the body."""
-        return self._labeller.label_initially(points_m)
-
-    def label_tracked(self, frame: MarkerFrame, predicted_m: Array, elapsed_s: float) -> Observation:
-        """Return the labelled markers of a frame, see `FrameLabeller.label_tracked`."""
-        return self._labeller.label_tracked(frame, predicted_m, elapsed_s)
+        return self.labeller.expected(self._state.markers_m, self._elapsed_s(time_s))
 
     def restart(self) -> None:
         """Let the next frame be labelled and solved like the first."""
-        self._labeller.reset()
+        self.labeller.reset()
         self._forget()
 
     def _forget(self) -> None:
@@ -114,7 +112,7 @@ class Session:
 
     def _track(self, frame: MarkerFrame) -> tuple[Observation, Solution | None]:
         """Label and solve a frame by the pose before."""
-        observation = self._labeller.label(frame, self._state.markers_m, self._elapsed_s(frame.time_s))
+        observation = self.labeller.label(frame, self._state.markers_m, self._elapsed_s(frame.time_s))
         solution, self._state = self._solver.step(self._state, observation, frame.time_s)
         if self._quality.is_pose_check_due(frame.time_s, observation, solution) and solution is not None:
             solution = self._escape_local_minimum(frame.time_s, observation, solution)
@@ -139,7 +137,7 @@ class Session:
         self, frame: MarkerFrame, elapsed_s: float, before: SolverState, pose: PerformerPose, nearest_m: float
     ) -> None:
         """Go on with other labels of a solved frame where they explain it better."""
-        rival = self._labeller.find_rival(frame, elapsed_s, pose)
+        rival = self.labeller.find_rival(frame, elapsed_s, pose)
         if rival is None:
             return
         if np.isfinite(rival.nearer):
@@ -155,7 +153,7 @@ class Session:
             return
         if not rival.adds:
             self._quality.reset()
-        self._labeller.follow_rival(rival)
+        self.labeller.follow_rival(rival)
         self._state = state
 
     def _track_hypotheses(self, frame: MarkerFrame, tracker: HypothesisTracker) -> tuple[Observation, Solution | None]:
@@ -187,7 +185,7 @@ class Session:
             time_s=frame.time_s,
             rotations=rotations,
             root_position_m=solution.root.position_m,
-            confidence=fit.confidence * (1.0 if is_sure else self._labeller.confidence(frame, observation.points_m)),
+            confidence=fit.confidence * (1.0 if is_sure else self.labeller.confidence(frame, observation.points_m)),
             markers_m=solution.markers_m,
             observed_m=observation.points_m,
             single_cameras=observation.cameras,

@@ -1,7 +1,7 @@
 """Requests to solve one take, labelled or recorded, as files and options."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from ..body.foot_lock import floor_of, hold_feet
 from ..body.motion import Motion
+from ..body.scene_pose import doubtful_stretches
 from ..body.skeleton import marker_positions
 from ..database.store import Database, identity
 from ..errors import SubjectError, TakeError
@@ -17,6 +18,7 @@ from ..formats.markers.prop_csv import write_prop_csv
 from ..formats.motion.read_motion import read_skeleton
 from ..formats.motion.write_motion import write_motion
 from ..formats.take_file.reading import TakeFile, read_take_file
+from ..geometry.arrays import runs
 from ..geometry.camera import CameraRig
 from ..geometry.rig_file import load_rig
 from ..labelling.take_import import import_take
@@ -206,6 +208,12 @@ def _label_differences(take: MarkerTake, subject: Subject) -> list[str]:
     ] * bool(unused)
 
 
+def _stretches(solved: SolvedTake) -> list[Facts]:
+    """Return the stretches with labels from later frames, in seconds from the start."""
+    times_s = [pose.time_s - solved.poses[0].time_s for pose in solved.poses]
+    return [{"start_s": times_s[start], "stop_s": times_s[stop - 1]} for start, stop in runs(solved.relabelled)]
+
+
 @dataclass(frozen=True)
 class SolveRecorded:
     """Solve a recorded take again.
@@ -213,6 +221,7 @@ class SolveRecorded:
     Args:
         take: the file; its set-up replaces None and empty values here.
         performers: files of further performers.
+        causal: as live, see `solve_frames`.
         retriangulate: function needed with `cameras`; this package loads no OpenCV.
     """
 
@@ -224,6 +233,7 @@ class SolveRecorded:
     props: Sequence[str] = ()
     performers: Sequence[str] = ()
     method: str | None = None
+    causal: bool = False
     retriangulate: Callable[[CameraRig, Sequence[MarkerFrame]], Iterable[MarkerFrame]] | None = None
 
     def run(self, progress: Progress, cache: SessionCache) -> tuple[SolvedTake, Facts]:
@@ -249,13 +259,14 @@ class SolveRecorded:
         if self.performers:
             further = [load_subject(performer) for performer in self.performers]
         setup = CaptureSetup(rig, (subject, *further), props, database, settings)
-        solved = solve_recorded(take, frames, setup, progress, cache.session)
+        solved = solve_recorded(take, frames, setup, progress, cache.session, self.causal)
         if self.output.is_take:
             save_resolved_take(out, take, frames, setup, solved)
         warnings = list(take.problems)
         if self.database is None and identity(database)["sha256"] != take.setup.database.get("sha256"):
             warnings.append(f"{path} has changed since the take was recorded")
         facts: Facts = {"method": settings.method, "warnings": warnings, "complete": take.complete}
+        facts |= {"relabelled": _stretches(solved), "doubtful": [*map(asdict, doubtful_stretches(solved.poses_of()))]}
         if props:
             facts["props"] = self._write_props(take, solved, setup)
         if further:

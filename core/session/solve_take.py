@@ -12,7 +12,7 @@ from ..database.store import Database
 from ..errors import TakeError
 from ..formats.take_file.reading import TakeFile
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, Mask
 from ..markers.filtering import smooth_on_body
 from ..markers.frame_rate import frame_rate
 from ..markers.gap_filling import fill_gaps, widen_gaps
@@ -24,8 +24,10 @@ from ..solver.settings import SolveSettings
 from ..system.progress import Progress
 from .capture_setup import CaptureSetup, SessionMaker
 from .multi_target_session import MultiTargetSession
+from .recorded_frames import relabel
 from .session import Session
 
+_LIVE_SHARE = 0.7  # of the work, roughly, as live
 _REPORT_EVERY = 30  # frames between two signs of progress
 
 
@@ -34,12 +36,14 @@ class SolvedTake:
     """Poses and motions of a take.
 
     Args:
-        seconds: (F,) time that each frame took.
+        seconds: (F,) time that each frame took, without the time to go back.
+        relabelled: (F,) frames with labels that later frames have proven.
     """
 
     poses: tuple[ScenePose, ...]
     motions: tuple[Motion, ...]
     seconds: Array
+    relabelled: Mask
 
     @property
     def motion(self) -> Motion:
@@ -74,9 +78,8 @@ def solve_take(
     """Solve a labelled take, also with its markers seen by single cameras."""
     session = MultiTargetSession([sessions(subject, database, take.single.rig if take.single else None, settings)])
     frames = list(take_frames(take, subject.marker_set))
-    poses, seconds = solve_frames(frames, session, f"solving {take.name}", progress)
-    motion = motion_of([pose.performers[0] for pose in poses], subject, take.name, take.fps)
-    return SolvedTake(tuple(poses), (motion,), seconds)
+    solved = solve_frames(frames, session, f"solving {take.name}", progress)
+    return replace(solved, motions=(motion_of(solved.poses_of(), subject, take.name, take.fps),))
 
 
 def fill_take(
@@ -100,37 +103,56 @@ def solve_recorded(
     setup: CaptureSetup,
     progress: Progress,
     sessions: SessionMaker = Session,
+    causal: bool = False,
 ) -> SolvedTake:
-    """Solve a recorded take as live; its motions leave out the countdown.
+    """Solve a recorded take; its motions leave out the countdown.
 
     Args:
         frames: its marker frames, or others from its 2D detections.
+        causal: see `solve_frames`.
 
     Raises:
         TakeError: there are not two frames.
     """
     name = take.notes.name
-    poses, seconds = solve_frames(frames, setup.make_session(sessions), f"solving {name}", progress)
-    recorded = [pose for pose in poses if take.is_recorded(pose.number)]
+    solved = solve_frames(frames, setup.make_session(sessions), f"solving {name}", progress, causal)
+    recorded = [pose for pose in solved.poses if take.is_recorded(pose.number)]
     motions = tuple(
         resample_uniform([pose.performers[index] for pose in recorded], subject, name, str(take.path))
         for index, subject in enumerate(setup.performers)
     )
-    return SolvedTake(tuple(poses), motions, seconds)
+    return replace(solved, motions=motions)
 
 
 def solve_frames(
-    frames: Sequence[MarkerFrame], session: MultiTargetSession, activity: str, progress: Progress
-) -> tuple[list[ScenePose], Array]:
-    """Return the poses of frames, and the time (F,) of each."""
-    poses, seconds = [], []
+    frames: Sequence[MarkerFrame],
+    session: MultiTargetSession,
+    activity: str,
+    progress: Progress,
+    causal: bool = False,
+) -> SolvedTake:
+    """Return the poses of frames, without motions.
+
+    Labels that the session finds, or replaces, hold from the moment of doubt on; if `causal`, from then on, as live.
+    """
+    poses: list[ScenePose] = []
+    seconds, begun = [], []
     for i, frame in enumerate(frames):
         if i % _REPORT_EVERY == 0:
-            progress(i / len(frames), activity)
-        start = time.perf_counter()
+            progress(_LIVE_SHARE * i / len(frames), activity)
+        start, before = time.perf_counter(), session.labellings
         poses.append(session.step(frame))
         seconds.append(time.perf_counter() - start)
-    return poses, np.array(seconds)
+        if session.labellings != before:
+            begun.append(i + 1)
+    if causal:
+        return SolvedTake(tuple(poses), (), np.array(seconds), np.zeros(len(poses), dtype=bool))
+
+    def later(share: float) -> None:
+        progress(_LIVE_SHARE + (1.0 - _LIVE_SHARE) * share, f"{activity} again")
+
+    found, relabelled = relabel(frames, poses, [at for at in begun if at < len(frames)], session, later)
+    return SolvedTake(tuple(found), (), np.array(seconds), relabelled)
 
 
 def resample_uniform(poses: Sequence[PerformerPose], subject: Subject, name: str, where: str) -> Motion:

@@ -1,19 +1,21 @@
 """Cuts from one take to another, without labels: when the labels are right again."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from perfanim.core.body.calibration_poses import t_pose
 from perfanim.core.body.motion import Motion, sliced
-from perfanim.core.body.scene_pose import DOUBTFUL
+from perfanim.core.body.scene_pose import DOUBTFUL, PerformerPose
 from perfanim.core.body.skeleton import Skeleton
 from perfanim.core.database.store import Database
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import Array, Mask
 from perfanim.core.markers.marker_frame import MarkerFrame
+from perfanim.core.session.multi_target_session import MultiTargetSession
 from perfanim.core.session.session import Session
+from perfanim.core.session.solve_take import solve_frames
 from perfanim.core.simulate.markers import simulate_markers
 
 from .data import FPS
@@ -94,20 +96,19 @@ def facing(motion: Motion, yaw_rad: float, place_m: Array) -> Motion:
 
 
 def play_cut(cut: Cut, database: Database, generator: np.random.Generator) -> tuple[dict[str, Any], Mask, Array]:
-    """Show a cut's markers without labels to a new session.
+    """Show a cut's markers without labels to a session, live and as a recorded take.
 
     Returns:
-        row of the table; (N,) frames of the second take with right labels, and their confidences.
+        row of the table; (N,) frames of the second take with right labels live, and their confidences.
     """
     motion = Motion(cut.subject, FPS, cut.skeleton, t_pose(cut.skeleton)[None], np.zeros((1, 3)))
-    session = Session(true_subject(motion), database, settings=WITHOUT_PRIOR)
-    right, confidence = [], []
-    for number, true in enumerate(cut.positions_m):
-        frame, shown = _frame(number, true, generator)
-        pose = session.step(frame)
-        right.append(_is_right(pose.observed_m, true, shown))
-        confidence.append(pose.confidence)
-    after, sure = np.array(right[cut.back :]), np.array(confidence[cut.back :])
+    session = MultiTargetSession([Session(true_subject(motion), database, settings=WITHOUT_PRIOR)])
+    frames, shown = zip(*(_frame(number, true, generator) for number, true in enumerate(cut.positions_m)), strict=True)
+    live = solve_frames(frames, session, cut.title, lambda fraction, text: None, causal=True).poses_of()
+    session.reset()
+    recorded = solve_frames(frames, session, cut.title, lambda fraction, text: None).poses_of()
+    right = [_is_right(pose.observed_m, *seen) for pose, *seen in zip(live, cut.positions_m, shown, strict=True)]
+    after, sure = np.array(right[cut.back :]), np.array([pose.confidence for pose in live[cut.back :]])
     steady = np.flatnonzero(np.lib.stride_tricks.sliding_window_view(after, _STEADY).all(axis=1))
     wrong = ~after
     row = {
@@ -118,8 +119,17 @@ def play_cut(cut: Cut, database: Database, generator: np.random.Generator) -> tu
         "wrong_frames": int(wrong.sum()),
         "doubted_wrong_frames": int((sure[wrong] < DOUBTFUL).sum()),
         "frames": len(after),
+        "shown_markers": int(np.sum(shown)),
+        "right_markers": _right_markers(live, cut, shown),
+        "recorded_right_markers": _right_markers(recorded, cut, shown),
     }
     return row, after, sure
+
+
+def _right_markers(poses: list[PerformerPose], cut: Cut, shown: Sequence[Mask]) -> int:
+    """Return how many shown markers of all frames have their label."""
+    away = np.linalg.norm([pose.observed_m for pose in poses] - cut.positions_m, axis=2)
+    return int(np.sum((away < _RIGHT_M) & np.array(shown)))
 
 
 def cut_figures(rows: list[dict[str, Any]]) -> dict[str, Any]:
@@ -129,6 +139,7 @@ def cut_figures(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """
     times = seconds_until_right(rows)
     wrong = sum(row["wrong_frames"] for row in rows)
+    shown = sum(row["shown_markers"] for row in rows)
     doubted = sum(row["doubted_wrong_frames"] for row in rows)
     return {
         "right_again_s_median": round(float(np.median(times)), 4),
@@ -137,6 +148,9 @@ def cut_figures(rows: list[dict[str, Any]]) -> dict[str, Any]:
         "never_right": sum(row["right_again_s"] is None for row in rows),
         "wrong_share": round(wrong / sum(row["frames"] for row in rows), 4),
         "doubted_share_of_wrong": round(doubted / wrong, 4) if wrong else 1.0,
+        "live_right_share": round(sum(row["right_markers"] for row in rows) / shown, 4),
+        "recorded_right_share": round(sum(row["recorded_right_markers"] for row in rows) / shown, 4),
+        "recorded_wrong_max": max(row["shown_markers"] - row["recorded_right_markers"] for row in rows),
     }
 
 

@@ -120,7 +120,7 @@ def stage_times(streams: Streams, database: Database) -> StageTimes:
 
 def _label(session: Session, frame: MarkerFrame, before: PerformerPose) -> int:
     """Label a frame by the pose before; return the number of located markers."""
-    return int(session.label_tracked(frame, before.markers_m, 1.0 / _FPS).located.sum())
+    return int(session.labeller.label_tracked(frame, before.markers_m, 1.0 / _FPS).located.sum())
 
 
 @dataclass(frozen=True)

@@ -74,6 +74,7 @@ def test_a_body_known_to_the_database_is_named_after_the_cut(takes, database_of,
         assert len(right) == len(confidence) == AFTER
         assert row["right_again_s"] <= 1.0
         assert row["wrong_frames"] == (~right).sum()
+        assert row["right_markers"] < row["recorded_right_markers"] <= row["shown_markers"]
 
 
 def test_two_who_pass_each_other_keep_their_labels(embedded_motion, database_of, tmp_path):
@@ -110,11 +111,13 @@ def test_cuts_are_the_same_for_a_seed_and_hide_the_body_between(takes):
 
 def test_labels_that_never_come_right_count_as_late():
     row = {"wrong_frames": 0, "doubted_wrong_frames": 0, "frames": AFTER}
+    row |= {"shown_markers": 100, "right_markers": 90, "recorded_right_markers": 99}
     rows = [row | {"right_again_s": 0.0}, row | {"right_again_s": None, "wrong_frames": 4, "doubted_wrong_frames": 1}]
     figures = cut_figures(rows)
     assert figures["never_right"] == 1
     assert figures["right_again_s_max"] == AFTER / FPS
     assert figures["doubted_share_of_wrong"] == 0.25
+    assert (figures["live_right_share"], figures["recorded_right_share"]) == (0.9, 0.99)
 
 
 def test_a_motion_is_turned_without_a_change_of_its_shape(truth):
