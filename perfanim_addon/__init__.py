@@ -1,13 +1,5 @@
 """The Blender side: thin operators and panels over `core`."""
 
-from . import registration
+from .registration import register, unregister
 
-
-def register() -> None:
-    """Register all classes, properties and handlers."""
-    registration.register()
-
-
-def unregister() -> None:
-    """Undo `register` in reverse order."""
-    registration.unregister()
+__all__ = ["register", "unregister"]

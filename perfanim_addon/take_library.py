@@ -38,11 +38,7 @@ def folder() -> Path:
 
 def new_path() -> Path:
     """Return an unused file for a capture that begins now."""
-    name = datetime.now().astimezone().strftime("%Y-%m-%d %H.%M.%S")
-    path, count = folder() / f"{name}{ENDING}", 2
-    while path.exists():
-        path, count = folder() / f"{name} ({count}){ENDING}", count + 1
-    return path
+    return unused_path(folder(), datetime.now().astimezone().strftime("%Y-%m-%d %H.%M.%S"))
 
 
 def listed() -> list[TakeSummary]:

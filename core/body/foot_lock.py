@@ -82,7 +82,6 @@ class _Foot:
     offset_m: Array = field(default_factory=lambda: np.zeros(3))
 
     def forget(self) -> None:
-        """Start over."""
         self.past, self.anchor_m, self.offset_m = [], None, np.zeros(3)
 
 

@@ -124,27 +124,25 @@ def _isolated(steps: Array) -> Array:
 
 def _joint_jumps(motion: Motion) -> Mask:
     """Return (F, J) true at the first frame after a jump of a joint's rotation."""
-    jumps = np.zeros(motion.rotations.shape[:2], dtype=np.bool_)
-    if motion.frames < 3:
-        return jumps
     # twice the chord between unit quaternions: the angle of the rotation between them, but for large ones
     steps = 2.0 * np.diff(rot.continuous(motion.rotations), axis=0)
     needed = _ANGULAR_ACCELERATION / (4.0 * motion.fps**2)
     limits = np.maximum(needed, _LEAST_STEPS)
-    fastest = np.maximum(limits, _ANGULAR_SPEED / motion.fps)
-    jumps[1:] = (_isolated(steps) > limits) | (np.linalg.norm(steps, axis=-1) > fastest)
-    return jumps
+    return _jumps(steps, limits, np.maximum(limits, _ANGULAR_SPEED / motion.fps))
 
 
 def _root_jumps(motion: Motion) -> Mask:
     """Return (F,) true at the first frame after a jump of the root."""
-    jumps = np.zeros(motion.frames, dtype=np.bool_)
-    if motion.frames < 3:
-        return jumps
     steps = np.diff(motion.root_positions_m, axis=0)
     limit = max(_ROOT_ACCELERATION / (4.0 * motion.fps**2), _LEAST_ROOT_STEP_M)
-    fastest = max(limit, _ROOT_SPEED / motion.fps)
-    jumps[1:] = (_isolated(steps) > limit) | (np.linalg.norm(steps, axis=-1) > fastest)
+    return _jumps(steps, limit, max(limit, _ROOT_SPEED / motion.fps))
+
+
+def _jumps(steps: Array, limit: Array | float, fastest: Array | float) -> Mask:
+    """Return (F, ...) whether the step (F - 1, ...) to a frame is odd or too fast."""
+    jumps = np.zeros((len(steps) + 1, *steps.shape[1:-1]), dtype=np.bool_)
+    if len(steps) > 1:
+        jumps[1:] = (_isolated(steps) > limit) | (np.linalg.norm(steps, axis=-1) > fastest)
     return jumps
 
 

@@ -4,6 +4,7 @@ import argparse
 import math
 from typing import Any
 
+from ..body.standard_skeleton import JOINT_NAMES
 from ..database.build import BuildSettings, build_database
 from ..database.culling import DEFAULT_CULL_DEG
 from ..database.store import open_database
@@ -66,7 +67,7 @@ def _info(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         "clips": len(database.clips),
         "fps": database.fps,
         "minutes": round(database.frames / database.fps / 60.0, 2),
-        "joints": list(database.joint_names),
+        "joints": list(JOINT_NAMES),
         "behaviours": database.behaviours,
         "subjects": sorted({clip.subject for clip in database.clips}),
         "skeletons": len(database.skeletons),

@@ -95,7 +95,6 @@ def _chosen_blender(blender: str | None) -> str | None:
 
 
 def _command(blender: str | None, arguments: Sequence[str]) -> list[str]:
-    """Return the command line that retargets."""
     blender = _chosen_blender(blender)
     if blender is None:
         package = (__package__ or "").rpartition(".core.")[0]

@@ -7,7 +7,7 @@ from ..body.motion import resampled
 from ..errors import SettingsError
 from ..formats.motion.read_motion import read_motion
 from ..simulate.studio.export import RecordingFiles, export_recording
-from ..simulate.studio.placement import on_stage, with_t_pose
+from ..simulate.studio.placement import on_stage, with_poses
 from ..simulate.studio.render import Renderer
 from ..simulate.studio.rig import FPS, default_rig
 from ..simulate.studio.settings import StudioSettings
@@ -67,7 +67,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     motion = resampled(read_motion(args.motion, args.skeleton), args.fps)
     if not args.as_recorded:
         motion = on_stage(motion)
-    motion = with_t_pose(motion, args.t_pose)
+    motion = with_poses(motion, ("t",), args.t_pose)
     renderer = Renderer(default_rig(args.cameras), _settings(args))
     source = simulated_source(motion, args.marker_set, renderer, fps=args.fps)
     extension, codec = _CODECS[args.codec]

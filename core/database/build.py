@@ -22,9 +22,8 @@ from ..system.progress import Progress
 from .culling import clips_after_culling, near_duplicates
 from .frame_file import FrameFile
 from .graph import LARGE_DATABASE, GraphSettings
-from .labels import behaviour_of, subject_of
+from .labels import behaviour_of, select_files, subject_of
 from .reading import ReadClip, read_files
-from .selection import select_files
 from .store import Clip, Database, same_bones, save_database
 from .zeros import poses_from_zeros, zeros_report
 

@@ -92,7 +92,6 @@ class _Kept:
         return result
 
     def add(self, features: FloatArray) -> None:
-        """Keep frames."""
         if len(features) == 0:
             return
         # like the digits of a counter: a part joins the one before it once it has grown as large

@@ -89,9 +89,7 @@ def l1_distance_deg(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
 def weigh_poses(poses: FloatArray) -> FloatArray:
     """Scale poses (..., D) so that their L2 distance is about that of markers, metres."""
     skeleton = default_skeleton()
-    positions = np.zeros((len(skeleton), 3))
-    for joint in range(1, len(skeleton)):
-        positions[joint] = positions[skeleton.parents[joint]] + skeleton.offsets_m[joint]
+    positions = skeleton.rest_positions_m
     moved = np.full(len(skeleton), _OWN_WEIGHT)
     for name in _EXTREMITIES:
         extremity = joint = skeleton.names.index(name)

@@ -108,15 +108,12 @@ def read_files(files: Sequence[MotionFile], fps: float, shortest: int, workers: 
 
 
 class _ReaderProcess:
-    """A process that reads files."""
-
     def __init__(self) -> None:
         self._skeletons: list[Skeleton] = []
         self._process = JsonProcess(serve)
         self.kill, self.close = self._process.kill, self._process.close
 
     def read(self, task: Sequence[Any]) -> ReadFile:
-        """Return the clips and defects of one file."""
         try:
             return self._read(task)
         except BrokenPipeError:
@@ -186,7 +183,6 @@ class _Sender:
         self._known: dict[bytes, int] = {}
 
     def send(self, result: Any) -> None:
-        """Write the result of one file."""
         new: list[dict[str, Any]] = []
         rows = [
             {

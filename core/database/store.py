@@ -113,11 +113,6 @@ class Database:
         return len(self.poses)
 
     @property
-    def joint_names(self) -> tuple[str, ...]:
-        """The standard skeleton's joints, root first."""
-        return JOINT_NAMES
-
-    @property
     def behaviours(self) -> dict[str, int]:
         """Frames of each behaviour."""
         return self._frames_by(lambda clip: clip.behaviour)

@@ -75,7 +75,8 @@ class Camera:
 
     def to_pixels(self, normalised: ArrayLike) -> Array:
         """Return distorted pixels (..., 2) of undistorted normalised coordinates x/z, y/z."""
-        distorted = _distort(np.asarray(normalised, dtype=np.float64), self.distortion)
+        points = np.asarray(normalised, dtype=np.float64)
+        distorted = np.stack(_distorted(points[..., 0], points[..., 1], self.distortion)[:2], axis=-1)
         return np.asarray(distorted @ self.matrix[:2, :2].T + self.matrix[:2, 2])
 
     def undistort(self, pixels: ArrayLike) -> Array:
@@ -136,14 +137,8 @@ def _undistort(pixels: Array, intrinsics: Array, distortion: Array) -> Array:
     return np.stack((x, y), axis=-1)
 
 
-def _distort(normalised: Array, distortion: Array) -> Array:
-    """Apply radial and tangential distortion (Brown 1966) to normalised points."""
-    x, y, _, _ = _distorted(normalised[..., 0], normalised[..., 1], distortion)
-    return np.stack((x, y), axis=-1)
-
-
 def _distorted(x: Array, y: Array, distortion: Array) -> tuple[Array, Array, Array, Array]:
-    """Return distorted x and y, the radial factor, and the squared radius."""
+    """Return distorted x and y (Brown 1966), the radial factor, the squared radius."""
     k1, k2, p1, p2, k3 = np.moveaxis(distortion, -1, 0)
     r2 = x * x + y * y
     radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))

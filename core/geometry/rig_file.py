@@ -64,7 +64,8 @@ def rig_from(tables: Mapping[str, Any], where: str) -> CameraRig:
     unit = metadata.get("length_unit", "unknown") if isinstance(metadata, Mapping) else None
     if unit not in ("m", "mm", "unknown"):
         raise CalibrationError("metadata is not understood", where=where, advice='length_unit is "m" or "mm"')
-    if unit == "mm" or (unit == "unknown" and _spread(cameras) > 10.0):
+    centres = np.array([camera.centre_m for camera in cameras])
+    if unit == "mm" or (unit == "unknown" and np.linalg.norm(centres - centres[0], axis=1).max() > 10.0):
         cameras = tuple(replace(camera, translation_m=camera.translation_m * 1e-3) for camera in cameras)
     return CameraRig(cameras, metadata) if unit != "unknown" else _levelled(cameras, metadata)
 
@@ -110,8 +111,3 @@ def _camera_from(row: Mapping[str, Any], where: str) -> Camera:
             rotation=matrix,
             translation_m=np.asarray(row["translation"], dtype=np.float64),
         )
-
-
-def _spread(cameras: Sequence[Camera]) -> float:
-    centres = np.array([camera.centre_m for camera in cameras])
-    return float(np.linalg.norm(centres - centres[0], axis=1).max())

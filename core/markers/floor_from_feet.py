@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..body.calibration_poses import standing
-from ..body.skeleton import Skeleton, forward_kinematics
+from ..body.skeleton import Skeleton, forward_kinematics, marker_positions
 from ..body.standard_skeleton import default_skeleton
 from ..errors import TakeError
 from ..geometry import rotations as rot
@@ -69,8 +69,7 @@ def to_rig_world(take: MarkerTake, old: CameraRig, new: CameraRig) -> MarkerTake
 def upright_rotation(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, pose: Array) -> Array:
     """Return the rotation (3, 3) from a level frame, by the body's mean direction."""
     joints = marker_set.joint_indices(skeleton)
-    positions, world = forward_kinematics(skeleton, pose, np.zeros(3))
-    template = positions[joints] + rot.rotate(world[joints], marker_set.offsets_m)
+    template = marker_positions(skeleton, joints, marker_set.offsets_m, pose, np.zeros(3))
     columns = _columns(take, marker_set)
     up = np.zeros(3)
     for frame in np.unique(np.linspace(0, take.frames - 1, _UPRIGHT_SAMPLES).astype(int)):

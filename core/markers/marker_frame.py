@@ -10,10 +10,6 @@ from ..geometry.arrays import Array, FloatArray, IntArray
 from ..geometry.camera import Camera, undistort_all
 
 
-def _no_points() -> Array:
-    return np.empty((0, 3))
-
-
 @dataclass(frozen=True)
 class MarkerFrame:
     """Blobs, points and rays that C cameras show at one moment.
@@ -36,7 +32,7 @@ class MarkerFrame:
 
     number: int
     time_s: float
-    points_m: Array = field(default_factory=_no_points)
+    points_m: Array = field(default_factory=lambda: np.empty((0, 3)))
     covariances_m2: Array = field(default_factory=lambda: np.empty((0, 3, 3)))
     labels: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     blobs: tuple[FloatArray, ...] = ()

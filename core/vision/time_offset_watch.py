@@ -1,7 +1,7 @@
 """Live estimation of the cameras' time offsets."""
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Future
 
 from ..geometry.camera import CameraRig
@@ -44,14 +44,11 @@ class TimeOffsetWatch:
         if self._due_s is None:
             self._due_s = frame.time_s + _FIRST_S
         if self._running is not None and self._running.done():
-            self._apply(self._running.result())
+            pairs = zip(self._aligner.offsets, self._running.result(), strict=True)
+            self._aligner.offsets = tuple(new if new.is_certain else old for old, new in pairs)
             self._running = None
         if self._running is None and frame.time_s >= self._due_s:
             self._due_s = frame.time_s + _EVERY_S
             known = self._aligner.offsets
             largest_s = _AGAIN_S if any(offset.is_certain for offset in known) else _LARGEST_S
             self._running = self._start(estimate_time_offsets, self._rig, tuple(self._frames), largest_s, known)
-
-    def _apply(self, found: Sequence[TimeOffset]) -> None:
-        pairs = zip(self._aligner.offsets, found, strict=True)
-        self._aligner.offsets = tuple(new if new.is_certain else old for old, new in pairs)

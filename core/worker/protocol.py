@@ -19,7 +19,7 @@ from ..formats.take_file.pose_codec import TimedPose, unpack_solved
 from ..formats.take_file.setup import plain
 from ..geometry.arrays import Image
 from ..markers.marker_frame import MarkerFrame
-from ..markers.marker_frame_codec import pack_stamped, unpack_stamped
+from ..markers.marker_frame_codec import pack_stamped
 from ..system.files import reading
 
 VERSION = 1
@@ -82,12 +82,6 @@ class Message:
         return CaptureError(
             content.get("what", "failed"), where=content.get("where", ""), advice=content.get("advice", "")
         )
-
-    def frame(self) -> tuple[float, MarkerFrame]:
-        """Return stamp and marker frame of a FRAME message."""
-        if self.kind is not MessageKind.FRAME:
-            raise CaptureError(f"a {self.kind.name} message holds no marker frame", where="worker")
-        return unpack_stamped(self.payload)
 
     def pose(self) -> TimedPose:
         """Return the pose of a POSE message."""

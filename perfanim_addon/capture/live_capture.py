@@ -108,7 +108,6 @@ class LiveCapture:
         return True
 
     def _draw(self, context: bpy.types.Context, driver: SceneDriver, pose: ScenePose) -> None:
-        """Draw the chosen overlays in the viewports."""
         parts = frozenset(settings(context).overlay)
         if parts and self._drawn is None and self._setup is not None:
             rig, space = self._setup.request["cameras"]["rig"], driver.start(context)
@@ -116,7 +115,6 @@ class LiveCapture:
         overlay.show(self._drawn, pose, parts)
 
     def _record(self, context: bpy.types.Context, run: CaptureRun) -> None:
-        """Begin and end the recording when it is time."""
         recording = self.recording
         if recording is None:
             return
@@ -210,7 +208,7 @@ class LiveCapture:
         parts = [RecordedPart(recording.recorded(all_poses), recording.start_frame) for recording in self.recordings]
         parts = [part for part in parts if part.poses]
         if driver is not None:
-            driver.restore_actions()  # a strip goes above them
+            driver.held.give_back()  # a strip goes above them
         if not parts or driver is None or driver.space is None:
             return ""
         _, actions = write_take(context, TakeMotion(driver.targets, driver.props, all_poses), parts, "Capture")

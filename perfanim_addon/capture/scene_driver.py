@@ -32,12 +32,12 @@ class SceneDriver:
     ) -> None:
         for entry in target_settings.of_kind(context.scene, "PROP"):
             target_settings.check_object(entry.object)
-        self._held = SuspendedActions()
+        self.held = SuspendedActions()
         self.props = props
-        self._prop_driver = PropDriver(props, self._held)
+        self._prop_driver = PropDriver(props, self.held)
         first, *further = performer_targets(context, performers)
-        self._further = [_PerformerDriver(target, parts, self._held) for target in further]
-        self._main = _PerformerDriver(first, parts, self._held)
+        self._further = [_PerformerDriver(target, parts, self.held) for target in further]
+        self._main = _PerformerDriver(first, parts, self.held)
         self.space: CaptureSpace | None = None
         if first.armature:
             self.start(context)
@@ -74,10 +74,6 @@ class SceneDriver:
         """Pose the characters as last, after an animation has overwritten the pose."""
         for driver in (self._main, *self._further):
             driver.reapply_pose()
-
-    def restore_actions(self) -> None:
-        """Give objects and characters their suspended actions back."""
-        self._held.give_back()
 
 
 class _PerformerDriver:

@@ -164,7 +164,6 @@ def _run(target: Path, kind: str, path: Path, frames: tuple[int, int]) -> None:
 
 
 def _select(context: bpy.types.Context, armature_object: bpy.types.Object, meshes: bool) -> None:
-    """Select the objects of the file."""
     if not armature_object.visible_get():
         raise CharacterError(
             "is hidden", where=armature_object.name, advice="show it: exporters pass hidden objects over"

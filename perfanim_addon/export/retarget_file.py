@@ -135,7 +135,6 @@ def _performed(
 
 
 def _map_facts(bone_map: BoneMap) -> dict[str, Any]:
-    """Return the report on a bone map."""
     unmapped, doubtful = (
         {joint: bone_map.matches[joint].reason for joint in bone_map.of_state(state)}
         for state in (MatchState.MISSING, MatchState.DOUBTFUL)

@@ -67,7 +67,6 @@ class _Watching(JobOperator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require cameras."""
         if settings(context).source in ("CAMERAS", "SIMULATED"):
             return ""
         return "Needs cameras as the source; for images of the board use Calibrate from Pictures"
@@ -120,7 +119,6 @@ class _FloorFinding(_Watching):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require a calibration."""
         return super().missing_input(context) or readiness.cameras(settings(context)).problem
 
 

@@ -128,9 +128,7 @@ class PERFANIM_OT_stop_capture(RunningOperator, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Ask for the end; the capture's own timer finishes it."""
-        capture = activity.current()
-        if isinstance(capture, LiveCapture):
-            capture.stop()
+        activity.current().stop()
         return {"FINISHED"}
 
 
@@ -149,8 +147,6 @@ class PERFANIM_OT_record(RunningOperator, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Start or stop the recording."""
-        capture = activity.current()
-        if isinstance(capture, LiveCapture):
-            capture.record(settings(context))
+        activity.current().record(settings(context))
         activity.redraw_sidebars()
         return {"FINISHED"}

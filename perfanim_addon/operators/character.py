@@ -95,7 +95,6 @@ class _ArmatureOperator(UndoOperator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require an armature."""
         return "" if shown_armature(context) is not None else "Choose an armature first"
 
     def target(self, context: bpy.types.Context) -> bpy.types.Object:

@@ -127,7 +127,5 @@ class PERFANIM_OT_finish_job(RunningOperator, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Ask the worker to end; the job's timer takes the result."""
-        job = activity.current()
-        if isinstance(job, Job):
-            job.finish()
+        activity.current().finish()
         return {"FINISHED"}

@@ -14,7 +14,7 @@ from ...core.solver.settings import METHODS
 from .. import take_library
 from ..panels import takes
 from ..preferences.paths import absolute
-from ..preferences.property_kinds import choice, switch
+from ..preferences.property_kinds import choice, draw_props, switch
 from ..settings import readiness
 from ..settings.capture_settings import settings
 from .common import DialogOperator
@@ -97,8 +97,7 @@ class PERFANIM_OT_import_takes(SolvingOperator, bpy.types.Operator, ImportHelper
         """Draw the options, the performer and the markers."""
         layout, chosen = self.layout, settings(context)
         layout.use_property_split = True
-        layout.prop(self, "up")
-        layout.prop(self, "method")
+        draw_props(layout, self, "up", "method")
         performer = readiness.performer_text(absolute(chosen.subject)) if chosen.subject else "average body"
         height = "" if chosen.subject else f", {chosen.subject_height:.2f} m"
         layout.label(text=f"Performer: {performer}{height}", icon="USER")

@@ -59,7 +59,6 @@ class _Recording(JobOperator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require calibrated cameras and a marker set."""
         chosen = settings(context)
         if not readiness.has_cameras(chosen):
             return "Needs cameras: capture with an average body, then use Calibrate from Take"

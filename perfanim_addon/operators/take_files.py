@@ -9,7 +9,7 @@ from ...core.formats.take_file.reading import summarise
 from ...core.formats.take_file.setup import MOST_STARS
 from .. import take_library
 from ..panels.takes import KEY as PANEL
-from ..preferences.property_kinds import choice, string, switch, whole_number
+from ..preferences.property_kinds import choice, draw_props, string, switch, whole_number
 from .common import PanelOperator
 
 
@@ -78,12 +78,10 @@ class PERFANIM_OT_clean_up_takes(_FileOperator, bpy.types.Operator):
         layout = self.layout
         listed, _ = take_library.disk_space()
         layout.label(text=f"{len(take_library.listed())} takes, {take_library.size_text(listed)}")
-        layout.prop(self, "deleted")
-        layout.prop(self, "old")
+        draw_props(layout, self, "deleted", "old")
         column = layout.column()
         column.enabled = self.old
-        column.prop(self, "days")
-        column.prop(self, "stars")
+        draw_props(column, self, "days", "stars")
         files = self._files()
         size = take_library.size_text(take_library.size(files))
         layout.label(text=f"To be removed permanently: {len(files)} files, {size}", icon="ERROR")

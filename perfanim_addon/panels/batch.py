@@ -4,7 +4,7 @@ import bpy
 
 from ..capture.live_capture import LiveCapture
 from ..jobs import activity
-from ..preferences.property_kinds import property_column
+from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
 from . import drawing
 
@@ -24,8 +24,7 @@ class PERFANIM_PT_batch(SidebarPanel, bpy.types.Panel):
         column.enabled = activity.current() is None
         column.prop(chosen, "plan")
         if not chosen.plan:
-            for name in ("takes", "out", "naming", "angles", "vrma", "character"):
-                column.prop(chosen, name)
+            draw_props(column, chosen, "takes", "out", "naming", "angles", "vrma", "character")
             if chosen.character:
                 column.prop(chosen, "save_as")
         column.prop(chosen, "processes")

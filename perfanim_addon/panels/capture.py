@@ -5,11 +5,11 @@ import bpy
 from ..capture.live_capture import LiveCapture
 from ..character.body_parts import PARTS
 from ..jobs import activity
-from ..preferences.property_kinds import property_column
+from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import readiness
 from ..settings.capture_settings import settings
-from .drawing import draw_progress, draw_props, draw_text, header_status
+from .drawing import draw_progress, draw_text, header_status
 
 
 class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):

@@ -1,7 +1,5 @@
 """Drawing of text, progress and properties in panels of any width."""
 
-from typing import Any
-
 import bpy
 
 from ..jobs import activity
@@ -12,12 +10,6 @@ CHARACTER_PX = 6.2
 MARGIN_PX = 90.0
 ICON_CHARACTERS = 5  # width of an icon and its margin, in characters
 LEAST_STATUS = 8  # characters of a status, in any sidebar
-
-
-def draw_props(layout: bpy.types.UILayout, chosen: Any, *names: str) -> None:
-    """Draw properties of a group, one per row."""
-    for name in names:
-        layout.prop(chosen, name)
 
 
 def draw_progress(layout: bpy.types.UILayout, fraction: float, text: str) -> None:

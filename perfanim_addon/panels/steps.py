@@ -8,12 +8,12 @@ import bpy
 from ..capture.live_capture import LiveCapture
 from ..jobs import activity
 from ..jobs.job import Job
-from ..preferences.property_kinds import property_column
+from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import readiness
 from ..settings.capture_settings import settings
 from . import character
-from .drawing import draw_job, draw_props, draw_text, header_status
+from .drawing import draw_job, draw_text, header_status
 
 
 class _Step(SidebarPanel):
@@ -37,7 +37,6 @@ class _Step(SidebarPanel):
         row.separator()
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw."""
         chosen = settings(context)
         layout = self.layout
         column = property_column(layout)

@@ -14,7 +14,7 @@ from ...core.solver.settings import SolveSettings
 from .. import take_library
 from ..capture.live_capture import LiveCapture
 from ..jobs import activity
-from ..preferences.property_kinds import property_column, string, whole_number
+from ..preferences.property_kinds import draw_props, property_column, string, whole_number
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import result_settings
 from . import drawing
@@ -126,8 +126,7 @@ def _draw_take(context: bpy.types.Context, layout: bpy.types.UILayout, item: PER
     for text in (take.created.replace("T", " ")[:16], size_of(take), origin_of(take)):
         drawing.draw_text(context, column, text, "BLANK1")
     column = property_column(layout)
-    column.prop(item, "rating")
-    column.prop(item, "notes")
+    draw_props(column, item, "rating", "notes")
     layout.operator("perfanim.play_take", icon="ARMATURE_DATA").path = item.path
     header, body = layout.panel("perfanim_result", default_closed=True)
     header.label(text="Insert As")

@@ -6,7 +6,7 @@ import bpy
 
 from ..capture.live_capture import LiveCapture
 from ..jobs import activity
-from ..preferences.property_kinds import property_column
+from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import target_settings
 from . import character, drawing
@@ -75,8 +75,7 @@ class PERFANIM_PT_targets(SidebarPanel, bpy.types.Panel):
 def _draw_fields(layout: bpy.types.UILayout, entry: target_settings.PERFANIM_PG_target, index: int) -> None:
     layout.row().prop(entry, "kind", expand=True)
     if entry.kind == "PROP":
-        layout.prop(entry, "definition")
-        layout.prop(entry, "object")
+        draw_props(layout, entry, "definition", "object")
         layout.operator("perfanim.measure_target", icon="DRIVER_DISTANCE")
         return
     row = layout.row(align=True)

@@ -3,7 +3,7 @@
 import bpy
 
 from ..jobs import activity
-from ..preferences.property_kinds import property_column
+from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import vmc_output
 
@@ -25,8 +25,7 @@ class PERFANIM_PT_sending(SidebarPanel, bpy.types.Panel):
         chosen = context.scene.perfanim_sending
         column = property_column(self.layout)
         column.enabled = chosen.on and activity.current() is None
-        column.prop(chosen, "host")
-        column.prop(chosen, "port")
+        draw_props(column, chosen, "host", "port")
         wrong = vmc_output.problem(chosen) if chosen.on else ""
         if wrong:
             self.layout.label(text=wrong, icon="ERROR")

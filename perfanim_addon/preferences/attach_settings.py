@@ -13,11 +13,9 @@ def attach_property_group(
     """Return `register` and `unregister` of a module with settings of an `owner` type."""
 
     def register() -> None:
-        """Attach the settings."""
         setattr(owner, name, bpy.props.PointerProperty(type=group))
 
     def unregister() -> None:
-        """Undo `register`."""
         delattr(owner, name)
 
     return register, unregister

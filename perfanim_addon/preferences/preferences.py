@@ -8,7 +8,7 @@ import bpy
 from ...core.solver.settings import METHODS
 from . import diagnostics_ui, sidebar_tab
 from .paths import ADDON, CHOSEN_FOLDERS, folder_problem
-from .property_kinds import choice, file_path, folder_path, number, string, switch, whole_number
+from .property_kinds import choice, draw_props, file_path, folder_path, number, string, switch, whole_number
 from .sidebar_tab import DEFAULT_TAB
 
 _METHOD_TEXTS = {
@@ -17,10 +17,6 @@ _METHOD_TEXTS = {
     "lwr": "Locally weighted regression of the nearest recorded poses",
     "nearest": "The nearest recorded pose as it is",
 }
-
-
-def _tab_changed(preferences: "PERFANIM_AP_preferences", context: bpy.types.Context) -> None:
-    sidebar_tab.move_to_tab(preferences.tab or DEFAULT_TAB)
 
 
 def _marker_sets(_self: object, _context: object, typed: str) -> Iterator[str]:
@@ -53,7 +49,12 @@ class PERFANIM_AP_preferences(bpy.types.AddonPreferences):
 
     bl_idname = ADDON
 
-    tab: string("Sidebar Tab", "Name of the tab in the 3D viewport's sidebar", DEFAULT_TAB, update=_tab_changed)
+    tab: string(
+        "Sidebar Tab",
+        "Name of the tab in the 3D viewport's sidebar",
+        DEFAULT_TAB,
+        update=lambda self, _context: sidebar_tab.move_to_tab(self.tab or DEFAULT_TAB),
+    )
     takes_folder: _folder("Takes", "recorded takes")
     databases_folder: _folder("Databases", "motion databases")
     profiles_folder: _folder("Profiles", "calibrated performers and cameras, and bone maps")
@@ -82,12 +83,8 @@ class PERFANIM_AP_preferences(bpy.types.AddonPreferences):
         layout.use_property_split = True
         layout.prop(self, "tab")
         self._draw_folders(_section(layout, "Folders"))
-        column = _section(layout, "New Files and Captures")
-        for name in ("marker_set", "database", "method"):
-            column.prop(self, name)
-        column = _section(layout, "Worker")
-        for name in ("worker_python", "workers"):
-            column.prop(self, name)
+        draw_props(_section(layout, "New Files and Captures"), self, "marker_set", "database", "method")
+        draw_props(_section(layout, "Worker"), self, "worker_python", "workers")
         draw_camera_controls(layout, self)
         diagnostics_ui.draw(_section(layout, "Diagnostics"))
 

@@ -47,6 +47,12 @@ def folder_path(name: str, description: str) -> Any:
     return string(name, description, subtype="DIR_PATH")
 
 
+def draw_props(layout: bpy.types.UILayout, owner: Any, *names: str) -> None:
+    """Draw properties of a group or an operator, one per row."""
+    for name in names:
+        layout.prop(owner, name)
+
+
 def property_column(layout: bpy.types.UILayout) -> bpy.types.UILayout:
     """Add a column of properties, their names at the left."""
     column = layout.column()

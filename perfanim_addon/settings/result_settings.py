@@ -7,7 +7,7 @@ import bpy
 from ..animation.keyframes import KeyBounds
 from ..animation.placement import Placement, PlacementMode
 from ..preferences.attach_settings import attach_property_group
-from ..preferences.property_kinds import choice, number, property_column, switch
+from ..preferences.property_kinds import choice, draw_props, number, property_column, switch
 
 _ONTO = (
     (PlacementMode.ACTION.name, "New Action", "Replace the active action, which is kept in the file"),
@@ -89,11 +89,9 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the settings."""
     chosen: Any = context.scene.perfanim_result
     column = property_column(layout)
-    for name in ("onto", "start", "filters", "only_selected", "doubtful", "reduce"):
-        column.prop(chosen, name)
+    draw_props(column, chosen, "onto", "start", "filters", "only_selected", "doubtful", "reduce")
     if chosen.reduce:
-        column.prop(chosen, "reduce_deg")
-        column.prop(chosen, "reduce_mm")
+        draw_props(column, chosen, "reduce_deg", "reduce_mm")
 
 
 register, unregister = attach_property_group(bpy.types.Scene, "perfanim_result", PERFANIM_PG_result)

@@ -100,7 +100,7 @@ class TakePipeline:
     def _track(self) -> None:
         def write(path: Path) -> None:
             options = [*self._take.options_of("track"), *self._take.options_of("label")]
-            facts = self._commands.track([*options, "--out", str(path)])
+            facts = self._commands.run("track", [*options, "--out", str(path)])
             self._warnings += [self._plain(text) for text in facts["warnings"]]
 
         self._keep("markers", f"{self._take.name}.take.npz", write)
@@ -112,7 +112,7 @@ class TakePipeline:
         motion = self._work / self._outputs["motion"]
 
         def write(path: Path) -> None:
-            facts = self._commands.retarget([str(motion), *options, "--out", str(path)])
+            facts = self._commands.run("retarget", [str(motion), *options, "--out", str(path)])
             if facts["doubtful"] or facts["unmapped"]:
                 joints = ", ".join(sorted({**facts["doubtful"], **facts["unmapped"]}))
                 self._warnings.append(f"doubtful or without a bone: {joints}")

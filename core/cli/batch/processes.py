@@ -71,7 +71,6 @@ class _OpenTasks:
             return task
 
     def clear(self) -> None:
-        """Forget the tasks that are left."""
         with self._lock:
             self._left.clear()
 
@@ -90,7 +89,6 @@ class _Worker:
         self._is_killed = False
 
     def run(self, task: Task) -> Record:
-        """Return the record of a task."""
         try:
             return Record.of_text(self._running_process().ask(task.text()))
         except BrokenPipeError:

@@ -74,7 +74,6 @@ def run_batch(takes: Sequence[TakePlan], out: Path, do_tasks: DoTasks, progress:
 def _do(
     left: Sequence[TakePlan], out: Path, work: Path, do_tasks: DoTasks, done: dict[str, Record], progress: Progress
 ) -> None:
-    """Do the takes and enter their records."""
     weights = {take.name: _weight(take) for take in left}
     # takes of one performer after each other, who is prepared once; of these the long ones first, or the last process
     # would be busy with one while the others have nothing to do

@@ -41,9 +41,12 @@ class CommandLine:
         cv2.setNumThreads(1)  # there is a process for each core
         self._store = SessionCache()
 
-    def track(self, options: Sequence[str]) -> dict[str, Any]:
-        """Run `perfanim track`."""
-        return _run("track", options)
+    def run(self, command: str, options: Sequence[str]) -> dict[str, Any]:
+        """Run a command and return its summary."""
+        args = parse_options(command, options)
+        with _usage_as_settings_error():
+            summary: dict[str, Any] = args.run(args, _quiet)
+        return summary
 
     def solve(self, options: Sequence[str]) -> "tuple[SolvedTake, dict[str, Any]]":
         """Run `perfanim solve`; return poses and motion, and facts."""
@@ -52,18 +55,6 @@ class CommandLine:
         args = parse_options("solve", options)
         with _usage_as_settings_error():
             return solve(args, _quiet, self._store)
-
-    def retarget(self, options: Sequence[str]) -> dict[str, Any]:
-        """Run `perfanim retarget`."""
-        return _run("retarget", options)
-
-
-def _run(command: str, options: Sequence[str]) -> dict[str, Any]:
-    """Run a command and return its summary."""
-    args = parse_options(command, options)
-    with _usage_as_settings_error():
-        summary: dict[str, Any] = args.run(args, _quiet)
-    return summary
 
 
 def parse_options(command: str, options: Sequence[str]) -> "argparse.Namespace":

@@ -113,7 +113,6 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 def _from_poses(
     args: argparse.Namespace, take: MarkerTake, marker_set: MarkerSet, known: Subject | None, name: str
 ) -> SubjectCalibration:
-    """Return the subject measured from the poses held in the take."""
     poses = tuple(args.poses.split(",")) if args.poses else (args.pose,)
     if args.poses:
         points = pose_points(take, marker_set, poses, args.seconds)
@@ -142,7 +141,6 @@ def _from_motion(
     name: str,
     progress: Progress,
 ) -> Subject:
-    """Return the subject fitted to the take's motion."""
     if before:
         start = replace(before.wearing(marker_set), name=name)
     else:

@@ -16,7 +16,7 @@ import numpy as np
 from ... import __version__
 from ...body.calibration_poses import t_pose
 from ...body.motion import Motion
-from ...body.skeleton import Skeleton, forward_kinematics
+from ...body.skeleton import forward_kinematics
 from ...geometry import rotations as rot
 from ...geometry.arrays import Array
 from ...system.files import atomic_path
@@ -41,7 +41,8 @@ def write_vrma(motion: Motion, path: Path | str) -> None:
     bones = [name[:1].lower() + name[1:] for name in poses.names]
     above = [poses.names.index(parent) if parent else -1 for _, parent in BONES.values()]
     places = poses.positions_m[0].copy()
-    places[0] = 0.0, _hips_height_m(motion.skeleton), 0.0
+    joints, _ = forward_kinematics(motion.skeleton, t_pose(motion.skeleton), np.zeros(3))
+    places[0] = 0.0, _SOLE_M - float(joints[:, 1].min()), 0.0  # the hips over the floor
     nodes: list[dict[str, Any]] = [
         {"name": bone, "translation": place} for bone, place in zip(bones, places.tolist(), strict=True)
     ]
@@ -74,12 +75,6 @@ def write_vrma(motion: Motion, path: Path | str) -> None:
     }
     with atomic_path(path) as temporary:
         temporary.write_bytes(_glb(document, bytes(buffer.data)))
-
-
-def _hips_height_m(skeleton: Skeleton) -> float:
-    """Return how high the hips are over the floor in the T pose."""
-    positions, _ = forward_kinematics(skeleton, t_pose(skeleton), np.zeros(3))
-    return _SOLE_M - float(positions[:, 1].min())
 
 
 class _Buffer:

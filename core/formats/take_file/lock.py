@@ -9,7 +9,8 @@ _FAR = 1 << 40  # beyond any take: on Windows nobody else may read locked bytes
 if sys.platform == "win32":
     import msvcrt
 
-    def _locked(handle: int) -> bool:
+    def lock(handle: int) -> bool:
+        """Lock an open file until its handle is closed; False if another process has it."""
         os.lseek(handle, _FAR, os.SEEK_SET)
         try:
             msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
@@ -22,7 +23,8 @@ if sys.platform == "win32":
 else:
     import fcntl
 
-    def _locked(handle: int) -> bool:
+    def lock(handle: int) -> bool:
+        """Lock an open file until its handle is closed; False if another process has it."""
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -32,15 +34,10 @@ else:
         return True
 
 
-def lock(handle: int) -> bool:
-    """Lock an open file until its handle is closed; False if another process has it."""
-    return _locked(handle)
-
-
 def is_locked(path: Path | str) -> bool:
     """Return whether another process locks the file; False where it cannot be opened."""
     try:
         with Path(path).open("r+b") as file:
-            return not _locked(file.fileno())
+            return not lock(file.fileno())
     except OSError:
         return False

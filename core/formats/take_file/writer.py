@@ -134,7 +134,9 @@ class TakeWriter:
         self._collect()
         self._report_dropped()
         self._queue(ChunkKind.SETUP, self._setup.to_json())  # again, for the case that the first is damaged
-        self._queue_end(orphaned)
+        facts = {"frames": self.frames, "poses": self.poses, "duration_s": self._duration_s(), "orphaned": orphaned}
+        at = self._whole + len(self._waiting)
+        self._queue(ChunkKind.END, Footer(facts, (*self._index, (int(ChunkKind.END), at))).pack())
         self._write()
         with contextlib.suppress(OSError):
             os.fsync(self._file)
@@ -188,13 +190,7 @@ class TakeWriter:
         self._index.append((kind, self._whole + len(self._waiting)))
         self._waiting += encode_chunk(kind, sequence, payload)
 
-    def _queue_end(self, orphaned: bool) -> None:
-        at = self._whole + len(self._waiting)
-        facts = {"frames": self.frames, "poses": self.poses, "duration_s": self._duration_s(), "orphaned": orphaned}
-        self._queue(ChunkKind.END, Footer(facts, (*self._index, (int(ChunkKind.END), at))).pack())
-
     def _duration_s(self) -> float:
-        """Return the time from the first frame to the last."""
         if not self._last_frame:
             return 0.0
         return unpack_stamped(self._last_frame)[1].time_s - unpack_stamped(self._first_frame)[1].time_s

@@ -107,7 +107,8 @@ class Receiver:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
-            self._socket.bind((self._sender if _is_loopback(self._sender) else "", port))
+            is_local = bool(self._sender) and ipaddress.ip_address(self._sender).is_loopback
+            self._socket.bind((self._sender if is_local else "", port))
         except OSError as error:
             self._socket.close()
             raise CaptureError(
@@ -142,10 +143,6 @@ def _address(host: str) -> str:
     except (OSError, UnicodeError) as error:
         advice = "give its address, as 192.168.1.20, or none for all"
         raise CaptureError(f"is no computer that is known ({error})", where=host, advice=advice) from error
-
-
-def _is_loopback(address: str) -> bool:
-    return bool(address) and ipaddress.ip_address(address).is_loopback
 
 
 def record(receiver: Receiver, seconds: float, progress: Progress) -> Recording:

@@ -11,7 +11,7 @@ from ...geometry import rotations as rot
 from ...geometry.arrays import Array, FloatArray, Image
 from ...geometry.camera import Camera, CameraRig
 from ...vision.calibration.board import Board, charuco_board
-from ...vision.sources.image_set import ImageSet
+from ...vision.sources.image_set import ClosableSource, ImageSet
 from .lens import undistorted_grid
 from .render import Renderer
 from .rig import looking_at
@@ -102,7 +102,7 @@ def board_on_floor(board: Board = DEFAULT_BOARD) -> tuple[BoardPose, float]:
     return BoardPose(flat, [0.0, 0.0, _BEFORE_PERFORMER_M] - flat @ board.points_m.mean(axis=0)), _BEFORE_PERFORMER_M
 
 
-class CarriedBoard:
+class CarriedBoard(ClosableSource):
     """Image source of a board that is carried about and held still in each place."""
 
     def __init__(self, renderer: Renderer, board: Board, poses: Sequence[BoardPose]) -> None:
@@ -110,7 +110,6 @@ class CarriedBoard:
         self._renderer = renderer
         self._board = board
         self._poses = tuple(poses)
-        self._closed = False
 
     def __iter__(self) -> Iterator[ImageSet]:
         """Yield image sets until the board has been in all places, or `close`."""
@@ -128,10 +127,6 @@ class CarriedBoard:
                 yield self._taken(number, drawn)
                 number += 1
             last = pose
-
-    def close(self) -> None:
-        """Let the iteration end."""
-        self._closed = True
 
     def _drawn(self, pose: BoardPose, samples: int) -> list[Image]:
         images = []

@@ -8,6 +8,7 @@ from ...body.motion import Motion
 from ...body.standard_skeleton import default_skeleton
 from ...geometry.arrays import Image
 from ...geometry.camera import CameraRig
+from ...vision.sources.image_set import ClosableSource
 from .filmed_motion import make_performance
 from .render import Renderer, StudioFrame
 from .rig import FPS
@@ -20,13 +21,12 @@ MIDDLE_M = np.array([*PLACES_M.mean(axis=0)])
 _SECONDS = 3.0
 
 
-class FloorMarkers:
+class FloorMarkers(ClosableSource):
     """Four markers on the floor that all cameras see; nobody stands there."""
 
     def __init__(self, rig: CameraRig) -> None:
         self.fps = FPS
         self._renderer = Renderer(rig, SETTINGS)
-        self._closed = False
         skeleton = default_skeleton()
         nobody = Motion("nobody", FPS, skeleton, np.tile([1.0, 0.0, 0.0, 0.0], (2, len(skeleton), 1)), np.zeros((2, 3)))
         places = np.insert(PLACES_M, 1, SETTINGS.marker_radius_m, axis=1)
@@ -44,7 +44,3 @@ class FloorMarkers:
             if self._closed:
                 return
             yield self._renderer.render(self._performance, number / self.fps, number)
-
-    def close(self) -> None:
-        """Let the iteration end."""
-        self._closed = True

@@ -25,11 +25,6 @@ def on_stage(motion: Motion) -> Motion:
     return replace(motion, rotations=rotations, root_positions_m=path - np.array([middle[0], lowest, middle[2]]))
 
 
-def with_t_pose(motion: Motion, seconds: float) -> Motion:
-    """Return the motion with a T pose and a second of transition before it."""
-    return with_poses(motion, ("t",), seconds)
-
-
 def with_poses(motion: Motion, poses: Sequence[str], seconds: float) -> Motion:
     """Return the motion with poses of `POSES` held before it.
 

@@ -124,10 +124,6 @@ class Renderer:
         truth = self._truth(performance, time_s, number, sights)
         return StudioFrame(number, tuple(times), tuple(images), truth)
 
-    def truth(self, performance: Performance, time_s: float, number: int) -> FrameTruth:
-        """Return the truth of `render` without drawing anything."""
-        return self._truth(performance, time_s, number, self._sights(performance, self._times(time_s), number))
-
     def _times(self, time_s: float) -> list[float]:
         return [time_s + self.settings.time_offset_s(i) for i in range(len(self.rig))]
 

@@ -15,11 +15,12 @@ from ...geometry.camera import CameraRig
 from ...markers.marker_set import MarkerSet, load_marker_set
 from ...markers.prop import load_prop
 from ...markers.subject import Subject
+from ...vision.sources.image_set import ClosableSource
 from ..performance import DEMO, performance, with_return
 from .carried_prop import Carried, in_hand
 from .filmed_motion import Performance, make_performance
 from .placement import with_poses
-from .render import FrameTruth, Renderer, StudioFrame
+from .render import Renderer, StudioFrame
 from .rig import FPS, default_rig
 from .settings import StudioSettings
 
@@ -29,7 +30,7 @@ _RETURN_S = 1.5  # time in which a performer who starts again goes back to the f
 
 
 @dataclass(eq=False)
-class SimulatedSource:
+class SimulatedSource(ClosableSource):
     """Image sets of a performance, with their truth.
 
     Iterate to take them; each has number, times_s and images.
@@ -51,7 +52,6 @@ class SimulatedSource:
     loop: bool = False
     first: int = field(default=0, init=False)
     dropped: int = field(default=0, init=False)
-    _closed: bool = field(default=False, init=False)
 
     @property
     def rig(self) -> CameraRig:
@@ -79,10 +79,6 @@ class SimulatedSource:
         offset = number / self.fps - self._time(number)
         return replace(frame, times_s=tuple(t + offset for t in frame.times_s)) if offset else frame
 
-    def truth(self, number: int) -> FrameTruth:
-        """Return the truth of the image set of that number."""
-        return self.renderer.truth(self.performance, self._time(number), number)
-
     def __iter__(self) -> Iterator[StudioFrame]:
         """Yield image sets until the performance is over, or `close`."""
         start = time.perf_counter()
@@ -100,10 +96,6 @@ class SimulatedSource:
                 frame = self.frame(number)
             yield frame
             number += 1
-
-    def close(self) -> None:
-        """Let the iteration end."""
-        self._closed = True
 
     def _time(self, number: int) -> float:
         moment = number / self.fps

@@ -1,6 +1,7 @@
 """Floor, origin and axes of the world, from points or a board on the floor."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import product
 
 import cv2
@@ -49,8 +50,11 @@ def rig_on_floor(rig: CameraRig, floor_points_m: ArrayLike, behind_m: float = 0.
     forward /= np.linalg.norm(forward)
     new_from_old = np.stack((np.cross(up, forward), up, forward))
     origin = middle - behind_m * forward - above_m * up
-    cameras = tuple(_move_camera(camera, new_from_old, origin) for camera in rig.cameras)
-    return CameraRig(cameras, dict(rig.metadata) | {"floor": "y = 0"})
+    cameras = []
+    for camera in rig.cameras:
+        rotation, translation = camera.rotation @ new_from_old.T, camera.translation_m + camera.rotation @ origin
+        cameras.append(replace(camera, rotation=rotation, translation_m=translation))
+    return CameraRig(tuple(cameras), dict(rig.metadata) | {"floor": "y = 0"})
 
 
 def board_in_space(rig: CameraRig, views: Sequence[BoardView], board: Board) -> Array:
@@ -93,10 +97,3 @@ def _seen_by_one(camera: Camera, view: BoardView, board: Board) -> Array:
         raise CalibrationError("the board's place cannot be found in this picture", advice="lay it nearer")
     local = board.points_m @ cv2.Rodrigues(turn)[0].T + np.ravel(shift)
     return np.asarray((local - camera.translation_m) @ camera.rotation)
-
-
-def _move_camera(camera: Camera, new_from_old: Array, origin: Array) -> Camera:
-    """Return the camera in the world p_new = new_from_old (p_old - origin)."""
-    rotation = camera.rotation @ new_from_old.T
-    translation = camera.translation_m + camera.rotation @ origin
-    return Camera(camera.name, camera.image_size, camera.matrix, camera.distortion, rotation, translation)

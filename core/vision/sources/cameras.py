@@ -17,7 +17,7 @@ import numpy as np
 from ...errors import CaptureError
 from ...geometry.arrays import Image
 from .camera_controls import CameraControls, apply_controls
-from .image_set import ImageSet
+from .image_set import ClosableSource, ImageSet
 from .pairing import ImagePairing
 
 _WARM_UP_READS = 5
@@ -33,7 +33,7 @@ _SAME_CLOCK_S = 1.0
 _MOST_DEVICES = 8  # that are looked for where the system has no list of them
 
 
-class CameraSource:
+class CameraSource(ClosableSource):
     """Image sets from cameras, as they come.
 
     Each camera is read by a thread of its own, so that one that freezes holds up no other. Images are stamped by the
@@ -66,7 +66,6 @@ class CameraSource:
         self.name = "capture"
         self.frames = 0  # unknown: until it is closed
         self._names = [str(device) for device in devices]
-        self._closed = False
         self._news = threading.Event()
         self._readers: list[_Reader] = []
         try:
@@ -123,7 +122,7 @@ class CameraSource:
 
     def close(self) -> None:
         """End the iteration and give the cameras back."""
-        self._closed = True
+        super().close()
         for reader in self._readers:
             reader.stop()
 

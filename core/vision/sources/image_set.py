@@ -39,6 +39,16 @@ class ImageSet:
                 )
 
 
+class ClosableSource:
+    """Base of the sources that iterate until `close`."""
+
+    _closed = False
+
+    def close(self) -> None:
+        """Let the iteration end."""
+        self._closed = True
+
+
 def usable_images(images: Any) -> tuple[bool, ...]:
     """Return per camera whether its image shows the moment of an image set."""
     return tuple(getattr(images, "usable", ())) or (True,) * len(images.images)

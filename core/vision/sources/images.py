@@ -10,7 +10,7 @@ import numpy as np
 from ...errors import CaptureError
 from ...geometry.arrays import Image
 from .files import list_images, pair_by_number, read_image
-from .image_set import ImageSet
+from .image_set import ClosableSource, ImageSet
 
 # a time of day as cameras write it into names: 14-57-01~73, 10-21-36%593, 10-21-36.593
 _TIME_OF_DAY = re.compile(r"(?<!\d)(\d{1,2})-(\d{2})-(\d{2})[~%.,](\d+)")
@@ -19,7 +19,7 @@ _TIME_OF_DAY = re.compile(r"(?<!\d)(\d{1,2})-(\d{2})-(\d{2})[~%.,](\d+)")
 _PAUSE = 4.0  # an interval longer than so many usual ones is a pause in the recording
 
 
-class ImageFileSource:
+class ImageFileSource(ClosableSource):
     """Image sets from files; iterate it any number of times.
 
     Args:
@@ -44,7 +44,6 @@ class ImageFileSource:
         self._times = _times_from_names([paths[0] for _, paths in self._pairs])
         self.fps = fps if self._times is None else _usual_rate(self._times)
         self.frames = len(self._pairs)
-        self._closed = False
 
     def frame(self, index: int) -> ImageSet:
         """Return one image set by its place in the order."""
@@ -65,10 +64,6 @@ class ImageFileSource:
         """Yield the images of up to `count` moments spread over the whole source."""
         for index in np.unique(np.linspace(0, self.frames - 1, count).astype(int)):
             yield self.frame(int(index)).images
-
-    def close(self) -> None:
-        """Let the iteration end."""
-        self._closed = True
 
 
 def _times_from_names(paths: Sequence[Path]) -> list[float] | None:

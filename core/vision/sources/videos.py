@@ -12,7 +12,7 @@ from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...system.files import is_file
 from .camera_watch import is_repeated
-from .image_set import ImageSet, next_number
+from .image_set import ClosableSource, ImageSet, next_number
 
 _SPARE_FRAMES = 2  # that one video may have more at its end: the last ones may be lost too
 _STREAM_PREFIXES = ("http://", "https://", "rtsp://", "rtmp://", "udp://", "tcp://")
@@ -23,7 +23,7 @@ def is_stream(address: str) -> bool:
     return address.lower().startswith(_STREAM_PREFIXES)
 
 
-class VideoSource:
+class VideoSource(ClosableSource):
     """Image sets from one video per camera; files can be iterated any number of times.
 
     Frames are numbered by each video's time stamps, so that a number left out is a frame that was lost. A frame that
@@ -56,7 +56,6 @@ class VideoSource:
             )
         self.frames = min(counts)
         self.fps = rates[0] if 1.0 <= rates[0] <= 1000.0 else fps
-        self._closed = False
 
     def __iter__(self) -> Iterator[ImageSet]:
         """Yield all image sets in order."""
@@ -130,10 +129,6 @@ class VideoSource:
                     return
                 if index in wanted:
                     yield tuple(_bgr(capture.retrieve()[1]) for capture in captures)
-
-    def close(self) -> None:
-        """Let the iteration end."""
-        self._closed = True
 
 
 class _Reader:

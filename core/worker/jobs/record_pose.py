@@ -9,6 +9,7 @@ The take continues between the poses, so that its trajectories do; `pose_points`
 """
 
 import math
+import time
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -28,7 +29,6 @@ from ...vision.sources.source_kinds import ImageSetLike
 from ..channel import Channel, Stopped
 from ..source_traits import is_live, is_simulated
 from .cameras import open_pipeline
-from .countdown import count_down
 
 _LONGEST_S = 60.0  # of a recording in which poses are looked for
 
@@ -82,7 +82,7 @@ def _moments(
     """Yield the image sets from the first pose to the last; send the instructions."""
     hold_s, between_s = float(request["seconds"]), float(request["between_s"])
     if is_live(request):
-        count_down(images, float(request["countdown_s"]), channel, INSTRUCTIONS[poses[0]])
+        _count_down(images, float(request["countdown_s"]), channel, INSTRUCTIONS[poses[0]])
     elif not is_simulated(request) and len(poses) > 1:
         # no instructions can be given: the poses are somewhere in the recording
         yield from _for_seconds(images, _LONGEST_S, channel, "looking for the markers")
@@ -92,6 +92,20 @@ def _moments(
         if number:
             yield from _for_seconds(images, between_s, channel, f"{{left}}: {words}")
         yield from _for_seconds(images, hold_s, channel, f"hold still: {words}")
+
+
+def _count_down(images: Iterator[ImageSetLike], seconds: float, channel: Channel, text: str) -> None:
+    """Skip the images of some time; send the seconds left and a text."""
+    due_s, sent = time.perf_counter() + seconds, 0
+    for _ in images:
+        if channel.stop_requested.is_set():
+            raise Stopped
+        left = math.ceil(due_s - time.perf_counter())
+        if left <= 0:
+            return
+        if left != sent:
+            sent = left
+            channel.send_status(f"{left}: {text}")
 
 
 def _for_seconds(images: Iterator[ImageSetLike], seconds: float, channel: Channel, text: str) -> Iterator[ImageSetLike]:

@@ -72,7 +72,7 @@ def test_every_marker_is_seen_by_both_cameras_in_every_calibration_pose() -> Non
             motion = Motion(name, 60.0, skeleton, np.stack((pose, pose)), np.zeros((2, 3)))
             standing_on_floor = replace(motion, root_positions_m=np.tile([0.0, -lowest_point_m(motion), 0.0], (2, 1)))
             source = simulated_source(standing_on_floor, "boxing", renderer)
-            assert source.truth(0).visible.all(), name
+            assert source.frame(0).truth.visible.all(), name
 
 
 def test_hanging_arms_stay_off_the_body() -> None:

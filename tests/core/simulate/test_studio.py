@@ -109,11 +109,11 @@ def test_body_hides_markers_of_the_far_side(scene: Any) -> None:
     rig = default_rig()
     facing, away = scene.performed(scene.swinging()), scene.performed(scene.swinging(turn=np.pi))
     renderer = Renderer(rig, QUIET)
-    assert renderer.truth(facing, 0.0, 0).visible.all()
-    seen = dict(zip(away.marker_names, renderer.truth(away, 0.0, 0).visible.any(axis=0), strict=True))
+    assert renderer.render(facing, 0.0, 0).truth.visible.all()
+    seen = dict(zip(away.marker_names, renderer.render(away, 0.0, 0).truth.visible.any(axis=0), strict=True))
     assert not seen["LWAI"] and not seen["RWAI"] and not seen["HEAD"]
     free = Renderer(rig, replace(QUIET, occlusion=False))
-    assert free.truth(away, 0.0, 0).visible.all()
+    assert free.render(away, 0.0, 0).truth.visible.all()
 
 
 def test_partners_are_seen_and_hide_what_is_behind_them(scene: Any) -> None:
@@ -125,11 +125,11 @@ def test_partners_are_seen_and_hide_what_is_behind_them(scene: Any) -> None:
 
     renderer = Renderer(default_rig(), QUIET)
     beside = replace(moved(-0.6, 0.0), partners=(moved(0.6, 0.0),))
-    truth = renderer.truth(beside, 0.0, 0)
+    truth = renderer.render(beside, 0.0, 0).truth
     assert truth.visible.shape == (2, 16) and truth.visible.all()
     np.testing.assert_allclose(truth.markers_m[8:] - truth.markers_m[:8], [[1.2, 0.0, 0.0]] * 8, atol=1e-12)
     assert np.all(truth.pixels[:, :8, 0].mean(axis=1) < truth.pixels[:, 8:, 0].mean(axis=1))
-    behind = renderer.truth(replace(moved(0.0, 0.0), partners=(moved(0.0, -0.5),)), 0.0, 0)
+    behind = renderer.render(replace(moved(0.0, 0.0), partners=(moved(0.0, -0.5),)), 0.0, 0).truth
     assert behind.visible[:, :8].all()
     assert not behind.visible[:, 8:].all(axis=1).any()  # each camera misses some of the one at the back
     alone = renderer.render(moved(-0.6, 0.0), 0.0, 0).images[0].astype(int)
@@ -145,7 +145,7 @@ def test_partners_perform_beside_the_first() -> None:
     np.testing.assert_allclose(np.diff(roots_m), [1.2, 1.2], atol=0.05)  # a T pose sways by less
     assert second.motion.skeleton.offsets_m[1, 1] != first.motion.skeleton.offsets_m[1, 1]
     assert not np.array_equal(third.motion.rotations, first.motion.rotations)  # not in step
-    assert source.truth(0).markers_m.shape == (27, 3)
+    assert source.frame(0).truth.markers_m.shape == (27, 3)
     with pytest.raises(SettingsError, match="unknown setting heigth_m"):
         open_simulated({"partners": [{"heigth_m": 1.6}]})
 
@@ -156,7 +156,7 @@ def test_sword_is_held_and_does_not_hide_its_own_marker(scene: Any) -> None:
     assert "wood" not in plain.body.materials and armed.body.materials.count("wood") == 1
     tip = armed.ends_m[:, armed.body.materials.index("wood")]
     np.testing.assert_allclose(tip, armed.markers_m[:, armed.marker_names.index("SWRD")])
-    seen = Renderer(default_rig(), QUIET).truth(armed, 0.0, 0).visible
+    seen = Renderer(default_rig(), QUIET).render(armed, 0.0, 0).truth.visible
     assert seen[:, armed.marker_names.index("SWRD")].all()
 
 
@@ -164,7 +164,7 @@ def test_marker_hides_the_one_behind_it(scene: Any) -> None:
     rig = default_rig()
     ray = np.array([0.0, 1.0, 0.0]) - rig.cameras[0].centre_m
     points = rig.cameras[0].centre_m + np.outer([1.0, 0.9], ray) + np.array([[0.0, 0.005, 0.0], [0.0, 0.0, 0.0]])
-    truth = Renderer(rig, QUIET).truth(flying(scene, np.repeat(points[None], 3, axis=0)), 0.0, 0)
+    truth = Renderer(rig, QUIET).render(flying(scene, np.repeat(points[None], 3, axis=0)), 0.0, 0).truth
     assert truth.visible.tolist() == [[False, True], [True, True]]
 
 
@@ -217,7 +217,7 @@ def test_markers_stand_where_the_truth_says_in_distorted_images(scene: Any) -> N
 
 def test_discs_are_as_large_as_balls_at_their_distance(scene: Any) -> None:
     renderer = Renderer(default_rig(), replace(QUIET, marker_radius_m=0.02))
-    truth = renderer.truth(flying(scene, np.full((4, 1, 3), [0.0, 1.0, 0.5])), 0.0, 0)
+    truth = renderer.render(flying(scene, np.full((4, 1, 3), [0.0, 1.0, 0.5])), 0.0, 0).truth
     camera = renderer.rig.cameras[0]
     depth = camera.to_camera([0.0, 1.0, 0.5])[2]
     assert truth.radii_px[0, 0] == pytest.approx(0.02 * camera.focal_px / depth)
@@ -254,7 +254,7 @@ def test_time_offset_and_rolling_shutter_move_the_centres_in_time(scene: Any) ->
     frame = late.render(flying(scene, path), 0.2, 0)
     assert frame.times_s == pytest.approx((0.2, 0.205))
     np.testing.assert_allclose(frame.truth.pixels[1, 0], rig.cameras[1].project(start + 0.205 * velocity), atol=1e-6)
-    rolling = Renderer(rig, replace(QUIET, rolling_shutter_s=0.012)).truth(flying(scene, path), 0.2, 0)
+    rolling = Renderer(rig, replace(QUIET, rolling_shutter_s=0.012)).render(flying(scene, path), 0.2, 0).truth
     row = rig.cameras[0].project(start + 0.2 * velocity)[1]
     moment = 0.2 + (row / 480.0 - 0.5) * 0.012
     np.testing.assert_allclose(rolling.pixels[0, 0], rig.cameras[0].project(start + moment * velocity), atol=1e-6)
@@ -309,7 +309,7 @@ def test_ghosts_dropout_moved_object_and_light(scene: Any) -> None:
                 assert frame.images[i][y, x].min() > 150
     assert seen > 40
     forgetful = Renderer(default_rig(), replace(QUIET, dropout=0.3))
-    lost = 1.0 - np.mean([forgetful.truth(performance, 0.0, n).visible for n in range(60)])
+    lost = 1.0 - np.mean([forgetful.render(performance, 0.0, n).truth.visible for n in range(60)])
     assert lost == pytest.approx(0.3, abs=3.0 * np.sqrt(0.3 * 0.7 / (60 * 18)))
     changed = Renderer(default_rig(), replace(QUIET, moved_object=True, draw_body=False, occlusion=False))
     image = changed.render(flying(scene, np.full((2, 1, 3), [0.0, 1.0, 0.0])), 0.0, 0).images[0]

@@ -21,7 +21,7 @@ from perfanim.core.markers.subject import load_subject
 from perfanim.core.simulate.studio import export
 from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, BoardPicture, board_pictures
 from perfanim.core.simulate.studio.lens import undistorted_grid
-from perfanim.core.simulate.studio.placement import lowest_point_m, on_stage, with_poses, with_t_pose
+from perfanim.core.simulate.studio.placement import lowest_point_m, on_stage, with_poses
 from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.simulate.studio.settings import StudioSettings
@@ -116,7 +116,7 @@ def test_source_gives_every_frame_with_its_truth(scene: Any) -> None:
     frames = list(source)
     assert [frame.number for frame in frames] == list(range(source.frames)) == list(range(12))
     for frame in frames[::5]:
-        again = source.truth(frame.number)
+        again = source.frame(frame.number).truth
         np.testing.assert_array_equal(again.pixels, frame.truth.pixels)
         np.testing.assert_array_equal(again.visible, frame.truth.visible)
         np.testing.assert_array_equal(again.markers_m, source.performance.markers_m[frame.number])
@@ -158,7 +158,7 @@ def test_performer_starts_again_smoothly(scene: Any) -> None:
     assert rot.angle_between(whole[:-1], whole[1:]).max() < 0.15
     source = simulated_source(motion, "boxing", Renderer(default_rig(), QUIET), loop=True)
     period = source.motion.frames
-    np.testing.assert_allclose(source.truth(period).markers_m, source.truth(0).markers_m, atol=1e-9)
+    np.testing.assert_allclose(source.frame(period).truth.markers_m, source.frame(0).truth.markers_m, atol=1e-9)
     assert source.frame(period).times_s[0] == pytest.approx(period / FPS)
 
 
@@ -166,7 +166,7 @@ def test_simulated_performer_by_name() -> None:
     source = open_simulated({"kind": "simulated", "behaviour": "walk", "seconds": 3, "studio": {"noise_sigma": 0.0}})
     assert source.renderer.settings.noise_sigma == 0.0
     assert source.motion.duration_s > 3.0
-    assert source.truth(0).visible.all(), "the T pose at the start shows all markers"
+    assert source.frame(0).truth.visible.all(), "the T pose at the start shows all markers"
     assert source.subject.marker_set.names == source.performance.marker_names
     for spec, text in (
         ({"behaviour": "swim"}, "swim"),
@@ -188,12 +188,12 @@ def test_motion_is_brought_before_the_cameras(scene: Any) -> None:
     np.testing.assert_allclose(forward, [0.0, 0.0, 1.0], atol=1e-9)
     assert lowest_point_m(staged) == pytest.approx(0.0, abs=1e-9)
     np.testing.assert_allclose(staged.root_positions_m[:, [0, 2]], 0.0, atol=1e-9)
-    whole = with_t_pose(staged, 0.5)
+    whole = with_poses(staged, ("t",), 0.5)
     assert whole.frames == 30 + 59 + 20
     hands = scene.performed(whole).markers_m[0, 5:7]
     assert np.ptp(hands[:, 1]) < 0.01 and np.ptp(hands[:, 0]) > 1.3
     assert rot.angle_between(whole.rotations[:-1], whole.rotations[1:]).max() < 0.2
-    assert with_t_pose(staged, 0.0) is staged
+    assert with_poses(staged, ("t",), 0.0) is staged
 
 
 def test_poses_are_held_one_after_the_other_on_the_floor(scene: Any) -> None:
