@@ -35,7 +35,7 @@ from ..system.progress import Progress
 from ..vision.calibration.floor import rig_on_floor
 from ..vision.detection.blob_detector import DetectionSettings
 from ..vision.image_take import image_take
-from ..vision.pipeline import MarkerPipeline, PipelineSettings
+from ..vision.pipeline import MarkerPipeline
 from ..vision.reprojection import labelled_rms_px
 from ..vision.sources.source_kinds import open_image_source
 from ..vision.synchronise import synchronise_frames
@@ -84,9 +84,9 @@ class TrackImages:
             pipeline = self._pipeline(source, progress)
             frames = self._detect(pipeline, source, spent_s, progress)
             if is_recorded(self.options.out):
-                facts = self._record(frames, pipeline.settings, keep_cut=_is_endless(source))
+                facts = self._record(frames, keep_cut=_is_endless(source))
             else:
-                facts = self._write_trajectories(tuple(frames), pipeline.settings, source.fps, progress)
+                facts = self._write_trajectories(tuple(frames), source.fps, progress)
         return facts | {
             "frames_per_s": len(spent_s) / max(sum(spent_s), 1e-9),
             "warnings": [*getattr(source, "warnings", ()), *facts["warnings"]],
@@ -119,7 +119,7 @@ class TrackImages:
             spent_s.append(time.perf_counter() - start)
             yield frame
 
-    def _record(self, frames: Iterator[MarkerFrame], settings: PipelineSettings, *, keep_cut: bool) -> Facts:
+    def _record(self, frames: Iterator[MarkerFrame], *, keep_cut: bool) -> Facts:
         """Write a recorded take while its frames come, and return its figures."""
         performers = (self.subject,) if self.subject is not None else ()
         known = identity(self.database) if self.database is not None else {}
@@ -128,7 +128,7 @@ class TrackImages:
         written = record_frames(Path(self.options.out), setup, frames, keep_cut=keep_cut)
         try:
             take = read_take_file(written)
-            moved, facts = self._synchronise(take.frames, settings)
+            moved, facts = self._synchronise(take.frames)
             if facts.get("time_offsets_applied"):
                 stamps_s = [stamp_s for stamp_s, _ in take.stamped_frames]
                 write_whole_take(written, setup, take.notes, list(zip(stamps_s, moved, strict=True)), [])
@@ -139,13 +139,11 @@ class TrackImages:
         facts["warnings"] += [_NO_SET] * (self.marker_set is not None and self.subject is None)
         return facts | {"names": [], "labels": _LATER}
 
-    def _synchronise(
-        self, frames: Sequence[MarkerFrame], settings: PipelineSettings
-    ) -> tuple[Sequence[MarkerFrame], Facts]:
+    def _synchronise(self, frames: Sequence[MarkerFrame]) -> tuple[Sequence[MarkerFrame], Facts]:
         """Return the frames at one time of all cameras, and their figures."""
         aligned: Facts = {}
         if len(self.rig) > 1 and not self.options.no_time_offset:
-            frames, offsets = synchronise_frames(self.rig, frames, settings)
+            frames, offsets = synchronise_frames(self.rig, frames)
             aligned = {
                 "time_offsets_ms": [1e3 * offset.offset_s if offset.is_found else None for offset in offsets],
                 "time_offset_sigmas_ms": [1e3 * offset.sigma_s if offset.is_found else None for offset in offsets],
@@ -153,11 +151,9 @@ class TrackImages:
             }
         return frames, frame_facts(self.rig, frames, self._worn) | aligned
 
-    def _write_trajectories(
-        self, seen: Sequence[MarkerFrame], settings: PipelineSettings, fps: float, progress: Progress
-    ) -> Facts:
+    def _write_trajectories(self, seen: Sequence[MarkerFrame], fps: float, progress: Progress) -> Facts:
         """Write a marker take and return its figures."""
-        frames, facts = self._synchronise(seen, settings)
+        frames, facts = self._synchronise(seen)
         found: Facts = {"labels": _LATER, "warnings": []}
         progress(_DETECTION_SHARE, "labelling")
         if len(self.rig) == 1 and self.database is None:
@@ -230,7 +226,7 @@ class TrackImages:
 
 def make_pipeline(options: argparse.Namespace, rig: CameraRig, progress: Progress) -> MarkerPipeline:
     """Return the pipeline of --threshold, its background learned from --background."""
-    pipeline = MarkerPipeline(rig, PipelineSettings(detection=(DetectionSettings(threshold=options.threshold),)))
+    pipeline = MarkerPipeline(rig, DetectionSettings(threshold=options.threshold))
     progress(0.0, "learning the background")
     if options.background:
         with closing(open_image_source(*options.background)) as empty:

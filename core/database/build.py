@@ -3,7 +3,7 @@
 import os
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -108,7 +108,6 @@ def build_database(
     out: Path | str,
     settings: BuildSettings | None = None,
     progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
 ) -> dict[str, Any]:
     """Read all motion of files, folders and archives into one database file.
 
@@ -120,7 +119,6 @@ def build_database(
     Args:
         sources: BVH and AMC files, folders and archives with such files and their ASF skeletons.
         out: database file; written only when all is read.
-        cancelled: asked after every file and between the steps; when true, nothing is written.
 
     Returns:
         frames, clips, seconds, bytes, fps, behaviours (name -> frames), zeros (subject -> joint -> degrees from
@@ -130,17 +128,11 @@ def build_database(
 
     Raises:
         FormatError: a source is missing or a damaged archive, or `out` cannot be written.
-        DatabaseError: nothing readable was found, or the build was cancelled.
+        DatabaseError: nothing readable was found.
     """
     started = time.monotonic()
     settings, out = settings or BuildSettings(), Path(out)
-
-    def step(fraction: float, text: str) -> None:
-        if cancelled is not None and cancelled():
-            raise DatabaseError("was cancelled", where=str(out))
-        if progress is not None:
-            progress(fraction, text)
-
+    step = progress or (lambda fraction, text: None)
     with _folder_beside(out) as folder, closing(FrameFile(folder / "rotations", (len(JOINT_NAMES), 4))) as rotations:
         collected = _Collected(rotations, settings.mirror)
         with motion_files(sources) as found:

@@ -12,7 +12,7 @@ from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
 from ..system.backoff import Backoff
 from .calibration.refine import Refinement, refine_rig
-from .matching.stereo import StereoSettings
+from .matching.stereo import EPIPOLAR_PX
 
 Start = Callable[..., "Future[Refinement | None]"]
 
@@ -54,7 +54,7 @@ class BumpDetector:
         """
         if len(self._rig) < 2:
             return ""
-        miss_px = meeting_error_px(frame.blobs, errors_px, StereoSettings().epipolar_px)
+        miss_px = meeting_error_px(frame.blobs, errors_px, EPIPOLAR_PX)
         if miss_px is not None:
             self._misses_px.append(miss_px)
         if self._running is not None and self._running.done():

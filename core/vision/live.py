@@ -9,17 +9,16 @@ from .bump_watch import BumpDetector
 from .detection.blob_detector import DetectionSettings
 from .matching.time_alignment import TimeAligner
 from .matching.time_offset import TimeOffset
-from .pipeline import MarkerPipeline, PipelineSettings
+from .pipeline import MarkerPipeline
 from .sources.source_kinds import ImageSetLike
 from .time_offset_watch import TimeOffsetWatch
 
 _WHOLE_EVERY = 4  # images: 50 ms at 60 Hz until a marker from elsewhere is found
 
 
-def live_settings(threshold: float | None = None) -> PipelineSettings:
-    """Return pipeline settings of a live capture; `threshold` None: automatic."""
-    detection = DetectionSettings(None if threshold is None else float(threshold), whole_every=_WHOLE_EVERY)
-    return PipelineSettings(detection=(detection,))
+def live_settings(threshold: float | None = None) -> DetectionSettings:
+    """Return detection settings of a live capture; `threshold` None: automatic."""
+    return DetectionSettings(None if threshold is None else float(threshold), whole_every=_WHOLE_EVERY)
 
 
 def live_frames(

@@ -1,7 +1,6 @@
 """Pipeline from images to marker frames, on the cameras' side."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,20 +12,12 @@ from .detection.background import Background, background_from_take, learn_backgr
 from .detection.blob_detector import DetectionSettings, Detector
 from .matching.camera_swap import CameraSwapDetector
 from .matching.point_prediction import PointPredictor
-from .matching.stereo import Matches, StereoMatcher, StereoSettings, unused_blobs
+from .matching.stereo import Matches, StereoMatcher, unused_blobs
 from .matching.time_alignment import TimeAligner
 from .sources.image_set import usable_images
 from .sources.source_kinds import ImageSetLike
 
 _NO_BLOBS = np.empty((0, 5), dtype=np.float32)
-
-
-@dataclass(frozen=True)
-class PipelineSettings:
-    """Settings of the pipeline; `detection` has one entry, or one for each camera."""
-
-    detection: tuple[DetectionSettings, ...] = (DetectionSettings(),)
-    stereo: StereoSettings = field(default_factory=StereoSettings)
 
 
 class MarkerPipeline:
@@ -36,16 +27,12 @@ class MarkerPipeline:
     blobs are brought to one time before they are matched.
     """
 
-    def __init__(self, rig: CameraRig, settings: PipelineSettings | None = None) -> None:
+    def __init__(self, rig: CameraRig, detection: DetectionSettings | None = None) -> None:
         self.rig = rig
-        self.settings = settings or PipelineSettings()
-        given = self.settings.detection
-        if len(given) not in (1, len(rig)):
-            raise CaptureError(f"{len(given)} detection settings for {len(rig)} cameras")
-        self._detection = given * len(rig) if len(given) == 1 else given
-        self._matcher = StereoMatcher(rig, self.settings.stereo)
+        self._detection = detection
+        self._matcher = StereoMatcher(rig)
         self._predictor = PointPredictor()
-        self._swap_detector = CameraSwapDetector(rig, self.settings.stereo)
+        self._swap_detector = CameraSwapDetector(rig)
         self.aligner: TimeAligner | None = None
         self.last_errors_px = np.empty((0, len(rig)))
         self.set_backgrounds([None] * len(rig))
@@ -54,8 +41,7 @@ class MarkerPipeline:
         """Use these backgrounds, one per camera (None: dark)."""
         self._check_count(len(backgrounds))
         self.backgrounds = tuple(backgrounds)
-        pairs = zip(backgrounds, self._detection, strict=True)
-        self.detectors = tuple(Detector(background, settings) for background, settings in pairs)
+        self.detectors = tuple(Detector(background, self._detection) for background in backgrounds)
 
     def learn_empty(self, images: Iterable[tuple[Image, ...]]) -> None:
         """Learn backgrounds from moments without the performer, one image per camera."""

@@ -6,13 +6,13 @@ from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
 from .matching.time_alignment import TimeAligner
 from .matching.time_offset import TimeOffset, estimate_time_offsets
-from .pipeline import MarkerPipeline, PipelineSettings
+from .pipeline import MarkerPipeline
 
 _LARGEST_S = 0.25
 
 
 def synchronise_frames(
-    rig: CameraRig, frames: Sequence[MarkerFrame], settings: PipelineSettings | None = None
+    rig: CameraRig, frames: Sequence[MarkerFrame]
 ) -> tuple[list[MarkerFrame], tuple[TimeOffset, ...]]:
     """Return frames with blobs at one time, triangulated again, and time offsets.
 
@@ -21,6 +21,6 @@ def synchronise_frames(
     offsets = estimate_time_offsets(rig, frames, _LARGEST_S)
     if not any(offset.is_certain for offset in offsets):
         return list(frames), offsets
-    pipeline = MarkerPipeline(rig, settings)
+    pipeline = MarkerPipeline(rig)
     pipeline.aligner = TimeAligner(rig, [offset if offset.is_certain else TimeOffset() for offset in offsets])
     return [pipeline.locate(frame) for frame in frames], offsets

@@ -137,13 +137,19 @@ def _material(name: str) -> bpy.types.Material:
     if found is not None:
         return found
     colour, roughness = _MATERIALS[name]
-    material = bpy.data.materials.new(full_name)
+    material = new_material(full_name, colour, roughness)
+    material.roughness = roughness
+    return material
+
+
+def new_material(name: str, colour: tuple[float, float, float], roughness: float) -> bpy.types.Material:
+    """Return a new material of one colour, RGB, and roughness."""
+    material = bpy.data.materials.new(name)
     ensure_nodes(material)
     surface = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
     surface.inputs["Base Color"].default_value = (*colour, 1.0)
     surface.inputs["Roughness"].default_value = roughness
     material.diffuse_color = (*colour, 1.0)  # solid viewport shading
-    material.roughness = roughness
     return material
 
 

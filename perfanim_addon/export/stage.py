@@ -12,7 +12,7 @@ from ...core.body.standing import SOLE_BELOW_TOES_M, girth_scale
 from ...core.geometry.arrays import Array
 from ...core.system.files import atomic_path
 from ..character import axes
-from ..character.body_mesh import ensure_nodes
+from ..character.body_mesh import ensure_nodes, new_material
 
 _LENS_MM = 50.0
 _STILL_PIXELS = (480, 640)
@@ -48,13 +48,7 @@ def _add_floor(low: Array, high: Array, height: float) -> None:
     corners = [(centre[0] + half * x, centre[1] + half * y, height) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     mesh = bpy.data.meshes.new("Floor")
     mesh.from_pydata(corners, [], [(0, 1, 2, 3)])
-    material = bpy.data.materials.new("Floor")
-    ensure_nodes(material)
-    surface = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-    surface.inputs["Base Color"].default_value = (0.32, 0.33, 0.35, 1.0)
-    surface.inputs["Roughness"].default_value = 0.8
-    material.diffuse_color = (0.32, 0.33, 0.35, 1.0)
-    mesh.materials.append(material)
+    mesh.materials.append(new_material("Floor", (0.32, 0.33, 0.35), 0.8))
     bpy.context.scene.collection.objects.link(bpy.data.objects.new("Floor", mesh))
 
 

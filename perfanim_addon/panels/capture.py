@@ -7,7 +7,7 @@ from ..character.body_parts import PARTS
 from ..jobs import activity
 from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
-from ..settings import readiness
+from ..settings import readiness, vmc_output
 from ..settings.capture_settings import settings
 from .drawing import draw_progress, draw_text, header_status
 
@@ -103,3 +103,26 @@ class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
         for part in PARTS:
             parts.prop_enum(chosen, "body_parts", part)
         draw_props(column, chosen, "capture_preview", "extend_scene")
+
+
+class PERFANIM_PT_sending(SidebarPanel, bpy.types.Panel):
+    """Panel of the VMC output."""
+
+    bl_label = "Send by VMC"
+    bl_parent_id = "PERFANIM_PT_capture"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        """Draw the switch."""
+        self.layout.enabled = activity.current() is None
+        self.layout.prop(context.scene.perfanim_sending, "on", text="")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the receiver."""
+        chosen = context.scene.perfanim_sending
+        column = property_column(self.layout)
+        column.enabled = chosen.on and activity.current() is None
+        draw_props(column, chosen, "host", "port")
+        wrong = vmc_output.problem(chosen) if chosen.on else ""
+        if wrong:
+            self.layout.label(text=wrong, icon="ERROR")

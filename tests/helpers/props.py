@@ -3,8 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
+from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.prop import Prop
+from perfanim.core.simulate.studio.carried_prop import HAND, in_hand
 from perfanim.core.simulate.studio.rig import default_rig
 
 FPS = 60.0
@@ -23,6 +25,14 @@ def swung(frames, seed=0):
 def markers_of(prop: Prop, turns, places):
     """The prop's markers (F, M, 3)."""
     return places[:, None] + rot.rotate(turns[:, None], prop.positions_m)
+
+
+def held_poses(prop: Prop, motion):
+    """Quaternions (F, 4) and origins (F, 3), world from prop, of a prop in the hand along a motion."""
+    carried, joint = in_hand(prop), motion.skeleton.index(HAND)
+    places, turns = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
+    hand = turns[:, joint]
+    return rot.multiply(hand, carried.rotation), places[:, joint] + rot.rotate(hand, carried.position_m)
 
 
 class Film:

@@ -1,11 +1,10 @@
-"""Prop in the simulated performer's right hand: markers, shape and true pose."""
+"""Prop in the simulated performer's right hand: markers and shape."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...body.motion import Motion
-from ...body.skeleton import Skeleton, forward_kinematics
+from ...body.skeleton import Skeleton
 from ...geometry import rotations as rot
 from ...geometry.arrays import Array
 from ...markers.prop import Prop
@@ -37,13 +36,6 @@ class Carried:
     def offsets_m(self) -> Array:
         """(M, 3) the prop's markers in the joint's axes."""
         return self.position_m + rot.rotate(self.rotation, self.prop.positions_m)
-
-    def true_poses(self, motion: Motion) -> tuple[Array, Array]:
-        """Return quaternions (F, 4) and origins (F, 3), world from prop, along a motion."""
-        joint = motion.skeleton.index(HAND)
-        places, turns = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
-        hand = turns[:, joint]
-        return rot.multiply(hand, self.rotation), places[:, joint] + rot.rotate(hand, self.position_m)
 
 
 def in_hand(prop: Prop) -> Carried:

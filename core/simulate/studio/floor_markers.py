@@ -16,7 +16,6 @@ from .settings import StudioSettings
 
 SETTINGS = StudioSettings(draw_body=False, occlusion=False)
 PLACES_M = np.array([[-0.5, 0.85], [0.45, 0.9], [0.5, 0.35], [-0.45, 0.3]])  # x and z
-MIDDLE_M = np.array([*PLACES_M.mean(axis=0)])
 
 _SECONDS = 3.0
 

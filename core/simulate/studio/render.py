@@ -95,10 +95,6 @@ class Renderer:
             self.add_noise(image, i, -1 - number)
         return images
 
-    def empty_room(self, camera: int) -> Image:
-        """Return a copy of the empty room without noise in one camera."""
-        return self._empty[camera].copy()
-
     def lit_room(self, camera: int) -> Image:
         """Return the empty room without noise at full light, as for pictures of the board."""
         return self._lit[camera].copy()

@@ -16,7 +16,7 @@ from ...geometry import rotations as rot
 from ...geometry.arrays import Array, FloatArray
 from ...geometry.camera import Camera, CameraRig
 from ...geometry.triangulation import triangulate
-from ..matching.stereo import StereoMatcher, StereoSettings
+from ..matching.stereo import StereoMatcher
 
 _GATES_DEG = (3.0, 1.0, 0.4)  # a bumped camera's lines miss by degrees; each pass lets fewer wrong pairs in
 # What markers do not tell stays as calibrated. They tell little of turns and shifts that almost make up for each other,
@@ -104,7 +104,7 @@ def _match_markers(
     rig: CameraRig, frames: Sequence[Sequence[FloatArray]], gate_px: float
 ) -> tuple[Array, Array, Array]:
     """Return matched points (N, C, 2), their weights (N, C) and moments (N,)."""
-    matcher = StereoMatcher(rig, StereoSettings(epipolar_px=gate_px))
+    matcher = StereoMatcher(rig, gate_px)
     observed, weights, moments = [], [], []
     for moment, blobs in enumerate(frames):
         normalised = matcher.undistort(blobs)

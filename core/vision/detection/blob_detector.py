@@ -42,42 +42,27 @@ class DetectionSettings:
 
     Args:
         threshold: grey levels by which a pixel must differ from the background; None: found automatically.
-        sigmas: the same in standard deviations of the pixel; the larger of the two counts.
         dilation_px: growth of the foreground, so that the soft rim of a marker belongs to it.
-        minimum_radius_px, maximum_radius_px: size of a marker in the image.
-        minimum_roundness: smallest ratio of a blob's short to its long axis (motion blur makes discs long).
-        relative_brightness: a blob dimmer than this share of the usual marker is no marker (automatic threshold).
-        relative_radius: the same for its radius: small glints of clothing are no markers.
-        maximum_blobs: at most so many, brightest first.
         whole_every: of images larger than 640x480 one in so many is looked at as a whole, the others where the markers
             of the one before may have gone: a marker that comes from elsewhere is found so many images later.
     """
 
     threshold: float | None = None
-    sigmas: float = 6.0
     dilation_px: int = 1
-    minimum_radius_px: float = 0.8
-    maximum_radius_px: float = 12.0
-    minimum_roundness: float = 0.3
-    relative_brightness: float = 0.35
-    relative_radius: float = 0.4
-    maximum_blobs: int = 100
     whole_every: int = 1
 
     def __post_init__(self) -> None:
         if self.threshold is not None and not 1.0 <= self.threshold <= 250.0:
             raise SettingsError(f"a threshold of {self.threshold:g} grey levels cannot be", advice="use 1 to 250")
-        if self.sigmas < 0.0 or not 0 <= self.dilation_px <= 10 or self.maximum_blobs < 1:
-            raise SettingsError("sigmas, dilation or number of blobs are out of range")
-        if self.whole_every < 1:
-            raise SettingsError(
-                f"one in {self.whole_every} images cannot be looked at as a whole", advice="use 1 or more"
-            )
-        if not 0.0 < self.minimum_radius_px < self.maximum_radius_px:
-            raise SettingsError("the smallest marker radius must be positive and below the largest")
 
 
 _LOWEST_AUTOMATIC_THRESHOLD = 12.0
+_SIGMAS = 6.0  # of a pixel, by which it must differ from the background as well
+_SMALLEST_PX, _LARGEST_PX = 0.8, 12.0  # radius of a marker in the image
+_LEAST_ROUNDNESS = 0.3  # ratio of a blob's short to its long axis: motion blur makes discs long
+_RELATIVE_BRIGHTNESS = 0.35  # of the usual marker: a dimmer blob is no marker (automatic threshold)
+_RELATIVE_RADIUS = 0.4  # the same of its radius: small glints of clothing are no markers
+_MOST_BLOBS = 100  # brightest first
 _SMALL_IMAGE = 640 * 480  # pixels, up to which the whole image is looked at every time
 _REACH = 0.08  # of the longer side: a marker 2 m away goes so far in a sixtieth of a second at 10 m/s
 _DIMMEST = 0.5  # of the limit that the last image set: blobs below it are not even measured
@@ -100,8 +85,8 @@ class Detector:
         self._partly = 0  # images in a row that were not looked at as a whole
         if background is not None:
             if self.settings.threshold is None:
-                self.threshold = max(_LOWEST_AUTOMATIC_THRESHOLD, self.settings.sigmas * background.noise)
-            low, high = background.band(self.settings.sigmas, self.threshold)
+                self.threshold = max(_LOWEST_AUTOMATIC_THRESHOLD, _SIGMAS * background.noise)
+            low, high = background.band(_SIGMAS, self.threshold)
             light = background.mean.sum(axis=2)
             lit = np.ceil(light + 3.0 * self.threshold)
             self._room = _EmptyRoom(
@@ -159,7 +144,7 @@ class Detector:
     @property
     def _rim(self) -> int:
         """Pixels at the edge of a part of an image where a marker may be cut off."""
-        return int(2.0 * self.settings.maximum_radius_px) + len(_SPOT_KERNEL)
+        return int(2.0 * _LARGEST_PX) + len(_SPOT_KERNEL)
 
     def _found_within(self, image: Image, window: "_Window") -> Array:
         """Return the blobs in a part of an image, without those at its inner edges."""
@@ -176,8 +161,8 @@ class Detector:
 
     def _found(self, image: Image, room: "_EmptyRoom | None") -> Array:
         """Return marker candidates in an image, or in a part of image and room."""
-        dimmest = max(self.threshold, _DIMMEST * self.settings.relative_brightness * self._usual_contrast)
-        parts = _parts(self.foreground(image, room), self.settings)
+        dimmest = max(self.threshold, _DIMMEST * _RELATIVE_BRIGHTNESS * self._usual_contrast)
+        parts = _parts(self.foreground(image, room), self.settings.dilation_px)
         alone, bodies = self._measure_alone(image, room, [part for part in parts if part.may_be_marker], dimmest)
         # the other parts are of the performer, with markers on them
         bodies += [part for part in parts if not part.may_be_marker]
@@ -233,7 +218,9 @@ class Detector:
         # pixels no brighter than the empty room are the room beside a limb
         lit = body.inside & (light >= (3.0 * self.threshold if room is None else room.lit[window]))
         bright = (lit & (contrast >= 3.0 * max(self.threshold, _LOWEST_SPOT_CONTRAST))).view(np.uint8)
-        spots = _parts(np.asarray(cv2.dilate(bright, np.ones((3, 3), np.uint8)), dtype=np.uint8), self.settings)
+        spots = _parts(
+            np.asarray(cv2.dilate(bright, np.ones((3, 3), np.uint8)), dtype=np.uint8), self.settings.dilation_px
+        )
         if not spots:
             return NO_PIXELS
         owner, x, y = _pixels(spots)
@@ -243,10 +230,9 @@ class Detector:
         return blob_pixels(owner, x + body.left, y + body.top, contrast[y, x] * third, image[window][y, x])
 
     def _fits(self, table: Array) -> Mask:
-        s = self.settings
         radius = table[:, RADIUS]
-        inside = (radius >= s.minimum_radius_px) & (radius <= s.maximum_radius_px)
-        return np.asarray(inside & (table[:, ROUNDNESS] >= s.minimum_roundness))
+        inside = (radius >= _SMALLEST_PX) & (radius <= _LARGEST_PX)
+        return np.asarray(inside & (table[:, ROUNDNESS] >= _LEAST_ROUNDNESS))
 
     def _select(self, table: Array) -> FloatArray:
         # sums have no more digits: the equally bright stay in the order of the image's rows
@@ -257,12 +243,12 @@ class Detector:
             top = median(table[:_USUAL_MARKERS, CONTRAST].tolist())
             # follows at once when markers come nearer and get brighter, slowly when they leave or go dim
             self._usual_contrast = max(top, _MEMORY * self._usual_contrast)
-            limit = self.settings.relative_brightness * min(top, self._usual_contrast)
+            limit = _RELATIVE_BRIGHTNESS * min(top, self._usual_contrast)
             table = table[table[:, CONTRAST] >= limit]
         if len(table):
             usual_radius = median(table[:, RADIUS].tolist())
-            table = table[table[:, RADIUS] >= self.settings.relative_radius * usual_radius]
-        return table[: self.settings.maximum_blobs, (X, Y, RADIUS, BRIGHTNESS, HUE)].astype(np.float32)
+            table = table[table[:, RADIUS] >= _RELATIVE_RADIUS * usual_radius]
+        return table[:_MOST_BLOBS, (X, Y, RADIUS, BRIGHTNESS, HUE)].astype(np.float32)
 
 
 _Window = tuple[slice, slice]
@@ -312,7 +298,7 @@ class _Component:
         return slice(self.top, self.top + height), slice(self.left, self.left + width)
 
 
-def _parts(mask: Image, settings: DetectionSettings) -> list[_Component]:
+def _parts(mask: Image, dilation_px: int) -> list[_Component]:
     """Return connected parts of a dilated mask, large enough for a marker."""
     # contours and labels within their boxes take half the time of labels with statistics of the whole image
     contours, hierarchy = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
@@ -321,15 +307,13 @@ def _parts(mask: Image, settings: DetectionSettings) -> list[_Component]:
         if parent >= 0:  # the rim of a hole
             continue
         left, top, width, height = cv2.boundingRect(contour)
-        side = max(width, height) - 2 * settings.dilation_px
-        if side < max(1.0, 2.0 * settings.minimum_radius_px - 1.0):
+        side = max(width, height) - 2 * dilation_px
+        if side < max(1.0, 2.0 * _SMALLEST_PX - 1.0):
             continue
         window = mask[top : top + height, left : left + width]
         _, labels = cv2.connectedComponentsWithAlgorithm(window, 8, cv2.CV_16U, cv2.CCL_BOLELLI)
         x, y = contour[0, 0]
-        parts.append(
-            _Component(left, top, labels == labels[y - top, x - left], side <= 4.0 * settings.maximum_radius_px)
-        )
+        parts.append(_Component(left, top, labels == labels[y - top, x - left], side <= 4.0 * _LARGEST_PX))
     return parts[::-1]  # contours come from the last row to the first
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...geometry.arrays import FloatArray
 from ...geometry.camera import CameraRig
-from .stereo import Matches, StereoMatcher, StereoSettings
+from .stereo import EPIPOLAR_PX, Matches, StereoMatcher
 
 _FEWEST_BLOBS = 4
 _FRAMES = 6  # of evidence: within a quarter of a second at 30 Hz
@@ -21,10 +21,9 @@ class CameraSwapDetector:
     With more or fewer than two cameras nothing is looked for.
     """
 
-    def __init__(self, rig: CameraRig, settings: StereoSettings) -> None:
+    def __init__(self, rig: CameraRig) -> None:
         exchanged = CameraRig(rig.cameras[::-1]) if len(rig) == 2 else None
-        self._matcher = StereoMatcher(exchanged, settings) if exchanged else None
-        self._worst_px = settings.epipolar_px
+        self._matcher = StereoMatcher(exchanged) if exchanged else None
         self._errors_px: deque[tuple[float, float]] = deque(maxlen=_FRAMES)
 
     def update(self, blobs: Sequence[FloatArray], matches: Matches) -> str:
@@ -45,4 +44,4 @@ class CameraSwapDetector:
 
     def _error_px(self, matches: Matches, seen: int) -> float:
         """Return the mean meeting error of blobs, pixels; an unmatched one counts most."""
-        return float(matches.errors_px.mean(axis=1).sum() + self._worst_px * (seen - len(matches.points_m))) / seen
+        return float(matches.errors_px.mean(axis=1).sum() + EPIPOLAR_PX * (seen - len(matches.points_m))) / seen

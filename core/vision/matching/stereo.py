@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from ...errors import SettingsError
 from ...geometry.arrays import Array, FloatArray, IntArray
 from ...geometry.camera import Camera, CameraRig, undistort_all
 from ...geometry.gated_assignment import assign
@@ -19,30 +18,7 @@ from ...geometry.triangulation import depths, inverse_3x3, triangulate
 Located = tuple[Array, Array, Array]
 
 
-@dataclass(frozen=True)
-class StereoSettings:
-    """How blobs of several cameras are matched.
-
-    Args:
-        epipolar_px: largest distance of a blob from the other's epipolar line.
-        pixel_sigma: standard deviation of a blob's centre, calibration error and time between the cameras included.
-        nearest_m, farthest_m: distances from the camera at which markers may be.
-        spread_m: how far (one sigma) markers lie in front of or behind the middle of all.
-        coherence_m: how far (one sigma) a marker is from where it is predicted.
-    """
-
-    epipolar_px: float = 4.0
-    pixel_sigma: float = 0.5
-    nearest_m: float = 0.3
-    farthest_m: float = 12.0
-    spread_m: float = 0.5
-    coherence_m: float = 0.06
-
-    def __post_init__(self) -> None:
-        if min(self.epipolar_px, self.pixel_sigma, self.spread_m, self.coherence_m) <= 0.0:
-            raise SettingsError("distances and deviations of the matching must be positive")
-        if not 0.0 <= self.nearest_m < self.farthest_m:
-            raise SettingsError("nearest_m must be below farthest_m")
+EPIPOLAR_PX = 4.0  # largest distance of a blob from the other's epipolar line
 
 
 @dataclass(frozen=True)
@@ -55,6 +31,10 @@ class Matches:
     errors_px: Array
 
 
+_PIXEL_SIGMA = 0.5  # of a blob's centre, calibration error and time between the cameras included
+_NEAREST_M, _FARTHEST_M = 0.3, 12.0  # from the camera, where markers may be
+_SPREAD_M = 0.5  # how far (one sigma) markers lie in front of or behind the middle of all
+_COHERENCE_M = 0.06  # how far (one sigma) a marker is from where it is predicted
 _SIGMAS_OF_GATE = 3.0
 _HUE_SIGMA = 25.0
 _SIZE_SIGMA = 0.35
@@ -67,9 +47,9 @@ _FORBIDDEN = 1e6
 class StereoMatcher:
     """Matches the blobs of a rig's cameras."""
 
-    def __init__(self, rig: CameraRig, settings: StereoSettings | None = None) -> None:
+    def __init__(self, rig: CameraRig, epipolar_px: float = EPIPOLAR_PX) -> None:
         self.rig = rig
-        self.settings = settings or StereoSettings()
+        self._epipolar_px = epipolar_px
 
     def undistort(self, blobs: Sequence[FloatArray]) -> list[Array]:
         """Return the blobs' undistorted normalised coordinates (n, 2), per camera."""
@@ -106,7 +86,7 @@ class StereoMatcher:
         for camera, coordinates in enumerate(normalised):
             seen = table[:, camera] >= 0
             observed[seen, camera] = coordinates[table[seen, camera]]
-        return triangulate(self.rig.cameras, observed, (table >= 0).astype(float), self.settings.pixel_sigma)
+        return triangulate(self.rig.cameras, observed, (table >= 0).astype(float), _PIXEL_SIGMA)
 
     def _attach(self, camera: int, normalised: Sequence[Array], points: Array, table: IntArray) -> IntArray:
         """Give points already known their blob in one more camera."""
@@ -116,7 +96,7 @@ class StereoMatcher:
         local = view.to_camera(points)
         distance = cdist(local[:, :2] / local[:, 2:], normalised[camera]) * view.focal_px
         cost = np.where(local[:, 2:] > 0.0, distance, _FORBIDDEN)
-        rows, columns = assign(cost, self.settings.epipolar_px)
+        rows, columns = assign(cost, self._epipolar_px)
         table = table.copy()
         table[rows, camera] = columns
         return table
@@ -138,19 +118,17 @@ class StereoMatcher:
         view_a, view_b = self.rig.cameras[a], self.rig.cameras[b]
         x, y = normalised[a][free_a], normalised[b][free_b]
         line = epipolar_distances(view_a, view_b, x, y)
-        rows, columns = np.nonzero(line <= self.settings.epipolar_px)
+        rows, columns = np.nonzero(line <= self._epipolar_px)
         both = np.stack((x[rows], y[columns]), axis=1)
         if len(rows) == 0:
             return none
-        points, covariances, errors = triangulate(
-            (view_a, view_b), both, np.ones((len(rows), 2)), self.settings.pixel_sigma
-        )
+        points, covariances, errors = triangulate((view_a, view_b), both, np.ones((len(rows), 2)), _PIXEL_SIGMA)
         far = np.stack((depths(view_a, points), depths(view_b, points)))
-        possible = (far.min(axis=0) >= self.settings.nearest_m) & (far.max(axis=0) <= self.settings.farthest_m)
+        possible = (far.min(axis=0) >= _NEAREST_M) & (far.max(axis=0) <= _FARTHEST_M)
         rows, columns, depth = rows[possible], columns[possible], far[0][possible]
         points, covariances, errors = points[possible], covariances[possible], errors[possible]
         similar = _dissimilarity(blobs[a][free_a], blobs[b][free_b])[rows, columns]
-        base = (line[rows, columns] / (self.settings.epipolar_px / _SIGMAS_OF_GATE)) ** 2 + similar
+        base = (line[rows, columns] / (self._epipolar_px / _SIGMAS_OF_GATE)) ** 2 + similar
         if predicted_m is not None and len(predicted_m):
             nearest = self._coherence(points, covariances, predicted_m)
             base = base + np.minimum(nearest, _COHERENCE_CAP)
@@ -158,14 +136,14 @@ class StereoMatcher:
         # once more with the performer's distance by the first answer
         if len(chosen) >= 3:
             middle = float(np.median(depth[chosen]))
-            cost = base + np.minimum(((depth - middle) / self.settings.spread_m) ** 2, _COHERENCE_CAP)
+            cost = base + np.minimum(((depth - middle) / _SPREAD_M) ** 2, _COHERENCE_CAP)
             chosen = _choose(cost, rows, columns, (len(free_a), len(free_b)))
         pairs = np.stack((free_a[rows[chosen]], free_b[columns[chosen]]), axis=1)
         return pairs, (points[chosen], covariances[chosen], errors[chosen])
 
     def _coherence(self, points: Array, covariances: Array, predicted_m: Array) -> Array:
         """Return squared distances (n,), in sigmas, to the nearest predicted point."""
-        information = inverse_3x3(covariances + self.settings.coherence_m**2 * np.eye(3))
+        information = inverse_3x3(covariances + _COHERENCE_M**2 * np.eye(3))
         apart = points[:, None] - predicted_m[None]
         return np.asarray(np.sum(apart @ information * apart, axis=2).min(axis=1))
 

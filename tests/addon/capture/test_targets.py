@@ -13,10 +13,10 @@ from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.markers.marker_take import MarkerTake, save_take
 from perfanim.core.markers.prop import load_prop, save_prop
-from perfanim.core.simulate.studio.carried_prop import in_hand
 from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.system.assets import MOTION
 from played import curves_of, key_times
+from props import held_poses
 from ticking import tick_until
 
 POSES = 30
@@ -99,7 +99,7 @@ def test_a_sword_is_in_the_characters_hand_live_and_in_the_action(part: Any, sho
     scene.perfanim.behaviour = "kendo"
     shown.entries.add()
     source = open_simulated({"behaviour": "kendo", "height_m": 1.75, "seconds": 60.0, "prop": "sword"})
-    turns, places = in_hand(load_prop("sword")).true_poses(source.motion)
+    turns, places = held_poses(load_prop("sword"), source.motion)
     capture = live.LiveCapture(None, [])
     try:
         tick_until(capture, lambda: capture.run is not None and len(capture.run.poses) >= POSES)

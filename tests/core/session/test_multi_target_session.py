@@ -7,8 +7,7 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.prop import load_prop
 from perfanim.core.session.multi_target_session import MultiTargetSession
 from perfanim.core.session.session import Session
-from perfanim.core.simulate.studio.carried_prop import in_hand
-from props import Film, markers_of
+from props import Film, held_poses, markers_of
 
 MARKER_M = 0.02  # labels that are right are nearer than this: five times what the blobs' noise makes of a point
 
@@ -17,7 +16,7 @@ MARKER_M = 0.02  # labels that are right are nearer than this: five times what t
 def test_neither_takes_what_is_the_others(subject, database, record, truth, true_markers, images):
     """The hand that holds the sword is hidden half of the time: its marker must not become the sword's hilt."""
     sword = load_prop("sword")
-    turns, places = in_hand(sword).true_poses(truth)
+    turns, places = held_poses(sword, truth)
     points = np.concatenate((true_markers, markers_of(sword, turns, places)), axis=1)
     film, hand = Film(record), subject.marker_set.names.index("RHAN")
     ensemble = MultiTargetSession([Session(subject, database, film.rig if images else None)], [sword])

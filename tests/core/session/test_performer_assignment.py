@@ -12,9 +12,8 @@ from perfanim.core.markers.prop import load_prop
 from perfanim.core.markers.subject import Subject
 from perfanim.core.session.multi_target_session import MultiTargetSession
 from perfanim.core.session.session import Session
-from perfanim.core.simulate.studio.carried_prop import in_hand
 from performers import APART_M, side_by_side
-from props import Film, markers_of
+from props import Film, held_poses, markers_of
 
 LABEL_M = 0.03  # labels that are right are nearer than this: five times what the blobs' noise makes of a point
 FRAMES = 20
@@ -129,7 +128,7 @@ def test_a_hidden_marker_is_not_taken_from_the_other(subject, database, record, 
 
 def test_props_and_performers_together(subject, database, record, truth, pair):
     sword = load_prop("sword")
-    turns, places = in_hand(sword).true_poses(truth)
+    turns, places = held_poses(sword, truth)
     aside = np.array([0.5 * APART_M, 0.0, 0.0])
     film = Film(record)
     ensemble = ensemble_of([subject, subject], database, film.rig, [sword])

@@ -11,8 +11,7 @@ from perfanim.core.session.multi_target_session import MultiTargetSession
 from perfanim.core.session.pose_filters import FilterSettings, PoseFilter
 from perfanim.core.session.session import Session
 from perfanim.core.session.tracking_quality import TrackingNote
-from perfanim.core.simulate.studio.carried_prop import in_hand
-from props import Film, markers_of
+from props import Film, held_poses, markers_of
 
 FPS = 30.0
 KNOWN = np.arange(8)
@@ -116,7 +115,7 @@ def test_after_an_hour_the_session_starts_anew(subject, database, record, true_m
 
 def test_performers_props_and_filters_go_on_as_well(subject, database, record, truth, true_markers):
     sword = load_prop("sword")
-    turns, places = in_hand(sword).true_poses(truth)
+    turns, places = held_poses(sword, truth)
     points = np.concatenate((true_markers, markers_of(sword, turns, places)), axis=1)
     points = np.concatenate((points, true_markers + np.array([2.0, 0.0, 0.0])), axis=1)
     film, generator = Film(record), np.random.default_rng(0)

@@ -205,7 +205,7 @@ def test_markers_stand_where_the_truth_says_in_distorted_images(scene: Any) -> N
     rays = []
     for i, camera in enumerate(renderer.rig.cameras):
         np.testing.assert_allclose(frame.truth.pixels[i], camera.project(points), atol=1e-9)
-        seen = np.array([centroid(frame.images[i], renderer.empty_room(i), p) for p in frame.truth.pixels[i]])
+        seen = np.array([centroid(frame.images[i], renderer._empty[i], p) for p in frame.truth.pixels[i]])
         # grey levels are whole numbers: that alone moves a centroid by some thousandths
         assert np.abs(seen - frame.truth.pixels[i]).max() < 0.02
         rays.append(camera.rays(camera.undistort(seen)))
@@ -237,8 +237,8 @@ def test_exposure_smears_along_the_path_about_the_true_centre(scene: Any) -> Non
     spreads = []
     for frame in (still, moving):
         near = frame.truth.pixels[0, 0]
-        assert np.abs(centroid(frame.images[0], sharp.empty_room(0), near, 14) - near).max() < 0.03
-        light = (frame.images[0].astype(float) - sharp.empty_room(0)).sum(axis=(0, 2))
+        assert np.abs(centroid(frame.images[0], sharp._empty[0], near, 14) - near).max() < 0.03
+        light = (frame.images[0].astype(float) - sharp._empty[0]).sum(axis=(0, 2))
         spreads.append((light * (np.arange(640) - near[0]) ** 2).sum() / light.sum())
     # evenly spread along a line of that length, the light's variance grows by a twelfth of its square
     assert spreads[1] - spreads[0] == pytest.approx(length**2 / 12.0, rel=0.05)
@@ -265,7 +265,7 @@ def test_noise_is_as_strong_as_asked_and_reproducible(scene: Any) -> None:
     sigma = 3.0
     rig = default_rig()
     renderer = Renderer(rig, replace(QUIET, noise_sigma=sigma))
-    images = [renderer.background(n)[0].astype(float) - renderer.empty_room(0) for n in range(3)]
+    images = [renderer.background(n)[0].astype(float) - renderer._empty[0] for n in range(3)]
     for difference in images:
         # rounding to whole grey levels adds a twelfth to the variance
         assert difference.std() == pytest.approx(np.hypot(sigma, 12**-0.5), rel=0.02)
@@ -287,7 +287,7 @@ def test_body_is_drawn_where_it_is(scene: Any) -> None:
     cones = performance.cones_at(0.3)
     middles = 0.5 * (cones.starts + cones.ends)
     for i, camera in enumerate(renderer.rig.cameras):
-        changed = (frame.images[i] != renderer.empty_room(i)).any(axis=2)
+        changed = (frame.images[i] != renderer._empty[i]).any(axis=2)
         x, y = np.rint(camera.project(middles)).astype(int).T
         assert changed[y, x].all()
         rows, columns = np.nonzero(changed)
@@ -315,7 +315,7 @@ def test_ghosts_dropout_moved_object_and_light(scene: Any) -> None:
     image = changed.render(flying(scene, np.full((2, 1, 3), [0.0, 1.0, 0.0])), 0.0, 0).images[0]
     assert (image != changed.background(0)[0]).any(axis=2).sum() > 500
     bright = Renderer(default_rig(), replace(QUIET, light_drift=0.1, draw_body=False))
-    ratio = bright.render(performance, np.pi, 0).images[0].mean() / bright.empty_room(0).mean()
+    ratio = bright.render(performance, np.pi, 0).images[0].mean() / bright._empty[0].mean()
     assert ratio == pytest.approx(1.1, abs=0.01)
 
 

@@ -123,7 +123,7 @@ def test_source_gives_every_frame_with_its_truth(scene: Any) -> None:
         assert frame.times_s == (frame.number / FPS, frame.number / FPS)
     rooms = list(source.background_frames(3))
     assert len(rooms) == 3 and len(rooms[0]) == 2
-    difference = np.abs(rooms[0][0].astype(int) - source.renderer.empty_room(0))
+    difference = np.abs(rooms[0][0].astype(int) - source.renderer._empty[0])
     assert difference.mean() < 3.0
 
 

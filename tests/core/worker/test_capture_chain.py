@@ -24,11 +24,11 @@ from perfanim.core.formats.vmc.packets import Clock, read_packet
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.prop import load_prop, prop_tables
 from perfanim.core.markers.subject import Subject, subject_tables
-from perfanim.core.simulate.studio.carried_prop import in_hand
 from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import Message, MessageKind
 from perfanim.core.worker.restart_point import RestartPoint
+from props import held_poses
 
 PATIENCE_S = 180.0
 ROOT_M = 0.3  # a quarter of what two performers are apart: nobody is taken for the other
@@ -132,7 +132,7 @@ def test_stop_ends_the_chain_and_loses_nothing(request_files: dict[str, Any], tm
     assert changed[1:tuned_at].all()
     assert not changed[tuned_at + 5 :].any()  # some were on their way
     assert [prop.name for prop in take.setup.carried_props()] == ["sword"]
-    _, places_m = in_hand(load_prop("sword")).true_poses(open_simulated(asked["cameras"]["source"]).motion)
+    _, places_m = held_poses(load_prop("sword"), open_simulated(asked["cameras"]["source"]).motion)
     for solved in take.poses[10:]:  # it is known at once, or after a tenth of a second
         (sword,) = solved.pose.props
         assert np.linalg.norm(sword.position_m - places_m[solved.pose.number]) < 0.01

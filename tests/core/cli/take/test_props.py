@@ -12,8 +12,7 @@ from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
 from perfanim.core.formats.take_file.whole import write_whole_take
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.prop import load_prop, save_prop
-from perfanim.core.simulate.studio.carried_prop import in_hand
-from props import FPS, Film, markers_of
+from props import FPS, Film, held_poses, markers_of
 
 FRAMES = 20
 HIDDEN = range(8, 12)
@@ -22,7 +21,7 @@ PLACE_M = 0.008  # as in test_prop_tracking
 
 @pytest.fixture(scope="module")
 def sword_poses(truth):
-    return in_hand(load_prop("sword")).true_poses(truth)
+    return held_poses(load_prop("sword"), truth)
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from perfanim.core.cli.main import main
 from perfanim.core.errors import CalibrationError
 from perfanim.core.geometry.camera import Camera, CameraRig
 from perfanim.core.geometry.rig_file import load_rig, rig_from, rig_tables
-from perfanim.core.simulate.studio.floor_markers import MIDDLE_M, PLACES_M, SETTINGS, FloorMarkers
+from perfanim.core.simulate.studio.floor_markers import PLACES_M, SETTINGS, FloorMarkers
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.system.files import write_toml
 from perfanim.core.worker.jobs import record_floor_markers
@@ -39,7 +39,7 @@ def elsewhere() -> dict[str, Any]:
 def check(found: CameraRig) -> None:
     assert found.metadata["floor"] == "y = 0"
     for camera, other in zip(found.cameras, default_rig().cameras, strict=True):
-        expected = other.centre_m - [MIDDLE_M[0], 0.0, MIDDLE_M[1]]
+        expected = other.centre_m - np.insert(PLACES_M.mean(axis=0), 1, 0.0)
         # the new z axis points from the markers' middle to between the cameras
         turned = expected - np.array([0.0, expected[1], 0.0])
         assert camera.centre_m[1] == pytest.approx(expected[1], abs=TOLERANCE_M)
