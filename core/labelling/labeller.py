@@ -32,12 +32,14 @@ class _Seen:
     """Where and how fast (NaN: unknown) each marker was when last located.
 
     Args:
+        is_steady: (M,) whether it was where it was going.
         is_sure: (M,) whether it was followed without a doubt since all were known.
     """
 
     positions_m: Array
     velocities_m_s: Array
     lost_s: Array
+    is_steady: Mask
     is_sure: Mask
 
 
@@ -78,7 +80,8 @@ class Labeller:
         self._torso = np.zeros(len(self.names), dtype=bool) if torso is None else np.asarray(torso)
         count = len(self.names)
         unknown = np.full((count, 3), np.nan)
-        self._seen = _Seen(unknown, unknown.copy(), np.full(count, np.inf), np.zeros(count, dtype=bool))
+        never = np.zeros(count, dtype=bool)
+        self._seen = _Seen(unknown, unknown.copy(), np.full(count, np.inf), never, never.copy())
 
     def begin(self, points_m: Array, labels: IntArray, is_sure: Mask | None = None) -> None:
         """Start from labels (N,) of points (N, 3), -1 for none; `is_sure` (M,): no marker."""
@@ -143,13 +146,19 @@ class Labeller:
         return LabelledBlobs(blobs, normalised, points, covariances)
 
     def expected(self, predicted_m: Array, elapsed_s: float) -> tuple[Array, Array]:
-        """Return expected markers (M, 3) and their gates (M,), metres; see `label`."""
+        """Return expected markers (M, 3) and their gates (M,), metres; see `label`.
+
+        A marker that is lost goes on as it moved, for a short while; the pose may have left it at once.
+        """
         is_known = np.isfinite(self._seen.velocities_m_s[:, 0])
         fresh = is_known & (self._seen.lost_s < _MEMORY_S)
         movement = np.where(fresh[:, None], self._seen.velocities_m_s * elapsed_s, 0.0)
         lost = np.where(np.isfinite(self._seen.lost_s), self._seen.lost_s, 1.0)
         gates = _GATE_M + _GATE_SPEED_SHARE * np.linalg.norm(movement, axis=1) + _GATE_LOST_M_S * lost
         gates += np.where(is_known, 0.0, _GATE_UNKNOWN_M_S * elapsed_s)
+        lost_briefly = fresh & (self._seen.lost_s > 0.0) & self._seen.is_steady
+        way = self._seen.positions_m + self._seen.velocities_m_s * self._seen.lost_s[:, None]
+        predicted_m = np.where(lost_briefly[:, None], way, predicted_m)
         return predicted_m + movement, np.minimum(gates, np.where(self._torso, _GATE_TORSO_MAX_M, _GATE_MAX_M))
 
     def _remember(self, points_m: Array, labels: IntArray, elapsed_s: float) -> None:
@@ -178,9 +187,10 @@ class Labeller:
         away[points, markers] = np.inf
         others = np.minimum(away.min(axis=1, initial=np.inf)[points], away.min(axis=0, initial=np.inf)[markers])
         steady = own < _STEADY_M
+        seen.is_steady[markers] = steady
         seen.is_sure[markers] &= steady & (others > own + _STEADY_M)
         seen.is_sure &= gone_s < _MEMORY_S
-        if 2 * np.sum(steady) < len(steady):  # a cut, or a body that was hidden
+        if 2 * np.sum(steady) <= len(steady):  # a cut, or a body that was hidden
             seen.is_sure[:] = False
 
 

@@ -127,7 +127,9 @@ class LabelCheck:
         labels, cost, contradicts = min(others, key=lambda other: other[1], default=(None, np.inf, False))
         gain = self._present_cost - cost
         self._against = max(self._against + gain, 0.0)
-        self._confirmed = self._confirmed + _confirmation(gain) if gain < _BETTER else 0.0
+        # a search that missed the present labels is no evidence for them
+        is_found = len(others) < len(search.labellings())
+        self._confirmed = self._confirmed + is_found * _confirmation(gain) if gain < _BETTER else 0.0
         if labels is None:
             return None
         names_more = np.sum(labels >= 0) > np.sum(np.isfinite(self._present_m[:, 0]))

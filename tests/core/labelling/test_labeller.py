@@ -160,3 +160,21 @@ def test_a_cut_leaves_no_marker_sure() -> None:
     start = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
     cut = start + np.array([[0.0, 0.07, 0.0]] * 3 + [[0.0, 0.0, 0.0]])
     assert not followed([start, cut]).any()
+
+
+def test_a_marker_hidden_for_a_frame_is_found_where_it_was_going() -> None:
+    """The pose, which a hidden marker does not hold, has left it meanwhile."""
+    start = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
+    step = np.array([0.03, 0.0, 0.0])
+    labeller = Labeller(["a", "b", "c", "d"])
+    labeller.begin(start, np.arange(4))
+    labeller.label(start + step, spread(4), start, 1 / 60)
+    labeller.label((start + 2 * step)[:3], spread(3), start + step, 1 / 60)
+    left = start + 2 * step
+    left[3, 2] = 0.2
+    np.testing.assert_array_equal(labeller.label(start + 3 * step, spread(4), left, 1 / 60), np.arange(4))
+
+
+def test_nothing_is_sure_after_a_frame_that_shows_other_points_only() -> None:
+    start = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
+    assert not followed([start, start + 3.0]).any()

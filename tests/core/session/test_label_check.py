@@ -5,6 +5,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 from perfanim.core.labelling.initial_labelling import InitialLabels
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.session.label_check import LabelCheck, Rival
@@ -16,12 +17,13 @@ EXCHANGED = np.array([1, 0, 2, 3])
 class OneRival:
     """Stands for the labeller of a database whose poses say that two markers are exchanged."""
 
-    def __init__(self, gain: float) -> None:
+    def __init__(self, gain: float, *found: np.ndarray) -> None:
         self._gain = gain
+        self._found = found
 
     def search(self, points_m: np.ndarray) -> Generator[int, None, InitialLabels]:
         yield 1
-        return InitialLabels(EXCHANGED, 20.0 - self._gain, POINTS_M, ())
+        return InitialLabels(EXCHANGED, 20.0 - self._gain, POINTS_M, tuple((other, 20.0) for other in self._found))
 
     def cost(self, *_: Any) -> float:
         return 20.0
@@ -51,3 +53,12 @@ def test_much_likelier_labels_rename_even_these() -> None:
     found = rival(25.0, np.ones(4, dtype=bool))
     assert found is not None
     assert found.contradicts
+
+
+@pytest.mark.parametrize(("found", "certain"), [((), False), ((np.arange(4),), True)])
+def test_a_search_that_misses_the_present_labels_does_not_confirm_them(found: tuple[np.ndarray, ...], certain: bool):
+    check: Any = LabelCheck(OneRival(-30.0, *found), ("a", "b", "c", "d"), np.ones(4, dtype=bool))  # type: ignore[arg-type]
+    frame = MarkerFrame(0, 1.0, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
+    pose = SimpleNamespace(observed_m=POINTS_M, markers_m=POINTS_M, confidence=0.9, time_s=1.0)
+    assert check.step(frame, 1 / 60, pose, np.zeros(4, dtype=bool)) is None
+    assert (check.confidence(frame, POINTS_M) == 1.0) == certain
