@@ -7,6 +7,7 @@ there is nothing to ease: that is another person, or the same one after a gap.
 """
 
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -59,12 +60,14 @@ class PoseEaser:
         points_m: Array,
         held: bool = False,
         labels_known: bool = True,
+        doubtful: Sequence[int] = (),
     ) -> Array:
         """Return the next pose's eased rotations (J, 4).
 
         Args:
             points_m: (M, 3) located markers, NaN where not.
             held: keep the joints where they are.
+            doubtful: joints that are probably wrong, eased as where a marker comes or goes.
             labels_known: the source labelled the markers.
         """
         frames = (time_s - self._time_s) / _FRAME_S
@@ -77,7 +80,7 @@ class PoseEaser:
             self._turns = deque[Array](maxlen=1 + _GATHERED_FRAMES)
             self._shown, self._trail = rotations, deque[tuple[float, Array]]()
         else:
-            self._shown = self._eased(frames, rotations, in_root_m, held)
+            self._shown = self._eased(frames, rotations, in_root_m, held, doubtful)
         self._time_s, self._raw, self._in_root_m = time_s, rotations, in_root_m
         self._seen_s[np.isfinite(points_m[:, 0])] = time_s
         self._trail.append((time_s, points_m))
@@ -95,12 +98,14 @@ class PoseEaser:
         moved = np.sum(np.fmin.reduce(others_m, axis=1, initial=np.inf) > _EXCHANGED_M * frames[far])
         return bool(moved >= max(_CUT_MARKERS, share * np.isfinite(points_m[:, 0]).sum()))
 
-    def _eased(self, frames: float, rotations: Array, in_root_m: Array, held: bool) -> Array:
+    def _eased(self, frames: float, rotations: Array, in_root_m: Array, held: bool, doubtful: Sequence[int]) -> Array:
         """Return the rotations (J, 4) after `frames` of 60 a second."""
         self._turns.append(_turn(self._raw, rotations) / frames)
         turn = _turn(self._shown, rotations)
         angle = np.linalg.norm(turn, axis=-1)
-        limit = frames * self._limits(frames, in_root_m, turn / np.maximum(angle, 1e-12)[:, None])
+        limit = self._limits(frames, in_root_m, turn / np.maximum(angle, 1e-12)[:, None])
+        limit[list(doubtful)] = np.minimum(limit[list(doubtful)], _AT_CHANGE_RAD)
+        limit *= frames
         share = np.zeros(len(turn)) if held else np.minimum(limit / np.maximum(angle, 1e-12), 1.0)
         share[0] = 1.0
         eased = rot.multiply(self._shown, rot.from_rotation_vector(share[:, None] * turn))

@@ -7,8 +7,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..geometry.arrays import Array, IntArray, runs
+from .body_parts import PARTS
 
 DOUBTFUL = 0.3  # confidence below which a pose is probably wrong
+# expected error from which a part of it is; hands and feet are never known better than to half of that
+DOUBTFUL_PART_DEG = np.array([40.0 if part.endswith(("hand", "foot")) else 25.0 for part in PARTS])
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,8 @@ class PerformerPose:
         notes: problems in plain words ("left hand hidden", ...).
         single_points: (M, 2) where that camera saw it, undistorted and normalised, NaN elsewhere; empty in poses read
             from takes, which keep it by blob.
+        part_errors_deg: (P,) expected errors of the body's parts (`body_parts.PARTS`), means over their joints: 95 % of
+            the errors are within twice that. Empty of methods but "best", and in takes of earlier versions.
     """
 
     number: int
@@ -66,6 +71,22 @@ class PerformerPose:
     dimensions: int = 0
     notes: tuple[str, ...] = ()
     single_points: Array = field(default_factory=lambda: np.empty((0, 2)))
+    part_errors_deg: Array = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the whole pose is probably wrong."""
+        return self.confidence < DOUBTFUL
+
+    @property
+    def doubtful_parts(self) -> list[str]:
+        """The parts that are probably wrong."""
+        return doubtful_parts(self.part_errors_deg)
+
+
+def doubtful_parts(errors_deg: Array) -> list[str]:
+    """Return the parts with large expected errors (P,), none of no errors."""
+    return [part for part, error, most in zip(PARTS, errors_deg, DOUBTFUL_PART_DEG, strict=False) if error > most]
 
 
 @dataclass(frozen=True)
@@ -99,21 +120,29 @@ class DoubtfulStretch:
 
     Args:
         start_s, stop_s: since the first pose.
-        reason: most frequent note of its poses, "" without any.
+        reason: most frequent note of its poses, for a part the most frequent about it; "" without any.
+        part: of the body; "" for the whole pose.
     """
 
     start_s: float
     stop_s: float
     reason: str
+    part: str = ""
 
 
 def doubtful_stretches(poses: Sequence[PerformerPose]) -> list[DoubtfulStretch]:
-    """Return the stretches of a performer's poses with low confidence."""
-    doubtful = np.array([pose.confidence < DOUBTFUL for pose in poses], dtype=np.bool_)
-    stretches = []
-    for start, stop in runs(doubtful):
-        notes = Counter(note for pose in poses[start:stop] for note in pose.notes)
+    """Return the doubtful stretches of a performer's poses, then those of parts."""
+    stretches = _stretches(poses, [pose.doubtful for pose in poses])
+    for part in PARTS:
+        stretches += _stretches(poses, [not pose.doubtful and part in pose.doubtful_parts for pose in poses], part)
+    return stretches
+
+
+def _stretches(poses: Sequence[PerformerPose], doubtful: Sequence[bool], part: str = "") -> list[DoubtfulStretch]:
+    found = []
+    for start, stop in runs(np.array(doubtful, dtype=np.bool_)):
+        notes = Counter(note for pose in poses[start:stop] for note in pose.notes if note.startswith(part))
         reason = notes.most_common(1)[0][0] if notes else ""
         begin_s, end_s = (poses[at].time_s - poses[0].time_s for at in (start, stop - 1))
-        stretches.append(DoubtfulStretch(begin_s, end_s, reason))
-    return stretches
+        found.append(DoubtfulStretch(begin_s, end_s, reason, part))
+    return found

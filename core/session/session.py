@@ -20,6 +20,7 @@ from ..solver.solution import Solution, SolverState
 from ..solver.subject_model import SubjectModel
 from .frame_labelling import BodyExamples, FrameLabeller, is_labelled, rest_markers
 from .hypothesis_tracking import HypothesisTracker
+from .part_errors import PartErrors, doubtful_joints
 from .tracking_quality import TrackingNote, TrackingQuality, assess_fit
 
 _WORSE_M = 0.01  # RMS by which right labels may fit the body worse than others
@@ -48,6 +49,7 @@ class Session:
         if self._has_one_camera:
             self._hypotheses = HypothesisTracker(cameras[0], self._solver, examples.start_poses_m, examples.markers_m)
         self._quality = TrackingQuality(self._model.torso, self._has_one_camera)
+        self._part_errors = PartErrors(self._model)
         self.reset()
 
     def reset(self) -> None:
@@ -176,15 +178,16 @@ class Session:
         held = fit.rms_m > self._quality.settings.wrong_m
         notes += [TrackingNote.HELD.value] if held else []
         rotations = self._model.rotations(solution.pose, solution.root)
-        rotations = self._easer.step(
-            frame.time_s, rotations, solution.root.position_m, shown.points_m, held, is_labelled(frame)
-        )
-        is_sure = self._has_one_camera or is_labelled(frame)
-        return PerformerPose(
+        errors_deg = self._part_errors.expected_deg(solution)
+        doubtful, root_m = doubtful_joints(errors_deg), solution.root.position_m
+        known = is_labelled(frame)
+        rotations = self._easer.step(frame.time_s, rotations, root_m, shown.points_m, held, known, doubtful)
+        is_sure = self._has_one_camera or known
+        pose = PerformerPose(
             number=frame.number,
             time_s=frame.time_s,
             rotations=rotations,
-            root_position_m=solution.root.position_m,
+            root_position_m=root_m,
             confidence=fit.confidence * (1.0 if is_sure else self.labeller.confidence(frame, observation.points_m)),
             markers_m=solution.markers_m,
             observed_m=observation.points_m,
@@ -192,9 +195,10 @@ class Session:
             marker_rms_m=fit.rms_m,
             neighbours=solution.neighbours,
             dimensions=solution.dimensions,
-            notes=tuple(notes),
             single_points=observation.image_points,
+            part_errors_deg=errors_deg,
         )
+        return replace(pose, notes=(*notes, *self._part_errors.notes(pose)))
 
     def _last_pose(
         self, frame: MarkerFrame, time_s: float, note: TrackingNote, observation: Observation | None = None

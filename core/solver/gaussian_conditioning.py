@@ -139,13 +139,28 @@ class Expectation:
         return solve_triangular(factor, innovation, lower=True, check_finite=False), factor
 
 
+@dataclass(frozen=True)
+class FitFacts:
+    """How a pose was fitted.
+
+    Args:
+        steps: tried.
+        sigmas_rad: (D,) standard deviations of the pose given the markers, by the last linearised model (Laplace).
+        deviation: RMS distance of the markers from the prior, in its deviations.
+    """
+
+    steps: int
+    sigmas_rad: Array
+    deviation: float
+
+
 def fit_to_markers(
     expectation: Expectation, subject: SubjectModel, marker_variance_m2: float, steps: int
-) -> tuple[Array, RootPose, int]:
+) -> tuple[Array, RootPose, FitFacts]:
     """Fit pose (D,) and root to the markers under the prior, within the limits.
 
     A Gauss-Newton step counts only if it lowers the cost; else it is repeated damped towards where it started, in the
-    metric of the prior (Levenberg 1944), so that no step leads away. The third value is the number of steps tried.
+    metric of the prior (Levenberg 1944), so that no step leads away.
 
     Args:
         expectation: prior, observed markers, root and limits.
@@ -179,7 +194,18 @@ def fit_to_markers(
             break
     else:
         change = kept[0]  # the last step was not tried
-    return mean + change[6:], _moved_root(expectation.root, change), taken
+    across[np.diag_indices_from(across)] += marker_variance_m2
+    facts = _facts(taken, covariance, across, gains[6:], innovation)
+    return mean + change[6:], _moved_root(expectation.root, change), facts
+
+
+def _facts(steps: int, covariance: Array, system: Array, gains: Array, innovation: Array) -> FitFacts:
+    """Return the facts of a fit from its last step's system (m, m) and gains (D, m)."""
+    factor = np.linalg.cholesky(system)
+    halves = solve_triangular(factor, np.column_stack((gains.T, innovation)), lower=True, check_finite=False)
+    *explained, unlikely = np.einsum("md,md->d", halves, halves)
+    sigmas_rad = np.sqrt(np.maximum(np.diag(covariance) - explained, 0.0))
+    return FitFacts(steps, sigmas_rad, float(np.sqrt(unlikely / max(len(halves), 1))))
 
 
 def _linearise(expectation: Expectation, subject: SubjectModel, change: Array, sigma_m: float) -> tuple[Array, Array]:

@@ -28,6 +28,9 @@ _FIT_STEPS = 8  # of Gauss-Newton at most: most priors are so close that one is 
 # the database lacks, and for those it knows. By the fourth power: each decides alone where it is surely better.
 _TRUSTED, _TRUSTED_KNOWN = 0.6, 1.2
 _MOST_DOUBT = 100.0
+# a pose's deviations given its markers grow with this power of the markers' deviation from the prior, and are a share
+# of that for bodies that the database knows: found on takes, see `session.part_errors`
+_WIDENING, _LEAST_DEVIATION, _KNOWN_SHARE = 0.67, 0.05, 0.7
 _LIMIT_PERCENTILES = (1.0, 99.0)  # of the database's joint angles,
 _LIMIT_MARGIN_RAD = 0.05  # beyond which a joint hardly goes
 _SYNTHESIS_PASSES = 2  # synthesis needs the root and the root needs the synthesized torso
@@ -191,7 +194,7 @@ class BestMethod:
         self._learned = MotionPrior(network, subject, database.mean_rotations) if network else None
         bodies = (database.skeletons[index].offsets_m for index in {clip.skeleton for clip in database.clips})
         known = any(same_bones(body_m, subject.skeleton.offsets_m) for body_m in bodies)
-        self._trusted = _TRUSTED_KNOWN if known else _TRUSTED
+        self._trusted, self._widened = (_TRUSTED_KNOWN, _KNOWN_SHARE) if known else (_TRUSTED, 1.0)
         if self._learned:
             self.longest_s = max(self.longest_s, self._learned.lags_s[-1])
         poses = database.poses.reshape(database.frames, -1)
@@ -228,10 +231,11 @@ class BestMethod:
             expected = state.pose + settings.momentum * (state.pose - state.previous_pose)
             prior = continue_prior(prior, expected, self._change)
         expectation = Expectation(prior, problem.observation, root, root_sigma, self._limits)
-        pose, root, steps = gaussian_conditioning.fit_to_markers(
+        pose, root, facts = gaussian_conditioning.fit_to_markers(
             expectation, self._subject, settings.marker_sigma_m**2, _FIT_STEPS
         )
-        return Estimate(pose, root, neighbours, iterations=steps, expectation=expectation)
+        widened = facts.sigmas_rad * (self._widened * (facts.deviation + _LEAST_DEVIATION) ** _WIDENING)
+        return Estimate(pose, root, neighbours, 0, facts.steps, expectation, widened)
 
     def _prior(self, problem: FrameProblem) -> tuple[Prior, int]:
         """Return the Gaussian of the pose given the past, and the number of examples."""

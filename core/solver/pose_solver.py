@@ -142,7 +142,14 @@ class PoseSolver:
         markers = self.subject.markers(pose, estimate.root)
         nearest_m = _nearest_distance(in_space, root, examples)
         solution = Solution(
-            pose, estimate.root, markers, estimate.neighbours, estimate.dimensions, nearest_m, estimate.iterations
+            pose,
+            estimate.root,
+            markers,
+            estimate.neighbours,
+            estimate.dimensions,
+            nearest_m,
+            estimate.iterations,
+            None if estimate.sigmas_rad is None else estimate.sigmas_rad.reshape(pose.shape),
         )
         return solution, replace(
             state,

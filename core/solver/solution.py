@@ -35,6 +35,7 @@ class Solution:
         neighbours, dimensions: K and B of the local model; 1 and 0 for the nearest example.
         nearest_m: RMS distance of the observed markers to those of the closest example, metres; NaN when none.
         iterations: of Levenberg-Marquardt or Gauss-Newton.
+        sigmas_rad: (J - 1, 3) standard deviations of the pose, uncalibrated; None of other methods than "best".
     """
 
     pose: Array
@@ -44,6 +45,7 @@ class Solution:
     dimensions: int
     nearest_m: float
     iterations: int
+    sigmas_rad: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,7 @@ class SolverState:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A method's pose (D,), its root, the size of its model, and its expectation."""
+    """A method's pose (D,), root, size of its model, expectation, and deviations (D,)."""
 
     pose: Array
     root: RootPose
@@ -92,3 +94,4 @@ class Estimate:
     dimensions: int = 0
     iterations: int = 0
     expectation: Expectation | None = None
+    sigmas_rad: Array | None = None

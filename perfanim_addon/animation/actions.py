@@ -99,7 +99,8 @@ def write_with_plan(
     if placement.onto is PlacementMode.LAYER:
         blend = BLEND_S * scene_fps(bpy.context.scene)
         signs = _signs(armature_object, turned, quaternions, frames)
-    writer = KeyWriter(armature_object, action, frames, placement.bounds, placement.marked)
+    how = (placement.bounds, placement.marked, placement.doubtful, placement.leave_out)
+    writer = KeyWriter(armature_object, action, frames, *how)
     for (bone_name, place), ends in zip(turned.items(), signs.T, strict=True):
         writer.rotate(bone_path(bone_name, "rotation_quaternion"), bone_name, quaternions[:, place], ends)
     for bone_name, place in moved.items():

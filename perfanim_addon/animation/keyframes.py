@@ -1,6 +1,6 @@
 """Keyframes of sampled values: one per frame, or reduced within bounds."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import bpy
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...core.body.keyframe_reduction import location_keys, rotation_keys, slopes
-from ...core.geometry.arrays import Array, IntArray
+from ...core.geometry.arrays import Array, IntArray, Mask
 from .channels import new_channels, new_curve
 
 _JITTER = 3  # Keyframe.type "JITTER" as foreach_set takes it
@@ -39,6 +39,8 @@ class KeyWriter:
         frames: (F,) scene frame of each value.
         bounds: of the reduction, None for a key in every frame.
         marked: scene frames with keys of the type Jitter.
+        doubtful: group -> further scene frames with such keys.
+        leave_out: give these no keys, but for the first and the last frame.
     """
 
     def __init__(
@@ -48,11 +50,14 @@ class KeyWriter:
         frames: Array,
         bounds: KeyBounds | None,
         marked: Collection[float] = (),
+        doubtful: Mapping[str, Collection[float]] | None = None,
+        leave_out: bool = False,
     ) -> None:
         self._channels = new_channels(action, animated)
         self._frames = frames
         self._bounds = bounds
-        self._types = np.where(np.isin(frames, list(marked)), _JITTER, 0).astype(np.int32)
+        self._marked = np.isin(frames, list(marked))
+        self._doubtful, self._leave_out = doubtful or {}, leave_out
         self._straight = len(frames) < 2 or float(np.mean(np.diff(frames))) <= _LINEAR_ROTATION_FRAMES
         scale = float(np.mean(np.abs(animated.matrix_world.to_scale())))
         self._unit_mm = 1000.0 * bpy.context.scene.unit_settings.scale_length * max(scale, 1e-9)
@@ -63,33 +68,47 @@ class KeyWriter:
         Where they differ, the sign changes half way, between two keys that nothing is drawn between.
         """
         first, last = np.asarray(signs, dtype=np.float64)
+        kept, types = self._kept(group)
+        frames, quaternions = self._frames[kept], quaternions[kept]
         bounds, half = self._bounds, len(quaternions) // 2 if first != last else 0
         pieces = [slice(0, half), slice(half, None)] if half else [slice(None)]
         signed = np.concatenate((first * quaternions[:half], last * quaternions[half:]))
-        steep = np.concatenate([slopes(self._frames[piece], signed[piece]) for piece in pieces])
+        steep = np.concatenate([slopes(frames[piece], signed[piece]) for piece in pieces])
         keys = None
         if bounds:
             bound = np.radians(bounds.rotation_deg)
-            found = [rotation_keys(self._frames[piece], signed[piece], bound) for piece in pieces]
+            found = [rotation_keys(frames[piece], signed[piece], bound) for piece in pieces]
             keys = np.concatenate((found[0], *(half + more for more in found[1:])))
-        for curve in self._add(path, group, signed, steep, keys):
+        for curve in self._add(path, group, (frames, signed, steep, types), keys):
             if half:
                 held = half if keys is None else int(np.searchsorted(keys, half))
                 curve.keyframe_points[held - 1].interpolation = "CONSTANT"
 
     def move(self, path: str, group: str, locations: Array) -> None:
         """Add the three curves of a location (F, 3) in the object's unit."""
-        bounds = self._bounds
-        keys = location_keys(self._frames, locations, bounds.location_mm / self._unit_mm) if bounds else None
-        self._add(path, group, locations, slopes(self._frames, locations), keys)
+        bounds, (kept, types) = self._bounds, self._kept(group)
+        frames, locations = self._frames[kept], locations[kept]
+        keys = location_keys(frames, locations, bounds.location_mm / self._unit_mm) if bounds else None
+        self._add(path, group, (frames, locations, slopes(frames, locations), types), keys)
 
-    def _add(self, path: str, group: str, values: Array, steep: Array, keys: IntArray | None) -> list[bpy.types.FCurve]:
+    def _kept(self, group: str) -> tuple[Mask, IntArray]:
+        """Return the frames (F,) with keys of a group, and the types of these keys."""
+        doubtful = np.isin(self._frames, list(self._doubtful.get(group, ())))
+        kept = ~(doubtful & self._leave_out)
+        kept[[0, -1]] = True
+        return kept, np.where((doubtful | self._marked)[kept], _JITTER, 0).astype(np.int32)
+
+    def _add(
+        self, path: str, group: str, samples: tuple[Array, Array, Array, IntArray], keys: IntArray | None
+    ) -> list[bpy.types.FCurve]:
+        """Add curves of samples (frames, values, slopes, types of keys), or of some."""
+        frames, values, steep, types = samples
         curves = [new_curve(self._channels, path, component, group) for component in range(values.shape[1])]
         for component, curve in enumerate(curves):
             if keys is None:
-                fill(curve, self._frames, values[:, component], self._straight, self._types)
+                fill(curve, frames, values[:, component], self._straight, types)
             else:
-                parts = (self._frames[keys], values[keys, component], steep[keys, component], self._types[keys])
+                parts = (frames[keys], values[keys, component], steep[keys, component], types[keys])
                 _fill_eased(curve, *parts)
         return curves
 

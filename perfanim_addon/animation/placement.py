@@ -1,7 +1,7 @@
 """Placement of a new action: active action or NLA strip."""
 
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
 
@@ -31,12 +31,16 @@ class Placement:
         only: names of the bones that get any; None for all.
         bounds: of the reduction; None for a key in every frame.
         marked: scene frames with keys of the type Jitter.
+        doubtful: bone -> further scene frames with such keys, or with none.
+        leave_out: none.
     """
 
     onto: PlacementMode = PlacementMode.ACTION
     only: Collection[str] | None = None
     bounds: KeyBounds | None = None
     marked: Collection[float] = ()
+    doubtful: Mapping[str, Collection[float]] = field(default_factory=dict)
+    leave_out: bool = False
 
 
 def new_action(animation: bpy.types.AnimData, name: str, onto: PlacementMode) -> bpy.types.Action:

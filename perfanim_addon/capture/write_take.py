@@ -11,9 +11,11 @@ from ...core.body.scene_pose import DOUBTFUL, ScenePose
 from ...core.formats.take_file.reading import TakeFile
 from ...core.geometry.arrays import Array, Mask
 from ...core.markers.prop import Prop
+from ...core.retarget.retargeter import RetargetPlan
 from ...core.session.pose_filters import FilterSettings, filter_poses
 from ..animation.actions import scene_frames, write_action, write_object_action, write_with_plan
 from ..animation.placement import Placement, PlacementMode
+from ..character.body_parts import part_of_bones
 from ..character.create_character import find_armature
 from ..character.posing import plan_for
 from ..settings import target_settings
@@ -78,7 +80,8 @@ def write_take(
     frames = [_scene_frames(context, part) for part in parts]
     actions = []
     for part, at in zip(parts, frames, strict=True):
-        rows, how = _chosen_keys(context, part.poses, at, placement(context, character, main.only))
+        how = placement(context, character, main.only)
+        rows, how = _chosen_keys(context, part.poses, at, how, character, plan_for(character, skeleton))
         _, rotations, roots = pose_arrays(part.poses)
         actions.append(
             write_action(main.armature, at[rows], rotations[rows], roots[rows], skeleton, name=title, placement=how)
@@ -145,7 +148,7 @@ def _write_performer(
     how = placement(context, None if is_new else character, target.only)
     if how.only is not None and not how.only & {*plan.bones, *plan.located}:
         return []
-    rows, how = _chosen_keys(context, part.poses[first:], frames[first:], how, target.index)
+    rows, how = _chosen_keys(context, part.poses[first:], frames[first:], how, character, plan, target.index)
     _, rotations, roots = pose_arrays(part.poses[first:], target.index)
     offset = target.offset_into(space, CaptureSpace(character, plan), motion.poses)
     moved = offset.apply(rotations[rows], roots[rows])
@@ -154,11 +157,27 @@ def _write_performer(
 
 
 def _chosen_keys(
-    context: bpy.types.Context, poses: Sequence[ScenePose], frames: Array, how: Placement, performer: int = 0
+    context: bpy.types.Context,
+    poses: Sequence[ScenePose],
+    frames: Array,
+    how: Placement,
+    character: bpy.types.Object,
+    plan: RetargetPlan,
+    performer: int = 0,
 ) -> tuple[Mask, Placement]:
     """Return the poses (F,) that get keys, and the placement that marks the doubtful."""
-    doubtful = np.array([pose.performers[performer].confidence < DOUBTFUL for pose in poses])
-    if context.scene.perfanim_result.doubtful == "MARK":
+    performed = [pose.performers[performer] for pose in poses]
+    doubtful = np.array([pose.confidence < DOUBTFUL for pose in performed])
+    leave_out = context.scene.perfanim_result.doubtful != "MARK"
+    parts: dict[str, list[float]] = {}
+    for frame, pose in zip(frames, performed, strict=True):
+        for part in pose.doubtful_parts:
+            parts.setdefault(part, []).append(frame)
+    of_bones = (
+        {bone: parts[part] for bone, part in part_of_bones(character, plan).items() if part in parts} if parts else {}
+    )
+    how = replace(how, doubtful=of_bones, leave_out=leave_out)
+    if not leave_out:
         return np.ones(len(poses), dtype=np.bool_), replace(how, marked=tuple(frames[doubtful]))
     kept = ~doubtful
     kept[[0, -1]] = True  # the take keeps its length

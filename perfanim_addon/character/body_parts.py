@@ -4,18 +4,17 @@ from collections.abc import Collection
 
 import bpy
 
+from ...core.body import body_parts
 from ...core.retarget.retargeter import RetargetPlan
 from .posing import bones_of
 
-_MIDDLE = {"HIPS": ("root",), "TORSO": ("lowerback", "upperback", "thorax"), "HEAD": ("lowerneck", "upperneck", "head")}
-_SIDED = {
-    "ARM": ("clavicle", "humerus", "radius", "wrist", "hand", "fingers", "thumb"),
-    "LEG": ("femur", "tibia", "foot", "toes"),
+_PARTS_OF = {"HIPS": ("hips",), "TORSO": ("torso",), "HEAD": ("head",)} | {
+    f"{limb}_{side[0].upper()}": (f"{side} {limb.lower()}", f"{side} {end}")
+    for limb, end in (("ARM", "hand"), ("LEG", "foot"))
+    for side in ("left", "right")
 }
-PARTS = (*_MIDDLE, *(f"{part}_{side}" for part in _SIDED for side in "LR"))
-_PART_OF = {joint: part for part, joints in _MIDDLE.items() for joint in joints} | {
-    side + joint: f"{part}_{side.upper()}" for part, joints in _SIDED.items() for side in "lr" for joint in joints
-}
+PARTS = tuple(_PARTS_OF)
+_PART_OF = {"root": "hips"} | {joint: part for part, joints in body_parts.PARTS.items() for joint in joints}
 
 
 def bones_of_parts(
@@ -34,11 +33,19 @@ def bones_of_parts(
     """
     if set(parts) >= set(PARTS):
         return None
+    chosen = {each for part in parts for each in _PARTS_OF[part]}
+    return frozenset(bone for bone, part in part_of_bones(armature_object, plan).items() if part in chosen)
+
+
+def part_of_bones(armature_object: bpy.types.Object, plan: RetargetPlan) -> dict[str, str]:
+    """Return the part of the body, or "hips", that each moved bone belongs to.
+
+    Raises:
+        CharacterError: no bone map is found.
+    """
     part_of = {bone: _PART_OF[joint] for joint, bone in bones_of(armature_object).items()}
-    bones = armature_object.pose.bones
-    found = set()
+    bones, found = armature_object.pose.bones, {}
     for name in {*plan.bones, *plan.located}:
         line = (name, *(bone.name for bone in bones[name].parent_recursive))
-        part = next((part_of[bone] for bone in line if bone in part_of), "HIPS")
-        found |= {name} if part in parts else set()
-    return frozenset(found)
+        found[name] = next((part_of[bone] for bone in line if bone in part_of), "hips")
+    return found

@@ -9,13 +9,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...body.body_parts import PARTS
 from ...body.scene_pose import PerformerPose, PropPose, ScenePose
 from ...errors import CaptureError
 
 _MAGIC = b"PFPF"
-_ONE_PERFORMER, _WITH_PROPS, _SEVERAL_PERFORMERS = 1, 2, 3  # the lowest that holds a pose, for older readers
+# the lowest that holds a pose, for older readers; the last has another before the errors of parts
+_ONE_PERFORMER, _WITH_PROPS, _SEVERAL_PERFORMERS, _WITH_PART_ERRORS = 1, 2, 3, 4
 # magic, version, joints, markers, note bytes, number, time, confidence, RMS, neighbours, dimensions
 _HEADER = struct.Struct("<4sHHHHqdddii")
+_PART_ERRORS = struct.Struct("<4sHHI")  # magic, version, parts, bytes of the pose without them
 _PROPS = struct.Struct("<H")  # how many
 _PROP = struct.Struct("<7ddi")  # rotation, position, RMS, markers seen
 _LENGTH = struct.Struct("<I")  # bytes of the props, or of a further performer's pose
@@ -51,7 +54,35 @@ def unpack_solved(data: bytes) -> TimedPose:
 
 
 def pack_pose(pose: ScenePose) -> bytes:
-    """Return a pose as bytes: first performer, props, further performers."""
+    """Return a pose as bytes, with known errors of parts behind it."""
+    data, parts = _pack_scene(pose), max(len(performer.part_errors_deg) for performer in pose.performers)
+    if not parts:
+        return data
+    unknown = np.full(parts, np.nan)
+    rows = [performer.part_errors_deg if len(performer.part_errors_deg) else unknown for performer in pose.performers]
+    header = _PART_ERRORS.pack(_MAGIC, _WITH_PART_ERRORS, parts, len(data))
+    return header + data + np.array(rows).astype("<f4").tobytes()
+
+
+def unpack_pose(data: bytes) -> ScenePose:
+    """Return the pose of `pack_pose`; CaptureError for other bytes."""
+    if len(data) < _PART_ERRORS.size:
+        raise CaptureError("a pose was cut off", where="worker")
+    magic, version, parts, size = _PART_ERRORS.unpack_from(data)
+    if magic != _MAGIC or version != _WITH_PART_ERRORS:
+        return _unpack_scene(data)
+    at = _PART_ERRORS.size + size
+    pose = _unpack_scene(data[_PART_ERRORS.size : at])
+    if parts != len(PARTS) or len(data) != at + 4 * parts * len(pose.performers):
+        raise CaptureError("the errors of parts were cut off", where=f"frame {pose.number}")
+    rows = np.frombuffer(data, dtype="<f4", offset=at).astype(np.float64).reshape(-1, parts)
+    known = [row if np.isfinite(row).all() else row[:0] for row in rows]
+    performers = (replace(each, part_errors_deg=row) for each, row in zip(pose.performers, known, strict=True))
+    return replace(pose, performers=tuple(performers))
+
+
+def _pack_scene(pose: ScenePose) -> bytes:
+    """Return first performer, props, further performers."""
     first, further = replace(pose.performers[0], notes=pose.notes), pose.performers[1:]
     if further:
         parts = [_pack_props(pose.props), *(_pack_performer(performer, _ONE_PERFORMER) for performer in further)]
@@ -61,8 +92,8 @@ def pack_pose(pose: ScenePose) -> bytes:
     return _pack_performer(first, _ONE_PERFORMER)
 
 
-def unpack_pose(data: bytes) -> ScenePose:
-    """Return the pose of `pack_pose`; CaptureError for other bytes."""
+def _unpack_scene(data: bytes) -> ScenePose:
+    """Return the pose of `_pack_scene`; CaptureError for other bytes."""
     version, first, rest = _unpack_performer(data)
     try:
         if version == _SEVERAL_PERFORMERS:

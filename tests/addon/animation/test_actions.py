@@ -8,6 +8,7 @@ from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton
 from perfanim.core.errors import CharacterError
 from perfanim.core.geometry import rotations as rot
 from perfanim.perfanim_addon.animation import actions
+from perfanim.perfanim_addon.animation.keyframes import KeyBounds
 from perfanim.perfanim_addon.animation.placement import Placement
 from played import curves_of, key_times, played_poses, points_from_blender
 
@@ -96,6 +97,22 @@ def test_doubtful_poses_of_almost_one_time_are_marked(performer):
         assert [(round(key.co.x), key.type) for key in curve.keyframe_points] == [
             (1, "KEYFRAME"), (2, "JITTER"), (3, "KEYFRAME"),
         ]  # fmt: skip
+
+
+@pytest.mark.parametrize("bounds", [None, KeyBounds(0.5, 2.0)])
+def test_bones_of_doubtful_parts_are_marked_or_left_out_alone(performer, bounds):
+    rotations, roots = smooth_motion(40)
+    frames, doubtful = np.arange(1.0, 41.0), {"lradius": (1.0, 11.0, 12.0, 13.0)}
+    for leave_out in (False, True):
+        how = Placement(bounds=bounds, doubtful=doubtful, leave_out=leave_out)
+        actions.write_action(performer, frames, rotations, roots, SKELETON, placement=how)
+        for curve in curves_of(bpy.data.objects[performer]):
+            keys = {round(key.co.x): key.type for key in curve.keyframe_points}
+            marked = {frame for frame, kind in keys.items() if kind == "JITTER"}
+            expected = {1, 11, 12, 13} if curve.group.name == "lradius" else set()
+            assert marked == expected & ({1} if leave_out else set(keys))
+            if bounds is None:
+                assert len(keys) == (37 if leave_out and expected else 40)
 
 
 def test_the_earlier_action_is_kept(performer, tmp_path):

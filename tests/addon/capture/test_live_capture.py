@@ -122,7 +122,11 @@ def play_worker(part: Any, monkeypatch: pytest.MonkeyPatch, skeleton: Any, rotat
             number=n + 5,
             time_s=n / 60,
             props=(),
-            performers=(SimpleNamespace(time_s=n / 60, rotations=turns, root_position_m=root, confidence=1.0),),
+            performers=(
+                SimpleNamespace(
+                    time_s=n / 60, rotations=turns, root_position_m=root, confidence=1.0, doubtful_parts=[]
+                ),
+            ),
         )
         for n, turns in enumerate(rotations)
     ]

@@ -1,11 +1,13 @@
 """The end of a capture and Put on Character write the same keyframes for the same take."""
 
+import sys
 from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
 import pytest
+from perfanim.core.body.body_parts import PARTS
 from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.system.assets import MOTION
@@ -65,6 +67,8 @@ def test_put_on_character_writes_the_keys_of_the_capture(
     confidence = [pose.performers[0].confidence for pose in take.recorded_poses]
     threshold = float(np.median(confidence[:-1]))
     monkeypatch.setattr(part("capture.write_take"), "DOUBTFUL", threshold)
+    poses_module, never = sys.modules[part("capture.write_take").ScenePose.__module__], np.full(len(PARTS), np.inf)
+    monkeypatch.setattr(poses_module, "DOUBTFUL_PART_DEG", never)  # of single parts below
     doubtful = [sure < threshold for sure in confidence]
     assert 0 < sum(doubtful) < len(doubtful)
     bpy.ops.perfanim.play_take(path=str(listed.path))
@@ -75,3 +79,14 @@ def test_put_on_character_writes_the_keys_of_the_capture(
     kept[[0, -1]] = True
     for curve, keys in keys_of(armature).items():
         np.testing.assert_array_equal(keys, unfiltered[curve][kept])
+    # the same for an arm alone: only its bones are marked
+    arm, errors = list(PARTS).index("left arm"), [pose.performers[0].part_errors_deg for pose in take.recorded_poses]
+    most = float(np.median([each[arm] for each in errors]))
+    monkeypatch.setattr(part("capture.write_take"), "DOUBTFUL", 0.0)
+    monkeypatch.setattr(poses_module, "DOUBTFUL_PART_DEG", np.where(np.arange(len(PARTS)) == arm, most, never))
+    scene.perfanim_result.doubtful = "MARK"
+    bpy.ops.perfanim.play_take(path=str(listed.path))
+    for curve in curves_of(armature):
+        of_arm = curve.group.name in PARTS["left arm"]
+        types = ["JITTER" if of_arm and each[arm] > most else "KEYFRAME" for each in errors]
+        assert [key.type for key in curve.keyframe_points] == types, curve.group.name

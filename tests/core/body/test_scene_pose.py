@@ -1,5 +1,8 @@
+from dataclasses import replace
+
 import numpy as np
-from perfanim.core.body.scene_pose import DOUBTFUL, PerformerPose, doubtful_stretches
+from perfanim.core.body.body_parts import PARTS
+from perfanim.core.body.scene_pose import DOUBTFUL, DOUBTFUL_PART_DEG, PerformerPose, doubtful_stretches
 
 NONE = np.empty((0, 3))
 
@@ -27,3 +30,23 @@ def test_doubtful_stretches_have_times_and_the_most_frequent_reason() -> None:
 def test_a_sure_take_has_no_doubtful_stretch() -> None:
     assert doubtful_stretches([]) == []
     assert doubtful_stretches([pose(0.0, 1.0), pose(1.0, DOUBTFUL)]) == []
+
+
+def test_a_doubtful_part_has_stretches_of_its_own() -> None:
+    """None where the whole pose is doubtful, and none for the other parts."""
+    part, sure = "left arm", DOUBTFUL_PART_DEG
+    unsure = sure + (np.array(list(PARTS)) == part)
+    poses = [
+        pose(0.0, 0.9),
+        pose(0.1, 0.9, "right hand hidden", "left arm uncertain: its marker is hidden"),
+        pose(0.2, 0.9, "right hand hidden"),
+        pose(0.3, DOUBTFUL / 2, "right hand hidden"),
+        pose(0.4, 0.9),
+    ]
+    errors = (np.empty(0), unsure, unsure, unsure, sure)
+    poses = [replace(each, part_errors_deg=deg) for each, deg in zip(poses, errors, strict=True)]
+    assert [each.doubtful_parts for each in poses] == [[], [part], [part], [part], []]
+    whole, arm = doubtful_stretches(poses)
+    assert (whole.part, whole.start_s, whole.stop_s, whole.reason) == ("", 0.3, 0.3, "right hand hidden")
+    assert (arm.part, arm.start_s, arm.stop_s) == (part, 0.1, 0.2)
+    assert arm.reason == "left arm uncertain: its marker is hidden"

@@ -1,7 +1,8 @@
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from perfanim.core.body.body_parts import PARTS
 from perfanim.core.body.scene_pose import PerformerPose, PropPose, ScenePose
 from perfanim.core.errors import CaptureError
 from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_pose, pack_solved, unpack_pose
@@ -87,6 +88,20 @@ def test_poses_travel_whole(props: int, others: int, version: int) -> None:
     data = pack_pose(pose)
     assert data[4] == version  # what knows no further targets can read a pose without any
     for broken in (data[:-1], data[:20], b"XXXX" + data[4:], data + b"x"):
+        with pytest.raises(CaptureError):
+            unpack_pose(broken)
+
+
+@pytest.mark.parametrize("known", [(True,), (True, False), (False, True)])
+def test_errors_of_parts_travel_with_poses(known: tuple[bool, ...]) -> None:
+    errors_deg = np.linspace(1.0, 40.0, len(PARTS)).astype(np.float32).astype(np.float64)
+    performers = [a_pose(n) for n in range(len(known))]
+    sure = [replace(pose, part_errors_deg=errors_deg) if k else pose for pose, k in zip(performers, known, strict=True)]
+    data = pack_pose(ScenePose(tuple(sure), (), performers[0].notes))
+    for mine, other in zip(unpack_pose(data).performers, sure, strict=True):
+        np.testing.assert_array_equal(mine.part_errors_deg, other.part_errors_deg)
+        assert_same(replace(mine, notes=other.notes), other)
+    for broken in (data[:-1], data[:8], data[:-4], data + b"x"):
         with pytest.raises(CaptureError):
             unpack_pose(broken)
 
