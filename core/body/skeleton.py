@@ -5,7 +5,7 @@ so a skeleton is its joints' names, parents and offsets, and a pose is one rotat
 """
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -79,10 +79,7 @@ class Skeleton:
     @cached_property
     def levels(self) -> tuple[IntArray, ...]:
         """Joint indices by depth below the root, for computation level by level."""
-        depth = np.zeros(len(self), dtype=np.int64)
-        for joint in range(1, len(self)):
-            depth[joint] = depth[self.parents[joint]] + 1
-        return tuple(np.flatnonzero(depth == d) for d in range(1, int(depth.max()) + 1))
+        return joint_levels(tuple(self.parents.tolist()))[1:]
 
     @cached_property
     def leaps(self) -> tuple[tuple[IntArray, IntArray], ...]:
@@ -110,10 +107,25 @@ class Skeleton:
     @cached_property
     def rest_positions_m(self) -> Array:
         """(J, 3) joint origins in the rest pose, root at the origin."""
-        result = np.zeros((len(self), 3))
-        for joint in range(1, len(self)):
-            result[joint] = result[self.parents[joint]] + self.offsets_m[joint]
-        return result
+        return zero_pose_positions(self.parents, self.offsets_m)
+
+
+@lru_cache(maxsize=64)
+def joint_levels(parents: tuple[int, ...]) -> tuple[IntArray, ...]:
+    """Return the joints by depth, the root first, for computation level by level."""
+    depth: list[int] = []
+    for parent in parents:
+        depth.append(depth[parent] + 1 if parent >= 0 else 0)
+    return tuple(np.flatnonzero(np.array(depth) == level) for level in range(max(depth) + 1))
+
+
+def zero_pose_positions(parents: IntArray, offsets_m: Array) -> Array:
+    """Return joint positions (J, 3) without rotations, the root at the origin."""
+    positions = np.zeros((len(parents), 3))
+    for joint, parent in enumerate(parents):
+        if parent >= 0:
+            positions[joint] = positions[parent] + offsets_m[joint]
+    return positions
 
 
 def forward_kinematics(skeleton: Skeleton, rotations: ArrayLike, root_position_m: ArrayLike) -> tuple[Array, Array]:

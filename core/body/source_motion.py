@@ -1,7 +1,6 @@
 """Motion as a file holds it, with any joint names and any rest pose."""
 
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -9,6 +8,7 @@ from ..errors import FormatError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, Mask
 from .motion import Motion
+from .skeleton import joint_levels
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def source_kinematics(source: SourceMotion) -> tuple[Array, Array]:
     for joint, path in source.translations_m.items():
         local[:, joint] = path
     positions, world = np.empty_like(local), np.empty_like(source.rotations)
-    for level in _levels(tuple(source.parents.tolist())):
+    for level in joint_levels(tuple(source.parents.tolist())):
         above = source.parents[level]
         if above[0] < 0:
             positions[:, level], world[:, level] = local[:, level], source.rotations[:, level]
@@ -82,24 +82,6 @@ def source_kinematics(source: SourceMotion) -> tuple[Array, Array]:
         positions[:, level] = positions[:, above] + rot.rotate(turn, local[:, level])
         world[:, level] = rot.multiply(turn, source.rotations[:, level])
     return positions, world
-
-
-@lru_cache(maxsize=64)
-def _levels(parents: tuple[int, ...]) -> tuple[IntArray, ...]:
-    """Return the joints by depth, the root first, for computation level by level."""
-    depth: list[int] = []
-    for parent in parents:
-        depth.append(depth[parent] + 1 if parent >= 0 else 0)
-    return tuple(np.flatnonzero(np.array(depth) == level) for level in range(max(depth) + 1))
-
-
-def zero_pose_positions(parents: IntArray, offsets_m: Array) -> Array:
-    """Return joint positions (J, 3) without rotations, the root at the origin."""
-    positions = np.zeros((len(parents), 3))
-    for joint, parent in enumerate(parents):
-        if parent >= 0:
-            positions[joint] = positions[parent] + offsets_m[joint]
-    return positions
 
 
 def frame_range(source: SourceMotion, start: int, stop: int) -> SourceMotion:

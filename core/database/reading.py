@@ -26,8 +26,8 @@ from ..formats.motion.read_motion import read_motion_parts
 from ..geometry import rotations as rot
 from ..geometry.arrays import FloatArray
 from ..system.json_process import JsonProcess
+from .store import skeleton_facts, skeleton_from_facts
 
-_SKELETON_ARRAYS = ("parents", "offsets_m", "tips_m", "angle_axes")
 _AHEAD = 8  # files per process that may be read before they are taken
 
 
@@ -122,11 +122,7 @@ class _ReaderProcess:
 
     def _read(self, task: Sequence[Any]) -> ReadFile:
         header = json.loads(self._process.ask(json.dumps(task)))
-        for row in header["new_skeletons"]:
-            parents, offsets_m, tips_m, axes = (np.array(row[name]) for name in _SKELETON_ARRAYS)
-            self._skeletons.append(
-                Skeleton(tuple(row["names"]), parents, offsets_m, tips_m, axes, tuple(row["angle_orders"]))
-            )
+        self._skeletons += [skeleton_from_facts(row) for row in header["new_skeletons"]]
         clips = []
         for row in header["clips"]:
             skeleton = self._skeletons[row["skeleton"]]
@@ -206,8 +202,7 @@ class _Sender:
         key = skeleton.offsets_m.tobytes() + skeleton.tips_m.tobytes()
         if key not in self._known:
             self._known[key] = len(self._known)
-            row: dict[str, Any] = {name: getattr(skeleton, name).tolist() for name in _SKELETON_ARRAYS}
-            new.append(row | {"names": skeleton.names, "angle_orders": skeleton.angle_orders})
+            new.append(skeleton_facts(skeleton))
         return self._known[key]
 
 

@@ -203,7 +203,7 @@ def save_database(database: Database, graph: GraphSettings | None = None) -> Non
         "fps": float(database.fps),
         "joints": list(JOINT_NAMES),
         "clips": [asdict(clip) for clip in database.clips],
-        "skeletons": [_skeleton_facts(skeleton) for skeleton in database.skeletons],
+        "skeletons": [skeleton_facts(skeleton) for skeleton in database.skeletons],
         "culled_frames": database.culled_frames,
         "zeros": [[zero.subject, zero.skeleton, zero.mirrored] for zero in database.zeros],
     }
@@ -300,7 +300,7 @@ def _database_from(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, ND
         clips=tuple(
             Clip(**{key: Clip.__annotations__[key](value) for key, value in row.items()}) for row in facts["clips"]
         ),
-        skeletons=tuple(_skeleton_from_facts(row) for row in facts["skeletons"]),
+        skeletons=tuple(skeleton_from_facts(row) for row in facts["skeletons"]),
         mean_rotations=np.array(arrays["mean_rotations"]),
         poses=arrays["poses"],
         root_rotations=arrays["root_rotations"],
@@ -349,7 +349,8 @@ def _map_array(path: Path, start: int, row: Mapping[str, Any]) -> NDArray[Any]:
     return np.memmap(path, dtype=row["dtype"], mode="r", offset=start + row["offset"], shape=tuple(row["shape"]))
 
 
-def _skeleton_facts(skeleton: Skeleton) -> dict[str, Any]:
+def skeleton_facts(skeleton: Skeleton) -> dict[str, Any]:
+    """Return a standard skeleton's numbers, for JSON."""
     return {
         "offsets_m": skeleton.offsets_m.tolist(),
         "tips_m": skeleton.tips_m.tolist(),
@@ -359,7 +360,8 @@ def _skeleton_facts(skeleton: Skeleton) -> dict[str, Any]:
     }
 
 
-def _skeleton_from_facts(row: Mapping[str, Any]) -> Skeleton:
+def skeleton_from_facts(row: Mapping[str, Any]) -> Skeleton:
+    """Return the skeleton of `skeleton_facts`."""
     return Skeleton(
         JOINT_NAMES,
         np.array(row["parents"]),

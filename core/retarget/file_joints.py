@@ -1,6 +1,7 @@
 """Joint map of a motion file, by names and hierarchy."""
 
-from ..body.source_motion import SourceMotion, zero_pose_positions
+from ..body.skeleton import zero_pose_positions
+from ..body.source_motion import SourceMotion
 from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import SkeletonError
 from .bone_tree import BoneTree

@@ -13,7 +13,8 @@ from functools import lru_cache
 import numpy as np
 
 from ..body.joint_angle_frames import angle_frame
-from ..body.source_motion import SourceMotion, frame_range, source_kinematics, zero_pose_positions
+from ..body.skeleton import zero_pose_positions
+from ..body.source_motion import SourceMotion, frame_range, source_kinematics
 from ..body.standard_skeleton import JOINT_NAMES, default_skeleton
 from ..errors import SkeletonError
 from ..geometry import rotations as rot
