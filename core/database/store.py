@@ -21,7 +21,7 @@ from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import DatabaseError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray
-from ..system.files import atomic_path, open_foreign, reading
+from ..system.files import atomic_path, is_file, open_foreign, reading
 from .graph import GraphSettings, NeighbourGraph, build_graph
 
 DATABASE_SUFFIX = ".pfdb"
@@ -32,6 +32,7 @@ _VERSION = 2
 _COMMON_ZERO_VERSION = 1  # without zeros of the subjects
 _PREAMBLE = struct.Struct("<12sIQQ32s")
 _ALIGNMENT = 64
+_ADVICE = "build it again with `perfanim database build`, or import the motion again"
 _SLOWEST, _FASTEST = 1.0, 2000.0  # frames per second
 _UNIT = 1e-3  # by which the length of a stored quaternion may differ from 1
 _FARTHEST = 1e5  # metres or radians
@@ -250,29 +251,44 @@ def open_database(path: str | Path) -> Database:
         DatabaseError: the file is missing, no database, of another version, or cut off.
     """
     path = Path(path)
-    advice = "build it again with `perfanim database build`, or import the motion again"
-    with open_foreign(path, DatabaseError) as stream, reading(path, DatabaseError, advice):
-        size = stream.seek(0, 2)
-        stream.seek(0)
-        preamble = stream.read(_PREAMBLE.size)
-        if len(preamble) < _PREAMBLE.size or not preamble.startswith(_MAGIC):
-            raise DatabaseError("is not a motion database", where=str(path), advice=advice)
-        _, version, header_bytes, file_bytes, digest = _PREAMBLE.unpack(preamble)
-        if version not in (_COMMON_ZERO_VERSION, _VERSION):
-            raise DatabaseError(f"has version {version}, not {_VERSION}", where=str(path), advice=advice)
-        if size != file_bytes:
-            raise DatabaseError(f"is cut off: {size} of {file_bytes} bytes", where=str(path), advice=advice)
-        header = stream.read(min(header_bytes, size))
-        if hashlib.sha256(header).digest() != digest:
-            raise DatabaseError("is damaged", where=str(path), advice=advice)
+    with open_foreign(path, DatabaseError) as stream, reading(path, DatabaseError, _ADVICE):
+        header = _read_header(path, stream)
         facts = json.loads(header)
         if tuple(facts["joints"]) != JOINT_NAMES:
-            raise DatabaseError("was made for other joints", where=str(path), advice=advice)
-        start = _PREAMBLE.size + header_bytes
+            raise DatabaseError("was made for other joints", where=str(path), advice=_ADVICE)
+        start = _PREAMBLE.size + len(header)
         start += -start % _ALIGNMENT
         return _database_from(
             path, facts, {name: _map_array(path, start, row) for name, row in facts["arrays"].items()}
         )
+
+
+def check_file(database: Database) -> None:
+    """Raise DatabaseError if the file was cut off since it was opened.
+
+    The lost part then reads as zeros. A file that was replaced or deleted is read to its end all the same.
+    """
+    if is_file(database.path):
+        with open_foreign(database.path, DatabaseError) as stream, reading(database.path, DatabaseError, _ADVICE):
+            _read_header(database.path, stream)
+
+
+def _read_header(path: Path, stream: BinaryIO) -> bytes:
+    """Return the header of a database's file; DatabaseError unless it is whole."""
+    size = stream.seek(0, 2)
+    stream.seek(0)
+    preamble = stream.read(_PREAMBLE.size)
+    if len(preamble) < _PREAMBLE.size or not preamble.startswith(_MAGIC):
+        raise DatabaseError("is not a motion database", where=str(path), advice=_ADVICE)
+    _, version, header_bytes, file_bytes, digest = _PREAMBLE.unpack(preamble)
+    if version not in (_COMMON_ZERO_VERSION, _VERSION):
+        raise DatabaseError(f"has version {version}, not {_VERSION}", where=str(path), advice=_ADVICE)
+    if size != file_bytes:
+        raise DatabaseError(f"is cut off: {size} of {file_bytes} bytes", where=str(path), advice=_ADVICE)
+    header = stream.read(min(header_bytes, size))
+    if hashlib.sha256(header).digest() != digest:
+        raise DatabaseError("is damaged", where=str(path), advice=_ADVICE)
+    return header
 
 
 def _database_from(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Database:

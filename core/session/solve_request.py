@@ -11,7 +11,7 @@ from ..body.foot_lock import floor_of, hold_feet
 from ..body.motion import Motion
 from ..body.scene_pose import doubtful_stretches
 from ..body.skeleton import marker_positions
-from ..database.store import Database, identity
+from ..database.store import Database, check_file, identity
 from ..errors import SubjectError, TakeError
 from ..formats.markers.marker_files import is_recorded, read_take
 from ..formats.markers.prop_csv import write_prop_csv
@@ -161,6 +161,7 @@ class SolveMarkers:
         settings, database = SolveSettings(method=self.method or "best"), cache.database(self.database)
         worn, facts = self._worn_subject(take, subject, database)
         solved = solve_take(take, worn, database, settings, progress, cache.session)
+        check_file(database)
         if self.use is not None:
             facts["left_out_rms_mm"] = 1e3 * _left_out_rms_m(take, subject, worn, solved.motion)
         facts = {
@@ -260,6 +261,7 @@ class SolveRecorded:
             further = [load_subject(performer) for performer in self.performers]
         setup = CaptureSetup(rig, (subject, *further), props, database, settings)
         solved = solve_recorded(take, frames, setup, progress, cache.session, self.causal)
+        check_file(database)
         if self.output.is_take:
             save_resolved_take(out, take, frames, setup, solved)
         warnings = list(take.problems)

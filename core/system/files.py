@@ -4,9 +4,10 @@ import errno
 import os
 import stat
 import tempfile
+import time
 import tomllib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -17,6 +18,8 @@ _MOST_BYTES = 8 << 30  # of a file that is read whole
 _MOST_TOML = 4 << 20
 _DEEPEST_TOML = 32
 _LARGEST_NUMBER = 1e18  # of TOML: its square is still a number
+_LEFT_BEHIND_S = 3600.0  # without a byte written, after which a temporary file's process is gone
+_RANDOM_LETTERS = 8  # of `tempfile`
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
 
 
@@ -24,12 +27,15 @@ _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
 def atomic_path(target: Path | str) -> Iterator[Path]:
     """Yield a temporary path; on success sync and rename it onto `target`.
 
+    A link stays one: the file that it names is replaced. Temporary files of processes that were killed are removed.
+
     Raises:
         FormatError: the folder cannot be written, `target` is a folder, or the disk is full.
     """
-    target = Path(target)
+    target = Path(os.path.realpath(target)) if os.path.islink(target) else Path(target)  # noqa: PTH114 - as is_file
     with writing(target):
         target.parent.mkdir(parents=True, exist_ok=True)
+        _remove_left_behind(target)
         handle, name = tempfile.mkstemp(prefix=f".{target.stem}.", suffix=target.suffix, dir=target.parent)
     os.close(handle)
     temporary = Path(name)
@@ -49,6 +55,19 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
             raise
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _remove_left_behind(target: Path) -> None:
+    """Remove temporary files of a target that nobody has written for long."""
+    start, end = f".{target.stem}.", target.suffix
+    oldest_s = time.time() - _LEFT_BEHIND_S
+    with os.scandir(target.parent) as entries:
+        for entry in entries:
+            random = entry.name[len(start) : len(entry.name) - len(end)]
+            if entry.name == f"{start}{random}{end}" and len(random) == _RANDOM_LETTERS:
+                with suppress(OSError):  # another process may have been first
+                    if entry.is_file(follow_symlinks=False) and entry.stat().st_mtime < oldest_s:
+                        Path(entry.path).unlink()
 
 
 @contextmanager

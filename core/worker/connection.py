@@ -17,11 +17,13 @@ from ..errors import CaptureError
 from .protocol import MAGIC, Decoder, Message, MessageKind, encode_json
 
 _CHUNK = 1 << 16  # as small as its shortest messages are many
+_SILENT_S = 1.0  # a worker greets at once; who says nothing for longer makes room for the next
 _MOST_BYTES, _MOST_MESSAGES = 8 << 20, 1000  # of one call, about; the rest waits for the next
 
 
 class WorkerConnection:
     """Socket for the one program with the right token; no method but `wait` waits.
+
     Args:
         request: the job, sent once the worker has connected; may change until then.
     """
@@ -33,6 +35,7 @@ class WorkerConnection:
         self._decoder = Decoder()
         self._outgoing = bytearray()
         self._socket: socket.socket | None = None
+        self._accepted_s = 0.0
         self._listener = socket.create_server(("127.0.0.1", 0), backlog=4)
         self._listener.setblocking(False)
 
@@ -47,7 +50,7 @@ class WorkerConnection:
         Raises:
             CaptureError: the stream is damaged or of another version.
         """
-        if self._socket is None and not self.is_authenticated:
+        if not self.is_authenticated:
             self._accept()
         messages: list[Message] = []
         received = 0
@@ -69,13 +72,19 @@ class WorkerConnection:
         return messages
 
     def _accept(self) -> None:
+        """Take the next program that has connected, unless another is about to greet."""
+        now_s = time.monotonic()
+        if self._socket is not None and now_s - self._accepted_s < _SILENT_S:
+            return
         try:
             connection, _ = self._listener.accept()
         except BlockingIOError:
             return
         connection.setblocking(False)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._socket = connection
+        self.disconnect()
+        self._decoder = Decoder()
+        self._socket, self._accepted_s = connection, now_s
 
     def _authenticate(self, messages: Sequence[Message]) -> list[Message]:
         """Return the messages after the greeting; drop a program without the token."""

@@ -14,6 +14,7 @@ from perfanim.core.cli.main import COMMANDS, build_parser, main, summary_text
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.markers.marker_take import MarkerTake, save_take
 from perfanim.core.markers.subject import save_subject
+from perfanim.core.session import solve_request
 from perfanim.core.simulate.markers import simulate_markers
 
 
@@ -58,6 +59,21 @@ def test_summary_for_a_person(inputs, capsys):
     assert "frames: 3" in printed
     assert "joints: 29" in printed  # long lists are counted
     assert not printed.startswith("{")
+
+
+def test_a_database_that_is_cut_off_while_it_is_used_gives_no_motion(inputs, tmp_path, capsys, monkeypatch):
+    (tmp_path / "some.db").write_bytes((inputs / "good.db").read_bytes())
+    solve_take = solve_request.solve_take
+
+    def solve_and_cut(*args):
+        solved = solve_take(*args)
+        os.truncate(tmp_path / "some.db", (tmp_path / "some.db").stat().st_size - 10)
+        return solved
+
+    monkeypatch.setattr(solve_request, "solve_take", solve_and_cut)
+    assert main(solve_line(inputs, tmp_path / "walk.bvh", database=tmp_path / "some.db")) == 1
+    assert "is cut off" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["some.db"]
 
 
 BAD_INPUT = [

@@ -1,5 +1,6 @@
 import hashlib
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from perfanim.core.database.store import (
     Clip,
     Database,
     check_arrays,
+    check_file,
     open_database,
     pose_from_rotations,
     rotations_from_pose,
@@ -53,6 +55,24 @@ def test_round_trip(written: Path) -> None:
         for name in ("parents", "offsets_m", "tips_m", "angle_axes"):
             np.testing.assert_array_equal(getattr(mine, name), getattr(theirs, name))
     assert [path.name for path in written.parent.iterdir()] == ["m.db"]
+
+
+def test_a_file_that_is_cut_off_while_it_is_mapped_is_told(written: Path) -> None:
+    database = open_database(written)
+    check_file(database)
+    os.truncate(written, written.stat().st_size - 100)
+    with pytest.raises(DatabaseError, match="is cut off"):
+        check_file(database)
+
+
+def test_a_file_that_is_replaced_or_removed_stays_mapped(written: Path) -> None:
+    database = open_database(written)
+    poses = np.array(database.poses)
+    write_database(written, 60.0, *motion(), CLIPS, SKELETONS)
+    check_file(database)
+    written.unlink()
+    check_file(database)
+    np.testing.assert_array_equal(database.poses, poses)
 
 
 def test_arrays_are_mapped_and_cannot_be_changed(written: Path) -> None:

@@ -2,6 +2,7 @@ import errno
 import math
 import os
 import stat
+import time
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,29 @@ def test_an_error_while_writing_leaves_the_old_file(tmp_path: Path) -> None:
         raise ZeroDivisionError
     assert target.read_text() == "old"
     assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
+
+
+def test_a_link_stays_a_link_to_the_new_file(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "link.txt").symlink_to(tmp_path / "elsewhere" / "a.txt")  # which may not be there yet
+    for text in ("first", "second"):
+        with atomic_path(tmp_path / "link.txt") as temporary:
+            temporary.write_text(text)
+        assert (tmp_path / "link.txt").is_symlink()
+        assert (tmp_path / "elsewhere" / "a.txt").read_text() == text
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["a.txt", "elsewhere", "link.txt"]
+
+
+def test_what_a_killed_process_left_behind_is_removed(tmp_path: Path) -> None:
+    names = {".a.0123abcd.txt": 7200, ".a.9876dcba.txt": 60, ".a.own.txt": 7200, ".b.0123abcd.txt": 7200, ".a.x": 7200}
+    for name, age_s in names.items():
+        (tmp_path / name).write_text("half")
+        written_s = time.time() - age_s
+        os.utime(tmp_path / name, (written_s, written_s))
+    with atomic_path(tmp_path / "a.txt") as temporary:
+        temporary.write_text("whole")
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left == {*names, "a.txt"} - {".a.0123abcd.txt"}
 
 
 def test_permissions_are_those_of_any_new_file(tmp_path: Path) -> None:

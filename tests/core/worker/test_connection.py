@@ -72,6 +72,19 @@ def test_a_stranger_is_dropped_and_the_worker_let_in(blender: WorkerConnection, 
     greet(blender).close()
 
 
+def test_a_stranger_who_says_nothing_keeps_nobody_out(
+    blender: WorkerConnection, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with connect(blender):
+        blender.receive()
+        with connect(blender) as worker:
+            worker.sendall(encode_json(MessageKind.HELLO, {"token": blender.token}))
+            blender.receive()
+            assert not blender.is_authenticated  # the first may be slow to speak
+            monkeypatch.setattr(connection_module, "_SILENT_S", 0.0)
+            wait_until(blender, lambda: blender.is_authenticated)
+
+
 FLOODS = {"many": encode(MessageKind.STATUS), "long": encode_json(MessageKind.PREVIEW, {"x": "y" * 1_000_000})}
 
 
