@@ -67,7 +67,11 @@ def rest_markers(model: SubjectModel, rotations: Array) -> Array:
 
 
 class FrameLabeller:
-    """Labels the marker frames of one body in order."""
+    """Labels the marker frames of one body in order.
+
+    Attributes:
+        has_searched: whether the last frame was labelled without a past, which is dear.
+    """
 
     def __init__(
         self, names: tuple[str, ...], model: SubjectModel, cameras: tuple[Camera, ...], examples: BodyExamples
@@ -81,17 +85,23 @@ class FrameLabeller:
         """Forget the motion so far."""
         self._labeller = Labeller(self._names, self._torso)
         self._search: LabelSearch | None = None
+        self.has_searched = False
         self._check = LabelCheck(self._initial, self._names, self._torso)
 
     def confidence(self, frame: MarkerFrame, observed_m: Array) -> float:
         """Return the share of its confidence that a pose with these labels deserves."""
         return self._check.confidence(frame, observed_m)
 
-    def find_rival(self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose) -> RivalLabels | None:
-        """Return other labels of a solved frame that turn out to be likely, if any."""
+    def find_rival(
+        self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose, busy: bool = False
+    ) -> RivalLabels | None:
+        """Return other labels of a solved frame that turn out to be likely, if any.
+
+        A search for them rests while `busy`.
+        """
         if self._check.confidence(frame, pose.observed_m) == 1.0:
             self._labeller.vouch()
-        rival = self._check.step(frame, elapsed_s, pose, self._labeller.is_sure)
+        rival = self._check.step(frame, elapsed_s, pose, self._labeller.is_sure, busy)
         if rival is None:
             return None
         labeller, labels = rival.search.carry(rival.labels)
@@ -136,6 +146,7 @@ class FrameLabeller:
 
         `predicted_m` (M, 3) are the markers of the last synthesized pose, None without a past.
         """
+        self.has_searched = predicted_m is None and not is_labelled(frame)
         if is_labelled(frame):
             return self._observe_known_labels(frame)
         if predicted_m is None:

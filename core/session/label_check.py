@@ -71,11 +71,14 @@ class LabelCheck:
         certain = self._is_certain(self._was_doubtful) and _strays(frame, observed_m) < _STRAYS
         return 1.0 if certain else _UNCERTAIN
 
-    def step(self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose, is_sure: Mask) -> Rival | None:
+    def step(
+        self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose, is_sure: Mask, busy: bool = False
+    ) -> Rival | None:
         """Return other labels that have just turned out to be likely, if any.
 
         Args:
             is_sure: (M,) markers followed without a doubt since the labels were certain.
+            busy: whether the frame has cost much already, so that a search rests.
         """
         doubtful = self._is_doubtful(frame, pose)
         if self._search is not None:
@@ -85,7 +88,7 @@ class LabelCheck:
             self._present_m, self._is_sure = pose.observed_m, is_sure
             ghosts = max(len(frame.points_m) - int(np.sum(np.isfinite(pose.observed_m[:, 0]))), 0)
             self._present_cost = self._initial.cost(pose.observed_m, pose.markers_m, ghosts)
-        if self._search is None or not self._search.advance():
+        if self._search is None or busy or not self._search.advance():
             return None
         search, self._search = self._search, None
         return self._judge(search, doubtful, pose.time_s)

@@ -83,7 +83,7 @@ class Session:
         if self._quality.is_lost(pose):
             self.restart()
         elif doubts and solution and not is_labelled(frame):
-            self._compare_labels(frame, elapsed_s, before, pose, solution.nearest_m)
+            self._compare_labels(frame, elapsed_s, before, pose, solution)
         return pose
 
     @property
@@ -115,7 +115,10 @@ class Session:
     def _track(self, frame: MarkerFrame) -> tuple[Observation, Solution | None]:
         """Label and solve a frame by the pose before."""
         observation = self.labeller.label(frame, self._state.markers_m, self._elapsed_s(frame.time_s))
-        solution, self._state = self._solver.step(self._state, observation, frame.time_s)
+        # no frame pays for two dear things
+        solution, self._state = self._solver.step(self._state, observation, frame.time_s, self.labeller.has_searched)
+        if solution is not None and solution.looked:
+            return observation, solution
         if self._quality.is_pose_check_due(frame.time_s, observation, solution) and solution is not None:
             solution = self._escape_local_minimum(frame.time_s, observation, solution)
         return observation, solution
@@ -129,25 +132,25 @@ class Session:
         state = self._solver.forget_poses(self._state)
         if not self._solver.closest_m(state, observation) < settings.promising * solution.nearest_m:
             return solution
-        found, state = self._solver.step(state, observation, time_s)
+        found, state = self._solver.step(state, observation, time_s, hurried=True)
         if found is None or not found.nearest_m < settings.nearer * solution.nearest_m:
             return solution
         self._state = state
         return found
 
     def _compare_labels(
-        self, frame: MarkerFrame, elapsed_s: float, before: SolverState, pose: PerformerPose, nearest_m: float
+        self, frame: MarkerFrame, elapsed_s: float, before: SolverState, pose: PerformerPose, solution: Solution
     ) -> None:
         """Go on with other labels of a solved frame where they explain it better."""
-        rival = self.labeller.find_rival(frame, elapsed_s, pose)
+        rival = self.labeller.find_rival(frame, elapsed_s, pose, busy=solution.looked)
         if rival is None:
             return
         if np.isfinite(rival.nearer):
             closest_m = self._solver.closest_m(self._solver.initial_state, rival.observation)
-            if not closest_m < rival.nearer * nearest_m:
+            if not closest_m < rival.nearer * solution.nearest_m:
                 return
         start = before if rival.adds else self._solver.initial_state
-        found, state = self._solver.step(start, rival.observation, frame.time_s)
+        found, state = self._solver.step(start, rival.observation, frame.time_s, hurried=True)
         if found is None:
             return
         settings = self._quality.settings

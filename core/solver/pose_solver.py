@@ -1,6 +1,7 @@
 """From labelled markers to poses, frame by frame."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,17 +13,28 @@ from .methods import FrameProblem, prepare_method
 from .observation import Observation
 from .root import root_from_torso
 from .search.choose import choose_search
-from .search.exhaustive import Query
+from .search.exhaustive import ExhaustiveSearch, Query
 from .settings import SolveSettings
 from .solution import Examples, Solution, SolverState
 from .subject_model import RootPose, SubjectModel
 
 _ROOT_PASSES = 2  # the root needs the pose's torso markers and the pose needs the root
 _FIRST_ROOT_PASSES = 4  # at the start nothing is known about either
+_SPARSE_PASSES = 4  # before the others where time is short, with a sample of the database,
+_SPARSE = 16384  # of so many frames
 _TORSO_EXAMPLES = 8  # closest examples; the root is fitted to the mean of their torsos
 _JUMP_M = 0.07  # RMS over the markers between two frames, from which the past may mislead
+_LOOK_S = 0.04  # after a vain look for a pose without a past, until the next
 _NEARER = 0.6  # share of the distance to the closest example, below which a pose without a past is the right one
 _SPARE_CANDIDATES = 2  # candidates kept, per example wanted, to rank again under a better root
+
+
+class _Located(NamedTuple):
+    """Root, closest examples under it, and the start of the next search."""
+
+    root: RootPose
+    examples: Examples
+    found: IntArray
 
 
 class PoseSolver:
@@ -41,6 +53,8 @@ class PoseSolver:
         self._poses = database.poses.reshape(database.frames, -1)
         self._markers = subject.database_markers(database)
         self._search = choose_search(settings.search, database, self._markers, self._poses)
+        self._step = -(-database.frames // _SPARSE)
+        self._sparse = ExhaustiveSearch(self._markers[:: self._step], self._poses[:: self._step])
         self._method = prepare_method(settings, subject, database, self._markers)
         self._frame_s = 1.0 / database.fps
         self._typical_markers = np.mean(self._markers[:: max(1, len(self._markers) // 2048)], axis=0, dtype=np.float64)
@@ -50,7 +64,7 @@ class PoseSolver:
     @property
     def visited(self) -> int:
         """Number of distances computed by all searches so far."""
-        return self._search.visited
+        return self._search.visited + self._sparse.visited
 
     def forget_poses(self, state: SolverState) -> SolverState:
         """Return a state that knows only where the root was."""
@@ -59,7 +73,7 @@ class PoseSolver:
     def closest_m(self, state: SolverState, observation: Observation) -> float:
         """Return the RMS distance (m) of markers to the closest example; NaN if unseen."""
         in_space = self._in_space(state, observation)
-        located = self._locate(state, in_space)
+        located = self._locate(state, in_space, hurried=True)
         return _nearest_distance(in_space, *located[:2]) if located is not None else float("nan")
 
     def negative_log_likelihood(self, state: SolverState) -> float:
@@ -67,7 +81,7 @@ class PoseSolver:
         return 0.0 if state.expectation is None else state.expectation.negative_log_likelihood(self.subject)
 
     def step(
-        self, state: SolverState, observation: Observation, time_s: float | None = None
+        self, state: SolverState, observation: Observation, time_s: float | None = None, hurried: bool = False
     ) -> tuple[Solution | None, SolverState]:
         """Return the pose of the next frame and the state after it.
 
@@ -75,20 +89,19 @@ class PoseSolver:
             state: after the frame before, or the initial one. Its markers may be set beforehand, for first frames with
                 markers that only one camera sees.
             time_s: of the frame; default a frame of the database after the last.
+            hurried: whether the frame has cost much already, so that a first frame's pose is not refined.
 
         Returns:
             No pose as long as too few torso markers show where the body is.
         """
         state = replace(state, time_s=state.time_s + self._frame_s if time_s is None else time_s)
         if state.pose is None:
-            # the first frame is solved twice: the second time the torso of its own pose, not a typical one, is known
-            solution, state = self._advance(state, observation)
-            if solution is None:
-                return None, state
-        before = state
-        solution, state = self._advance(before, observation)
-        if solution is not None and self._is_misled(before, observation, solution):
-            solution, state = self.solve_without_past(before, observation, solution, state)
+            solution, state = self._begin(state, observation, hurried)
+        else:
+            before = state
+            solution, state = self._advance(before, observation)
+            if solution is not None and self._is_misled(before, observation, solution):
+                solution, state = self.solve_without_past(before, observation, solution, state)
         observed = state.observed.remember(state.time_s, self._in_space(state, observation).points_m)
         if solution is None:
             return None, replace(state, observed=observed)
@@ -107,17 +120,32 @@ class PoseSolver:
         fresh = replace(self.initial_state, root=state.root, time_s=state.time_s)
         seen = observation.located
         away_m = max(solution.nearest_m, _rms(solution.markers_m[seen] - observation.points_m[seen]))
-        if not self.closest_m(fresh, observation) < _NEARER * away_m:
-            return solution, after
-        found, first = self._advance(fresh, observation)
-        if found is None:
-            return solution, after
-        again, second = self._advance(first, observation)
-        return (again, second) if again is not None else (found, first)
+        in_space = self._in_space(fresh, observation)
+        located = self._locate(fresh, in_space, hurried=True)
+        if located is not None and _nearest_distance(in_space, *located[:2]) < _NEARER * away_m:
+            found, state = self._estimate(fresh, observation, located)
+            return replace(found, looked=True), state
+        return replace(solution, looked=True), replace(after, looked_s=state.time_s)
+
+    def _begin(
+        self, state: SolverState, observation: Observation, hurried: bool
+    ) -> tuple[Solution | None, SolverState]:
+        """Return the pose of a first frame and the state after it.
+
+        It is solved twice unless hurried: the second time the torso and the neighbours of its own pose are known.
+        """
+        located = self._locate(state, self._in_space(state, observation), hurried)
+        if located is None:
+            return None, state
+        first, after = self._estimate(state, observation, located)
+        again, second = (None, after) if hurried else self._advance(after, observation)
+        return (again, second) if again is not None else (first, after)
 
     def _is_misled(self, state: SolverState, observation: Observation, solution: Solution) -> bool:
         """Return whether the limbs have jumped, or the markers are not explained."""
         if state.pose is None or not self._method.fits_markers:  # an example is off anyway
+            return False
+        if state.time_s - state.looked_s < _LOOK_S:
             return False
         seen = observation.located
         before_m = self.subject.markers(state.pose.reshape(-1, 3))[seen]
@@ -132,15 +160,18 @@ class PoseSolver:
         return observation.back_projected(state.markers_m)
 
     def _advance(self, state: SolverState, observation: Observation) -> tuple[Solution | None, SolverState]:
-        in_space = self._in_space(state, observation)
-        located = self._locate(state, in_space)
-        if located is None:
-            return None, state
+        located = self._locate(state, self._in_space(state, observation))
+        return (None, state) if located is None else self._estimate(state, observation, located)
+
+    def _estimate(
+        self, state: SolverState, observation: Observation, located: _Located
+    ) -> tuple[Solution, SolverState]:
+        """Return the pose for root and examples, and the state after it."""
         root, examples, found = located
         estimate = self._method.estimate(FrameProblem(state, observation, root, examples))
         pose = estimate.pose.reshape(-1, 3)
         markers = self.subject.markers(pose, estimate.root)
-        nearest_m = _nearest_distance(in_space, root, examples)
+        nearest_m = _nearest_distance(self._in_space(state, observation), root, examples)
         solution = Solution(
             pose,
             estimate.root,
@@ -161,31 +192,41 @@ class PoseSolver:
             expectation=estimate.expectation,
         )
 
-    def _locate(
-        self, state: SolverState, observation: Observation
-    ) -> tuple[RootPose, Examples, IntArray | None] | None:
+    def _locate(self, state: SolverState, observation: Observation, hurried: bool = False) -> _Located | None:
         """Find root, closest examples and the next search's start; None without a root."""
         continued = state.continued_pose
         local = self._typical_markers if continued is None else self.subject.markers(continued.reshape(-1, 3))
         root, found = state.root, state.found
+        is_first = continued is None and not hurried
+        for _ in range(_SPARSE_PASSES if hurried else 0):
+            root = root_from_torso(observation, local, self.subject, root)
+            if root is None:
+                return None
+            sampled, _ = self._sparse.nearest(self._query(observation, root, None), self._method.examples)
+            found = self._step * sampled
+            local = self._torso_of(found)
         frames: IntArray | None = None
-        for _ in range(_ROOT_PASSES if continued is not None else _FIRST_ROOT_PASSES):
+        for _ in range(_FIRST_ROOT_PASSES if is_first else _ROOT_PASSES):
             root = root_from_torso(observation, local, self.subject, root)
             if root is None:
                 return None
             query = self._query(observation, root, continued)
-            # while tracking, the root moves little from here on: rank the same candidates
-            if frames is None or continued is None:
+            # after the first pass the root moves little, unless nothing was known: rank the same candidates
+            if frames is None or is_first:
                 frames, distances = self._search.nearest(query, self._method.examples * _SPARE_CANDIDATES, found)
                 found = frames
             else:
                 frames, distances = self._search.nearest_among(query, frames)
-            local = np.mean(self._markers[frames[:_TORSO_EXAMPLES]], axis=0, dtype=np.float64)
-        if root is None or frames is None:
+            local = self._torso_of(frames)
+        if root is None or frames is None or found is None:
             return None
         chosen = frames[: self._method.examples]
         examples = Examples(chosen, distances[: len(chosen)], self._poses[chosen], self._markers[chosen])
-        return root, examples, found
+        return _Located(root, examples, found)
+
+    def _torso_of(self, frames: IntArray) -> Array:
+        """Return the mean markers (M, 3) of the closest of ranked frames."""
+        return np.mean(self._markers[frames[:_TORSO_EXAMPLES]], axis=0, dtype=np.float64)
 
     def _query(self, observation: Observation, root: RootPose, continued: Array | None) -> Query:
         """Return the query of Eq. 2, the observed markers in the root's rest (T of Eq. 2)."""

@@ -36,6 +36,7 @@ class Solution:
         nearest_m: RMS distance of the observed markers to those of the closest example, metres; NaN when none.
         iterations: of Levenberg-Marquardt or Gauss-Newton.
         sigmas_rad: (J - 1, 3) standard deviations of the pose, uncalibrated; None of other methods than "best".
+        looked: whether a pose without a past was looked for, too, which is dear.
     """
 
     pose: Array
@@ -46,6 +47,7 @@ class Solution:
     nearest_m: float
     iterations: int
     sigmas_rad: Array | None = None
+    looked: bool = False
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,7 @@ class SolverState:
         found: frames of the last search, from which the next may begin.
         observed: earlier observed markers.
         solved: earlier solved poses.
+        looked_s: time of the last vain look for a pose without a past.
         expectation: markers expected in the last frame; None at the start, and of other methods than "best".
     """
 
@@ -73,6 +76,7 @@ class SolverState:
     found: IntArray | None = None
     observed: LaggedHistory = field(default_factory=LaggedHistory)
     solved: LaggedHistory = field(default_factory=LaggedHistory)
+    looked_s: float = float("-inf")
     expectation: Expectation | None = None
 
     @property

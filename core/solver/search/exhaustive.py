@@ -80,16 +80,27 @@ class ExhaustiveSearch:
         """Return the Eq. 2 distances of frames."""
         seen = np.isfinite(query.markers_m.ravel())
         target = np.where(seen, query.markers_m.ravel(), 0.0).astype(np.float32)
-        mask = seen.astype(np.float32)
-        result = _times(self._marker_norms[frames], mask)
-        result -= 2.0 * _times(self._markers[frames], target)
-        result += target @ target
-        result *= np.float32(query.marker_weight)
-        if query.pose is not None and query.pose_weight > 0.0:
-            pose = query.pose.astype(np.float32)
+        weights = seen * np.float32(query.marker_weight)
+        pose = query.pose.astype(np.float32) if query.pose is not None and query.pose_weight > 0.0 else None
+        if not isinstance(frames, slice):
+            result = _weighted(self._markers[frames] - target, weights)
+            if pose is not None:
+                away = self._poses[frames] - pose
+                result += np.float32(query.pose_weight) * np.einsum("fd,fd->f", away, away)
+            return result
+        result = _times(self._marker_norms[frames], weights)
+        result -= _times(self._markers[frames], 2.0 * weights * target)
+        result += (weights * target) @ target
+        if pose is not None:
             between = self._pose_norms[frames] - 2.0 * _times(self._poses[frames], pose) + pose @ pose
             result += np.float32(query.pose_weight) * between
         return result
+
+
+def _weighted(away: FloatArray, weights: FloatArray) -> FloatArray:
+    """Return the weighted squares (F,) of rows, which are overwritten."""
+    away *= away
+    return _times(away, weights)
 
 
 def _times(rows: NDArray[Any], vector: FloatArray) -> FloatArray:

@@ -39,7 +39,7 @@ class GraphSearch:
 
     def nearest(self, query: Query, count: int, start: IntArray | None = None) -> tuple[IntArray, Array]:
         """Return the `count` closest frames found (ascending) and their Eq. 2 distances."""
-        visit = _Visit(self._frames, query, self._seen)
+        visit = _Visit(self._frames, query, self._seen, count)
         groups: list[IntArray] = []
         limit = np.inf
         if start is None:
@@ -54,10 +54,9 @@ class GraphSearch:
             self._enter(visit, self._representatives.groups[order[0]], limit)
             groups = [self._representatives.groups[group] for group in order[1:] if leaders[group] < limit]
         most = (visit.count if start is None else 0.0) + _VISITED * count
-        found, ascending = self._spread(visit, count, groups, limit, most)
+        self._spread(visit, count, groups, limit, most)
         self.visited += visit.count
-        visit.end()
-        return found, ascending
+        return visit.end()
 
     def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
         """Return the candidate frames by their Eq. 2 distances, ascending, and these."""
@@ -77,10 +76,8 @@ class GraphSearch:
             chosen, _ = closest(distances, beam)
             frames, distances = visit.look(self._neighbours[frames[chosen]].ravel())
 
-    def _spread(
-        self, visit: "_Visit", count: int, groups: list[IntArray], limit: float, most: float
-    ) -> tuple[IntArray, Array]:
-        """Return the closest visited frames after following the graph from the closest.
+    def _spread(self, visit: "_Visit", count: int, groups: list[IntArray], limit: float, most: float) -> None:
+        """Follow the graph from the closest visited frames.
 
         Args:
             groups: representatives to visit once the graph leads no closer.
@@ -90,11 +87,16 @@ class GraphSearch:
         followed: list[IntArray] = []
         batch = max(1, int(_EXPANDED * count))
         remaining = iter(groups)
-        found, distances = visit.closest(count)
-        idle = 0
-        while visit.count < most:
-            chosen = found[~self._followed[found]][:batch]
-            if len(chosen) and idle < _IDLE:
+        middle, idle = np.inf, 0
+        while True:
+            found, distances = visit.closest()
+            last, middle = middle, float(np.partition(distances, len(distances) // 2)[len(distances) // 2])
+            idle = 0 if middle < last else idle + 1
+            if visit.count >= most:
+                break
+            fresh = np.flatnonzero(~self._followed[found])
+            if len(fresh) and idle < _IDLE:
+                chosen = found[fresh[closest(distances[fresh], batch)[0]]]
                 self._followed[chosen] = True
                 followed.append(chosen)
                 visit.look(self._neighbours[chosen].ravel())
@@ -104,30 +106,24 @@ class GraphSearch:
                     break
                 self._enter(visit, group, limit)
                 idle = _IDLE - 1  # one look from these, more if they are closer
-            middle = distances[len(distances) // 2]
-            found, distances = visit.closest(count)
-            idle = 0 if distances[len(distances) // 2] < middle else idle + 1
         for frames in followed:
             self._followed[frames] = False
-        return found, distances
 
 
 class _Visit:
-    """Frames visited for one query, each once.
+    """Frames visited for one query, each once, and the closest of them.
 
     Args:
         seen: (F,) false everywhere, and again after `end`.
+        wanted: number of the closest frames to keep.
     """
 
-    def __init__(self, frames: ExhaustiveSearch, query: Query, seen: Mask) -> None:
-        self._database, self._query, self._seen = frames, query, seen
-        self._found: list[IntArray] = []
-        self._distances: list[FloatArray] = []
-
-    @property
-    def count(self) -> int:
-        """Number of visited frames."""
-        return sum(map(len, self._found))
+    def __init__(self, frames: ExhaustiveSearch, query: Query, seen: Mask, wanted: int) -> None:
+        self._database, self._query, self._seen, self._wanted = frames, query, seen, wanted
+        self._visited: list[IntArray] = []
+        self._new: list[FloatArray] = []
+        self._found, self._distances = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.float32)
+        self.count = 0
 
     def look(self, frames: IntArray) -> tuple[IntArray, FloatArray]:
         """Return the frames not visited before, each once, and their Eq. 2 distances."""
@@ -135,15 +131,25 @@ class _Visit:
         unseen = np.unique(frames[~self._seen[frames]]).astype(np.int64)
         distances = self._database.distances(self._query, unseen)
         self._seen[unseen] = True
-        self._found.append(unseen)
-        self._distances.append(distances)
+        self._visited.append(unseen)
+        self._new.append(distances)
+        self.count += len(unseen)
         return unseen, distances
 
-    def closest(self, count: int) -> tuple[IntArray, Array]:
-        """Return the closest visited frames, ascending, and their distances."""
-        order, ascending = closest(np.concatenate(self._distances), count)
-        return np.concatenate(self._found)[order], ascending
+    def closest(self) -> tuple[IntArray, FloatArray]:
+        """Return the closest visited frames and their distances, in any order."""
+        if self._new:
+            frames = np.concatenate((self._found, *self._visited[-len(self._new) :]))
+            distances = np.concatenate((self._distances, *self._new))
+            self._new = []
+            if len(frames) > self._wanted:
+                kept = np.argpartition(distances, self._wanted - 1)[: self._wanted]
+                frames, distances = frames[kept], distances[kept]
+            self._found, self._distances = frames, distances
+        return self._found, self._distances
 
-    def end(self) -> None:
-        """Clear `seen`."""
-        self._seen[np.concatenate(self._found)] = False
+    def end(self) -> tuple[IntArray, Array]:
+        """Clear `seen`; return the closest visited frames, ascending, and their distances."""
+        self._seen[np.concatenate(self._visited)] = False
+        order, ascending = closest(self._distances, self._wanted)
+        return self._found[order], ascending

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from perfanim.core.body.motion import sliced
+from perfanim.core.body.motion import resampled, sliced
 from perfanim.core.errors import DatabaseError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.marker_set import load_marker_set
@@ -168,6 +168,36 @@ def test_the_closest_example_is_told_without_going_on(model, database, noisy):
     hands_only[model.torso] = np.nan
     fresh = PoseSolver(model, database, SolveSettings())
     assert np.isnan(fresh.closest_m(fresh.initial_state, Observation.of_points(hands_only)))
+
+
+def test_no_frame_pays_for_many_searches(model, database, noisy, monkeypatch):
+    """Every second frame jumps; the past is looked beyond now and then only, and each look is one search more."""
+    solver = PoseSolver(model, database, SolveSettings(search="exhaustive"))
+    search, searches = solver._search.nearest, []
+    monkeypatch.setattr(solver._search, "nearest", lambda *query: searches.append(1) or search(*query))
+    other = model.database_markers(database, np.arange(database.frames // 2, database.frames // 2 + 30))
+    jumping = np.where(np.arange(30)[:, None, None] % 2, noisy[:30], other + noisy[:1, :1] - other[:1, :1])
+    state, looked, counts = solver.initial_state, [], []
+    for row in (*noisy[:5], *jumping):
+        searches.clear()
+        solution, state = solver.step(state, Observation.of_points(row))
+        looked.append(solution.looked)
+        counts.append(len(searches))
+    assert any(looked)
+    assert not any(looked[:5])
+    assert set(counts[1:]) == {1, 2}
+    assert [count == 2 for count in counts[1:]] == looked[1:]
+
+
+def test_a_hurried_first_frame_is_nearly_as_good(model, database, noisy, truth):
+    solver = PoseSolver(model, database, SolveSettings(search="exhaustive"))
+    errors = []
+    for hurried in (False, True):
+        solutions = [
+            solver.step(solver.initial_state, Observation.of_points(row), hurried=hurried)[0] for row in noisy[::8]
+        ]
+        errors.append(degrees_per_joint(model, solutions, resampled(truth, truth.fps / 8)))
+    assert errors[1] < 1.3 * errors[0]
 
 
 def test_the_initial_state_forgets_everything(model, database, noisy):
