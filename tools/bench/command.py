@@ -11,7 +11,7 @@ from .accuracy import accuracy
 from .end_to_end import end_to_end
 from .figure5 import figure5
 from .figure6 import figure6
-from .robustness import robustness
+from .robustness import FULL, robustness
 from .scale import scale
 from .speed import speed
 from .table1 import table1
@@ -43,10 +43,13 @@ def add_parser(subparsers: Any) -> None:
             "--out", type=Path, required=True, metavar="DIR", help="folder to write to; databases are kept there"
         )
         parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes that read (default 2)")
+        if bench is robustness:
+            parser.add_argument("--full", action="store_true", help="500 cuts and 100,000 frames, which takes hours")
         parser.set_defaults(run=_run, bench=bench)
 
 
 def _run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if args.workers < 1:
         raise SettingsError(f"--workers {args.workers} is out of range", advice="give 1 or more")
-    return args.bench(args.data, args.out, args.workers, progress)
+    sizes = {"sizes": FULL} if getattr(args, "full", False) else {}
+    return args.bench(args.data, args.out, args.workers, progress, **sizes)

@@ -42,8 +42,8 @@ Seen = Mask
 MARKER_SET, ONE_CAMERA_SET = "boxing", "one-camera"
 PAPER = {"true markers": 2.31, "video": 2.54}  # boxing, degrees per joint angle
 _HELD_S = 1.5  # each calibration pose
-_EMPTY_FRAMES = 60
-_EXPOSURE_S = 0.004
+EMPTY_FRAMES = 60
+EXPOSURE_S = 0.004
 _UNITS = ("deg_per_joint", "deg_per_angle", "mpjpe_mm", "bone_direction_deg", "jitter_ratio", "twist_deg")
 
 
@@ -64,9 +64,9 @@ def end_to_end(data: Path, out: Path, workers: int, progress: Progress) -> dict[
     rig = None
     for number, take in enumerate(takes):
         # the walk is longer than two cameras can follow at 640x480
-        motion = on_stage(_on_treadmill(read_take(data, take)))
+        motion = on_stage(on_treadmill(read_take(data, take)))
         taken, motion = motion.frames, with_poses(motion, CALIBRATION, _HELD_S)
-        source = simulated_source(motion, MARKER_SET, Renderer(default_rig(), StudioSettings(exposure_s=_EXPOSURE_S)))
+        source = simulated_source(motion, MARKER_SET, Renderer(default_rig(), StudioSettings(exposure_s=EXPOSURE_S)))
         progress(0.2 + 0.8 * number / len(takes), f"{take.title}: filming and tracking")
         rig = rig or studio_on_floor(calibrate_studio(source).rig, source)
         frames, both = _filmed(source, rig)
@@ -82,7 +82,7 @@ def end_to_end(data: Path, out: Path, workers: int, progress: Progress) -> dict[
 def _filmed(source: SimulatedSource, rig: CameraRig) -> tuple[list[MarkerFrame], Seen]:
     """Return the video's marker frames, and the markers that both cameras show (F, M)."""
     pipeline = MarkerPipeline(rig)
-    pipeline.learn_empty(source.background_frames(_EMPTY_FRAMES))
+    pipeline.learn_empty(source.background_frames(EMPTY_FRAMES))
     frames, both = [], []
     for images in source:
         frames.append(pipeline.process(images))
@@ -141,7 +141,7 @@ def _from_take(take: MarkerTake, subject: Subject, database: Database) -> Motion
 
 
 def _from_one_camera(motion: Motion, database: Database, rig: CameraRig) -> Motion:
-    studio = Renderer(CameraRig(default_rig().cameras[:1]), StudioSettings(exposure_s=_EXPOSURE_S))
+    studio = Renderer(CameraRig(default_rig().cameras[:1]), StudioSettings(exposure_s=EXPOSURE_S))
     source, one = simulated_source(motion, ONE_CAMERA_SET, studio), CameraRig(rig.cameras[:1])
     subject = Subject("true", motion.skeleton, source.subject.marker_set)
     return _from_video(_filmed(source, one)[0], subject, database, one, motion.fps)
@@ -152,7 +152,7 @@ def _from_video(frames: list[MarkerFrame], subject: Subject, database: Database,
     return motion_of([session.step(frame) for frame in frames], subject, "video", fps)
 
 
-def _on_treadmill(motion: Motion) -> Motion:
+def on_treadmill(motion: Motion) -> Motion:
     """Return the motion without its mean horizontal speed, as on a treadmill."""
     drift = motion.root_positions_m[-1] - motion.root_positions_m[0]
     drift[1] = 0.0

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from perfanim.core.body.calibration_poses import t_pose
@@ -25,13 +25,34 @@ from .methods import WITHOUT_PRIOR
 BEFORE, AFTER = 45, 75  # frames of a cut's two takes
 
 _UNSOLVABLE = ("49_21",)  # hangs on ropes, which nobody does in the database
-_HIDDEN = (0, 12, 30, 60, 300)  # frames without any marker between the takes
 _T_POSE_EVERY = 3  # cuts, of which one comes from a T pose
-_TURN_RAD, _SHIFT_M = 1.2, 0.5  # how far, at most, the second take faces and begins elsewhere
-_NOISE_M, _LOST, _GHOSTS = 0.002, 0.03, 0.1  # noise; shares of lost markers, and of frames with a ghost
 _GHOST_SPREAD_M = 0.7
 _RIGHT_M = 0.02  # a located marker is right so near its true place
 _STEADY = 10  # frames on end that must be right
+
+
+class Absence(NamedTuple):
+    """Frames hidden between takes; how far, at most, the second is turned and moved."""
+
+    hidden: tuple[int, ...] = (0, 12, 30, 60, 300)
+    turn_rad: float = 1.2
+    shift_m: float = 0.5
+
+
+ANY = Absence()
+LONG = Absence((120, 180, 240, 300), 1.5, 1.0)
+
+
+class Disturbance(NamedTuple):
+    """Noise, metres; share of lost markers; share of frames with up to so many ghosts."""
+
+    noise_m: float = 0.002
+    lost: float = 0.03
+    ghost_frames: float = 0.1
+    ghosts: int = 1
+
+
+USUAL = Disturbance()
 
 
 @dataclass(frozen=True)
@@ -63,7 +84,9 @@ class Cut:
         return BEFORE + self.hidden
 
 
-def random_cuts(takes: Mapping[str, Motion], count: int, generator: np.random.Generator) -> Iterator[Cut]:
+def random_cuts(
+    takes: Mapping[str, Motion], count: int, generator: np.random.Generator, absence: Absence = ANY
+) -> Iterator[Cut]:
     """Yield cuts between any two takes; the body is always that of the first."""
     pools = [
         [name for name, take in takes.items() if take.frames >= frames and name not in _UNSOLVABLE]
@@ -72,12 +95,13 @@ def random_cuts(takes: Mapping[str, Motion], count: int, generator: np.random.Ge
     for number in range(count):
         first = str(generator.choice(pools[0]))
         second = str(generator.choice([name for name in pools[1] if name != first]))
-        skeleton, hidden = takes[first].skeleton, int(generator.choice(_HIDDEN))
-        before, after = (_part(takes[name], frames, generator) for name, frames in ((first, BEFORE), (second, AFTER)))
+        skeleton, hidden = takes[first].skeleton, int(generator.choice(absence.hidden))
+        before, after = (part_of(takes[name], frames, generator) for name, frames in ((first, BEFORE), (second, AFTER)))
         is_t_pose = number % _T_POSE_EVERY == 0
         if is_t_pose:
             before = replace(before, rotations=np.repeat(t_pose(skeleton)[None], BEFORE, axis=0))
-        turn, (x, z) = generator.uniform(-_TURN_RAD, _TURN_RAD), generator.uniform(-_SHIFT_M, _SHIFT_M, 2)
+        turn = generator.uniform(-absence.turn_rad, absence.turn_rad)
+        x, z = generator.uniform(-absence.shift_m, absence.shift_m, 2)
         after = facing(replace(after, skeleton=skeleton), float(turn), np.array([x, 0.0, z]))
         seen = [markers_of(motion) for motion in (facing(before, 0.0, np.zeros(3)), after)]
         gone = np.full((hidden, *seen[0].shape[1:]), np.nan)
@@ -95,7 +119,9 @@ def facing(motion: Motion, yaw_rad: float, place_m: Array) -> Motion:
     return replace(motion, rotations=rotations, root_positions_m=rot.rotate(turn, from_start) + place_m)
 
 
-def play_cut(cut: Cut, database: Database, generator: np.random.Generator) -> tuple[dict[str, Any], Mask, Array]:
+def play_cut(
+    cut: Cut, database: Database, generator: np.random.Generator, disturbance: Disturbance = USUAL
+) -> tuple[dict[str, Any], Mask, Array]:
     """Show a cut's markers without labels to a session, live and as a recorded take.
 
     Returns:
@@ -103,19 +129,21 @@ def play_cut(cut: Cut, database: Database, generator: np.random.Generator) -> tu
     """
     motion = Motion(cut.subject, FPS, cut.skeleton, t_pose(cut.skeleton)[None], np.zeros((1, 3)))
     session = MultiTargetSession([Session(true_subject(motion), database, settings=WITHOUT_PRIOR)])
-    frames, shown = zip(*(_frame(number, true, generator) for number, true in enumerate(cut.positions_m)), strict=True)
+    frames, shown = zip(
+        *(frame_of(number, true, generator, disturbance) for number, true in enumerate(cut.positions_m)), strict=True
+    )
     live = solve_frames(frames, session, cut.title, lambda fraction, text: None, causal=True).poses_of()
     session.reset()
     recorded = solve_frames(frames, session, cut.title, lambda fraction, text: None).poses_of()
     right = [_is_right(pose.observed_m, *seen) for pose, *seen in zip(live, cut.positions_m, shown, strict=True)]
     after, sure = np.array(right[cut.back :]), np.array([pose.confidence for pose in live[cut.back :]])
-    steady = np.flatnonzero(np.lib.stride_tricks.sliding_window_view(after, _STEADY).all(axis=1))
+    steady = [i for i in range(len(after) - _STEADY + 1) if after[i : i + _STEADY].all()]
     wrong = ~after
     row = {
         "cut": cut.title,
         "body": cut.subject,
         "hidden_s": round(cut.hidden / FPS, 3),
-        "right_again_s": round(int(steady[0]) / FPS, 4) if len(steady) else None,
+        "right_again_s": round(steady[0] / FPS, 4) if steady else None,
         "wrong_frames": int(wrong.sum()),
         "doubted_wrong_frames": int((sure[wrong] < DOUBTFUL).sum()),
         "frames": len(after),
@@ -160,7 +188,8 @@ def seconds_until_right(rows: list[dict[str, Any]]) -> Array:
     return np.sort(np.array(times, dtype=np.float64))
 
 
-def _part(motion: Motion, frames: int, generator: np.random.Generator) -> Motion:
+def part_of(motion: Motion, frames: int, generator: np.random.Generator) -> Motion:
+    """Return so many frames from anywhere in a motion."""
     start = int(generator.integers(0, motion.frames - frames + 1))
     return sliced(motion, start, start + frames)
 
@@ -170,15 +199,19 @@ def markers_of(motion: Motion) -> Array:
     return simulate_markers(motion, true_subject(motion))[0].positions_m
 
 
-def _frame(number: int, true: Array, generator: np.random.Generator) -> tuple[MarkerFrame, Mask]:
+def frame_of(
+    number: int, true: Array, generator: np.random.Generator, disturbance: Disturbance = USUAL
+) -> tuple[MarkerFrame, Mask]:
     """Return a frame of points in any order, and the markers (M,) among them."""
+    noise_m = disturbance.noise_m
     visible = np.isfinite(true[:, 0])
-    shown = visible & (generator.random(len(true)) >= _LOST)
-    points = generator.permutation(true[shown] + generator.normal(0.0, _NOISE_M, (int(shown.sum()), 3)))
-    if generator.random() < _GHOSTS:
+    shown = visible & (generator.random(len(true)) >= disturbance.lost)
+    points = generator.permutation(true[shown] + generator.normal(0.0, noise_m, (int(shown.sum()), 3)))
+    if generator.random() < disturbance.ghost_frames:
         centre = true[visible].mean(axis=0) if visible.any() else np.array([0.0, 1.0, 0.0])
-        points = np.vstack((points, centre + generator.normal(0.0, _GHOST_SPREAD_M, 3)))
-    covariances = np.broadcast_to(_NOISE_M**2 * np.eye(3), (len(points), 3, 3))
+        ghosts = 1 if disturbance.ghosts == 1 else int(generator.integers(1, disturbance.ghosts + 1))
+        points = np.vstack((points, centre + generator.normal(0.0, _GHOST_SPREAD_M, (ghosts, 3))))
+    covariances = np.broadcast_to(noise_m**2 * np.eye(3), (len(points), 3, 3))
     return MarkerFrame(number, number / FPS, points, covariances), shown
 
 

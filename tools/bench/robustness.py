@@ -1,6 +1,6 @@
 """Labels and poses after cuts, a T pose, noise, all with the subject unseen."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,11 +21,26 @@ from perfanim.core.system.progress import Progress
 from .crossings import crossings, play_crossing
 from .data import CMU, FPS, development_takes, whole_database, without_subject
 from .figure6 import degrees_per_joint, true_subject
+from .films import film_summary, play_films
+from .frames_in_doubt import doubt_summary, frame_times, mirrored_database
 from .methods import WITHOUT_PRIOR
 from .more_data import TAKES, more_data_row
 from .plots import Line, Panel, check_plots, write_plot
-from .random_cuts import cut_figures, facing, play_cut, random_cuts, seconds_until_right
+from .random_cuts import (
+    BEFORE,
+    LONG,
+    Cut,
+    Disturbance,
+    cut_figures,
+    facing,
+    markers_of,
+    play_cut,
+    random_cuts,
+    seconds_until_right,
+)
 from .report import write_figures
+from .walk_outs import walk_outs
+from .worst_frames import WorstFrames, write_pictures
 
 
 @dataclass(frozen=True)
@@ -36,6 +51,9 @@ class Sizes:
         takes: development takes, at most.
         cuts: random cuts between them.
         crossings: pairs of performers who pass each other.
+        absences: cuts hidden for seconds; as many performers walk out of the pictures and back in.
+        timed_cuts: cuts to time the frames of.
+        films: takes filmed by simulated cameras.
         t_pose_frames: frames of each take after a T pose, at most.
         noisy_frames: frames from the middle of each take with noise, at most.
         passes: times that these are solved, each with other noise.
@@ -47,13 +65,15 @@ class Sizes:
     noisy_frames: int
     passes: int = 1
     crossings: int = 12
+    absences: int = 12
+    timed_cuts: int = 12
+    films: int = 8
 
 
 QUICK = Sizes(takes=32, cuts=60, t_pose_frames=60, noisy_frames=100)  # about 25 minutes on one core
 FULL = Sizes(
-    takes=1000, cuts=500, t_pose_frames=60, noisy_frames=600, passes=2, crossings=60
+    takes=1000, cuts=500, t_pose_frames=60, noisy_frames=600, passes=2, crossings=60, absences=60, timed_cuts=60
 )  # 182 takes, 104,528 noisy frames
-SIZES = QUICK  # or FULL, which takes hours
 _SEED = 3
 _T_POSE_S = 0.5  # before a take
 _FIRST = 15  # frames after the T pose that are compared
@@ -61,7 +81,7 @@ _FAR_M = 0.03
 _NOISE_MM, _DROPOUT = 3.0, 0.1
 _JUMP_DEG = 10.0  # change of a joint between two frames beyond the truth's own
 _WORSE, _WORSE_S = 1.2, 0.2  # share of nearest's error, and how long it may last
-_LISTED = 20  # worst frames of each kind
+_GHOSTS = Disturbance(0.001 * _NOISE_MM, _DROPOUT, 1.0, 2)
 _PICTURED = 3  # takes
 _NEAREST = SolveSettings(method="nearest")
 
@@ -92,72 +112,90 @@ class Curves(NamedTuple):
     nearest: Array
 
 
-def robustness(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
+def robustness(data: Path, out: Path, workers: int, progress: Progress, sizes: Sizes | None = None) -> dict[str, Any]:
     """Solve disturbed takes by unseen subjects and list the worst frames.
 
-    Five parts, on development takes: random cuts between takes without labels; two performers who pass each other;
-    a T pose put before takes; noise and dropout; more subjects in the database. The sizes are `SIZES`.
+    On development takes: random cuts between takes without labels; cuts hidden for seconds, and performers out of the
+    pictures and back; two who pass each other; a T pose before takes; noise, dropout and ghosts; more subjects in the
+    database; the time of frames in doubt; takes filmed by simulated cameras. Without sizes these are `QUICK`.
 
     Returns:
-        rows (check, value, goal), cuts, crossings, t_pose, noise, more_data (a row for each cut, pair or take), worst
-        (check, take, frame, joint, value), sizes, outputs.
+        rows (check, value, goal), cuts, absences, crossings, t_pose, noise, more_data, films (a row for each cut,
+        pair, take or film), episodes (of the films, with most wrong markers), in_doubt (ms and share of an exhaustive
+        search), worst (check, take, frame, joint, value), sizes, outputs.
     """
     check_plots()
+    sizes = sizes or QUICK
     whole = whole_database(data, out, (CMU,), workers, progress)
-    takes = development_takes(data, SIZES.takes)
+    takes = development_takes(data, sizes.takes)
     subjects = sorted({subject_of(name) for name in takes})
     databases = {subject: without_subject(whole, out / "databases", subject) for subject in subjects}
-    worst: list[dict[str, Any]] = []
-    cuts = _cuts(takes, databases, worst, progress)
+    worst = WorstFrames([], [])
     generator = np.random.default_rng(_SEED)
+    cuts = _cuts(random_cuts(takes, sizes.cuts, generator), databases, worst, generator, progress)
+    generator = np.random.default_rng(_SEED)
+    long_cuts = random_cuts(takes, sizes.absences, generator, LONG)
+    absences = _cuts(long_cuts, databases, worst, generator, progress)
+    walks = walk_outs(takes, sizes.absences, generator)
+    absences += _cuts(walks, databases, worst, generator, progress)
     crossed = [
         play_crossing(crossing, databases[subject_of(crossing.motion.name)], generator)
-        for crossing in crossings(takes, SIZES.crossings, generator)
+        for crossing in crossings(takes, sizes.crossings, generator)
     ]
     after_t_pose, noisy = [], []
     curves: dict[str, Curves] = {}
     for number, (name, take) in enumerate(takes.items()):
-        progress(0.5 + 0.5 * number / len(takes), f"{name}: T pose before it, noise")
+        progress(0.5 + 0.4 * number / len(takes), f"{name}: T pose before it, noise")
         database = databases[subject_of(name)]
-        after_t_pose.append(_t_pose_row(name, take, database, worst))
-        for seed in range(SIZES.passes):
-            row, curves[f"{name}, noise {seed}"] = _noisy_row(name, take, database, seed, worst)
+        after_t_pose.append(_t_pose_row(name, sliced(take, 0, min(sizes.t_pose_frames, take.frames)), database, worst))
+        start = max((take.frames - sizes.noisy_frames) // 2, 0)
+        middle = sliced(take, start, min(start + sizes.noisy_frames, take.frames))
+        for seed in range(sizes.passes):
+            row, curves[f"{name}, noise {seed}"] = _noisy_row(name, middle, start, database, seed, worst)
             noisy.append(row)
-    progress(0.95, "more subjects in the database")
+    progress(0.9, "more subjects in the database")
     grown = [
         more_data_row(name, takes[name], whole, out / "databases") for name in list(takes)[:: -(-len(takes) // TAKES)]
     ]
-    worst = _worst(worst)
-    rows = _summary(cuts, after_t_pose, noisy) + _crossing_summary(crossed) + _more_data_summary(grown)
-    parts = {"cuts": cuts, "noise": noisy, "worst": worst}
-    figures = {"rows": rows, "crossings": crossed, "t_pose": after_t_pose, "more_data": grown} | parts
-    tables = {"": rows, "t-pose": after_t_pose, "more-data": grown} | parts
-    tables |= {"crossings": crossed} if crossed else {}
-    return write_figures(out, "robustness", figures | {"sizes": vars(SIZES)}, tables, _pictures(out, cuts, curves))
+    progress(0.93, "time of frames in doubt")
+    timed = frame_times(takes, mirrored_database(data, out, workers), sizes.timed_cuts) if sizes.timed_cuts else []
+    films = list(play_films(data, whole, out / "databases", sizes.films, lambda f, text: progress(0.95, text)))
+    filmed, episodes = [row for row, _ in films], [episode for _, listed in films for episode in listed]
+    listed = worst.listed()
+    rows = _summary(cuts, after_t_pose, noisy) + _absence_summary(absences) + _crossing_summary(crossed)
+    rows += _more_data_summary(grown) + doubt_summary(timed) + film_summary(filmed)
+    parts = {"cuts": cuts, "noise": noisy, "worst": listed, "t-pose": after_t_pose, "more-data": grown}
+    parts |= {"absences": absences, "crossings": crossed, "films": filmed, "film-episodes": episodes, "in-doubt": timed}
+    figures = {"rows": rows} | {name.replace("-", "_"): part for name, part in parts.items() if name != "in-doubt"}
+    tables = {"": rows} | {name: part for name, part in parts.items() if part}
+    plots = _pictures(out, cuts, curves) + write_pictures(out / "robustness-worst-frames", worst.drawn())
+    return write_figures(out, "robustness", figures | {"sizes": vars(sizes)}, tables, plots)
 
 
 def _cuts(
-    takes: Mapping[str, Motion], databases: Mapping[str, Database], worst: list[dict[str, Any]], progress: Progress
+    cuts: Iterable[Cut],
+    databases: Mapping[str, Database],
+    worst: WorstFrames,
+    generator: np.random.Generator,
+    progress: Progress,
 ) -> list[dict[str, Any]]:
     """Return a row for each cut; add its most confident wrong frame to the worst."""
     rows = []
-    generator = np.random.default_rng(_SEED)
-    for number, cut in enumerate(random_cuts(takes, SIZES.cuts, generator)):
-        progress(0.2 + 0.3 * number / SIZES.cuts, f"cut {number + 1} of {SIZES.cuts}: {cut.title}")
+    for number, cut in enumerate(cuts):
+        progress(0.2, f"cut {number + 1}: {cut.title}")
         row, right, confidence = play_cut(cut, databases[subject_of(cut.subject)], generator)
         rows.append({"number": number} | row)
         title = f"{cut.title} (cut {number}, hidden {row['hidden_s']} s)"
-        worst.append(_at("s until labels are right", title, cut.back, "", seconds_until_right([row])[0]))
+        worst.add("s until labels are right", title, cut.back, "", seconds_until_right([row])[0])
         if not right.all():
             sure = np.where(right, -1.0, confidence)
             frame = int(np.argmax(sure))
-            worst.append(_at("confidence with wrong labels", title, cut.back + frame, "", sure[frame]))
+            worst.add("confidence with wrong labels", title, cut.back + frame, "", sure[frame])
     return rows
 
 
-def _t_pose_row(name: str, take: Motion, database: Database, worst: list[dict[str, Any]]) -> dict[str, Any]:
+def _t_pose_row(name: str, truth: Motion, database: Database, worst: WorstFrames) -> dict[str, Any]:
     """Return how much a T pose before a take costs the frames after it."""
-    truth = sliced(take, 0, min(SIZES.t_pose_frames, take.frames))
     cold = degrees_per_joint(_solve(truth, database, WITHOUT_PRIOR)[0], truth)[:_FIRST].mean()
     both = with_t_pose(truth)
     lead = both.frames - truth.frames
@@ -165,8 +203,9 @@ def _t_pose_row(name: str, take: Motion, database: Database, worst: list[dict[st
     first = degrees_per_joint(solved.motion, both)[lead : lead + _FIRST]
     far = np.where(solved.rms_m > solved.nearest_rms_m, solved.rms_m, 0.0)[lead:]
     frame = int(np.argmax(first))
-    worst.append(_at("degrees per joint after a T pose", name, frame, "", first[frame]))
-    worst.append(_at("mm RMS after a T pose, nearest nearer", name, int(np.argmax(far)), "", 1e3 * far.max()))
+    worst.add("degrees per joint after a T pose", name, frame, "", first[frame])
+    worst.add_picture(f"{name} after a T pose, frame {frame}", first[frame], both, solved.motion, lead + frame)
+    worst.add("mm RMS after a T pose, nearest nearer", name, int(np.argmax(far)), "", 1e3 * far.max())
     return {
         "take": name,
         "frames": truth.frames,
@@ -178,11 +217,13 @@ def _t_pose_row(name: str, take: Motion, database: Database, worst: list[dict[st
 
 
 def _noisy_row(
-    name: str, take: Motion, database: Database, seed: int, worst: list[dict[str, Any]]
+    name: str, truth: Motion, start: int, database: Database, seed: int, worst: WorstFrames
 ) -> tuple[dict[str, Any], Curves]:
-    """Return figures of the middle of a take with noise, and both errors by frame."""
-    start = max((take.frames - SIZES.noisy_frames) // 2, 0)
-    truth = sliced(take, start, min(start + SIZES.noisy_frames, take.frames))
+    """Return figures of a part of a take with noise, and both errors by frame.
+
+    Args:
+        start: number of its first frame in the take.
+    """
     solved = _solve_twice(truth, database, _NOISE_MM, _DROPOUT, seed)
     error, nearest = (degrees_per_joint(motion, truth) for motion in (solved.motion, solved.nearest))
     further = np.nan_to_num(solved.rms_m - solved.nearest_rms_m)
@@ -197,7 +238,11 @@ def _noisy_row(
         ("error as a share of nearest's", np.argmax(over), "", over.max()),
         ("degrees per joint with noise", np.argmax(error), "", error.max()),
     ):
-        worst.append(_at(check, f"{name} (noise {seed})", start + int(at), where, value))
+        worst.add(check, f"{name} (noise {seed})", start + int(at), where, value)
+    most = int(np.argmax(error))
+    worst.add_picture(f"{name} with noise, frame {start + most}", error[most], truth, solved.motion, most)
+    whole = Cut(name, name, name, -BEFORE, truth.skeleton, markers_of(truth))  # one take, from its first frame on
+    ghostly, _, _ = play_cut(whole, database, np.random.default_rng(seed), _GHOSTS)
     row = {
         "take": name,
         "seed": seed,
@@ -208,6 +253,10 @@ def _noisy_row(
         "worse_explained_frames": int((further > 0.0).sum()),
         "jump_frames": int((jumps > _JUMP_DEG).any(axis=1).sum()),
         "long_worse_frames": too_long,
+        "ghost_shown_markers": ghostly["shown_markers"],
+        "ghost_right_markers": ghostly["right_markers"],
+        "ghost_wrong_frames": ghostly["wrong_frames"],
+        "ghost_doubted_wrong_frames": ghostly["doubted_wrong_frames"],
     }
     return row, Curves(start, error, nearest)
 
@@ -258,17 +307,6 @@ def _changes_deg(motion: Motion) -> Array:
     return np.asarray(np.degrees(rot.angle_between(motion.rotations[:-1, 1:], motion.rotations[1:, 1:])))
 
 
-def _at(check: str, take: str, frame: int, joint: str, value: float) -> dict[str, Any]:
-    return {"check": check, "take": take, "frame": frame, "joint": joint, "value": round(float(value), 4)}
-
-
-def _worst(frames: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the largest values of each check, without those that harm nobody."""
-    checks = dict.fromkeys(frame["check"] for frame in frames)
-    ordered = sorted((frame for frame in frames if frame["value"] > 0.0), key=lambda frame: -frame["value"])
-    return [frame for check in checks for frame in [f for f in ordered if f["check"] == check][:_LISTED]]
-
-
 def _summary(
     cuts: list[dict[str, Any]], after_t_pose: list[dict[str, Any]], noisy: list[dict[str, Any]]
 ) -> list[dict[str, Any]]:
@@ -297,8 +335,37 @@ def _summary(
         ("noise: frames further off than nearest", sum(row["worse_explained_frames"] for row in noisy), "0"),
         (f"noise: frames with a jump over {_JUMP_DEG:g} deg", sum(row["jump_frames"] for row in noisy), "0"),
         ("noise: frames too long over 1.2 of nearest", sum(row["long_worse_frames"] for row in noisy), "0"),
+        (
+            "noise and ghosts, no labels: share of markers right",
+            _share(noisy, "ghost_right_markers", "ghost_shown_markers"),
+            "",
+        ),
+        ("noise and ghosts: share of frames with wrong labels", _share(noisy, "ghost_wrong_frames", "frames"), ""),
+        (
+            "noise and ghosts: share of these doubted",
+            _share(noisy, "ghost_doubted_wrong_frames", "ghost_wrong_frames"),
+            "",
+        ),
     )
     return [{"check": check, "value": value, "goal": goal} for check, value, goal in rows]
+
+
+def _share(rows: list[dict[str, Any]], part: str, whole: str) -> float:
+    """Return the sum of one column as a share of another's, 1 of nothing."""
+    parts, wholes = (sum(row[key] for row in rows) for key in (part, whole))
+    return round(parts / wholes, 4) if wholes else 1.0
+
+
+def _absence_summary(absences: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return rows as of `_summary` on performers back after seconds."""
+    if not absences:
+        return []
+    found = cut_figures(absences)
+    keys = {"right_again_s_median": "<= 0.25", "right_again_s_p95": "<= 0.5", "never_right": "0", "wrong_share": ""}
+    return [
+        {"check": f"{len(absences)} absences of seconds: {key}", "value": found[key], "goal": goal}
+        for key, goal in keys.items()
+    ]
 
 
 def _crossing_summary(crossed: list[dict[str, Any]]) -> list[dict[str, Any]]:

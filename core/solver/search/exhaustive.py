@@ -98,7 +98,7 @@ class ExhaustiveSearch:
 
 
 def _weighted(away: FloatArray, weights: FloatArray) -> FloatArray:
-    """Return the weighted squares (F,) of rows, which are overwritten."""
+    """Return the weighted squares (F,) of rows, and overwrite these."""
     away *= away
     return _times(away, weights)
 

@@ -7,14 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bench.crossings import crossings, play_crossing
-from bench.data import FPS
+from bench.data import FPS, TestTake
+from bench.end_to_end import MARKER_SET
+from bench.films import Film, film_row, film_summary, film_take
 from bench.random_cuts import AFTER, BEFORE, cut_figures, facing, play_cut, random_cuts
 from bench.robustness import Sizes, robustness, with_t_pose
+from bench.walk_outs import walk_outs
 from perfanim.core.body.calibration_poses import t_pose
 from perfanim.core.body.motion import resampled, sliced
 from perfanim.core.database.store import open_database
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry import rotations as rot
+from perfanim.core.simulate.studio.placement import on_stage, with_poses
+from perfanim.core.simulate.studio.render import Renderer
+from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.source import simulated_source
 
 TRIALS = {"16_15": "walking-01-neutral", "16_16": "walking-02-energetic", "09_01": "running-01-brisk"}
 
@@ -34,17 +41,20 @@ def heading(motion):
     return np.arctan2(forward[0], forward[2])
 
 
-def test_robustness_writes_what_it_measures(data, tmp_path, monkeypatch):
-    monkeypatch.setattr("bench.robustness.SIZES", Sizes(takes=2, cuts=2, t_pose_frames=4, noisy_frames=6, passes=2))
-    figures = robustness(data, tmp_path, 1, lambda fraction, text: None)
+def test_robustness_writes_what_it_measures(data, tmp_path):
+    sizes = Sizes(takes=2, cuts=2, t_pose_frames=4, noisy_frames=6, passes=2, timed_cuts=1, films=0, absences=1)
+    figures = robustness(data, tmp_path, 1, lambda fraction, text: None, sizes)
     assert {row["take"] for row in figures["t_pose"]} == {"09_01", "16_15"}
     assert [row["seed"] for row in figures["noise"]] == [0, 1, 0, 1]
     assert {clip.subject for clip in open_database(tmp_path / "databases/cmu-without-subject-16.pfdb").clips} == {"09"}
     assert len(figures["cuts"]) == 2
     assert figures["crossings"] == []  # the takes are too short
+    assert [row["hidden_s"] >= 2.0 for row in figures["absences"]] == [True]  # and nobody walks out
     values = {row["check"]: row["value"] for row in figures["rows"]}
     assert values["noise: frames"] == 24
     assert 0.0 < values["noise: degrees per joint"] < 60.0
+    assert 0.0 <= values["noise and ghosts, no labels: share of markers right"] <= 1.0
+    assert 0.0 < values["frame in doubt, processor ms, median"] <= values["frame in doubt, processor ms, p99"]
     for frame in figures["worst"]:
         assert frame["frame"] >= 0
         assert frame["value"] == max(
@@ -56,6 +66,39 @@ def test_robustness_writes_what_it_measures(data, tmp_path, monkeypatch):
     with (tmp_path / "robustness-worst.csv").open() as stream:
         assert len(list(csv.DictReader(stream))) == len(figures["worst"])
     assert (tmp_path / "robustness-worst.svg").stat().st_size > 5_000
+    assert (tmp_path / "robustness-worst-frames.png").stat().st_size > 5_000
+
+
+def test_a_film_of_a_known_walk_costs_little(embedded_motion, database_of, tmp_path):
+    """The studio's own rig, so that images, stereo and labels alone are measured."""
+    name = "walking-02-energetic"
+    walk = on_stage(sliced(resampled(embedded_motion[name], FPS), 0, 40))
+    source = simulated_source(with_poses(walk, ("t",), 0.1), MARKER_SET, Renderer(default_rig()))
+    filmed = film_take(source, source.frames - walk.frames, source.rig)
+    others = [motion for other, motion in embedded_motion.items() if other != name]
+    row, episodes = film_row(Film(TestTake("walk", name)), filmed, database_of(tmp_path / "others.pfdb", others))
+    assert row["frames"] == len(filmed.frames) - filmed.start
+    assert row["visible_marker_frames"] > 3 * row["frames"]
+    assert row["right_share"] > 0.95
+    assert row["cost_deg"] == pytest.approx(row["video_deg_per_joint"] - row["true_deg_per_joint"], abs=1e-3)
+    assert abs(row["cost_share"]) < 0.5
+    assert row["offline_other_frames"] == 0
+    missed = row["visible_marker_frames"] * (1.0 - row["right_share"])
+    assert sum(episode["marker_frames"] for episode in episodes) <= missed + row["wrong_marker_frames"] + 0.5
+    assert film_summary([row])[0]["value"] == row["right_share"]
+
+
+def test_who_walks_out_of_the_pictures_comes_back_whole(embedded_motion):
+    takes = {f"0{i}_01": resampled(motion, FPS) for i, motion in enumerate(list(embedded_motion.values())[:4])}
+    walks = list(walk_outs(takes, 3, np.random.default_rng(0)))
+    assert walks
+    for walk in walks:
+        seen = np.isfinite(walk.positions_m[..., 0])
+        assert seen[0].all() and seen[walk.back].all()
+        gone = seen[: walk.back].sum(axis=1)
+        assert np.sum(gone == 0) >= 2.0 * FPS
+        assert np.any((gone > 0) & (gone < seen.shape[1]))  # not all at once
+        assert len(seen) == walk.back + AFTER
 
 
 @pytest.fixture(scope="module")
