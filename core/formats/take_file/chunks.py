@@ -120,32 +120,25 @@ def scan(data: bytes, where: str) -> tuple[list[Chunk], list[Fault]]:
     return chunks, faults + _gaps(chunks, faults)
 
 
-def _is_known(first: bytes, where: str) -> bool:
-    """Return whether a file begins as a take; False where its beginning is damaged."""
-    if first[:PREAMBLE_BYTES] == preamble():
-        return True
-    if len(first) < PREAMBLE_BYTES:
-        if not first or not preamble().startswith(first):
-            raise TakeError("is no recorded take" if first else "is empty", where=where, advice="check the file")
-        raise TakeError("was cut off before anything was recorded", where=where, advice="nothing can be recovered")
-    magic, version, checksum = _PREAMBLE.unpack_from(first)
-    if magic == _MAGIC and checksum == zlib.crc32(first[: PREAMBLE_BYTES - _SUM.size]):
-        raise TakeError(
-            f"is a take of version {version}, this program reads {VERSION}",
-            where=where,
-            advice="open it with the program that recorded it, or a newer one",
-        )
-    return False
-
-
 def preamble_faults(data: bytes, where: str) -> list[Fault]:
     """Return the faults in the first bytes of a take (preamble and first header).
 
     Raises:
         TakeError: the file is no take, of another version, or ends within the preamble.
     """
-    if _is_known(data, where):
+    if data[:PREAMBLE_BYTES] == preamble():
         return []
+    if len(data) < PREAMBLE_BYTES:
+        if not data or not preamble().startswith(data):
+            raise TakeError("is no recorded take" if data else "is empty", where=where, advice="check the file")
+        raise TakeError("was cut off before anything was recorded", where=where, advice="nothing can be recovered")
+    magic, version, checksum = _PREAMBLE.unpack_from(data)
+    if magic == _MAGIC and checksum == zlib.crc32(data[: PREAMBLE_BYTES - _SUM.size]):
+        raise TakeError(
+            f"is a take of version {version}, this program reads {VERSION}",
+            where=where,
+            advice="open it with the program that recorded it, or a newer one",
+        )
     if _head(memoryview(data), PREAMBLE_BYTES) is None and not data.startswith(_MAGIC):
         raise TakeError("is no recorded take", where=where, advice="check the file")
     return [Fault(0, PREAMBLE_BYTES, "the first bytes are damaged")]

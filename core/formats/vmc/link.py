@@ -3,6 +3,7 @@
 import ipaddress
 import socket
 import time
+from contextlib import AbstractContextManager
 from typing import Any
 
 from ...body.motion import Motion
@@ -40,7 +41,7 @@ def play(motion: Motion, host: str, port: int, progress: Progress) -> int:
     return sent
 
 
-class Sender:
+class Sender(AbstractContextManager["Sender"]):
     """Sends poses of one body to another program.
 
     Raises:
@@ -58,9 +59,6 @@ class Sender:
             self._socket = socket.socket(family, socket.SOCK_DGRAM)
         except (OSError, UnicodeError) as error:
             raise self._failure(error) from error
-
-    def __enter__(self) -> "Sender":
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
@@ -86,7 +84,7 @@ class Sender:
         return CaptureError(f"cannot be sent to ({error})", where=self.where, advice="check host and port")
 
 
-class Receiver:
+class Receiver(AbstractContextManager["Receiver"]):
     """A UDP port of this computer.
 
     Args:
@@ -117,9 +115,6 @@ class Receiver:
                 advice="end the program that uses it, or choose another port",
             ) from error
         self.port: int = self._socket.getsockname()[1]
-
-    def __enter__(self) -> "Receiver":
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._socket.close()
