@@ -148,7 +148,7 @@ def test_an_objects_own_action_is_given_back_when_nothing_is_kept(part: Any, sho
     entry.object = cube = bpy.data.objects.new("Cube", None)
     cube.animation_data_create().action = old = bpy.data.actions.new("Old")
     room = part("capture.capture_space").CaptureSpace(armature, part("character.posing").plan_for(armature, skeleton))
-    held = part("animation.suspended_actions").SuspendedActions()
+    held = part("capture.scene_driver").SuspendedActions()
     following = part("capture.scene_driver").PropDriver([prop], held)
     following.apply(bpy.context, [PropPose(np.array([1.0, 0, 0, 0]), np.zeros(3))], room)
     assert cube.animation_data.action is old  # not seen yet: it is left alone
