@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from perfanim.core.body.body_parts import PART_JOINTS
 from perfanim.core.body.calibration_poses import t_pose
 from perfanim.core.body.motion import Motion, sliced
-from perfanim.core.body.scene_pose import DOUBTFUL
+from perfanim.core.body.scene_pose import DOUBTFUL, PerformerPose
 from perfanim.core.database.labels import subject_of
 from perfanim.core.database.store import Database
 from perfanim.core.geometry import rotations as rot
@@ -92,12 +93,14 @@ class Solved:
 
     Args:
         rms_m, nearest_rms_m: (F,) distances between located and solved markers.
+        expected_deg: (F, P) expected errors of the body's parts, NaN before the first pose.
     """
 
     motion: Motion
     nearest: Motion
     rms_m: Array
     nearest_rms_m: Array
+    expected_deg: Array
 
 
 class Curves(NamedTuple):
@@ -227,6 +230,8 @@ def _noisy_row(
     solved = _solve_twice(truth, database, _NOISE_MM, _DROPOUT, seed)
     error, nearest = (degrees_per_joint(motion, truth) for motion in (solved.motion, solved.nearest))
     further = np.nan_to_num(solved.rms_m - solved.nearest_rms_m)
+    known = np.isfinite(solved.expected_deg)
+    within = (_part_errors(solved, truth) <= 2.0 * solved.expected_deg)[known]
     jumps = _changes_deg(solved.motion) - _changes_deg(truth)
     over = error / np.maximum(nearest, 1e-6)
     late = round(_WORSE_S * FPS)
@@ -257,6 +262,7 @@ def _noisy_row(
         "ghost_right_markers": ghostly["right_markers"],
         "ghost_wrong_frames": ghostly["wrong_frames"],
         "ghost_doubted_wrong_frames": ghostly["doubted_wrong_frames"],
+        "part_errors_within_twice_expected": round(float(within.mean()), 4),
     }
     return row, Curves(start, error, nearest)
 
@@ -286,20 +292,28 @@ def _solve(
     noise_mm: float = 0.0,
     dropout: float = 0.0,
     seed: int = 0,
-) -> tuple[Motion, Array]:
+) -> tuple[Motion, list[PerformerPose]]:
     subject = true_subject(truth)
     take, _ = simulate_markers(truth, subject, noise_mm, dropout, seed)
     result = solve_take(take, subject, database, settings, lambda fraction, text: None)
-    return result.motion, np.array([pose.marker_rms_m for pose in result.poses_of()])
+    return result.motion, result.poses_of()
 
 
 def _solve_twice(
     truth: Motion, database: Database, noise_mm: float = 0.0, dropout: float = 0.0, seed: int = 0
 ) -> Solved:
-    (motion, rms), (nearest, nearest_rms) = (
+    (motion, poses), (nearest, nearest_poses) = (
         _solve(truth, database, settings, noise_mm, dropout, seed) for settings in (WITHOUT_PRIOR, _NEAREST)
     )
-    return Solved(motion, nearest, rms, nearest_rms)
+    rms, nearest_rms = (np.array([pose.marker_rms_m for pose in found]) for found in (poses, nearest_poses))
+    expected = [pose.part_errors_deg if len(pose.part_errors_deg) else [np.nan] * len(PART_JOINTS) for pose in poses]
+    return Solved(motion, nearest, rms, nearest_rms, np.array(expected))
+
+
+def _part_errors(solved: Solved, truth: Motion) -> Array:
+    """Return the errors (F, P) of the body's parts, means over their joints, degrees."""
+    off_deg = np.degrees(rot.angle_between(solved.motion.rotations, truth.rotations))
+    return np.stack([off_deg[:, joints].mean(axis=1) for joints in PART_JOINTS.values()], axis=1)
 
 
 def _changes_deg(motion: Motion) -> Array:
@@ -313,9 +327,8 @@ def _summary(
     """Return a row (check, value, goal) for each thing that is asked."""
     found = cut_figures(cuts)
     frames = sum(row["frames"] for row in noisy)
-    error, nearest = (
-        sum(row[key] * row["frames"] for row in noisy) / frames for key in ("deg_per_joint", "nearest_deg_per_joint")
-    )
+    keys = ("deg_per_joint", "nearest_deg_per_joint", "part_errors_within_twice_expected")
+    error, nearest, within = (sum(row[key] * row["frames"] for row in noisy) / frames for key in keys)
     rows = (
         ("cuts: labels right again, s, median", found["right_again_s_median"], "<= 0.25"),
         ("cuts: labels right again, s, 95 %", found["right_again_s_p95"], "<= 0.5"),
@@ -334,6 +347,7 @@ def _summary(
         ("noise: degrees per joint of nearest", round(nearest, 4), ""),
         ("noise: frames further off than nearest", sum(row["worse_explained_frames"] for row in noisy), "0"),
         (f"noise: frames with a jump over {_JUMP_DEG:g} deg", sum(row["jump_frames"] for row in noisy), "0"),
+        ("noise: share of parts' errors within twice the expected", round(within, 4), "0.93 to 0.97"),
         ("noise: frames too long over 1.2 of nearest", sum(row["long_worse_frames"] for row in noisy), "0"),
         (
             "noise and ghosts, no labels: share of markers right",

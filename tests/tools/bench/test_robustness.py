@@ -55,6 +55,7 @@ def test_robustness_writes_what_it_measures(data, tmp_path):
     assert 0.0 < values["noise: degrees per joint"] < 60.0
     assert 0.0 <= values["noise and ghosts, no labels: share of markers right"] <= 1.0
     assert 0.0 < values["frame in doubt, processor ms, median"] <= values["frame in doubt, processor ms, p99"]
+    assert 0.0 < values["noise: share of parts' errors within twice the expected"] <= 1.0
     for frame in figures["worst"]:
         assert frame["frame"] >= 0
         assert frame["value"] == max(
