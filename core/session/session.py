@@ -173,8 +173,7 @@ class Session:
         # with one camera the distance of the markers from their rays counts
         shown = observation.back_projected(solution.markers_m) if self._has_one_camera else observation
         fit = assess_fit(shown, solution, self._quality.settings)
-        texts = self.subject.marker_set.texts
-        hidden = [text for text, located in zip(texts, fit.located, strict=True) if not located]
+        hidden = [text for text, seen in zip(self.subject.marker_set.texts, fit.located, strict=True) if not seen]
         notes = list(frame.notes)
         notes += [", ".join(hidden) + " hidden"] if hidden else []
         notes += [TrackingNote.UNFAMILIAR.value] if solution.nearest_m > self._quality.settings.familiar_m else []
@@ -182,8 +181,7 @@ class Session:
         notes += [TrackingNote.HELD.value] if held else []
         rotations = self._model.rotations(solution.pose, solution.root)
         errors_deg = self._part_errors.expected_deg(solution)
-        doubtful, root_m = doubtful_joints(errors_deg), solution.root.position_m
-        known = is_labelled(frame)
+        doubtful, known, root_m = doubtful_joints(errors_deg), is_labelled(frame), solution.root.position_m
         rotations = self._easer.step(frame.time_s, rotations, root_m, shown.points_m, held, known, doubtful)
         is_sure = self._has_one_camera or known
         pose = PerformerPose(

@@ -6,22 +6,18 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from perfanim.core.body.body_parts import PART_JOINTS
 from perfanim.core.body.calibration_poses import t_pose
 from perfanim.core.body.motion import Motion, sliced
-from perfanim.core.body.scene_pose import DOUBTFUL, PerformerPose
+from perfanim.core.body.scene_pose import DOUBTFUL
 from perfanim.core.database.labels import subject_of
 from perfanim.core.database.store import Database
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import Array, runs
-from perfanim.core.session.solve_take import solve_take
-from perfanim.core.simulate.markers import simulate_markers
-from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.system.progress import Progress
 
 from .crossings import crossings, play_crossing
 from .data import CMU, FPS, development_takes, whole_database, without_subject
-from .figure6 import degrees_per_joint, true_subject
+from .figure6 import degrees_per_joint
 from .films import film_summary, play_films
 from .frames_in_doubt import doubt_summary, frame_times, mirrored_database
 from .methods import WITHOUT_PRIOR
@@ -40,6 +36,7 @@ from .random_cuts import (
     seconds_until_right,
 )
 from .report import write_figures
+from .solved_takes import part_errors, solve, solve_twice
 from .walk_outs import walk_outs
 from .worst_frames import WorstFrames, write_pictures
 
@@ -84,23 +81,6 @@ _JUMP_DEG = 10.0  # change of a joint between two frames beyond the truth's own
 _WORSE, _WORSE_S = 1.2, 0.2  # share of nearest's error, and how long it may last
 _GHOSTS = Disturbance(0.001 * _NOISE_MM, _DROPOUT, 1.0, 2)
 _PICTURED = 3  # takes
-_NEAREST = SolveSettings(method="nearest")
-
-
-@dataclass(frozen=True)
-class Solved:
-    """A take solved by the default method and by `nearest`.
-
-    Args:
-        rms_m, nearest_rms_m: (F,) distances between located and solved markers.
-        expected_deg: (F, P) expected errors of the body's parts, NaN before the first pose.
-    """
-
-    motion: Motion
-    nearest: Motion
-    rms_m: Array
-    nearest_rms_m: Array
-    expected_deg: Array
 
 
 class Curves(NamedTuple):
@@ -199,10 +179,10 @@ def _cuts(
 
 def _t_pose_row(name: str, truth: Motion, database: Database, worst: WorstFrames) -> dict[str, Any]:
     """Return how much a T pose before a take costs the frames after it."""
-    cold = degrees_per_joint(_solve(truth, database, WITHOUT_PRIOR)[0], truth)[:_FIRST].mean()
+    cold = degrees_per_joint(solve(truth, database, WITHOUT_PRIOR)[0], truth)[:_FIRST].mean()
     both = with_t_pose(truth)
     lead = both.frames - truth.frames
-    solved = _solve_twice(both, database)
+    solved = solve_twice(both, database)
     first = degrees_per_joint(solved.motion, both)[lead : lead + _FIRST]
     far = np.where(solved.rms_m > solved.nearest_rms_m, solved.rms_m, 0.0)[lead:]
     frame = int(np.argmax(first))
@@ -227,11 +207,11 @@ def _noisy_row(
     Args:
         start: number of its first frame in the take.
     """
-    solved = _solve_twice(truth, database, _NOISE_MM, _DROPOUT, seed)
+    solved = solve_twice(truth, database, _NOISE_MM, _DROPOUT, seed)
     error, nearest = (degrees_per_joint(motion, truth) for motion in (solved.motion, solved.nearest))
     further = np.nan_to_num(solved.rms_m - solved.nearest_rms_m)
     known = np.isfinite(solved.expected_deg)
-    within = (_part_errors(solved, truth) <= 2.0 * solved.expected_deg)[known]
+    within = (part_errors(solved, truth) <= 2.0 * solved.expected_deg)[known]
     jumps = _changes_deg(solved.motion) - _changes_deg(truth)
     over = error / np.maximum(nearest, 1e-6)
     late = round(_WORSE_S * FPS)
@@ -283,37 +263,6 @@ def with_t_pose(motion: Motion) -> Motion:
         rotations=np.concatenate((np.repeat(still.rotations, frames, axis=0), motion.rotations)),
         root_positions_m=np.concatenate((np.repeat(still.root_positions_m, frames, axis=0), motion.root_positions_m)),
     )
-
-
-def _solve(
-    truth: Motion,
-    database: Database,
-    settings: SolveSettings,
-    noise_mm: float = 0.0,
-    dropout: float = 0.0,
-    seed: int = 0,
-) -> tuple[Motion, list[PerformerPose]]:
-    subject = true_subject(truth)
-    take, _ = simulate_markers(truth, subject, noise_mm, dropout, seed)
-    result = solve_take(take, subject, database, settings, lambda fraction, text: None)
-    return result.motion, result.poses_of()
-
-
-def _solve_twice(
-    truth: Motion, database: Database, noise_mm: float = 0.0, dropout: float = 0.0, seed: int = 0
-) -> Solved:
-    (motion, poses), (nearest, nearest_poses) = (
-        _solve(truth, database, settings, noise_mm, dropout, seed) for settings in (WITHOUT_PRIOR, _NEAREST)
-    )
-    rms, nearest_rms = (np.array([pose.marker_rms_m for pose in found]) for found in (poses, nearest_poses))
-    expected = [pose.part_errors_deg if len(pose.part_errors_deg) else [np.nan] * len(PART_JOINTS) for pose in poses]
-    return Solved(motion, nearest, rms, nearest_rms, np.array(expected))
-
-
-def _part_errors(solved: Solved, truth: Motion) -> Array:
-    """Return the errors (F, P) of the body's parts, means over their joints, degrees."""
-    off_deg = np.degrees(rot.angle_between(solved.motion.rotations, truth.rotations))
-    return np.stack([off_deg[:, joints].mean(axis=1) for joints in PART_JOINTS.values()], axis=1)
 
 
 def _changes_deg(motion: Motion) -> Array:
