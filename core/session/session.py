@@ -117,8 +117,6 @@ class Session:
         observation = self.labeller.label(frame, self._state.markers_m, self._elapsed_s(frame.time_s))
         # no frame pays for two dear things
         solution, self._state = self._solver.step(self._state, observation, frame.time_s, self.labeller.has_searched)
-        if solution is not None and solution.looked:
-            return observation, solution
         if self._quality.is_pose_check_due(frame.time_s, observation, solution) and solution is not None:
             solution = self._escape_local_minimum(frame.time_s, observation, solution)
         return observation, solution

@@ -122,13 +122,13 @@ class TrackingQuality:
     def is_pose_check_due(self, time_s: float, observation: Observation, solution: Solution | None) -> bool:
         """Return whether to compare the pose with one without a past now.
 
-        Due for a pose far from the database with most markers located, ever more rarely.
+        Due for a pose far from the database with most markers located, ever more rarely, unless just compared.
         """
         check = self._pose_check
         if solution is None or not solution.nearest_m > self.settings.familiar_m:
             check.reset(time_s)
             return False
-        if not check.is_due(time_s) or np.mean(observation.located) < self.settings.sufficient:
+        if solution.looked or not check.is_due(time_s) or np.mean(observation.located) < self.settings.sufficient:
             return False
         check.attempt(time_s)
         return True
