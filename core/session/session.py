@@ -128,9 +128,8 @@ class Session:
         """
         settings = self._quality.settings
         state = self._solver.forget_poses(self._state)
-        if not self._solver.closest_m(state, observation) < settings.promising * solution.nearest_m:
-            return solution
-        found, state = self._solver.step(state, observation, time_s, hurried=True)
+        limit_m = settings.promising * solution.nearest_m
+        found, state = self._solver.step(state, observation, time_s, True, limit_m)
         if found is None or not found.nearest_m < settings.nearer * solution.nearest_m:
             return solution
         self._state = state
@@ -143,12 +142,11 @@ class Session:
         rival = self.labeller.find_rival(frame, elapsed_s, pose, busy=solution.looked)
         if rival is None:
             return
-        if np.isfinite(rival.nearer):
-            closest_m = self._solver.closest_m(self._solver.initial_state, rival.observation)
-            if not closest_m < rival.nearer * solution.nearest_m:
-                return
-        start = before if rival.adds else self._solver.initial_state
-        found, state = self._solver.step(start, rival.observation, frame.time_s, hurried=True)
+        limit_m, fresh = rival.nearer * solution.nearest_m, self._solver.initial_state
+        if rival.adds and limit_m < np.inf and not self._solver.closest_m(fresh, rival.observation) < limit_m:
+            return
+        start = before if rival.adds else fresh
+        found, state = self._solver.step(start, rival.observation, frame.time_s, True, limit_m)
         if found is None:
             return
         settings = self._quality.settings

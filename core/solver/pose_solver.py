@@ -20,8 +20,8 @@ from .subject_model import RootPose, SubjectModel
 
 _ROOT_PASSES = 2  # the root needs the pose's torso markers and the pose needs the root
 _FIRST_ROOT_PASSES = 4  # at the start nothing is known about either
-_SPARSE_PASSES = 4  # before the others where time is short, with a sample of the database,
-_SPARSE = 16384  # of so many frames
+_SPARSE_PASSES = 3  # before the others where time is short, with a sample of the database,
+_SPARSE = 8192  # of so many frames
 _TORSO_EXAMPLES = 8  # closest examples; the root is fitted to the mean of their torsos
 _JUMP_M = 0.07  # RMS over the markers between two frames, from which the past may mislead
 _LOOK_S = 0.04  # after a vain look for a pose without a past, until the next
@@ -81,7 +81,12 @@ class PoseSolver:
         return 0.0 if state.expectation is None else state.expectation.negative_log_likelihood(self.subject)
 
     def step(
-        self, state: SolverState, observation: Observation, time_s: float | None = None, hurried: bool = False
+        self,
+        state: SolverState,
+        observation: Observation,
+        time_s: float | None = None,
+        hurried: bool = False,
+        limit_m: float = np.inf,
     ) -> tuple[Solution | None, SolverState]:
         """Return the pose of the next frame and the state after it.
 
@@ -90,13 +95,14 @@ class PoseSolver:
                 markers that only one camera sees.
             time_s: of the frame; default a frame of the database after the last.
             hurried: whether the frame has cost much already, so that a first frame's pose is not refined.
+            limit_m: distance of the markers to the closest example, from which a first frame is not solved.
 
         Returns:
             No pose as long as too few torso markers show where the body is.
         """
         state = replace(state, time_s=state.time_s + self._frame_s if time_s is None else time_s)
         if state.pose is None:
-            solution, state = self._begin(state, observation, hurried)
+            solution, state = self._begin(state, observation, hurried, limit_m)
         else:
             before = state
             solution, state = self._advance(before, observation)
@@ -120,22 +126,21 @@ class PoseSolver:
         fresh = replace(self.initial_state, root=state.root, time_s=state.time_s)
         seen = observation.located
         away_m = max(solution.nearest_m, _rms(solution.markers_m[seen] - observation.points_m[seen]))
-        in_space = self._in_space(fresh, observation)
-        located = self._locate(fresh, in_space, hurried=True)
-        if located is not None and _nearest_distance(in_space, *located[:2]) < _NEARER * away_m:
-            found, state = self._estimate(fresh, observation, located)
-            return replace(found, looked=True), state
+        found, first = self._begin(fresh, observation, True, _NEARER * away_m)
+        if found is not None:
+            return replace(found, looked=True), first
         return replace(solution, looked=True), replace(after, looked_s=state.time_s)
 
     def _begin(
-        self, state: SolverState, observation: Observation, hurried: bool
+        self, state: SolverState, observation: Observation, hurried: bool, limit_m: float
     ) -> tuple[Solution | None, SolverState]:
         """Return the pose of a first frame and the state after it.
 
         It is solved twice unless hurried: the second time the torso and the neighbours of its own pose are known.
         """
-        located = self._locate(state, self._in_space(state, observation), hurried)
-        if located is None:
+        in_space = self._in_space(state, observation)
+        located = self._locate(state, in_space, hurried)
+        if located is None or _nearest_distance(in_space, *located[:2]) >= limit_m:
             return None, state
         first, after = self._estimate(state, observation, located)
         again, second = (None, after) if hurried else self._advance(after, observation)
