@@ -7,7 +7,7 @@ import numpy as np
 
 from ..database.store import Database, check_arrays
 from ..errors import DatabaseError
-from ..geometry.arrays import Array, IntArray
+from ..geometry.arrays import Array, FloatArray, IntArray
 from .lagged_history import LaggedHistory
 from .methods import FrameProblem, prepare_method
 from .observation import Observation
@@ -148,9 +148,8 @@ class PoseSolver:
 
     def _is_misled(self, state: SolverState, observation: Observation, solution: Solution) -> bool:
         """Return whether the limbs have jumped, or the markers are not explained."""
-        if state.pose is None or not self._method.fits_markers:  # an example is off anyway
-            return False
-        if state.time_s - state.looked_s < _LOOK_S:
+        waits = state.time_s - state.looked_s < _LOOK_S
+        if state.pose is None or waits or not self._method.fits_markers:  # an example is off anyway
             return False
         seen = observation.located
         before_m = self.subject.markers(state.pose.reshape(-1, 3))[seen]
@@ -209,7 +208,7 @@ class PoseSolver:
                 return None
             sampled, _ = self._sparse.nearest(self._query(observation, root, None), self._method.examples)
             found = self._step * sampled
-            local = self._torso_of(found)
+            local = _closest_mean(self._markers, found)
         frames: IntArray | None = None
         for _ in range(_FIRST_ROOT_PASSES if is_first else _ROOT_PASSES):
             root = root_from_torso(observation, local, self.subject, root)
@@ -222,16 +221,12 @@ class PoseSolver:
                 found = frames
             else:
                 frames, distances = self._search.nearest_among(query, frames)
-            local = self._torso_of(frames)
+            local = _closest_mean(self._markers, frames)
         if root is None or frames is None or found is None:
             return None
         chosen = frames[: self._method.examples]
         examples = Examples(chosen, distances[: len(chosen)], self._poses[chosen], self._markers[chosen])
         return _Located(root, examples, found)
-
-    def _torso_of(self, frames: IntArray) -> Array:
-        """Return the mean markers (M, 3) of the closest of ranked frames."""
-        return np.mean(self._markers[frames[:_TORSO_EXAMPLES]], axis=0, dtype=np.float64)
 
     def _query(self, observation: Observation, root: RootPose, continued: Array | None) -> Query:
         """Return the query of Eq. 2, the observed markers in the root's rest (T of Eq. 2)."""
@@ -242,6 +237,11 @@ class PoseSolver:
             alpha,
             (1.0 - alpha) * self._method.query_pose_m_per_rad**2,
         )
+
+
+def _closest_mean(markers_m: FloatArray, frames: IntArray) -> Array:
+    """Return the mean markers (M, 3) of the closest of ranked frames."""
+    return np.mean(markers_m[frames[:_TORSO_EXAMPLES]], axis=0, dtype=np.float64)
 
 
 def _nearest_distance(observation: Observation, root: RootPose, examples: Examples) -> float:
