@@ -17,7 +17,7 @@ from ..labelling.labeller import Labeller
 from ..markers.marker_frame import MarkerFrame
 from ..solver.observation import Observation
 from ..solver.subject_model import SubjectModel
-from .label_check import LabelCheck
+from .label_check import LabelCheck, Rival
 
 _EXAMPLES = 2048  # poses of the database that a body without a past is compared with,
 _SAME_M = 0.02  # distance up to which two points are the same
@@ -33,6 +33,7 @@ class RivalLabels(NamedTuple):
         nearer: they are right if an example is nearer to them than this share of the present distance.
         adds: whether they only name points that had no name.
         labeller: has these labels, those of the frame at `time_s`.
+        rival: as the check of labels found it.
     """
 
     observation: Observation
@@ -40,6 +41,7 @@ class RivalLabels(NamedTuple):
     adds: bool
     labeller: Labeller
     time_s: float
+    rival: Rival
 
 
 class BodyExamples:
@@ -116,7 +118,13 @@ class FrameLabeller:
             return None
         labeller.begin(frame.points_m, labels, is_sure)
         observation = Observation.of_points(self._by_marker(frame.points_m, labels))
-        return RivalLabels(observation, rival.nearer, bool(is_same.all() and len(points)), labeller, frame.time_s)
+        return RivalLabels(
+            observation, rival.nearer, bool(is_same.all() and len(points)), labeller, frame.time_s, rival
+        )
+
+    def refute_rival(self, rival: RivalLabels) -> None:
+        """Keep the labels so far, and doubt others that do not fit the body."""
+        self._check.refute(rival.rival.renaming)
 
     def follow_rival(self, rival: RivalLabels) -> None:
         """Go on with other labels than those so far."""

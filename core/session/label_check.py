@@ -1,6 +1,7 @@
 """Checks of a tracked body's labels against labels without a past."""
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -27,20 +28,25 @@ _CONFIRMATIONS = 3.0  # times as much is needed for the labels of a doubtful pos
 _BETTER = 1.0  # above this labels are uncertain again
 _PLAUSIBLE = -4.0  # above this, others than the present labels of a doubtful pose are right, if
 _NEARER = 0.7  # the closest example is nearer to them than this share of the present distance
+_LEAST = -10.0  # of sums of gains: more against other labels is forgotten
 _PROVEN = 5.0  # sum of gains, above which others are right if an example is nearer to them; or that name more points
 _DECISIVE = 8.0  # above this they are right in any case
 _FOLLOWED = 10.0  # less is the gain of labels that contradict markers followed without a doubt since all were certain
+
+Renaming: TypeAlias = tuple[int, ...]  # see `LabelCheck._renaming`
 
 
 class Rival(NamedTuple):
     """Labels (N,) of a search's points, right if an example is so much nearer.
 
     Args:
+        renaming: see `LabelCheck._renaming`.
         contradicts: whether they name markers otherwise that were followed without a doubt.
     """
 
     search: LabelSearch
     labels: IntArray
+    renaming: Renaming
     nearer: float
     contradicts: bool
 
@@ -57,7 +63,8 @@ class LabelCheck:
         self._search: LabelSearch | None = None
         self._present_m, self._present_cost = np.empty((0, 3)), 0.0
         self._is_sure: Mask = np.zeros(0, dtype=bool)
-        self._confirmed, self._against, self._was_doubtful = 0.0, 0.0, False
+        self._confirmed, self._was_doubtful = 0.0, False
+        self._evidence: dict[Renaming, float] = {}
         self._wait_s, self._checked_s, self._looked_s = _FIRST_S, -np.inf, -np.inf
 
     def begin(self, time_s: float, start: InitialLabels | None = None) -> None:
@@ -121,43 +128,63 @@ class LabelCheck:
 
     def _judge(self, search: LabelSearch, doubtful: bool, time_s: float) -> Rival | None:
         """Return the likeliest labels but the present ones, if likely enough."""
-        others = [
-            (labels, cost + _FOLLOWED * contradicts, contradicts)
-            for labels, cost in search.labellings()
-            if not self._is_present(labels, search.points_m)
-            for contradicts in (self._is_contradicted(labels, search.points_m),)
-        ]
-        labels, cost, contradicts = min(others, key=lambda other: other[1], default=(None, np.inf, False))
-        gain = self._present_cost - cost
-        self._against = max(self._against + gain, 0.0)
+        present = tuple(range(len(self._names)))
+        found = [(self._renaming(labels, search.points_m), labels, cost) for labels, cost in search.labellings()]
+        others = {
+            renaming: (labels, self._present_cost - cost - _FOLLOWED * contradicts, contradicts)
+            for renaming, labels, cost in reversed(found)
+            if renaming != present
+            for contradicts in (self._is_contradicted(renaming),)
+        }
+        most = max((gain for _, gain, _ in others.values()), default=-np.inf)
         # a search that missed the present labels is no evidence for them
-        is_found = len(others) < len(search.labellings())
-        self._confirmed = self._confirmed + is_found * _confirmation(gain) if gain < _BETTER else 0.0
-        if labels is None:
+        is_found = any(renaming == present for renaming, _, _ in found)
+        self._confirmed = self._confirmed + is_found * _confirmation(most) if most < _BETTER else 0.0
+        if not others or (most < 0.0 and not is_found):
             return None
+        best = self._weigh({renaming: gain for renaming, (_, gain, _) in others.items()})
+        labels, gain, contradicts = others[best]
         names_more = np.sum(labels >= 0) > np.sum(np.isfinite(self._present_m[:, 0]))
         if gain > (_PROVEN if names_more else _DECISIVE):
-            return Rival(search, labels, np.inf, contradicts)
-        is_better = self._against > _PROVEN
-        if (not is_better and not (doubtful and gain > _PLAUSIBLE)) or time_s - self._looked_s < _DOUBTFUL_S:
+            return Rival(search, labels, best, np.inf, contradicts)
+        is_better = self._evidence[best] > _PROVEN
+        is_plausible = doubtful and min(gain, self._evidence[best]) > _PLAUSIBLE
+        if not (is_better or is_plausible) or time_s - self._looked_s < _DOUBTFUL_S:
             return None
         self._looked_s = time_s
-        return Rival(search, labels, 1.0 if is_better else _NEARER, contradicts)
+        return Rival(search, labels, best, 1.0 if is_better else _NEARER, contradicts)
 
-    def _is_contradicted(self, labels: IntArray, points_m: Array) -> bool:
-        """Return whether labels name a surely followed marker's point otherwise."""
-        followed = np.flatnonzero(self._is_sure & np.isfinite(self._present_m[:, 0]))
-        away = np.linalg.norm(points_m[:, None] - self._present_m[None, followed], axis=-1)
-        point, marker = np.nonzero(away < _SAME_M)
-        elsewhere = np.isin(followed[marker], labels)
-        return bool(np.any((labels[point] != followed[marker]) & ((labels[point] >= 0) | elsewhere)))
+    def refute(self, rival: Renaming) -> None:
+        """Count it against other labels that the body does not fit them."""
+        self._evidence[rival] = _LEAST
 
-    def _is_present(self, labels: IntArray, points_m: Array) -> bool:
+    def _weigh(self, gains: Mapping[Renaming, float]) -> Renaming:
+        """Add gains to the evidence for each way to rename markers; return the best."""
+        least = min(0.0, *gains.values())
+        sums = {other: self._evidence.get(other, 0.0) + gain for other, gain in gains.items()}
+        sums |= {other: before + least for other, before in self._evidence.items() if other not in gains}
+        self._evidence = {
+            other: max(value, _LEAST) for other, value in sums.items() if other in gains or value > _LEAST
+        }
+        return max(gains, key=lambda other: (self._evidence[other], gains[other]))
+
+    def _renaming(self, labels: IntArray, points_m: Array) -> Renaming:
+        """Return the marker that presently has each marker's point: none -1, new -2."""
         other = np.full(self._present_m.shape, np.nan)
         other[labels[labels >= 0]] = points_m[labels >= 0]
+        near = np.linalg.norm(other[:, None] - self._present_m[None], axis=-1) < _SAME_M
         seen = np.isfinite(other[:, 0])
-        is_same = np.array_equal(seen, np.isfinite(self._present_m[:, 0]))
-        return is_same and bool(np.all(np.linalg.norm(other - self._present_m, axis=1)[seen] < _SAME_M))
+        names = np.where(near.any(axis=1), near.argmax(axis=1), np.where(seen, -2, -1))
+        hidden = ~seen & ~np.isfinite(self._present_m[:, 0])
+        return tuple(np.where(hidden, np.arange(len(names)), names).tolist())
+
+    def _is_contradicted(self, renaming: Renaming) -> bool:
+        """Return whether a surely followed marker's point has another name."""
+        followed = np.flatnonzero(self._is_sure & np.isfinite(self._present_m[:, 0]))
+        return any(
+            renaming[marker] not in (marker, -1) or (renaming[marker] == -1 and marker in renaming)
+            for marker in followed.tolist()
+        )
 
 
 def _confirmation(gain: float) -> float:

@@ -23,7 +23,7 @@ from .hypothesis_tracking import HypothesisTracker
 from .part_errors import PartErrors, doubtful_joints
 from .tracking_quality import TrackingNote, TrackingQuality, assess_fit
 
-_WORSE_M = 0.01  # RMS by which right labels may fit the body worse than others
+_WORSE_M = 0.004  # RMS by which right labels may fit the body worse than others
 
 
 class Session:
@@ -151,6 +151,7 @@ class Session:
             return
         settings = self._quality.settings
         if assess_fit(rival.observation, found, settings).rms_m > pose.marker_rms_m + _WORSE_M:
+            self.labeller.refute_rival(rival)
             return
         if not rival.adds:
             self._quality.reset()

@@ -15,7 +15,7 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import Array, runs
 from perfanim.core.system.progress import Progress
 
-from .crossings import crossings, play_crossing
+from .crossings import crossings, meetings, play_crossing
 from .data import CMU, FPS, development_takes, whole_database, without_subject
 from .figure6 import degrees_per_joint
 from .films import film_summary, play_films
@@ -49,6 +49,7 @@ class Sizes:
         takes: development takes, at most.
         cuts: random cuts between them.
         crossings: pairs of performers who pass each other.
+        meetings: pairs of performers who touch or embrace.
         absences: cuts hidden for seconds; as many performers walk out of the pictures and back in.
         timed_cuts: cuts to time the frames of.
         films: takes filmed by simulated cameras.
@@ -63,6 +64,7 @@ class Sizes:
     noisy_frames: int
     passes: int = 1
     crossings: int = 12
+    meetings: int = 12
     absences: int = 12
     timed_cuts: int = 12
     films: int = 8
@@ -70,7 +72,7 @@ class Sizes:
 
 QUICK = Sizes(takes=32, cuts=60, t_pose_frames=60, noisy_frames=100)  # about 25 minutes on one core
 FULL = Sizes(
-    takes=1000, cuts=500, t_pose_frames=60, noisy_frames=600, passes=2, crossings=60, absences=60, timed_cuts=60
+    1000, cuts=500, t_pose_frames=60, noisy_frames=600, passes=2, crossings=60, meetings=60, absences=60, timed_cuts=60
 )  # 182 takes, 104,528 noisy frames
 _SEED = 3
 _T_POSE_S = 0.5  # before a take
@@ -99,13 +101,13 @@ def robustness(data: Path, out: Path, workers: int, progress: Progress, sizes: S
     """Solve disturbed takes by unseen subjects and list the worst frames.
 
     On development takes: random cuts between takes without labels; cuts hidden for seconds, and performers out of the
-    pictures and back; two who pass each other; a T pose before takes; noise, dropout and ghosts; more subjects in the
+    pictures and back; two who pass or meet; a T pose before takes; noise, dropout and ghosts; more subjects in the
     database; the time of frames in doubt; takes filmed by simulated cameras. Without sizes these are `QUICK`.
 
     Returns:
-        rows (check, value, goal), cuts, absences, crossings, t_pose, noise, more_data, films (a row for each cut,
-        pair, take or film), episodes (of the films, with most wrong markers), in_doubt (ms and share of an exhaustive
-        search), worst (check, take, frame, joint, value), sizes, outputs.
+        rows (check, value, goal), cuts, absences, crossings, meetings, t_pose, noise, more_data, films (a row for each
+        cut, pair, take or film), episodes (of the films, with most wrong markers), in_doubt (ms and share of an
+        exhaustive search), worst (check, take, frame, joint, value), sizes, outputs.
     """
     check_plots()
     sizes = sizes or QUICK
@@ -121,10 +123,10 @@ def robustness(data: Path, out: Path, workers: int, progress: Progress, sizes: S
     absences = _cuts(long_cuts, databases, worst, generator, progress)
     walks = walk_outs(takes, sizes.absences, generator)
     absences += _cuts(walks, databases, worst, generator, progress)
-    crossed = [
-        play_crossing(crossing, databases[subject_of(crossing.motion.name)], generator)
-        for crossing in crossings(takes, sizes.crossings, generator)
-    ]
+    crossed, met = (
+        [play_crossing(pair, databases[subject_of(pair.motion.name)], generator) for pair in pairs]
+        for pairs in (crossings(takes, sizes.crossings, generator), meetings(takes, sizes.meetings, generator))
+    )
     after_t_pose, noisy = [], []
     curves: dict[str, Curves] = {}
     for number, (name, take) in enumerate(takes.items()):
@@ -145,10 +147,11 @@ def robustness(data: Path, out: Path, workers: int, progress: Progress, sizes: S
     films = list(play_films(data, whole, out / "databases", sizes.films, lambda f, text: progress(0.95, text)))
     filmed, episodes = [row for row, _ in films], [episode for _, listed in films for episode in listed]
     listed = worst.listed()
-    rows = _summary(cuts, after_t_pose, noisy) + _absence_summary(absences) + _crossing_summary(crossed)
-    rows += _more_data_summary(grown) + doubt_summary(timed) + film_summary(filmed)
+    rows = _summary(cuts, after_t_pose, noisy) + _absence_summary(absences) + _crossing_summary("crossings", crossed)
+    rows += _crossing_summary("meetings", met) + _more_data_summary(grown) + doubt_summary(timed) + film_summary(filmed)
     parts = {"cuts": cuts, "noise": noisy, "worst": listed, "t-pose": after_t_pose, "more-data": grown}
-    parts |= {"absences": absences, "crossings": crossed, "films": filmed, "film-episodes": episodes, "in-doubt": timed}
+    parts |= {"absences": absences, "crossings": crossed, "meetings": met}
+    parts |= {"films": filmed, "film-episodes": episodes, "in-doubt": timed}
     figures = {"rows": rows} | {name.replace("-", "_"): part for name, part in parts.items() if name != "in-doubt"}
     tables = {"": rows} | {name: part for name, part in parts.items() if part}
     plots = _pictures(out, cuts, curves) + write_pictures(out / "robustness-worst-frames", worst.drawn())
@@ -331,10 +334,15 @@ def _absence_summary(absences: list[dict[str, Any]]) -> list[dict[str, Any]]:
     ]
 
 
-def _crossing_summary(crossed: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return rows as of `_summary` on two performers passing each other."""
-    longest = max((row["longest_wrong_s"] for row in crossed), default=0.0)
-    return [{"check": f"{len(crossed)} crossings: longest wrong labels, s", "value": longest, "goal": "<= 0.5"}]
+def _crossing_summary(name: str, pairs: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return rows as of `_summary` on two performers near each other."""
+    wrong, exchanged = (
+        max((row[key] for row in pairs), default=0.0) for key in ("longest_wrong_s", "longest_exchanged_s")
+    )
+    return [
+        {"check": f"{len(pairs)} {name}: longest wrong labels, s", "value": wrong, "goal": "<= 0.5"},
+        {"check": f"{len(pairs)} {name}: labels exchanged between the two, s", "value": exchanged, "goal": "<= 0.5"},
+    ]
 
 
 def _more_data_summary(grown: list[dict[str, Any]]) -> list[dict[str, Any]]:

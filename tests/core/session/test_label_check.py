@@ -20,10 +20,11 @@ class OneRival:
     def __init__(self, gain: float, *found: np.ndarray) -> None:
         self._gain = gain
         self._found = found
+        self.labels = EXCHANGED
 
     def search(self, points_m: np.ndarray) -> Generator[int, None, InitialLabels]:
         yield 1
-        return InitialLabels(EXCHANGED, 20.0 - self._gain, POINTS_M, tuple((other, 20.0) for other in self._found))
+        return InitialLabels(self.labels, 20.0 - self._gain, POINTS_M, tuple((other, 20.0) for other in self._found))
 
     def cost(self, *_: Any) -> float:
         return 20.0
@@ -62,3 +63,21 @@ def test_a_search_that_misses_the_present_labels_does_not_confirm_them(found: tu
     pose = SimpleNamespace(observed_m=POINTS_M, markers_m=POINTS_M, confidence=0.9, time_s=1.0)
     assert check.step(frame, 1 / 60, pose, np.zeros(4, dtype=bool)) is None
     assert (check.confidence(frame, POINTS_M) == 1.0) == certain
+
+
+@pytest.mark.parametrize("refuted", [False, True])
+@pytest.mark.parametrize("other", [EXCHANGED, np.array([0, 1, 3, 2])])
+def test_each_other_labelling_has_its_own_evidence(other: np.ndarray, refuted: bool):
+    searches = OneRival(2.5)
+    check: Any = LabelCheck(searches, ("a", "b", "c", "d"), np.ones(4, dtype=bool))  # type: ignore[arg-type]
+    found = []
+    for number, labels in enumerate((EXCHANGED, other, EXCHANGED)):
+        searches.labels = labels
+        time_s = 1.0 + 0.2 * number
+        frame = MarkerFrame(number, time_s, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
+        pose = SimpleNamespace(observed_m=POINTS_M, markers_m=POINTS_M, confidence=0.9, time_s=time_s)
+        found.append(check.step(frame, 0.2, pose, np.zeros(4, dtype=bool)))
+        if refuted and number == 1:
+            check.refute((1, 0, 2, 3))
+    assert found[:2] == [None, None]
+    assert (found[2] is not None) == (other is EXCHANGED and not refuted)

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench.crossings import crossings, play_crossing
+from bench.crossings import crossings, meetings, play_crossing
 from bench.data import FPS, TestTake
 from bench.end_to_end import MARKER_SET
+from bench.figure6 import true_subject
 from bench.films import Film, film_row, film_summary, film_take
 from bench.random_cuts import AFTER, BEFORE, cut_figures, facing, play_cut, random_cuts
 from bench.robustness import Sizes, robustness, with_t_pose
@@ -140,6 +141,22 @@ def test_two_who_pass_each_other_keep_their_labels(embedded_motion, database_of,
         break
     else:
         pytest.fail("nobody walks")
+
+
+def test_two_meet_for_a_second(embedded_motion):
+    boxing = [take for take in embedded_motion.values() if take.name.startswith("boxing")]
+    stays = [sliced(resampled(take, FPS), 0, 150) for take in boxing]
+    stays = {
+        f"0{i}_01": replace(stay, root_positions_m=np.repeat(stay.root_positions_m[:1], 150, axis=0))
+        for i, stay in enumerate(stays)
+    }
+    for meeting in meetings(stays, 2, np.random.default_rng(1)):
+        hands = "hands" in meeting.title
+        names = [marker.name for marker in true_subject(meeting.motion).marker_set.markers]
+        parts = [markers[:, names.index("RHAN")] if hands else markers.mean(axis=1) for markers in meeting.markers_m]
+        apart = np.linalg.norm(parts[0] - parts[1], axis=1)
+        assert apart[75] < meeting.apart_m + (1e-6 if hands else 0.5)
+        assert apart[75] < apart[0] - 0.5
 
 
 def test_cuts_are_the_same_for_a_seed_and_hide_the_body_between(takes):
