@@ -11,11 +11,13 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
+from ..body.joint_angle_frames import angle_frame
+from ..body.standard_skeleton import JOINT_NAMES
 from ..geometry.arrays import FloatArray, IntArray, Mask, runs
-from .graph import JOINT_ANGLES
 from .store import Clip
 
 DEFAULT_CULL_DEG = 1.0
+JOINT_ANGLES = sum(len(angle_frame(name)[1]) for name in JOINT_NAMES[1:])
 
 _LOOK_AHEAD_S = 0.1
 _SHORTEST_CULLED_S = 0.25

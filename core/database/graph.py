@@ -4,7 +4,7 @@ The paper joins every two frames closer than a threshold, so its graph grows wit
 frame keeps a bounded number of neighbours: the frames before and after it, then the closest ones, one for each time
 that a clip comes near before a second of the same pass. They are looked for within coarse clusters of poses and the
 clusters beside them, not among all pairs. Distances weigh each joint by how far it moves head, hands and feet, because
-the search compares those (Eq. 2); the L1 distance of Eq. 4 can then decide which of them are joined.
+the search compares those (Eq. 2).
 """
 
 import os
@@ -16,13 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..body.joint_angle_frames import angle_frame
-from ..body.standard_skeleton import JOINT_NAMES, default_skeleton
+from ..body.standard_skeleton import default_skeleton
 from ..geometry.arrays import FloatArray
 
 IntArray = NDArray[np.int32]
-
-JOINT_ANGLES = sum(len(angle_frame(name)[1]) for name in JOINT_NAMES[1:])  # that the L1 distance is averaged over
 
 LARGE_DATABASE = 30_000  # frames from which a graph is worth storing: below, looking at all frames costs little
 
@@ -35,9 +32,7 @@ _BESIDE = 3  # clusters that are searched beside a frame's own
 _STRETCH = 4  # frames of a pass of which the closest one is a candidate
 _STRETCHES_PER_NEIGHBOUR = 4  # at least, or every frame is a candidate
 _SAME_PASS = np.float32(1e6)  # squared radians added where a pass comes closer before or after
-_NEVER = np.float32(
-    1e30
-)  # squared distance of frames that are no candidates; infinity is no number to a matrix product
+_NEVER = np.float32(1e30)  # squared distance of frames that are no candidates; inf would make matrix products NaN
 _BLOCK = 1 << 20  # distances held at once by each thread
 _CHUNK = 8192  # frames
 _EXTREMITIES = ("head", "lhumerus", "lhand", "rhumerus", "rhand", "lfoot", "rfoot")
@@ -49,23 +44,12 @@ class GraphSettings:
     """How frames are joined.
 
     Args:
-        largest_step_deg: largest L1 distance of consecutive poses, degrees per joint angle (Delta d of Eq. 4).
-        radius_deg: search radius, degrees per joint angle (epsilon of Eq. 4).
-        control_fps: rate of the markers that will be solved (f_c of Eq. 4).
-        most: neighbours kept per frame, at least 2.
-        least: of them, how many are joined however far they are. Eq. 4 joins none, which leaves what moves like nothing
-            else out of reach; with all, the search was 2.6 times as close to the exhaustive one for as many visits.
+        most: neighbours kept per frame, at least 2, however far they are. Eq. 4 joins those within a radius only,
+            which leaves what moves like nothing else out of reach; with all, the search was 2.6 times as close to the
+            exhaustive one for as many visits.
     """
 
-    largest_step_deg: float = 1.75
-    radius_deg: float = 3.0
-    control_fps: float = 60.0
     most: int = 24
-    least: int = 24
-
-    def threshold_deg(self, fps: float) -> float:
-        """Return the largest distance of Eq. 4 that joins frames of a database of `fps`."""
-        return max(fps * self.largest_step_deg / self.control_fps, self.radius_deg)
 
 
 @dataclass(frozen=True)
@@ -79,11 +63,6 @@ class NeighbourGraph:
 
     neighbours: IntArray
     clusters: IntArray
-
-
-def l1_distance_deg(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
-    """Return the L1 distance of poses (..., D, radians), degrees per joint angle."""
-    return np.degrees(np.sum(np.abs(a - b), axis=-1)) / JOINT_ANGLES
 
 
 def weigh_poses(poses: FloatArray) -> FloatArray:
@@ -100,7 +79,7 @@ def weigh_poses(poses: FloatArray) -> FloatArray:
 
 
 def build_graph(
-    poses: FloatArray, clip_of_frame: NDArray[Any], fps: float, settings: GraphSettings | None = None
+    poses: FloatArray, clip_of_frame: NDArray[Any], settings: GraphSettings | None = None
 ) -> NeighbourGraph:
     """Return the neighbour graph of poses.
 
@@ -110,7 +89,6 @@ def build_graph(
     """
     settings = settings or GraphSettings()
     scaled = weigh_poses(poses)
-    threshold_deg = settings.threshold_deg(fps)
     neighbours = np.full((len(poses), settings.most), -1, dtype=np.int32)
     _join_consecutive(neighbours, clip_of_frame)
     with ThreadPoolExecutor(os.cpu_count()) as threads:  # numpy computes outside Python's lock
@@ -128,8 +106,6 @@ def build_graph(
             for start in range(0, len(members[own]), rows_at_once):
                 rows = members[own][start : start + rows_at_once]
                 found = candidates.closest(rows)
-                if settings.least < settings.most:
-                    found = _within(poses, rows, found, settings, threshold_deg)
                 neighbours[rows, 2 : 2 + found.shape[1]] = found
 
         for _ in threads.map(join, range(len(members))):
@@ -252,16 +228,3 @@ class _Candidates:
             minima[:-1] += _SAME_PASS * (falls & goes_on)
             minima[1:] += _SAME_PASS * (~falls & goes_on)
         return np.argpartition(np.ascontiguousarray(minima.T), self._most - 1, axis=1)[:, : self._most]
-
-
-def _within(
-    poses: FloatArray, rows: NDArray[np.int64], found: IntArray, settings: GraphSettings, threshold_deg: float
-) -> IntArray:
-    """Return the found frames (R, N), -1 where Eq. 4 does not join them."""
-    result = found.copy()
-    for start in range(0, len(rows), _CHUNK // 8):
-        part = slice(start, start + _CHUNK // 8)
-        too_far = l1_distance_deg(poses[rows[part], None], poses[found[part]]) >= threshold_deg
-        too_far[:, : settings.least] = False
-        result[part][too_far] = -1
-    return result

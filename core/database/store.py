@@ -196,7 +196,7 @@ def save_database(database: Database, graph: GraphSettings | None = None) -> Non
     }
     if graph is not None:
         poses = database.poses.reshape(database.frames, -1)
-        built = build_graph(poses, database.clip_of_frame, database.fps, graph)
+        built = build_graph(poses, database.clip_of_frame, graph)
         arrays |= {"neighbours": built.neighbours, "clusters": built.clusters}
     if database.zeros:
         arrays["zeros"] = np.array([zero.rotations for zero in database.zeros])

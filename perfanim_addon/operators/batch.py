@@ -21,7 +21,6 @@ class PERFANIM_OT_run_batch(SolvingOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require takes and an output folder."""
         problem = batch_settings.problem(context.scene.perfanim_batch)
         return problem[:1].upper() + problem[1:]
 
@@ -30,7 +29,6 @@ class PERFANIM_OT_run_batch(SolvingOperator, bpy.types.Operator):
         return not context.scene.perfanim_batch.plan
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
-        """Return the command."""
         chosen = context.scene.perfanim_batch
         jobs = chosen.processes or max(1, (os.cpu_count() or 1) - 1)
         return ["batch", str(batch_settings.plan_file(context, chosen)), "--jobs", str(jobs)]

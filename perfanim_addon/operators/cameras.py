@@ -37,13 +37,11 @@ class PERFANIM_OT_calibrate_cameras(JobOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require an image folder of each camera."""
         chosen = settings(context)
         both = chosen.board_left and chosen.board_right
         return "" if both else "Choose the folders with each camera's images of the board"
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
-        """Return the command."""
         chosen = settings(context)
         self._target = str(user_folder("calibrations") / "cameras.toml")
         arguments = ["calibrate", "cameras", "--board", board_spec(chosen), "--out", self._target]
@@ -55,7 +53,6 @@ class PERFANIM_OT_calibrate_cameras(JobOperator, bpy.types.Operator):
         return arguments
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """Use the new calibration."""
         settings(context).calibration = self._target
         return _quality(summary)
 
@@ -81,7 +78,6 @@ class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
     finishable = True
 
     def request(self, context: bpy.types.Context) -> dict[str, Any]:
-        """Return the request."""
         chosen = settings(context)
         board = _board_request(chosen)
         if chosen.source == "CAMERAS":  # all cameras, even if the present calibration has only one
@@ -103,7 +99,6 @@ class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
         return result
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """Use the new calibration."""
         chosen = settings(context)
         if len(summary["pictures"]) == 2:
             chosen.board_left, chosen.board_right = summary["pictures"]
@@ -129,12 +124,10 @@ class PERFANIM_OT_set_floor(_FloorFinding, bpy.types.Operator):
     bl_label = "Set Floor from Board"
 
     def request(self, context: bpy.types.Context) -> dict[str, Any]:
-        """Return the request."""
         chosen = settings(context)
         return {**_board_request(chosen), "job": "record floor", "rig": request.calibration(chosen)}
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """Use the calibration with its floor."""
         _use_rig(settings(context), summary, "cameras-on-floor.toml")
         off = float(summary["scale"]) - 1.0
         text = "floor set at the board, origin at its middle"
@@ -152,12 +145,10 @@ class PERFANIM_OT_set_floor_markers(_FloorFinding, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require two cameras."""
         alone = readiness.is_one_camera(settings(context))
         return super().missing_input(context) or ("With one camera use Set Floor from Board" if alone else "")
 
     def request(self, context: bpy.types.Context) -> dict[str, Any]:
-        """Return the request."""
         chosen = settings(context)
         return {
             **request.cameras(chosen),
@@ -169,7 +160,6 @@ class PERFANIM_OT_set_floor_markers(_FloorFinding, bpy.types.Operator):
         }
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """Use the calibration with its floor."""
         _use_rig(settings(context), summary, "cameras-on-floor.toml")
         text = f"floor set at the {summary['markers']} markers, origin at their middle"
         off = float(summary["scale"]) - 1.0
@@ -210,7 +200,6 @@ class PERFANIM_OT_save_board(JobOperator, bpy.types.Operator, ExportHelper):
     filter_glob: bpy.props.StringProperty(default="*.pdf", options={"HIDDEN"})
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
-        """Return the command."""
         return ["calibrate", "board", "--spec", board_spec(settings(context)), "--out", self.filepath]
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:

@@ -26,7 +26,6 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require every step to be ready."""
         return readiness.first_missing_step(settings(context))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -123,7 +122,6 @@ class PERFANIM_OT_stop_capture(RunningOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require a running capture."""
         return "" if isinstance(activity.current(), LiveCapture) else "No capture is running"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -139,14 +137,12 @@ class PERFANIM_OT_record(RunningOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require a running capture that records by button."""
         capture = activity.current()
         if not isinstance(capture, LiveCapture) or capture.run is None:
             return "Start the capture first"
         return "" if capture.by_button else "This capture records from its start; switch Record by Button on first"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Start or stop the recording."""
         activity.current().record(settings(context))
         activity.redraw_sidebars()
         return {"FINISHED"}

@@ -40,7 +40,6 @@ class PERFANIM_OT_add_character(UndoOperator, bpy.types.Operator):
     panel = PANEL
 
     def run(self, context: bpy.types.Context) -> str:
-        """Add the character."""
         add_character(context, performer_skeleton(settings(context)))
         return ""
 
@@ -114,7 +113,6 @@ class PERFANIM_OT_find_bones(_ArmatureOperator, bpy.types.Operator):
     bl_label = "Find Bones"
 
     def run(self, context: bpy.types.Context) -> str:
-        """Find them."""
         return self.use_map(context, lambda armature: find_map(armature, user_folder(PRESETS_FOLDER)))
 
 
@@ -125,7 +123,6 @@ class PERFANIM_OT_show_t_pose(_ArmatureOperator, bpy.types.Operator):
     bl_label = "Show T Pose"
 
     def run(self, context: bpy.types.Context) -> str:
-        """Pose it."""
         chosen = settings(context)
         skeleton = performer_skeleton(chosen)
         rotations = t_pose(skeleton)
@@ -141,14 +138,12 @@ class PERFANIM_OT_pick_bone(_ArmatureOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require an active bone and a bone map."""
         missing, armature_object = super().missing_input(context), shown_armature(context)
         if missing or (armature_object.perfanim_character.joints and armature_object.data.bones.active is not None):
             return missing
         return "Select a bone of the armature in Pose Mode first"
 
     def run(self, context: bpy.types.Context) -> None:
-        """Map the bone."""
         armature_object = self.target(context)
         kept = armature_object.perfanim_character
         entry = kept.joints[min(kept.active, len(kept.joints) - 1)]
@@ -163,7 +158,6 @@ class PERFANIM_OT_load_bone_map(_ArmatureOperator, bpy.types.Operator):
     preset: bpy.props.StringProperty(options={"HIDDEN"})
 
     def run(self, context: bpy.types.Context) -> str:
-        """Load it."""
         return self.use_map(context, self._read)
 
     def _read(self, armature_object: bpy.types.Object) -> BoneMap:
@@ -182,7 +176,6 @@ class PERFANIM_OT_save_bone_map(DialogOperator, _ArmatureOperator, bpy.types.Ope
     name: string("Name", "Name of the bone map", "My Rig")
 
     def run(self, context: bpy.types.Context) -> str:
-        """Save it."""
         kept = self.target(context).perfanim_character
         bones = {entry.name: entry.bone for entry in kept.joints if entry.bone}
         stem = bpy.path.clean_name(self.name).strip("_")

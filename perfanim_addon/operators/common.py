@@ -51,7 +51,6 @@ class DialogOperator:
     """Base of operators that ask for their properties first."""
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Ask."""
         return set(context.window_manager.invoke_props_dialog(self))
 
 
@@ -69,7 +68,6 @@ class PanelOperator(CheckedOperator):
         """Do the work and return the line to show."""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Run the operator; show its result or error."""
         try:
             text = self.run(context)
         except PerfanimError as error:

@@ -66,7 +66,6 @@ class PERFANIM_OT_build_database(JobOperator, bpy.types.Operator, ImportHelper):
     cull: switch("Skip Near-Duplicates", "Skip motion that is within one degree per joint angle of an earlier clip")
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
-        """Return the command."""
         names = [item.name for item in self.files if item.name]
         sources = [str(Path(self.directory) / name) for name in names]
         if not sources:
@@ -83,7 +82,6 @@ class PERFANIM_OT_build_database(JobOperator, bpy.types.Operator, ImportHelper):
         return ["database", "build", *sources, "--out", self._target, "--fps", f"{fps:g}", *chosen]
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """Use the new database."""
         settings(context).database = self._target
         skipped = len(summary.get("skipped") or ())
         text = f"{int(summary.get('frames', 0)):,} frames imported"
@@ -100,10 +98,8 @@ class PERFANIM_OT_use_starter_database(PanelOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require another database."""
         return "" if settings(context).database else "The starter database is in use"
 
     def run(self, context: bpy.types.Context) -> str:
-        """Clear the file."""
         settings(context).database = ""
         return ""

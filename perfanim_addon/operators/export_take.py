@@ -57,7 +57,6 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
     )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Ask for the file."""
         try:
             self.filepath = bpy.path.clean_name(summarise(self.path).notes.name) + _ENDINGS[self.kind]
         except PerfanimError as error:
@@ -66,7 +65,6 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
         return {"RUNNING_MODAL"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the options of this file format."""
         column = property_column(self.layout)
         column.prop(self, "kind")
         names = next((t.performers for t in take_library.listed() if str(t.path) == self.path), ())
@@ -93,7 +91,6 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
         return path[: len(path) - len(known)] + _ENDINGS[self.kind]
 
     def run(self, context: bpy.types.Context) -> str:
-        """Write the file."""
         target = Path(absolute(self._with_ending()))
         take = read_take_file(self.path)
         motion = take_motion(context, take)

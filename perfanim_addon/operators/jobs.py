@@ -105,11 +105,9 @@ class PERFANIM_OT_cancel_job(RunningOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require a running job."""
         return "" if isinstance(activity.current(), Job) else "No job is running"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """End the job."""
         activity.end()
         return {"FINISHED"}
 
@@ -121,7 +119,6 @@ class PERFANIM_OT_finish_job(RunningOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require a running job that can end early."""
         job = activity.current()
         return "" if isinstance(job, Job) and job.finishable else "No job is running that can finish early"
 

@@ -67,7 +67,6 @@ class PERFANIM_OT_play_take(TakeOperator, PanelOperator, bpy.types.Operator):
     bl_label = "Put on Character"
 
     def run(self, context: bpy.types.Context) -> str:
-        """Write the keyframes."""
         return put_on_character(context, Path(self.path))
 
 
@@ -78,7 +77,6 @@ class PERFANIM_OT_recover_take(TakeOperator, JobOperator, bpy.types.Operator):
     title = "Recovering the take"
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
-        """Return the command."""
         path = Path(self.path)
         self._target = unused_path(path.parent, f"{take_name(path)} recovered")
         return ["take", "recover", str(path), "--out", str(self._target)]

@@ -36,7 +36,6 @@ class PERFANIM_OT_self_test(JobOperator, bpy.types.Operator):
         return result
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """Return the verdict."""
         return "all works"
 
 

@@ -50,7 +50,6 @@ class PERFANIM_OT_solve_take(DialogOperator, TakeOperator, SolvingOperator, bpy.
     put_on: switch("Put on Character", "Put the result onto the character at once", default=True)
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
-        """Return the command."""
         chosen, given = settings(context), ["--method", self.method]
         if self.database == "CHOSEN":
             given += ["--database", str(readiness.database_path(chosen))]
@@ -94,7 +93,6 @@ class PERFANIM_OT_import_takes(SolvingOperator, bpy.types.Operator, ImportHelper
     method: choice("Method", "Solver method", _METHODS, "best")
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the options, the performer and the markers."""
         layout, chosen = self.layout, settings(context)
         layout.use_property_split = True
         draw_props(layout, self, "up", "method")
@@ -104,7 +102,6 @@ class PERFANIM_OT_import_takes(SolvingOperator, bpy.types.Operator, ImportHelper
         layout.label(text=f"Markers: {Path(readiness.marker_set_source(chosen)).stem}", icon="DOT")
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
-        """Return the command."""
         chosen = settings(context)
         files = [str(Path(self.directory) / item.name) for item in self.files if item.name] or [self.filepath]
         for file in files:
@@ -118,7 +115,6 @@ class PERFANIM_OT_import_takes(SolvingOperator, bpy.types.Operator, ImportHelper
         return ["take", "import", *files, *performer, *markers, *solver, *out]
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """List the imported takes."""
         kept, failed = summary["takes"], summary["failed"]
         takes.choose(Path(kept[0]["out"]))
         count = (

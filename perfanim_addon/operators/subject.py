@@ -32,11 +32,9 @@ class PERFANIM_OT_calibrate_subject(JobOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require a marker take."""
         return "" if settings(context).subject_take else "Choose a marker take with a T pose"
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
-        """Return the command."""
         chosen = settings(context)
         take = absolute(chosen.subject_take)
         if not Path(take).is_file():
@@ -47,7 +45,6 @@ class PERFANIM_OT_calibrate_subject(JobOperator, bpy.types.Operator):
         return [*command, "--poses", ",".join(CALIBRATION)] if chosen.take_poses else command
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """Use the new subject."""
         settings(context).subject = summary["out"]
         return _score(summary)
 
@@ -82,14 +79,12 @@ class PERFANIM_OT_calibrate_performer(_Recording, bpy.types.Operator):
     title = "Calibrating the performer"
 
     def request(self, context: bpy.types.Context) -> dict[str, Any]:
-        """Return the request."""
         chosen = settings(context)
         target = profile(chosen)
         recording = _recording(context, "calibrate performer", CALIBRATION, f"{target.stem}.take.npz")
         return {**recording, "name": chosen.subject_name, "subject_out": str(target)}
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """Use the performer and the cameras."""
         _take_over(context, summary, True)
         settings(context).subject = summary["subject"]
         return _score(summary)
@@ -102,11 +97,9 @@ class PERFANIM_OT_record_t_pose(_Recording, bpy.types.Operator):
     title = "Recording the T pose"
 
     def request(self, context: bpy.types.Context) -> dict[str, Any]:
-        """Return the request."""
         return _recording(context, "record pose", CALIBRATION[:1], "t-pose.take.npz")
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """Use the take and the cameras."""
         _take_over(context, summary, False)
         text = f"{summary['frames']} frames of the T pose: calibrate now"
         return f"{text}; {summary['floor_advice']}" if "floor_advice" in summary else text
@@ -121,7 +114,6 @@ class PERFANIM_OT_average_performer(UndoOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require a marker set."""
         return readiness.markers(settings(context)).problem
 
     def run(self, context: bpy.types.Context) -> str:
@@ -161,11 +153,9 @@ class PERFANIM_OT_use_profile(UndoOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require a profile."""
         return "" if _profile_items(None, context) else "No performer is calibrated yet"
 
     def run(self, context: bpy.types.Context) -> str | None:
-        """Choose the profile."""
         targets = context.scene.perfanim_targets.entries
         if self.target >= 0:
             targets[min(self.target, len(targets) - 1)].subject = self.profile

@@ -27,7 +27,6 @@ class PERFANIM_OT_delete_take(_FileOperator, bpy.types.Operator):
     path: string("Take", "File of the take", options={"HIDDEN", "SKIP_SAVE"})
 
     def run(self, context: bpy.types.Context) -> str:
-        """Move the file."""
         name = summarise(self.path).notes.name
         take_library.delete(Path(self.path))
         return f"{name} deleted: Restore brings it back"
@@ -49,11 +48,9 @@ class PERFANIM_OT_restore_take(_FileOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require a deleted take."""
         return "" if take_library.are_deleted() else "There are no deleted takes"
 
     def run(self, context: bpy.types.Context) -> str:
-        """Move the file back."""
         name = summarise(self.take).notes.name
         take_library.restore(Path(self.take))
         return f"{name} restored"
@@ -69,12 +66,10 @@ class PERFANIM_OT_clean_up_takes(_FileOperator, bpy.types.Operator):
     stars: whole_number("Maximum Stars", "Takes with more stars are kept", 0, 0, MOST_STARS)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Show the files to be removed, and ask."""
         take_library.forget()
         return context.window_manager.invoke_props_dialog(self)
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the disk space, the choices, and the files to be removed."""
         layout = self.layout
         listed, _ = take_library.disk_space()
         layout.label(text=f"{len(take_library.listed())} takes, {take_library.size_text(listed)}")
@@ -91,7 +86,6 @@ class PERFANIM_OT_clean_up_takes(_FileOperator, bpy.types.Operator):
         return [*(take_library.in_trash() if self.deleted else []), *old]
 
     def run(self, context: bpy.types.Context) -> str:
-        """Remove the files."""
         files = self._files()
         if not files:
             raise TakeError("nothing is chosen for removal", advice="switch Deleted Takes or Old Takes on")

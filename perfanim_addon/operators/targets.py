@@ -33,11 +33,9 @@ class PERFANIM_OT_remove_target(UndoOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require a target."""
         return "" if context.scene.perfanim_targets.entries else "There are no targets"
 
     def run(self, context: bpy.types.Context) -> None:
-        """Remove the target."""
         shown = context.scene.perfanim_targets
         shown.entries.remove(shown.active)
         shown.active = max(min(shown.active, len(shown.entries) - 1), 0)
@@ -53,7 +51,6 @@ class PERFANIM_OT_measure_target(DialogOperator, JobOperator, bpy.types.Operator
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require a take and a prop."""
         shown = context.scene.perfanim_targets
         if not 0 <= shown.active < len(shown.entries) or shown.entries[shown.active].kind != "PROP":
             return "Add a prop first"
@@ -62,7 +59,6 @@ class PERFANIM_OT_measure_target(DialogOperator, JobOperator, bpy.types.Operator
         return ""
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
-        """Return the command."""
         name = bpy.path.clean_name(self.called) or "Prop"
         self._target = str(user_folder("props") / f"{name}.toml")
         self._index = context.scene.perfanim_targets.active
@@ -70,7 +66,6 @@ class PERFANIM_OT_measure_target(DialogOperator, JobOperator, bpy.types.Operator
         return ["calibrate", "prop", take, "--name", self.called or name, "--out", self._target]
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """Use the definition."""
         entries = context.scene.perfanim_targets.entries
         if self._index < len(entries):
             entries[self._index].definition = self._target

@@ -18,7 +18,6 @@ class PERFANIM_PT_batch(SidebarPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw settings and progress."""
         chosen, layout = context.scene.perfanim_batch, self.layout
         column = property_column(layout)
         column.enabled = activity.current() is None

@@ -13,7 +13,6 @@ class PERFANIM_PT_broken(SidebarPanel, bpy.types.Panel):
     bl_label = "Perfanim cannot run"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw."""
         column = self.layout.column()
         column.label(text=diagnostics.problem, icon="ERROR")
         column.label(text="Install the archive made for this Blender's Python and platform.")

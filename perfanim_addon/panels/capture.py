@@ -30,7 +30,6 @@ class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
         row.separator()
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw."""
         layout = self.layout
         capture = activity.current()
         row = layout.row()
@@ -81,7 +80,6 @@ class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
     bl_parent_id = "PERFANIM_PT_capture"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw."""
         chosen, is_live = settings(context), isinstance(activity.current(), LiveCapture)
         column = property_column(self.layout)
         draw_props(column, chosen, "smoothing_ms", "feet")
@@ -113,12 +111,10 @@ class PERFANIM_PT_sending(SidebarPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_header(self, context: bpy.types.Context) -> None:
-        """Draw the switch."""
         self.layout.enabled = activity.current() is None
         self.layout.prop(context.scene.perfanim_sending, "on", text="")
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the receiver."""
         chosen = context.scene.perfanim_sending
         column = property_column(self.layout)
         column.enabled = chosen.on and activity.current() is None

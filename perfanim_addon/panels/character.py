@@ -47,7 +47,6 @@ class PERFANIM_MT_bone_maps(bpy.types.Menu):
     bl_label = "Bone Maps"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw."""
         folder, shown = user_folder(PRESETS_FOLDER), shown_armature(context)
         for name in sorted(preset_paths(folder)):
             button = self.layout.operator("perfanim.load_bone_map", text=name.replace("-", " ").title())

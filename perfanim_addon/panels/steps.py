@@ -65,7 +65,6 @@ class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
     key = "cameras"
 
     def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
-        """Draw."""
         layout.prop(chosen, "source")
         if chosen.source == "SIMULATED":
             draw_props(layout, chosen, "behaviour", "practise")
@@ -115,7 +114,6 @@ class PERFANIM_PT_markers(_Step, bpy.types.Panel):
     key = "markers"
 
     def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
-        """Draw."""
         row = layout.row()
         row.enabled = not chosen.marker_set_file
         row.prop(chosen, "marker_set")
@@ -138,7 +136,6 @@ class PERFANIM_PT_subject(_Step, bpy.types.Panel):
     key = "subject"
 
     def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
-        """Draw."""
         row = layout.row(align=True)
         row.prop(chosen, "subject")
         row.operator_menu_enum("perfanim.use_profile", "profile", text="", icon="COMMUNITY")
@@ -164,7 +161,6 @@ class PERFANIM_PT_database(_Step, bpy.types.Panel):
     key = "database"
 
     def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
-        """Draw."""
         row = layout.row(align=True)
         row.prop(chosen, "database")
         row.operator("perfanim.use_starter_database", text="", icon="LOOP_BACK")
@@ -180,7 +176,6 @@ class PERFANIM_PT_character(_Step, bpy.types.Panel):
     key = "character"
 
     def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
-        """Draw."""
         layout.prop(chosen, "armature")
         row = layout.row(align=True)
         row.operator("perfanim.add_character", icon="ADD")
@@ -201,5 +196,4 @@ class PERFANIM_PT_camera_controls(SidebarPanel, bpy.types.Panel):
         return settings(context).source == "CAMERAS" and ADDON in context.preferences.addons
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw."""
         preferences.draw_camera_controls(property_column(self.layout), context.preferences.addons[ADDON].preferences)

@@ -96,7 +96,6 @@ class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the list and the active take."""
         layout = self.layout
         if isinstance(activity.current(), LiveCapture):
             layout.label(text="Takes are listed after the capture")

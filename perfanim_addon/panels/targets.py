@@ -55,7 +55,6 @@ class PERFANIM_PT_targets(SidebarPanel, bpy.types.Panel):
         row.separator()
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the list and the active target."""
         layout, shown = self.layout, context.scene.perfanim_targets
         column = layout.column()
         column.enabled = not isinstance(activity.current(), LiveCapture)

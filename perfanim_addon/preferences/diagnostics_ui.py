@@ -12,7 +12,6 @@ class PERFANIM_OT_copy_diagnostics(bpy.types.Operator):
     bl_label = "Copy Diagnostics"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Copy."""
         context.window_manager.clipboard = "\n".join(diagnostics.lines(bpy.app.version_string, load=True))
         self.report({"INFO"}, "Diagnostics copied to the clipboard")
         return {"FINISHED"}

@@ -78,7 +78,6 @@ class PERFANIM_AP_preferences(bpy.types.AddonPreferences):
     )
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw."""
         layout = self.layout
         layout.use_property_split = True
         layout.prop(self, "tab")

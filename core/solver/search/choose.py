@@ -25,7 +25,7 @@ def choose_search(name: str, database: Database, markers_m: FloatArray, poses: F
         name = "exhaustive" if database.graph is None or database.frames < _EXHAUSTIVE_UP_TO else "graph"
     if name == "exhaustive":
         return ExhaustiveSearch(markers_m, poses)
-    graph = database.graph or build_graph(np.asarray(poses), database.clip_of_frame, database.fps)
+    graph = database.graph or build_graph(np.asarray(poses), database.clip_of_frame)
     if name == "cells":
         return CellSearch(markers_m, poses, np.asarray(graph.clusters))
     return GraphSearch(markers_m, poses, graph)

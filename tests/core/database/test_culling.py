@@ -1,7 +1,6 @@
 import numpy as np
 from perfanim.core.body.motion import resampled
-from perfanim.core.database.culling import clips_after_culling, near_duplicates
-from perfanim.core.database.graph import JOINT_ANGLES
+from perfanim.core.database.culling import JOINT_ANGLES, clips_after_culling, near_duplicates
 from perfanim.core.database.store import Clip
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot

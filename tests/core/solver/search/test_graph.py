@@ -54,7 +54,7 @@ def motions():
 
 @pytest.fixture(scope="module")
 def graph(motions):
-    return build_graph(motions.poses, motions.clips, FPS)
+    return build_graph(motions.poses, motions.clips)
 
 
 class Following:
@@ -91,8 +91,8 @@ def visits(search, query, count=WANTED):
 
 def test_a_complete_graph_finds_what_looking_at_all_frames_finds(motions):
     few = slice(0, 400)
-    settings = GraphSettings(radius_deg=np.inf, most=402)
-    complete = build_graph(motions.poses[few], motions.clips[few], FPS, settings)
+    settings = GraphSettings(most=402)
+    complete = build_graph(motions.poses[few], motions.clips[few], settings)
     search = Following(GraphSearch(motions.markers[few], motions.poses[few], complete))
     exhaustive = ExhaustiveSearch(motions.markers[few], motions.poses[few])
     for query in motions.queries(30):
