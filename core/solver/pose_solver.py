@@ -8,6 +8,7 @@ import numpy as np
 from ..database.store import Database, check_arrays
 from ..errors import DatabaseError
 from ..geometry.arrays import Array, FloatArray, IntArray
+from .course_check import INTERVAL_S, PROVEN, CourseCheck
 from .lagged_history import LaggedHistory
 from .methods import FrameProblem, prepare_method
 from .observation import Observation
@@ -56,6 +57,10 @@ class PoseSolver:
         self._step = -(-database.frames // _SPARSE)
         self._sparse = ExhaustiveSearch(self._markers[:: self._step], self._poses[:: self._step])
         self._method = prepare_method(settings, subject, database, self._markers)
+        self._course: CourseCheck | None = None
+        if settings.method == "best":
+            lags_s = settings.best.history_s
+            self._course = CourseCheck(database, self._markers, self._sparse, self._step, lags_s)
         self._frame_s = 1.0 / database.fps
         self._typical_markers = np.mean(self._markers[:: max(1, len(self._markers) // 2048)], axis=0, dtype=np.float64)
         history = LaggedHistory(self._method.longest_s)
@@ -108,6 +113,8 @@ class PoseSolver:
             solution, state = self._advance(before, observation)
             if solution is not None and self._is_misled(before, observation, solution):
                 solution, state = self.solve_without_past(before, observation, solution, state)
+            elif solution is not None and self._course and state.time_s - state.compared_s >= INTERVAL_S:
+                solution, state = self._check_course(self._course, before, observation, solution, state)
         observed = state.observed.remember(state.time_s, self._in_space(state, observation).points_m)
         if solution is None:
             return None, replace(state, observed=observed)
@@ -130,6 +137,21 @@ class PoseSolver:
         if found is not None:
             return replace(found, looked=True), first
         return replace(solution, looked=True), replace(after, looked_s=state.time_s)
+
+    def _check_course(
+        self, check: CourseCheck, before: SolverState, observation: Observation, solution: Solution, state: SolverState
+    ) -> tuple[Solution, SolverState]:
+        """Return the pose solved without earlier poses once these are proven wrong."""
+        in_space = self._in_space(before, observation)
+        if state.found is None:
+            return solution, state
+        evidence = check.evidence(before, in_space, solution.root, state.found)
+        fresh = replace(self.initial_state, root=solution.root, time_s=state.time_s, observed=before.observed)
+        located = self._locate(fresh, in_space, hurried=True) if evidence > PROVEN else None
+        if located is None:
+            return solution, replace(state, compared_s=state.time_s, evidence=evidence)
+        better, state = self._estimate(fresh, observation, located)
+        return replace(better, looked=True), replace(state, compared_s=state.time_s)
 
     def _begin(
         self, state: SolverState, observation: Observation, hurried: bool, limit_m: float

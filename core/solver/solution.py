@@ -65,6 +65,8 @@ class SolverState:
         observed: earlier observed markers.
         solved: earlier solved poses.
         looked_s: time of the last vain look for a pose without a past.
+        compared_s: time of the last comparison with the whole database.
+        evidence: against the present course, see `CourseCheck`.
         expectation: markers expected in the last frame; None at the start, and of other methods than "best".
     """
 
@@ -77,6 +79,8 @@ class SolverState:
     observed: LaggedHistory = field(default_factory=LaggedHistory)
     solved: LaggedHistory = field(default_factory=LaggedHistory)
     looked_s: float = float("-inf")
+    compared_s: float = float("-inf")
+    evidence: float = 0.0
     expectation: Expectation | None = None
 
     @property

@@ -1,0 +1,66 @@
+"""Whether other parts of the database follow the markers better than the present.
+
+Examples are searched near the motion so far, so a wrong start can lead on for seconds where all markers are explained.
+Now and then the markers of the last moments are compared with a sample of the whole database: on a right course few
+frames are nearer than the present examples, on a wrong one some always are.
+"""
+
+import numpy as np
+
+from ..database.store import Database
+from ..geometry.arrays import Array, FloatArray, IntArray
+from .lagged_history import LaggedMarkers
+from .observation import Observation
+from .search.exhaustive import ExhaustiveSearch, Query
+from .solution import SolverState
+from .subject_model import RootPose
+
+INTERVAL_S = 0.1  # between two comparisons
+PROVEN = 0.5  # evidence above which another course is the right one
+_USUAL = 0.85  # distance of the nearest frame of all, as a share of the nearest example's, on a right course
+_SAMPLES = 24  # nearest ones, compared with their neighbours in time
+_EXAMPLES = 64
+
+
+class CourseCheck:
+    """Compares the present examples with the whole database.
+
+    Args:
+        markers_m: (F, M, 3) the subject's markers of the database frames with the root at rest.
+        sample: search of every `step`-th frame.
+        lags_s: ascending times looked back.
+    """
+
+    def __init__(
+        self, database: Database, markers_m: FloatArray, sample: ExhaustiveSearch, step: int, lags_s: tuple[float, ...]
+    ) -> None:
+        self._markers, self._sample, self._step = markers_m, sample, step
+        self._earlier = LaggedMarkers(database, markers_m, lags_s)
+
+    def evidence(self, state: SolverState, observation: Observation, root: RootPose, examples: IntArray) -> float:
+        """Return the evidence against the present course after one more comparison.
+
+        Args:
+            state: before the frame, with its time.
+            root: solved.
+            examples: (K,) frames near the motion so far, nearest first.
+        """
+        query = Query(root.to_root_frame(observation.points_m), None, 1.0, 0.0)
+        near, _ = self._sample.nearest(query, _SAMPLES)
+        around = self._step * near[:, None] + np.arange(-(self._step // 2), self._step // 2 + 1)
+        free = np.unique(np.clip(around, 0, len(self._markers) - 1))
+        share = np.sqrt(
+            np.min(self._distances(state, observation, root, free))
+            / np.min(self._distances(state, observation, root, examples[:_EXAMPLES]))
+        )
+        return max(state.evidence + float(np.log(_USUAL / share)), 0.0)
+
+    def _distances(self, state: SolverState, observation: Observation, root: RootPose, frames: IntArray) -> Array:
+        """Return squared distances (K,), m^2, of markers, now and earlier, to frames."""
+        seen = observation.located
+        now = root.to_root_frame(observation.points_m[seen])
+        earlier = self._earlier.observed(state.observed, state.time_s, root)
+        known = np.isfinite(earlier[..., 0])
+        away = np.sum((self._markers[frames][:, seen] - now) ** 2, axis=(1, 2))
+        away += np.sum((self._earlier.of_frames(frames)[:, known] - earlier[known]) ** 2, axis=(1, 2))
+        return np.asarray(np.maximum(away, 1e-12))
