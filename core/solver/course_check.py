@@ -18,7 +18,8 @@ from .subject_model import RootPose
 INTERVAL_S = 0.1  # between two comparisons
 PROVEN = 0.5  # evidence above which another course is the right one
 _USUAL = 0.85  # distance of the nearest frame of all, as a share of the nearest example's, on a right course
-_SAMPLES = 24  # nearest ones, compared with their neighbours in time
+_SAMPLE = 8192  # frames of the database that stand for all
+_NEAREST = 24  # of these, compared with their neighbours in time
 _EXAMPLES = 64
 
 
@@ -27,14 +28,13 @@ class CourseCheck:
 
     Args:
         markers_m: (F, M, 3) the subject's markers of the database frames with the root at rest.
-        sample: search of every `step`-th frame.
         lags_s: ascending times looked back.
     """
 
-    def __init__(
-        self, database: Database, markers_m: FloatArray, sample: ExhaustiveSearch, step: int, lags_s: tuple[float, ...]
-    ) -> None:
-        self._markers, self._sample, self._step = markers_m, sample, step
+    def __init__(self, database: Database, markers_m: FloatArray, lags_s: tuple[float, ...]) -> None:
+        self._markers, self._step = markers_m, -(-database.frames // _SAMPLE)
+        poses = database.poses.reshape(database.frames, -1)
+        self._sample = ExhaustiveSearch(markers_m[:: self._step], poses[:: self._step])
         self._earlier = LaggedMarkers(database, markers_m, lags_s)
 
     def evidence(self, state: SolverState, observation: Observation, root: RootPose, examples: IntArray) -> float:
@@ -46,7 +46,7 @@ class CourseCheck:
             examples: (K,) frames near the motion so far, nearest first.
         """
         query = Query(root.to_root_frame(observation.points_m), None, 1.0, 0.0)
-        near, _ = self._sample.nearest(query, _SAMPLES)
+        near, _ = self._sample.nearest(query, _NEAREST)
         around = self._step * near[:, None] + np.arange(-(self._step // 2), self._step // 2 + 1)
         free = np.unique(np.clip(around, 0, len(self._markers) - 1))
         share = np.sqrt(

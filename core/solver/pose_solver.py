@@ -1,41 +1,25 @@
 """From labelled markers to poses, frame by frame."""
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from ..database.store import Database, check_arrays
 from ..errors import DatabaseError
-from ..geometry.arrays import Array, FloatArray, IntArray
+from ..geometry.arrays import Array
 from .course_check import INTERVAL_S, PROVEN, CourseCheck
 from .lagged_history import LaggedHistory
+from .locator import Located, Locator
 from .methods import FrameProblem, prepare_method
 from .observation import Observation
-from .root import root_from_torso
 from .search.choose import choose_search
-from .search.exhaustive import ExhaustiveSearch, Query
 from .settings import SolveSettings
 from .solution import Examples, Solution, SolverState
 from .subject_model import RootPose, SubjectModel
 
-_ROOT_PASSES = 2  # the root needs the pose's torso markers and the pose needs the root
-_FIRST_ROOT_PASSES = 4  # at the start nothing is known about either
-_SPARSE_PASSES = 3  # before the others where time is short, with a sample of the database,
-_SPARSE = 8192  # of so many frames
-_TORSO_EXAMPLES = 8  # closest examples; the root is fitted to the mean of their torsos
 _JUMP_M = 0.07  # RMS over the markers between two frames, from which the past may mislead
 _LOOK_S = 0.04  # after a vain look for a pose without a past, until the next
 _NEARER = 0.6  # share of the distance to the closest example, below which a pose without a past is the right one
-_SPARE_CANDIDATES = 2  # candidates kept, per example wanted, to rank again under a better root
-
-
-class _Located(NamedTuple):
-    """Root, closest examples under it, and the start of the next search."""
-
-    root: RootPose
-    examples: Examples
-    found: IntArray
 
 
 class PoseSolver:
@@ -51,25 +35,21 @@ class PoseSolver:
         check_arrays(database)
         self.subject = subject
         self.settings = settings
-        self._poses = database.poses.reshape(database.frames, -1)
-        self._markers = subject.database_markers(database)
-        self._search = choose_search(settings.search, database, self._markers, self._poses)
-        self._step = -(-database.frames // _SPARSE)
-        self._sparse = ExhaustiveSearch(self._markers[:: self._step], self._poses[:: self._step])
-        self._method = prepare_method(settings, subject, database, self._markers)
+        markers = subject.database_markers(database)
+        self._method = prepare_method(settings, subject, database, markers)
+        search = choose_search(settings.search, database, markers, database.poses.reshape(database.frames, -1))
+        self._locator = Locator(subject, database, markers, search, self._method, settings.query_alpha)
         self._course: CourseCheck | None = None
         if settings.method == "best":
-            lags_s = settings.best.history_s
-            self._course = CourseCheck(database, self._markers, self._sparse, self._step, lags_s)
+            self._course = CourseCheck(database, markers, settings.best.history_s)
         self._frame_s = 1.0 / database.fps
-        self._typical_markers = np.mean(self._markers[:: max(1, len(self._markers) // 2048)], axis=0, dtype=np.float64)
         history = LaggedHistory(self._method.longest_s)
         self.initial_state = SolverState(observed=history, solved=history)
 
     @property
     def visited(self) -> int:
         """Number of distances computed by all searches so far."""
-        return self._search.visited + self._sparse.visited
+        return self._locator.visited
 
     def forget_poses(self, state: SolverState) -> SolverState:
         """Return a state that knows only where the root was."""
@@ -78,7 +58,7 @@ class PoseSolver:
     def closest_m(self, state: SolverState, observation: Observation) -> float:
         """Return the RMS distance (m) of markers to the closest example; NaN if unseen."""
         in_space = self._in_space(state, observation)
-        located = self._locate(state, in_space, hurried=True)
+        located = self._locator.locate(state, in_space, hurried=True)
         return _nearest_distance(in_space, *located[:2]) if located is not None else float("nan")
 
     def negative_log_likelihood(self, state: SolverState) -> float:
@@ -147,7 +127,7 @@ class PoseSolver:
             return solution, state
         evidence = check.evidence(before, in_space, solution.root, state.found)
         fresh = replace(self.initial_state, root=solution.root, time_s=state.time_s, observed=before.observed)
-        located = self._locate(fresh, in_space, hurried=True) if evidence > PROVEN else None
+        located = self._locator.locate(fresh, in_space, hurried=True) if evidence > PROVEN else None
         if located is None:
             return solution, replace(state, compared_s=state.time_s, evidence=evidence)
         better, state = self._estimate(fresh, observation, located)
@@ -161,7 +141,7 @@ class PoseSolver:
         It is solved twice unless hurried: the second time the torso and the neighbours of its own pose are known.
         """
         in_space = self._in_space(state, observation)
-        located = self._locate(state, in_space, hurried)
+        located = self._locator.locate(state, in_space, hurried)
         if located is None or _nearest_distance(in_space, *located[:2]) >= limit_m:
             return None, state
         first, after = self._estimate(state, observation, located)
@@ -186,12 +166,10 @@ class PoseSolver:
         return observation.back_projected(state.markers_m)
 
     def _advance(self, state: SolverState, observation: Observation) -> tuple[Solution | None, SolverState]:
-        located = self._locate(state, self._in_space(state, observation))
+        located = self._locator.locate(state, self._in_space(state, observation))
         return (None, state) if located is None else self._estimate(state, observation, located)
 
-    def _estimate(
-        self, state: SolverState, observation: Observation, located: _Located
-    ) -> tuple[Solution, SolverState]:
+    def _estimate(self, state: SolverState, observation: Observation, located: Located) -> tuple[Solution, SolverState]:
         """Return the pose for root and examples, and the state after it."""
         root, examples, found = located
         estimate = self._method.estimate(FrameProblem(state, observation, root, examples))
@@ -217,53 +195,6 @@ class PoseSolver:
             found=found,
             expectation=estimate.expectation,
         )
-
-    def _locate(self, state: SolverState, observation: Observation, hurried: bool = False) -> _Located | None:
-        """Find root, closest examples and the next search's start; None without a root."""
-        continued = state.continued_pose
-        local = self._typical_markers if continued is None else self.subject.markers(continued.reshape(-1, 3))
-        root, found = state.root, state.found
-        is_first = continued is None and not hurried
-        for _ in range(_SPARSE_PASSES if hurried else 0):
-            root = root_from_torso(observation, local, self.subject, root)
-            if root is None:
-                return None
-            sampled, _ = self._sparse.nearest(self._query(observation, root, None), self._method.examples)
-            found = self._step * sampled
-            local = _closest_mean(self._markers, found)
-        frames: IntArray | None = None
-        for _ in range(_FIRST_ROOT_PASSES if is_first else _ROOT_PASSES):
-            root = root_from_torso(observation, local, self.subject, root)
-            if root is None:
-                return None
-            query = self._query(observation, root, continued)
-            # after the first pass the root moves little, unless nothing was known: rank the same candidates
-            if frames is None or is_first:
-                frames, distances = self._search.nearest(query, self._method.examples * _SPARE_CANDIDATES, found)
-                found = frames
-            else:
-                frames, distances = self._search.nearest_among(query, frames)
-            local = _closest_mean(self._markers, frames)
-        if root is None or frames is None or found is None:
-            return None
-        chosen = frames[: self._method.examples]
-        examples = Examples(chosen, distances[: len(chosen)], self._poses[chosen], self._markers[chosen])
-        return _Located(root, examples, found)
-
-    def _query(self, observation: Observation, root: RootPose, continued: Array | None) -> Query:
-        """Return the query of Eq. 2, the observed markers in the root's rest (T of Eq. 2)."""
-        alpha = self.settings.query_alpha
-        return Query(
-            root.to_root_frame(observation.points_m),
-            continued,
-            alpha,
-            (1.0 - alpha) * self._method.query_pose_m_per_rad**2,
-        )
-
-
-def _closest_mean(markers_m: FloatArray, frames: IntArray) -> Array:
-    """Return the mean markers (M, 3) of the closest of ranked frames."""
-    return np.mean(markers_m[frames[:_TORSO_EXAMPLES]], axis=0, dtype=np.float64)
 
 
 def _nearest_distance(observation: Observation, root: RootPose, examples: Examples) -> float:

@@ -15,7 +15,6 @@ from perfanim.core.solver.solution import SolverState
 from perfanim.core.solver.subject_model import SubjectModel
 
 LAGS_S = (0.1, 0.25)
-STEP = 2
 Follow = Callable[[np.ndarray], list[float]]
 
 
@@ -25,8 +24,7 @@ def follow(model: SubjectModel, database: Database, true_markers: np.ndarray) ->
     markers_m = model.database_markers(database)
     poses = database.poses.reshape(database.frames, -1)
     everything = ExhaustiveSearch(markers_m, poses)
-    sample = ExhaustiveSearch(markers_m[::STEP], poses[::STEP])
-    check = CourseCheck(database, markers_m, sample, STEP, LAGS_S)
+    check = CourseCheck(database, markers_m, LAGS_S)
 
     def evidence(allowed: np.ndarray) -> list[float]:
         state, result = SolverState(observed=LaggedHistory(LAGS_S[-1])), []

@@ -173,8 +173,8 @@ def test_the_closest_example_is_told_without_going_on(model, database, noisy):
 def test_no_frame_pays_for_many_searches(model, database, noisy, monkeypatch):
     """Every second frame jumps; the past is looked beyond now and then only, and each look is one search more."""
     solver = PoseSolver(model, database, SolveSettings(search="exhaustive"))
-    search, searches = solver._search.nearest, []
-    monkeypatch.setattr(solver._search, "nearest", lambda *query: searches.append(1) or search(*query))
+    search, searches = solver._locator._search.nearest, []
+    monkeypatch.setattr(solver._locator._search, "nearest", lambda *query: searches.append(1) or search(*query))
     other = model.database_markers(database, np.arange(database.frames // 2, database.frames // 2 + 30))
     jumping = np.where(np.arange(30)[:, None, None] % 2, noisy[:30], other + noisy[:1, :1] - other[:1, :1])
     state, looked, counts = solver.initial_state, [], []

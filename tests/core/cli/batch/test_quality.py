@@ -43,7 +43,7 @@ def solved(truth, confidence, rms_m, hidden=()):
         pose = PerformerPose(frame, frame / FPS, truth.rotations[0], root, sure, seen, seen, alone, off)
         poses.append(ScenePose((pose,)))
     motion = standing(truth.skeleton, np.tile([0.0, 1.0, 0.0], (len(poses), 1)))
-    return SolvedTake(tuple(poses), (motion,), np.zeros(len(poses)))
+    return SolvedTake(tuple(poses), (motion,), np.zeros(len(poses)), np.zeros(len(poses), dtype=bool))
 
 
 def test_figures_of_known_poses(truth):

@@ -1,0 +1,107 @@
+"""Root and closest examples of a frame's markers."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..database.store import Database
+from ..geometry.arrays import Array, FloatArray, IntArray
+from .methods import Method
+from .observation import Observation
+from .root import root_from_torso
+from .search.exhaustive import ExhaustiveSearch, Query, Search
+from .solution import Examples, SolverState
+from .subject_model import RootPose, SubjectModel
+
+_ROOT_PASSES = 2  # the root needs the pose's torso markers and the pose needs the root
+_FIRST_ROOT_PASSES = 4  # at the start nothing is known about either
+_SPARSE_PASSES = 3  # before the others where time is short, with a sample of the database,
+_SPARSE = 8192  # of so many frames
+_TORSO_EXAMPLES = 8  # closest examples; the root is fitted to the mean of their torsos
+_SPARE_CANDIDATES = 2  # candidates kept, per example wanted, to rank again under a better root
+
+
+class Located(NamedTuple):
+    """Root, closest examples under it, and the start of the next search."""
+
+    root: RootPose
+    examples: Examples
+    found: IntArray
+
+
+class Locator:
+    """Finds root and examples, each from the other, in turn.
+
+    Args:
+        markers_m: (F, M, 3) the subject's markers of the database frames with the root at rest.
+        search: of all frames.
+        query_alpha: weight of the markers against continuity (Eq. 2).
+    """
+
+    def __init__(
+        self,
+        subject: SubjectModel,
+        database: Database,
+        markers_m: FloatArray,
+        search: Search,
+        method: Method,
+        query_alpha: float,
+    ) -> None:
+        self._subject, self._markers, self._search, self._alpha = subject, markers_m, search, query_alpha
+        self._examples, self._pose_m_per_rad = method.examples, method.query_pose_m_per_rad
+        self._poses = database.poses.reshape(database.frames, -1)
+        self._step = -(-database.frames // _SPARSE)
+        self._sparse = ExhaustiveSearch(markers_m[:: self._step], self._poses[:: self._step])
+        self._typical_markers = np.mean(markers_m[:: max(1, len(markers_m) // 2048)], axis=0, dtype=np.float64)
+
+    @property
+    def visited(self) -> int:
+        """Number of distances computed by all searches so far."""
+        return self._search.visited + self._sparse.visited
+
+    def locate(self, state: SolverState, observation: Observation, hurried: bool = False) -> Located | None:
+        """Find root, closest examples and the next search's start; None without a root."""
+        continued = state.continued_pose
+        local = self._typical_markers if continued is None else self._subject.markers(continued.reshape(-1, 3))
+        root, found = state.root, state.found
+        is_first = continued is None and not hurried
+        for _ in range(_SPARSE_PASSES if hurried else 0):
+            root = root_from_torso(observation, local, self._subject, root)
+            if root is None:
+                return None
+            sampled, _ = self._sparse.nearest(self._query(observation, root, None), self._examples)
+            found = self._step * sampled
+            local = _closest_mean(self._markers, found)
+        frames: IntArray | None = None
+        for _ in range(_FIRST_ROOT_PASSES if is_first else _ROOT_PASSES):
+            root = root_from_torso(observation, local, self._subject, root)
+            if root is None:
+                return None
+            query = self._query(observation, root, continued)
+            # after the first pass the root moves little, unless nothing was known: rank the same candidates
+            if frames is None or is_first:
+                frames, distances = self._search.nearest(query, self._examples * _SPARE_CANDIDATES, found)
+                found = frames
+            else:
+                frames, distances = self._search.nearest_among(query, frames)
+            local = _closest_mean(self._markers, frames)
+        if root is None or frames is None or found is None:
+            return None
+        chosen = frames[: self._examples]
+        examples = Examples(chosen, distances[: len(chosen)], self._poses[chosen], self._markers[chosen])
+        return Located(root, examples, found)
+
+    def _query(self, observation: Observation, root: RootPose, continued: Array | None) -> Query:
+        """Return the query of Eq. 2, the observed markers in the root's rest (T of Eq. 2)."""
+        alpha = self._alpha
+        return Query(
+            root.to_root_frame(observation.points_m),
+            continued,
+            alpha,
+            (1.0 - alpha) * self._pose_m_per_rad**2,
+        )
+
+
+def _closest_mean(markers_m: FloatArray, frames: IntArray) -> Array:
+    """Return the mean markers (M, 3) of the closest of ranked frames."""
+    return np.mean(markers_m[frames[:_TORSO_EXAMPLES]], axis=0, dtype=np.float64)
