@@ -68,10 +68,10 @@ def _standing(cut: Cut) -> Motion:
 
 def _search_ms(session: Session) -> float:
     """Return the median processor time of an exhaustive search, ms."""
-    solver, taken = session._solver, []
-    search = ExhaustiveSearch(solver._markers, solver._poses)
-    for frame in np.linspace(0, len(solver._markers) - 1, _SEARCHES).astype(int):
-        query = Query(solver._markers[frame].astype(np.float64), solver._poses[frame].astype(np.float64), 0.8, 0.2)
+    locator, taken = session._solver._locator, []
+    search = ExhaustiveSearch(locator._markers, locator._poses)
+    for frame in np.linspace(0, len(locator._markers) - 1, _SEARCHES).astype(int):
+        query = Query(locator._markers[frame].astype(np.float64), locator._poses[frame].astype(np.float64), 0.8, 0.2)
         started_s = time.thread_time()
         search.nearest(query, _WANTED)
         taken.append(1e3 * (time.thread_time() - started_s))
