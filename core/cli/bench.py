@@ -14,7 +14,6 @@ _TOOLS = PACKAGE_ROOT / "tools"
 
 
 def add_parser(subparsers: Any) -> None:
-    """Add the command group."""
     if (_TOOLS / "bench").is_dir():
         if str(_TOOLS) not in sys.path:
             sys.path.append(str(_TOOLS))

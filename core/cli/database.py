@@ -14,7 +14,6 @@ from .options import add_repeated, add_switch, add_text, check_fps, check_range
 
 
 def add_parser(subparsers: Any) -> None:
-    """Add the command group."""
     group = subparsers.add_parser("database", help="build or inspect a motion database")
     commands = group.add_subparsers(metavar="COMMAND", required=True)
     build = commands.add_parser("build", help="motion files to a database")

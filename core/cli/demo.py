@@ -14,7 +14,6 @@ from .retarget import run_blender
 
 
 def add_parser(subparsers: Any) -> None:
-    """Add the command."""
     parser = subparsers.add_parser(
         "demo", help="the whole chain on the embedded default: performer, cameras, tracking, solve, character"
     )

@@ -13,7 +13,6 @@ from ..system.progress import Progress
 
 
 def add_parser(subparsers: Any) -> None:
-    """Add the command."""
     parser = subparsers.add_parser("diagnose", help="installed versions and the cameras found")
     parser.set_defaults(run=_run)
 

@@ -11,7 +11,6 @@ from .options import add_text
 
 
 def add_parser(subparsers: Any) -> None:
-    """Add the command."""
     parser = subparsers.add_parser("evaluate", help="compare a motion with its truth")
     parser.add_argument("motion", metavar="MOTION", help=".bvh or .amc")
     add_text(parser, "--truth", "TRUTH", ".bvh or .amc", required=True)

@@ -25,7 +25,6 @@ _EXPORTED = (".fbx", ".glb", ".bvh")
 
 
 def add_parser(subparsers: Any) -> None:
-    """Add the command."""
     parser = subparsers.add_parser("retarget", help="a motion onto a character (needs bpy or Blender)")
     parser.add_argument("motion", metavar="MOTION", help="motion: .bvh or .amc")
     add_text(parser, "--to", "CHARACTER", "humanoid of a .blend, .glb, .gltf, .vrm or .fbx file", required=True)

@@ -16,7 +16,6 @@ from .options import add_number, add_text, check_fps, seed
 
 
 def add_parser(subparsers: Any) -> None:
-    """Add the command group."""
     group = subparsers.add_parser("simulate", help="marker takes and camera videos made from motion")
     commands = group.add_subparsers(metavar="COMMAND", required=True)
     _add_markers(commands)

@@ -19,7 +19,6 @@ _CODECS = {"ffv1": (".mkv", "FFV1"), "mjpeg": (".avi", "MJPG"), "mpeg4": (".mp4"
 
 
 def add_parser(subparsers: Any) -> None:
-    """Add `cameras` to the `simulate` group."""
     parser = subparsers.add_parser(
         "cameras", help="videos of two or more cameras, pictures of the board, and all truth, made from motion"
     )
@@ -58,7 +57,6 @@ def _add_studio_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Write the recording; returns its summary."""
     if not 1.0 <= args.fps <= 1000.0:
         raise SettingsError(f"{args.fps} images per second", where="--fps", advice="give 1 to 1000")
     if min(args.background, args.board_views) < 0 or not 0.0 <= args.t_pose <= 60.0:

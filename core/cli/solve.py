@@ -21,7 +21,6 @@ from .options import add_choice, add_motion_options, add_names_option, add_repea
 
 
 def add_parser(subparsers: Any) -> None:
-    """Add the command."""
     parser = subparsers.add_parser("solve", help="full-body motion from a marker take")
     parser.add_argument("take", metavar="TAKE", help="marker take: .take.npz, .c3d, .trc, .csv or .tsv; or a .perftake")
     add_text(parser, "--database", "DB", "motion database (default of a .perftake: the one it was recorded with)")
@@ -105,7 +104,6 @@ def _add_recorded_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Solve a take and write its motion."""
     check(args)
     progress(0.0, "reading")
     solved, facts = solve(args, progress, SessionCache())

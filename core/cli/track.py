@@ -12,7 +12,6 @@ from .options import add_number, add_repeated, add_text, check_fps
 
 
 def add_parser(subparsers: Any) -> None:
-    """Add the `track` command."""
     parser = subparsers.add_parser("track", help="images to marker trajectories, or to a recorded take")
     add_text(parser, "--cameras", "cameras.toml", "calibration (anipose-style TOML)", required=True)
     source = "a video, a folder or pattern of images, a device number, a stream address"
@@ -81,7 +80,6 @@ def _add_body_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Track, write the take, return the summary."""
     from ..database.store import open_database
     from ..geometry.rig_file import load_rig
     from ..session.solve_request import BodyFiles

@@ -21,7 +21,6 @@ from .options import add_text, positive, rate_hz
 
 
 def add_parser(subparsers: Any) -> None:
-    """Add the `vmc` command group."""
     parser = subparsers.add_parser(
         "vmc", help="motion live to and from other programs (Virtual Motion Capture protocol)"
     )
@@ -71,7 +70,6 @@ def _port(text: str) -> int:
 
 
 def run_send(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Play a motion."""
     progress(0.0, "reading")
     motion = _motion(args.motion)
     if args.rate:
@@ -96,7 +94,6 @@ def _motion(path: str) -> Motion:
 
 
 def run_receive(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Record for some seconds and write the bones or the trackers."""
     out = Path(args.out)
     check_ending(out, (*MOTION_ENDINGS, *WRITABLE))
     with Receiver(args.port, "" if args.sender == "any" else args.sender) as receiver:

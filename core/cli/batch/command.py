@@ -50,7 +50,6 @@ _CHECKS: dict[str, Callable[[str], object]] = {
 
 
 def add_parser(subparsers: Any) -> None:
-    """Add the command."""
     parser = subparsers.add_parser(
         "batch",
         help="solve, retarget and rate many takes; continues where it stopped",
@@ -89,7 +88,6 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Do the takes and return the facts about each."""
     check_range("--jobs", args.jobs, 1, 1000, "give 1 to 1000")
     if args.jobs is not None and args.scheduler is not None:
         args.wrong_usage("argument --jobs: with --scheduler the cluster's workers count")

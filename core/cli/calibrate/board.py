@@ -8,7 +8,6 @@ from ..options import add_text
 
 
 def add_parser(group: Any) -> None:
-    """Add `board` to the `calibrate` group."""
     parser = group.add_parser("board", help="write the board as a PDF to print")
     parser.add_argument("--spec", "--board", metavar="SPEC", required=True, help="as for `calibrate cameras`")
     add_text(parser, "--out", "board.pdf", "the PDF to write", required=True)
@@ -16,7 +15,6 @@ def add_parser(group: Any) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Write the board's PDF."""
     from ...vision.calibration.board import parse_board
     from ...vision.calibration.board_pdf import write_board_pdf
 

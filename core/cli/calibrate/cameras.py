@@ -10,7 +10,6 @@ from ..options import add_repeated, add_text
 
 
 def add_parser(group: Any) -> None:
-    """Add `cameras` to the `calibrate` group."""
     parser = group.add_parser("cameras", help="intrinsics, distortion and relative pose from pictures of a board")
     add_text(parser, "--left", "GLOB", "pictures of the left camera: a folder or a pattern in quotes; or a video")
     add_text(parser, "--right", "GLOB", "pictures of the right camera, paired by their numbers; or a video")
@@ -33,7 +32,6 @@ def add_parser(group: Any) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Calibrate, write the rig, return the summary."""
     from ...geometry.rig_file import save_rig
     from ...vision.calibration.calibrate import calibrate_from_points
     from ...vision.calibration.calibration_summary import calibration_summary

@@ -9,7 +9,6 @@ from ..options import add_number, add_source_options, add_text
 
 
 def add_parser(group: Any) -> None:
-    """Add `calibrate floor`."""
     parser = group.add_parser("floor", help="floor, origin and scale from three or more markers lying on the floor")
     add_source_options(parser, "a video, or a folder or pattern of images, in which the markers lie still for a second")
     parser.add_argument(
@@ -31,7 +30,6 @@ def add_parser(group: Any) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Find the floor, write the calibration with it at y = 0, return the summary."""
     from ...errors import CalibrationError
     from ...geometry.rig_file import load_rig, save_rig
     from ...vision.calibration.floor import rig_on_floor

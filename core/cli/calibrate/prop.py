@@ -20,7 +20,6 @@ from .subject import part
 
 
 def add_parser(subparsers: Any) -> None:
-    """Add `prop` to the `calibrate` group."""
     parser = subparsers.add_parser("prop", help="a sword, stick or camera with markers of its own")
     parser.add_argument(
         "take",
@@ -36,7 +35,6 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Measure the prop and write it."""
     progress(0.0, "reading")
     take = part(_trajectories(args.take), args.frames)
     name = args.name or Path(args.out).stem

@@ -15,7 +15,6 @@ _BACKGROUND_SAMPLES = 31
 
 
 def add_parser(group: Any) -> None:
-    """Add `calibrate refine`."""
     parser = group.add_parser(
         "refine", help="find out whether a camera was bumped, and where it is now, from any moving markers"
     )
@@ -26,7 +25,6 @@ def add_parser(group: Any) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Refine, write the rig, return the summary."""
     from ...errors import CalibrationError
     from ...geometry.rig_file import load_rig, save_rig
     from ...vision.calibration.refine import refine_rig

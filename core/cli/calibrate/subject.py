@@ -32,7 +32,6 @@ _DOUBTFUL_M = 0.015  # a body that explains the motion's markers no better is no
 
 
 def add_parser(subparsers: Any) -> None:
-    """Add `subject` to the `calibrate` group."""
     parser = subparsers.add_parser("subject", help="skeleton and marker offsets from held poses")
     parser.add_argument("take", metavar="TAKE", help="take that shows the calibration pose, held still for a second")
     parser.add_argument(
@@ -73,7 +72,6 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Calibrate a subject and write it."""
     if not 0.0 < args.seconds <= 60.0:
         raise SettingsError(f"--seconds {args.seconds:g} is out of range", advice="give more than 0, up to 60")
     progress(0.0, "reading")

@@ -19,7 +19,6 @@ from ..options import add_motion_options, add_text
 
 
 def add_parser(group: Any) -> None:
-    """Add `export` to the `take` group."""
     parser = group.add_parser("export", help="motion or markers of a recorded take as they were solved live")
     parser.add_argument(
         "take", metavar="TAKE", help=f"recorded take ({ENDING}); one that was cut off gives what it has"
@@ -37,7 +36,6 @@ def add_parser(group: Any) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Write the motion or the markers."""
     out = Path(args.out)
     check_ending(out, (*MOTION_ENDINGS, *WRITABLE))
     if args.prop is not None and out.suffix.lower() != ".csv":

@@ -21,7 +21,6 @@ from ..options import add_names_option, add_number, add_text, check_height
 
 
 def add_parser(group: Any) -> None:
-    """Add `fill` to the `take` group."""
     parser = group.add_parser("fill", help="fill gaps of a marker take, and remove noise, by the body it shows")
     parser.add_argument("take", metavar="TAKE", help="marker take: .c3d, .trc, .csv, .tsv, .take.npz; it is left alone")
     parser.add_argument(
@@ -51,7 +50,6 @@ def add_parser(group: Any) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Fill the gaps of a take and write it."""
     check_height(args.height)
     check_ending(args.out)
     progress(0.0, "reading")

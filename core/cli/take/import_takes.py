@@ -27,7 +27,6 @@ _DOUBTFUL_MM = 100.0  # live, solved markers so far off mean that labels or pose
 
 
 def add_parser(group: Any) -> None:
-    """Add `import` to the `take` group."""
     parser = group.add_parser("import", help="solve marker takes of other systems and keep them as recorded takes")
     parser.add_argument("takes", nargs="+", metavar="TAKE", help=f"{', '.join(READABLE)}; a {ENDING} is copied")
     add_text(parser, "--out", "DIR", f"folder for NAME{ENDING}; none is replaced", required=True)

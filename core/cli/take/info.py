@@ -20,14 +20,12 @@ _NOBODY = ", with --subject, or --skeleton and --marker-set"
 
 
 def add_parser(group: Any) -> None:
-    """Add `info` to the `take` group."""
     parser = group.add_parser("info", help="facts about a take, and whether it is complete")
     parser.add_argument("take", metavar="TAKE", help=f"{ENDING}, .c3d, .trc, .csv, .tsv or .take.npz")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Return the facts about a take."""
     progress(0.0, "reading")
     return _recorded_info(read_take_file(args.take)) if is_recorded(args.take) else _marker_info(args.take)
 

@@ -13,7 +13,6 @@ from ..options import add_text
 
 
 def add_parser(group: Any) -> None:
-    """Add `recover` to the `take` group."""
     parser = group.add_parser("recover", help="write the intact part of a cut-off or damaged take as a whole take")
     parser.add_argument("take", metavar="TAKE", help=f"recorded take ({ENDING}); it stays as it is")
     add_text(parser, "--out", "TAKE", f"take to write (default: NAME-recovered{ENDING} beside it)")

@@ -54,7 +54,6 @@ class ImageFileSource(ClosableSource):
         return ImageSet(number, (float(time_s),) * len(paths), images)
 
     def __iter__(self) -> Iterator[ImageSet]:
-        """Yield all image sets in order."""
         for index in range(self.frames):
             if self._closed:
                 return

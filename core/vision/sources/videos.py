@@ -58,7 +58,6 @@ class VideoSource(ClosableSource):
         self.fps = rates[0] if 1.0 <= rates[0] <= 1000.0 else fps
 
     def __iter__(self) -> Iterator[ImageSet]:
-        """Yield all image sets in order."""
         with ExitStack() as stack:
             captures = [_open(path) for path in self._paths]
             for capture in captures:
