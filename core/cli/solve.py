@@ -163,7 +163,7 @@ def solve(args: argparse.Namespace, progress: Progress, cache: SessionCache) -> 
             causal=args.causal,
         )
         if args.cameras is not None:
-            from ..vision.relocate import retriangulate  # images' libraries are slow to load
+            from ..vision.synchronise import retriangulate  # images' libraries are slow to load
 
             request = replace(request, retriangulate=retriangulate)
     else:

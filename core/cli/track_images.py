@@ -152,7 +152,6 @@ class TrackImages:
         return frames, frame_facts(self.rig, frames, self._worn) | aligned
 
     def _write_trajectories(self, seen: Sequence[MarkerFrame], fps: float, progress: Progress) -> Facts:
-        """Write a marker take and return its figures."""
         frames, facts = self._synchronise(seen)
         found: Facts = {"labels": _LATER, "warnings": []}
         progress(_DETECTION_SHARE, "labelling")

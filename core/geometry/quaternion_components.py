@@ -28,32 +28,26 @@ def stacked(parts: tuple[Part, ...]) -> Array:
 
 
 def plus(a: Vector, b: Vector) -> Vector:
-    """Return the sum."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 def minus(a: Vector, b: Vector) -> Vector:
-    """Return the difference."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 def times(factor: Part, a: Vector) -> Vector:
-    """Return the multiple."""
     return factor * a[0], factor * a[1], factor * a[2]
 
 
 def dot(a: Vector, b: Vector) -> Part:
-    """Return the scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def cross(a: Vector, b: Vector) -> Vector:
-    """Return the vector product."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def length(a: Vector) -> Part:
-    """Return the length."""
     return dot(a, a) ** 0.5
 
 
@@ -63,17 +57,14 @@ def unit(a: Vector) -> Vector:
 
 
 def maximum(a: Part, b: Part) -> Part:
-    """Return the elementwise maximum."""
     return 0.5 * (a + b + abs(a - b))
 
 
 def minimum(a: Part, b: Part) -> Part:
-    """Return the elementwise minimum."""
     return 0.5 * (a + b - abs(a - b))
 
 
 def rotate(q: Quaternion, v: Vector) -> Vector:
-    """Return the turned vector."""
     u = (q[1], q[2], q[3])
     t = times(2.0, cross(u, v))
     return plus(v, plus(times(q[0], t), cross(u, t)))
@@ -85,7 +76,6 @@ def conjugate(q: Quaternion) -> Quaternion:
 
 
 def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
-    """Return the Hamilton product."""
     return (
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
         a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],

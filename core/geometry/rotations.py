@@ -198,6 +198,19 @@ def continuous(quaternions: ArrayLike) -> Array:
     return q
 
 
+def unwrap_euler(angles: Array) -> Array:
+    """Return angles (F, 3), radians, each in the form nearest to the frame before.
+
+    Three angles about three different axes turn as (a + pi, pi - b, c + pi) do.
+    """
+    other = np.stack((angles[:, 0] + np.pi, np.pi - angles[:, 1], angles[:, 2] + np.pi), axis=1)
+    turns = ((form[1:] - angles[:-1] + np.pi) % (2.0 * np.pi) - np.pi for form in (angles, other))
+    stay, change = (np.sum(np.abs(turn), axis=1) for turn in turns)
+    changed = np.cumsum(change < stay) % 2 == 1  # from frame to frame both forms change alike
+    changed = np.concatenate(([False], changed))
+    return np.unwrap(np.where(changed[:, None], other, angles), axis=0)
+
+
 def swing_twist(quaternions: ArrayLike, axis: ArrayLike) -> tuple[Array, Array]:
     """Split q into (swing, twist), q = swing * twist, twist about the unit `axis`."""
     q = np.asarray(quaternions, dtype=np.float64)

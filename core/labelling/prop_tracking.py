@@ -111,7 +111,6 @@ class PropTracker:
         return self._by_points(frame, expected)
 
     def _by_points(self, frame: MarkerFrame, expected: Placed | None) -> PropDetection:
-        """Detect the prop in a frame without images."""
         candidates = self._candidates(frame, expected)
         if not candidates or any(
             other.cost_m2 - candidates[0].cost_m2 < _CLEARLY_M2
@@ -127,7 +126,6 @@ class PropTracker:
         )
 
     def _by_images(self, frame: MarkerFrame, expected: Placed | None) -> PropDetection:
-        """Detect the prop in a frame's blobs."""
         images = PropImages(self._cameras, frame, self.prop)
         found = self._find_places(frame, images, expected)
         if not found or any(found[0].score - other.score < _CLEARLY for other in found[1:]):

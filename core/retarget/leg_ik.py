@@ -145,7 +145,6 @@ def bend_legs(plan: LegPlan, world: Array, root: c.Quaternion, position: c.Vecto
 
 
 def _step(leg: _Leg, world: Array, root: c.Quaternion, position: c.Vector) -> _Step:
-    """Return the performer's leg in one pose."""
     upper, lower, end = (c.components(world[..., joint, :]) for joint in leg.joints)
     thigh_way, shank_way = c.rotate(upper, leg.thigh_way), c.rotate(lower, leg.shank_way)
     ankle = c.plus(position, c.rotate(root, leg.own_hip))

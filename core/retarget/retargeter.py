@@ -298,20 +298,17 @@ def _in_armature(plan: RetargetPlan, positions_m: Array) -> Array:
 
 
 def _move_hips(plan: RetargetPlan, bones: Array, hips: Array) -> CharacterPose:
-    """Let the hips carry the character."""
     locations = ((hips - plan.carriers.hips_head) @ plan.carriers.mover_axes.T)[..., None, :]
     return CharacterPose(bones, locations, None, None)
 
 
 def _move_object(plan: RetargetPlan, bones: Array, hips: Array, turn: Array) -> CharacterPose:
-    """Let the armature object carry the character."""
     carried, from_rest = _split_travel(plan, hips, turn)
     locations = (from_rest @ plan.carriers.mover_axes.T)[..., None, :]
     return CharacterPose(bones, locations, turn, carried)
 
 
 def _move_root_bone(plan: RetargetPlan, root: _RootBone, bones: Array, hips: Array, turn: Array) -> CharacterPose:
-    """Let the root bone carry the character."""
     carried, from_rest = _split_travel(plan, hips, turn)
     root_turn = rot.multiply(rot.multiply(rot.conjugate(root.rotation), turn), root.rotation)
     moved = rot.rotate(turn, root.head) + carried - root.head

@@ -44,7 +44,6 @@ def exported_bone_names(armature_object: bpy.types.Object, bones: Mapping[str, s
 
 
 def _rename(data: bpy.types.Armature, names: Mapping[str, str]) -> None:
-    """Rename bones: old -> new name."""
     passing = {old: _PASSING.format(number) for number, old in enumerate(names)}
     for old, between in passing.items():
         data.bones[old].name = between

@@ -185,7 +185,6 @@ def _use_rig(chosen: PERFANIM_PG_settings, summary: dict[str, Any], name: str) -
 
 
 def _quality(summary: dict[str, Any]) -> str:
-    """Return the quality of a calibration, and advice."""
     text = f"{summary.get('verdict', 'done')}: {float(summary.get('stereo_rms_px', 0.0)):.2f} px"
     return "; ".join((text, *summary.get("advice", ())))
 

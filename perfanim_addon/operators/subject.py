@@ -182,7 +182,6 @@ def cue(before: str, now: str) -> float | None:
 
 
 def _recording(context: bpy.types.Context, job: str, poses: tuple[str, ...], take: str) -> dict[str, Any]:
-    """Return the request for a recording of poses."""
     chosen = settings(context)
     return {
         **request.cameras(chosen),
@@ -206,6 +205,5 @@ def _take_over(context: bpy.types.Context, summary: dict[str, Any], all_poses: b
 
 
 def _score(summary: dict[str, Any]) -> str:
-    """Return the quality of a calibration, and advice."""
     text = [f"{summary['verdict']}: residual {float(summary['residual_mm']):.0f} mm", *summary["advice"]]
     return "; ".join(text + ([summary["floor_advice"]] if "floor_advice" in summary else []))

@@ -138,7 +138,6 @@ def _draw_take(context: bpy.types.Context, layout: bpy.types.UILayout, item: PER
 
 
 def _draw_room(layout: bpy.types.UILayout, count: int) -> None:
-    """Draw the disk space of the takes, with Clean Up and Restore."""
     listed, gone = take_library.disk_space()
     if count or gone:
         text = f"{count} take{'s' * (count != 1)}, {take_library.size_text(listed)}"

@@ -62,7 +62,6 @@ def hide() -> None:
 
 
 def _draw() -> None:
-    """Draw into the viewport that is being drawn."""
     # imported here: without a window there is no GPU
     import gpu
     from gpu_extras.presets import draw_texture_2d

@@ -90,7 +90,6 @@ def hide() -> None:
 
 
 def _draw() -> None:
-    """Draw into the viewport that is being drawn."""
     scene, pose, area, region = _state.scene, _state.pose, bpy.context.area, bpy.context.region
     if scene is None or pose is None or not area.spaces.active.overlay.show_overlays:
         return

@@ -33,8 +33,7 @@ def add_parser(group: Any) -> None:
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ...geometry.rig_file import save_rig
-    from ...vision.calibration.calibrate import calibrate_from_points
-    from ...vision.calibration.calibration_summary import calibration_summary
+    from ...vision.calibration.calibrate import calibrate_from_points, calibration_summary
 
     if args.points:
         from ...vision.calibration.board_points import load_board_points

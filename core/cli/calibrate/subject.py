@@ -122,7 +122,6 @@ def _from_poses(
 
 
 def _trust(result: SubjectCalibration) -> dict[str, Any]:
-    """Return how far a calibration can be trusted."""
     return {
         "marker_residuals_mm": {marker: round(1e3 * off, 1) for marker, off in result.marker_residuals_m.items()},
         "open_mm": {joint: round(1e3 * sigma, 1) for joint, sigma in result.sigmas_m.items()},

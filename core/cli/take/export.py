@@ -87,7 +87,6 @@ def _performer_index(take: TakeFile, name: str | None) -> int:
 
 
 def _export_prop(take: TakeFile, name: str, out: Path, warnings: list[str]) -> dict[str, Any]:
-    """Write where a prop was."""
     names = [prop.name for prop in take.setup.carried_props()]
     if name not in names:
         advice = f"its props: {', '.join(names)}" if names else "it was recorded without any; solve it with --prop"

@@ -16,7 +16,6 @@ import numpy as np
 from ...body.motion import Motion
 from ...geometry import rotations as rot
 from ...system.files import atomic_path
-from .euler_continuity import unwrap_euler
 
 _ORDER = "ZXY"
 _DECIMALS = 6
@@ -37,7 +36,7 @@ def write_angles_csv(motion: Motion, path: Path | str) -> None:
     header = ["frame", "time_s", *(f"{names[0]}_{axis}_m" for axis in "xyz")]
     header += [f"{name}_{axis}_deg" for name in names for axis in _ORDER.lower()]
     euler = rot.to_euler(motion.rotations, _ORDER)
-    angles = np.concatenate([unwrap_euler(euler[:, joint]) for joint in range(len(names))], axis=1)
+    angles = np.concatenate([rot.unwrap_euler(euler[:, joint]) for joint in range(len(names))], axis=1)
     rows = np.round(np.concatenate((motion.root_positions_m, np.degrees(angles)), axis=1), _DECIMALS) + 0.0
     pattern = ",".join([f"%.{_DECIMALS}f"] * rows.shape[1])
     with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:

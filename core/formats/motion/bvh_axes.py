@@ -7,7 +7,6 @@ from numpy.typing import ArrayLike
 
 from ...geometry import rotations as rot
 from ...geometry.arrays import Array
-from .euler_continuity import unwrap_euler
 
 _DECIMALS = 6
 
@@ -46,7 +45,7 @@ def transform_bvh(text: str, matrices: ArrayLike) -> str:
             angles = np.radians(values[:, joint.angles])
             before, after = turns if joint.is_top else turns[:1], rot.conjugate(turns[:1])
             turned = rot.multiply(rot.multiply(before, rot.from_euler(angles, joint.order)), after)
-            values[:, joint.angles] = np.degrees(unwrap_euler(rot.to_euler(turned, joint.order)))
+            values[:, joint.angles] = np.degrees(rot.unwrap_euler(rot.to_euler(turned, joint.order)))
     written = [" ".join(f"{value:.{_DECIMALS}f}" for value in row) for row in values]
     return "\n".join([*lines, "MOTION", head, rate, *written]) + "\n"
 

@@ -8,10 +8,10 @@ searched from all representatives. The cost of a search is bounded.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...database.graph import NeighbourGraph
+from ...database.graph import NeighbourGraph, k_means, weigh_poses
 from ...geometry.arrays import Array, FloatArray, IntArray, Mask
-from .cluster_representatives import ClusterRepresentatives
 from .exhaustive import ExhaustiveSearch, Query, closest
 
 _VISITED = 6.0  # frames visited for each one wanted, besides the first representatives, after which a search ends
@@ -20,6 +20,7 @@ _STEPS = 3  # from a representative to closer and closer frames
 _BEAM, _START_BEAM = 2, 128  # frames that such a step is made from at once
 _IDLE = 3  # looks in a row that bring none into the closer half, after which the graph is followed no further
 _PROMISING = 2.0  # times the distance of the middle one found last, up to which a representative is followed
+_SAMPLED = 16  # frames of a cluster, evenly through it, of which the most central stands for it
 
 
 class GraphSearch:
@@ -33,7 +34,7 @@ class GraphSearch:
     def __init__(self, markers_m: FloatArray, poses: FloatArray, graph: NeighbourGraph) -> None:
         self._frames = ExhaustiveSearch(markers_m, poses)
         self._neighbours = np.asarray(graph.neighbours)
-        self._representatives = ClusterRepresentatives(poses, np.asarray(graph.clusters))
+        self._representatives = _ClusterRepresentatives(poses, np.asarray(graph.clusters))
         self._seen, self._followed = np.zeros((2, len(self._frames)), dtype=np.bool_)
         self.visited = 0
 
@@ -153,3 +154,36 @@ class _Visit:
         self._seen[np.concatenate(self._visited)] = False
         order, ascending = closest(self._distances, self._wanted)
         return self._found[order], ascending
+
+
+class _ClusterRepresentatives:
+    """One frame of every cluster of poses, in groups of similar ones.
+
+    Args:
+        poses: (F, D) poses of the database frames.
+        clusters: (F,) cluster of each frame, none empty.
+
+    Attributes:
+        frames: (C,) one of each cluster.
+        groups: the same frames in about sqrt(C) groups.
+        leaders: (G,) the most central frame of each group.
+    """
+
+    def __init__(self, poses: FloatArray, clusters: NDArray[np.int32]) -> None:
+        order = np.argsort(clusters, kind="stable")
+        counts = np.bincount(clusters)
+        starts = np.cumsum(counts) - counts
+        shares = (np.arange(_SAMPLED) + 0.5) / _SAMPLED
+        sampled = order[starts[:, None] + (counts[:, None] * shares).astype(np.int64)]
+        away = weigh_poses(poses[sampled])
+        away -= away.mean(axis=1, keepdims=True)
+        central = np.argmin(np.einsum("csd,csd->cs", away, away), axis=1)
+        self.frames: IntArray = sampled[np.arange(len(counts)), central]
+        mine = weigh_poses(poses[self.frames])
+        centres, group = k_means(mine, round(np.sqrt(len(mine))))
+        self.groups = [self.frames[group == index] for index in range(len(centres))]
+        away = mine - centres[group]
+        apart = np.einsum("cd,cd->c", away, away)
+        self.leaders: IntArray = np.array(
+            [self.frames[group == index][np.argmin(apart[group == index])] for index in range(len(centres))]
+        )

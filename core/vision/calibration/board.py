@@ -69,6 +69,11 @@ class Board:
         return self.columns - 1, self.rows - 1
 
     @property
+    def is_ambiguous(self) -> bool:
+        """Whether it looks the same after half a turn, as it has no markers."""
+        return self.kind == "chessboard"
+
+    @property
     def points_m(self) -> Array:
         """Inner corners (N, 3) in the board's plane z = 0, row after row."""
         columns, rows = self.corner_grid

@@ -17,7 +17,7 @@ from .board import Board, find_board, glimpse_board, seen_grid
 from .board_coverage import ENOUGH_COVERED, CameraCoverage, least_covered, update_reachable
 from .board_guidance import OtherBoardProbe, Target, TargetRegions, is_alike, move_advice, visibility_advice
 from .board_watch import BoardObservation, BoardWatch, placement_of
-from .calibrate import CalibrationResult, are_sides_exchanged, calibrate_from_points, grid_of
+from .calibrate import CalibrationResult, are_sides_exchanged, calibrate_from_points
 from .rig_fit import MINIMUM_VIEWS, CameraViews
 
 Start = Callable[..., "Future[Any]"]
@@ -271,5 +271,5 @@ def _calibrate(
     board: Board, cameras: Sequence[CameraViews], widths_px: dict[str, list[tuple[float, float]]]
 ) -> CalibrationResult:
     return calibrate_from_points(
-        board.points_m, cameras, left_right=False, grid=grid_of(board), edge_widths_px=widths_px
+        board.points_m, cameras, left_right=False, ambiguous=board.is_ambiguous, edge_widths_px=widths_px
     )

@@ -6,6 +6,7 @@ board's poses are refined together (`bundle`).
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,7 +15,7 @@ from ...errors import CalibrationError
 from ...geometry.arrays import Array
 from ...geometry.camera import WORLD_FROM_CAMERA, Camera, CameraRig
 from ...geometry.rigid_transform import nearest_rotation
-from .board import Board, BoardView
+from .board import BoardView
 from .board_quality import Coverage, coverage
 from .bundle import Bundle, CornerObservation, adjust, intrinsics_of, matrix_of, rms, rms_by_moment
 from .relative_pose import Transform, inverse
@@ -78,13 +79,39 @@ class CalibrationResult:
     advice: tuple[str, ...] = ()
 
 
+def calibration_summary(result: CalibrationResult, square_m: float = 0.0) -> dict[str, Any]:
+    """Return a calibration's summary; `square_m` is the board's square, 0 if unknown."""
+    summary: dict[str, Any] = {
+        "verdict": result.verdict,
+        "stereo_rms_px": result.stereo_rms_px,
+        "held_out_rms_px": result.held_out_px,
+        "rms_px": dict(result.rms_px),
+        "coverage": dict(result.coverage),
+        "used": len(result.used),
+        "rejected": [{"picture": row.picture, "reason": row.reason} for row in result.rejected],
+        "views_px": {
+            name: {picture: error for (picture, camera), error in result.views_px.items() if camera == name}
+            for name in result.rms_px
+        },
+        "advice": list(result.advice),
+    }
+    if len(result.rig) > 1:
+        summary["baseline_mm"] = result.baseline_m * 1000.0
+        summary["distance_sigma_percent"] = 100.0 * result.distance_sigma
+    if result.late_s:
+        summary["late_ms"] = {name: 1000.0 * late for name, late in result.late_s.items()}
+    if square_m and len(result.rig) > 1:
+        summary["baseline_squares"] = result.baseline_m / square_m
+    return summary
+
+
 def calibrate_from_points(
     points_m: Array,
     cameras: Sequence[CameraViews],
     rejected: Sequence[Rejected] = (),
     *,
     left_right: bool = True,
-    grid: tuple[int, int] | None = None,
+    ambiguous: bool = False,
     edge_widths_px: Mapping[str, Sequence[tuple[float, float]]] | None = None,
 ) -> CalibrationResult:
     """Calibrate from board points (N, 3) and where each camera saw them.
@@ -94,8 +121,7 @@ def calibrate_from_points(
         cameras: what each saw; of one alone, the lens is found, and it stays where the world is.
         rejected: pictures already refused, passed on to the result.
         left_right: the first two cameras are the left and the right one, as the cameras see it; checked.
-        grid: inner corners (columns, rows) of a chessboard with a half-turn ambiguity to resolve; None
-            when every point is identified.
+        ambiguous: the board may have been seen after half a turn (see `Board.is_ambiguous`).
         edge_widths_px: how sharp each camera's pictures are (`board_quality.edge_widths`), where that is known.
 
     Raises:
@@ -109,7 +135,7 @@ def calibrate_from_points(
     if len(cameras) == 1:
         fit = fit_of_one(singles[0])
     else:
-        centre = points_m.mean(axis=0) if grid is not None else None
+        centre = points_m.mean(axis=0) if ambiguous else None
         fit = fit_rig(points_m, cameras, singles, refused, centre)
         if left_right:
             _check_sides(fit.poses[1], cameras[0].name, cameras[1].name)
@@ -281,8 +307,3 @@ def _time_advice(late_s: Mapping[str, float]) -> list[str]:
         return []
     delays = ", ".join(f"{name} {1000.0 * late:+.0f} ms" for name, late in late_s.items())
     return [f"the cameras do not take their pictures at one time ({delays}): hold the board still in each place"]
-
-
-def grid_of(board: Board) -> tuple[int, int] | None:
-    """Return a chessboard's grid, None for a board with markers (no half turns)."""
-    return board.corner_grid if board.kind == "chessboard" else None

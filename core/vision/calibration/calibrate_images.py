@@ -12,7 +12,7 @@ from ...system.progress import Progress
 from ..sources.files import by_number, list_images, read_image
 from .board import Board, BoardView, find_board, seen_grid
 from .board_quality import edge_widths
-from .calibrate import CalibrationResult, calibrate_from_points, grid_of
+from .calibrate import CalibrationResult, calibrate_from_points
 from .rig_fit import MINIMUM_VIEWS, CameraViews, Rejected
 
 _PROBES = 5
@@ -50,7 +50,7 @@ def calibrate_images(
     _check_found(board, shown, files, cameras)
     progress(0.9, "calibrating")
     return calibrate_from_points(
-        board.points_m, cameras, rejected, left_right=left_right, grid=grid_of(board), edge_widths_px=widths
+        board.points_m, cameras, rejected, left_right=left_right, ambiguous=board.is_ambiguous, edge_widths_px=widths
     )
 
 

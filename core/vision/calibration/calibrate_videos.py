@@ -17,7 +17,7 @@ from ...system.progress import Progress
 from ..sources.videos import VideoSource
 from .board import Board, BoardView, find_board, grey_of
 from .board_quality import edge_widths
-from .calibrate import CalibrationResult, calibrate_from_points, grid_of
+from .calibrate import CalibrationResult, calibrate_from_points
 from .rig_fit import MINIMUM_VIEWS, CameraViews, Rejected
 
 _LOOKED_AT = 240  # moments of a recording
@@ -53,7 +53,7 @@ def calibrate_videos(
     progress(0.9, "calibrating")
     chosen, rejected = _stillest(cameras)
     return calibrate_from_points(
-        board.points_m, chosen, rejected, left_right=left_right, grid=grid_of(board), edge_widths_px=widths
+        board.points_m, chosen, rejected, left_right=left_right, ambiguous=board.is_ambiguous, edge_widths_px=widths
     )
 
 

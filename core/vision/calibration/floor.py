@@ -73,7 +73,7 @@ def board_in_space(rig: CameraRig, views: Sequence[BoardView], board: Board) -> 
         raise CalibrationError("not all cameras see the whole board", advice="lay it where they all do")
     if len(views) == 1:
         return _seen_by_one(rig.cameras[0], views[0], board)
-    ways = [(False, True) if board.kind == "chessboard" and index else (False,) for index in range(len(views))]
+    ways = [(False, True) if board.is_ambiguous and index else (False,) for index in range(len(views))]
     best, least = np.zeros((0, 3)), np.inf
     for turned in product(*ways):
         ordered = [view.reverse() if turn else view for view, turn in zip(views, turned, strict=True)]

@@ -89,7 +89,6 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
 def _setup(
     request: Mapping[str, Any], cameras: Mapping[str, Any], database: Database
 ) -> tuple[TakeSetup, SolveSettings]:
-    """Return the take's setup and the solver's settings."""
     given = request.get("settings", {})
     try:
         settings = SolveSettings.of_table(given)

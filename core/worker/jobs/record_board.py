@@ -25,7 +25,7 @@ from ...simulate.studio.rig import default_rig
 from ...vision.calibration.board import Board, parse_board
 from ...vision.calibration.board_preview import draw_corners, draw_coverage, draw_taken, draw_wanted
 from ...vision.calibration.board_session import BoardSession, Guidance
-from ...vision.calibration.calibration_summary import calibration_summary
+from ...vision.calibration.calibrate import calibration_summary
 from ...vision.sources.files import write_image
 from ...vision.sources.image_set import camera_title, moment_of, usable_images
 from ...vision.sources.source_kinds import ImageSetLike, ImageSource

@@ -56,7 +56,7 @@ def with_views(camera: CameraViews, changes: dict[str, BoardView]) -> CameraView
 
 
 def test_cameras_are_found_again(rig):
-    result = calibrate_from_points(BOARD.points_m, views(rig, 20), grid=BOARD.corner_grid)
+    result = calibrate_from_points(BOARD.points_m, views(rig, 20), ambiguous=True)
     assert result.verdict == "good" and result.rejected == ()
     assert len(result.used) == 20
     assert NOISE_PX < result.stereo_rms_px < NOISE_PX * np.sqrt(2) * 1.05
@@ -75,7 +75,7 @@ def test_cameras_are_found_again(rig):
 def test_half_turns_of_the_board_are_resolved(rig):
     left, right = views(rig, 16)
     turned = with_views(right, {key: reversed_view(right.views[key]) for key in list(right.views)[::3]})
-    result = calibrate_from_points(BOARD.points_m, [left, turned], grid=BOARD.corner_grid)
+    result = calibrate_from_points(BOARD.points_m, [left, turned], ambiguous=True)
     assert len(result.used) == 16
     assert result.stereo_rms_px < NOISE_PX * np.sqrt(2) * 1.05
 
@@ -83,7 +83,7 @@ def test_half_turns_of_the_board_are_resolved(rig):
 def test_pairs_that_do_not_belong_together_are_left_out_with_a_reason(rig):
     left, right = views(rig, 16)
     mixed = with_views(right, {"003": right.views["009"], "012": right.views["001"]})
-    result = calibrate_from_points(BOARD.points_m, [left, mixed], grid=BOARD.corner_grid)
+    result = calibrate_from_points(BOARD.points_m, [left, mixed], ambiguous=True)
     assert {row.picture for row in result.rejected} == {"003", "012"}
     assert all(row.reason for row in result.rejected)
     assert result.baseline_m == pytest.approx(rig.baseline_m(), rel=3e-3)
@@ -95,7 +95,7 @@ def test_a_spoilt_view_is_left_out(rig):
     result = calibrate_from_points(
         BOARD.points_m,
         [with_views(left, {"005": BoardView(left.views["005"].ids, bent)}), right],
-        grid=BOARD.corner_grid,
+        ambiguous=True,
     )
     assert [row.picture for row in result.rejected] == ["left 005"]
 
@@ -104,8 +104,8 @@ def test_exchanged_sides_are_told(rig):
     left, right = views(rig, 10)
     swapped = [CameraViews("left", right.image_size, right.views), CameraViews("right", left.image_size, left.views)]
     with pytest.raises(CalibrationError, match="exchange --left and --right"):
-        calibrate_from_points(BOARD.points_m, swapped, grid=BOARD.corner_grid)
-    assert calibrate_from_points(BOARD.points_m, swapped, left_right=False, grid=BOARD.corner_grid).used
+        calibrate_from_points(BOARD.points_m, swapped, ambiguous=True)
+    assert calibrate_from_points(BOARD.points_m, swapped, left_right=False, ambiguous=True).used
 
 
 def test_lists_that_are_shifted_against_each_other_are_refused(rig):
@@ -127,7 +127,7 @@ def test_too_few_views_are_told(rig):
 
 
 def test_few_moments_are_usable_but_advice_asks_for_more(rig):
-    result = calibrate_from_points(BOARD.points_m, views(rig, 5), grid=BOARD.corner_grid)
+    result = calibrate_from_points(BOARD.points_m, views(rig, 5), ambiguous=True)
     assert result.verdict == "usable"
     assert any("12" in line for line in result.advice)
     assert np.isnan(result.held_out_px)
@@ -139,7 +139,7 @@ def test_a_third_camera_that_shares_views_with_one_of_the_others_joins_the_rig(r
     rows = views(wide, 18)
     only_with_right = CameraViews("third", third.image_size, {k: v for k, v in rows[2].views.items() if int(k) >= 6})
     first = CameraViews("left", wide.cameras[0].image_size, {k: v for k, v in rows[0].views.items() if int(k) < 12})
-    result = calibrate_from_points(BOARD.points_m, [first, rows[1], only_with_right], grid=BOARD.corner_grid)
+    result = calibrate_from_points(BOARD.points_m, [first, rows[1], only_with_right], ambiguous=True)
     assert len(result.rig) == 3
     assert result.rig.baseline_m(0, 2) == pytest.approx(wide.baseline_m(0, 2), rel=5e-3)
 
@@ -154,7 +154,7 @@ def test_a_view_of_one_camera_among_three_is_left_out_and_the_moment_stays(rig):
     rows = views(three_cameras(rig), 14)
     shifted = BoardView(rows[2].views["004"].ids, rows[2].views["004"].pixels + 6.0)
     result = calibrate_from_points(
-        BOARD.points_m, [rows[0], rows[1], with_views(rows[2], {"004": shifted})], grid=BOARD.corner_grid
+        BOARD.points_m, [rows[0], rows[1], with_views(rows[2], {"004": shifted})], ambiguous=True
     )
     assert [row.picture for row in result.rejected] == ["third 004"]
     assert ("004", "left") in result.views_px and ("004", "third") not in result.views_px
@@ -177,19 +177,19 @@ def test_a_camera_that_takes_its_pictures_later_is_told_and_costs_little(rig):
     blind = [
         CameraViews(c.name, c.image_size, {k: BoardView(v.ids, v.pixels) for k, v in c.views.items()}) for c in pair
     ]
-    result = calibrate_from_points(BOARD.points_m, pair, grid=BOARD.corner_grid)
+    result = calibrate_from_points(BOARD.points_m, pair, ambiguous=True)
     assert result.late_s["left"] == 0.0
     assert result.late_s["right"] == pytest.approx(0.06, abs=0.01)  # half of what is worth telling
     assert any("right +" in line and "at one time" in line for line in result.advice)
     assert result.stereo_rms_px < 2.0 * NOISE_PX * np.sqrt(2)
     assert result.baseline_m == pytest.approx(rig.baseline_m(), rel=5e-3)
-    assert calibrate_from_points(BOARD.points_m, blind, grid=BOARD.corner_grid).stereo_rms_px > 1.0
+    assert calibrate_from_points(BOARD.points_m, blind, ambiguous=True).stereo_rms_px > 1.0
 
 
 def test_the_certainty_of_the_distance_is_that_of_repeated_calibrations(rig):
     errors, sigmas = [], []
     for seed in range(8):
-        result = calibrate_from_points(BOARD.points_m, views(rig, 9, seed, 0.3), grid=BOARD.corner_grid)
+        result = calibrate_from_points(BOARD.points_m, views(rig, 9, seed, 0.3), ambiguous=True)
         errors.append(result.baseline_m / rig.baseline_m() - 1.0)
         sigmas.append(result.distance_sigma)
     # chi-square of 8: 99.9 % of such sums lie between 0.86 and 26
@@ -199,7 +199,7 @@ def test_the_certainty_of_the_distance_is_that_of_repeated_calibrations(rig):
 def test_smeared_and_blurred_pictures_are_told(rig):
     rows = views(rig, 10)
     widths = {"left": [(2.0, 9.0)] * 10, "right": [(8.0, 9.0)] * 10}
-    result = calibrate_from_points(BOARD.points_m, rows, grid=BOARD.corner_grid, edge_widths_px=widths)
+    result = calibrate_from_points(BOARD.points_m, rows, ambiguous=True, edge_widths_px=widths)
     told = " | ".join(result.advice)
     assert "left: exposure too long: corners smeared over 9 pixels" in told
     assert "right is out of focus: edges 9 pixels wide" in told
