@@ -18,7 +18,7 @@ from ..errors import DatabaseError
 from ..formats.motion.motion_sources import MotionFile, motion_files
 from ..geometry.arrays import FloatArray
 from ..system.files import writing
-from ..system.progress import Progress
+from ..system.progress import Progress, no_progress
 from .culling import clips_after_culling, near_duplicates
 from .frame_file import FrameFile
 from .graph import LARGE_DATABASE, GraphSettings
@@ -132,7 +132,7 @@ def build_database(
     """
     started = time.monotonic()
     settings, out = settings or BuildSettings(), Path(out)
-    step = progress or (lambda fraction, text: None)
+    step = progress or no_progress
     with _folder_beside(out) as folder, closing(FrameFile(folder / "rotations", (len(JOINT_NAMES), 4))) as rotations:
         collected = _Collected(rotations, settings.mirror)
         with motion_files(sources) as found:

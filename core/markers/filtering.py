@@ -43,12 +43,9 @@ def smooth_motion(motion: Motion, cutoff_hz: float) -> Motion:
     for `smooth_take`.
     """
     sections = _low_pass(cutoff_hz, motion.fps, motion.name)
-    steps = np.sum(motion.rotations[1:] * motion.rotations[:-1], axis=-1, keepdims=True)
-    signs = np.cumprod(np.where(steps < 0.0, -1.0, 1.0), axis=0)  # q and -q are one rotation: a path without jumps
-    rotations = np.concatenate((motion.rotations[:1], motion.rotations[1:] * signs))
     return replace(
         motion,
-        rotations=rot.normalize(_filter(sections, rotations)),
+        rotations=rot.normalize(_filter(sections, rot.continuous(motion.rotations))),
         root_positions_m=_filter(sections, motion.root_positions_m),
     )
 

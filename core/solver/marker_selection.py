@@ -117,13 +117,9 @@ def _covariance(subject: Subject, database: Database) -> Array:
     return np.asarray(deviations.T @ deviations / len(frames) + moved @ moved.T)
 
 
-def _columns(size: int, marker: int) -> slice:
-    return slice(size + 3 * marker, size + 3 * marker + 3)
-
-
 def _seen(covariance: Array, size: int, marker: int) -> tuple[Array, Array]:
     """Return the covariances of all with a marker (N, 3), of its measurement (3, 3)."""
-    columns = _columns(size, marker)
+    columns = slice(size + 3 * marker, size + 3 * marker + 3)
     return covariance[:, columns], covariance[columns, columns] + _MARKER_SIGMA_M**2 * np.eye(3)
 
 

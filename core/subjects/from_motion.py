@@ -22,7 +22,7 @@ from ..markers.subject import Subject
 from ..markers.take_frames import take_frames
 from ..session.session import Session
 from ..solver.settings import SolveSettings
-from ..system.progress import Progress
+from ..system.progress import Progress, no_progress
 
 _ROUNDS = 4
 _MOST_FRAMES = 300  # of the take that are looked at; more tell little new about the body
@@ -46,10 +46,7 @@ _PARTS: dict[str, tuple[str, ...]] = {
 
 
 def subject_from_motion(
-    take: MarkerTake,
-    start: Subject,
-    database: Database,
-    progress: Progress = lambda fraction, text: None,
+    take: MarkerTake, start: Subject, database: Database, progress: Progress = no_progress
 ) -> Subject:
     """Return the subject with the bones and offsets that explain a take best.
 

@@ -215,14 +215,12 @@ def calibrate_subject(
     error = np.where(seen, np.sum((shown - points) ** 2, axis=-1), 0.0)
     residuals = np.sqrt(error.sum(axis=0) / seen.sum(axis=0))
     residual = float(np.sqrt(error.sum() / seen.sum()))
-    names = fit.skeleton.names
-    marker_residuals = dict(zip(marker_set.names, residuals.tolist(), strict=True))
     advice = _hidden(seen, marker_set, poses)
     advice += _advice(fit, poses, residual, dict(zip(marker_set.texts, residuals.tolist(), strict=True)))
     return SubjectCalibration(
         subject=Subject(name, fit.skeleton, marker_set.with_offsets(offsets), residual),
-        sigmas_m=dict(zip(names, fit.sigmas_m.tolist(), strict=True)),
-        marker_residuals_m=marker_residuals,
+        sigmas_m=dict(zip(fit.skeleton.names, fit.sigmas_m.tolist(), strict=True)),
+        marker_residuals_m=dict(zip(marker_set.names, residuals.tolist(), strict=True)),
         verdict="redo" if residual > _DOUBTFUL_M else "usable" if advice else "good",
         advice=advice,
     )

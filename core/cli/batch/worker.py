@@ -9,6 +9,8 @@ from contextlib import contextmanager, redirect_stderr
 from io import StringIO
 from typing import TYPE_CHECKING, Any
 
+from ...system.progress import no_progress
+
 if TYPE_CHECKING:
     import argparse
 
@@ -45,7 +47,7 @@ class CommandLine:
         """Run a command and return its summary."""
         args = parse_options(command, options)
         with _usage_as_settings_error():
-            summary: dict[str, Any] = args.run(args, _quiet)
+            summary: dict[str, Any] = args.run(args, no_progress)
         return summary
 
     def solve(self, options: Sequence[str]) -> "tuple[SolvedTake, dict[str, Any]]":
@@ -54,7 +56,7 @@ class CommandLine:
 
         args = parse_options("solve", options)
         with _usage_as_settings_error():
-            return solve(args, _quiet, self._store)
+            return solve(args, no_progress, self._store)
 
 
 def parse_options(command: str, options: Sequence[str]) -> "argparse.Namespace":
@@ -83,10 +85,6 @@ def _usage_as_settings_error() -> Iterator[None]:
             raise
         line = written.getvalue().strip().splitlines()[-1]
         raise SettingsError(line.rpartition("error: ")[2]) from None
-
-
-def _quiet(fraction: float, text: str) -> None:
-    """Ignore progress."""
 
 
 def serve() -> None:

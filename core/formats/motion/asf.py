@@ -63,8 +63,8 @@ class AsfFile:
     skeleton: Skeleton
 
 
-def read_asf(path: Path | str) -> Skeleton:
-    """Return the skeleton of an ASF file in metres.
+def read_asf(path: Path | str) -> AsfFile:
+    """Return everything that an ASF file says, with its skeleton in metres.
 
     Joints carry the file's bone names. Bones without degrees of freedom absent from the standard skeleton
     (CMU's lhipjoint, rhipjoint) are folded into their children's offsets. Angle frames and orders are the file's.
@@ -72,11 +72,6 @@ def read_asf(path: Path | str) -> Skeleton:
     Raises:
         FormatError: not an ASF file, or damaged; names file and line.
     """
-    return read_asf_file(path).skeleton
-
-
-def read_asf_file(path: Path | str) -> AsfFile:
-    """Return everything an ASF file says; see `read_asf`."""
     return parse_asf(read_bytes(path), str(path))
 
 

@@ -12,11 +12,12 @@ from ...body.skeleton import Skeleton
 from ...body.source_motion import frame_range, source_of_motion
 from ...body.standard_skeleton import JOINT_NAMES
 from ...errors import FormatError
+from ...geometry import rotations as rot
 from ...geometry.arrays import Mask, runs
 from ...retarget.to_standard_skeleton import to_standard_skeleton
 from ...system.files import read_bytes
 from .amc import CMU_FPS, amc_motion, parse_amc_values
-from .asf import AsfFile, read_asf, read_asf_file
+from .asf import AsfFile, read_asf
 from .bvh import read_bvh
 from .motion_sources import find_skeleton
 
@@ -128,7 +129,7 @@ def _read_amc(path: Path, skeleton: Path | None, name: str) -> MotionParts:
 @lru_cache(maxsize=8)
 def _asf_file(path: Path, changed: int) -> AsfFile:
     """Read a skeleton file, once for many motions; `changed` is its modification time."""
-    return read_asf_file(path)
+    return read_asf(path)
 
 
 def read_skeleton(path: Path | str) -> Skeleton:
@@ -139,10 +140,8 @@ def read_skeleton(path: Path | str) -> Skeleton:
     """
     if Path(path).suffix.lower() != ".asf":
         return read_motion(path).skeleton
-    skeleton = read_asf(path)
+    skeleton = read_asf(path).skeleton
     if skeleton.names == JOINT_NAMES:
         return skeleton
-    rest = np.zeros((1, len(skeleton), 4))
-    rest[..., 0] = 1.0
-    still = Motion(Path(path).stem, 1.0, skeleton, rest, np.zeros((1, 3)))
+    still = Motion(Path(path).stem, 1.0, skeleton, rot.identity((1, len(skeleton))), np.zeros((1, 3)))
     return to_standard_skeleton(source_of_motion(still, str(path))).skeleton

@@ -17,7 +17,7 @@ from ...geometry.rig_file import save_rig
 from ...markers.marker_take import MarkerTake, save_take
 from ...markers.subject import save_subject
 from ...system.files import atomic_path, writing
-from ...system.progress import Progress
+from ...system.progress import Progress, no_progress
 from .boards import DEFAULT_BOARD, board_pictures
 from .render import FrameTruth
 from .source import SimulatedSource
@@ -48,7 +48,7 @@ def export_recording(
     Raises:
         CaptureError: the folder exists and is not empty, or cannot be written.
     """
-    files, progress = files or RecordingFiles(), progress or _silent
+    files, progress = files or RecordingFiles(), progress or no_progress
     with _new_folder(Path(out)) as folder:
         _write_board(source, folder, files, progress)
         _write_background(source, folder, files, progress)
@@ -176,7 +176,3 @@ def _time_offsets_s(source: SimulatedSource) -> list[float]:
 def _save_arrays(path: Path, **arrays: Any) -> None:
     with atomic_path(path) as temporary, temporary.open("wb") as stream:
         np.savez_compressed(stream, **arrays)
-
-
-def _silent(_fraction: float, _text: str) -> None:
-    """Take progress and show nothing."""

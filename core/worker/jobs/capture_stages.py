@@ -124,15 +124,10 @@ class PoseOutput:
         """Send the pose that waits; wait a little and return False if Blender lags."""
         if self._ready is None:
             return False
-        if self._is_far_ahead():
-            assert self._poses_ahead is not None  # noqa: S101 - `_is_far_ahead`
+        ahead, stopped = self._channel.frames - self._channel.acknowledged, self._channel.stop_requested.is_set()
+        if self._poses_ahead is not None and ahead >= self._poses_ahead and not stopped:
             self._channel.wait_for_ack(self._poses_ahead - 1, _ACK_LIMIT_S)
             return False
         self._channel.send_pose(self._ready)
         self._ready = None
         return True
-
-    def _is_far_ahead(self) -> bool:
-        if self._poses_ahead is None or self._channel.stop_requested.is_set():
-            return False
-        return self._channel.frames - self._channel.acknowledged >= self._poses_ahead

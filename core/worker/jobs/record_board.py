@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -104,7 +105,8 @@ def _watch(
                 for folder, image in zip(folders, image_set.images, strict=True):
                     write_image(folder / f"{session.views - 1:03d}.png", image)
             if guidance.seen is not None:
-                preview.send(image_set.images, _Drawing(session, guidance, time.monotonic() - taken_s < _SHOWN_S).draw)
+                is_new = time.monotonic() - taken_s < _SHOWN_S
+                preview.send(image_set.images, partial(_draw, session, guidance, is_new))
             advice = advice or guidance.advice
         if (advice, session.views) != sent:
             sent = (advice, session.views)
@@ -118,21 +120,15 @@ def _heading(session: BoardSession) -> str:
     return views if session.result is None else f"{views}, {session.result.verdict}"
 
 
-class _Drawing:
-    """Draws the board and the coverage into each camera's reduced picture."""
-
-    def __init__(self, session: BoardSession, guidance: Guidance, taken: bool) -> None:
-        self._session = session
-        self._guidance = guidance
-        self._taken = taken
-
-    def draw(self, camera: int, picture: Image, image_width: int) -> None:
-        """Draw into the picture (BGR) of a camera with images `image_width` wide."""
-        draw_coverage(picture, self._session.coverage[camera])
-        view = self._guidance.seen.views[camera] if self._guidance.seen is not None else None
-        if view is not None:
-            draw_corners(picture, view, image_width)
-        if self._guidance.target is not None and self._guidance.target[0] == camera:
-            draw_wanted(picture, self._guidance.target[1])
-        if self._taken:
-            draw_taken(picture)
+def _draw(
+    session: BoardSession, guidance: Guidance, taken: bool, camera: int, picture: Image, image_width: int
+) -> None:
+    """Draw the board and the coverage into a camera's reduced picture (BGR)."""
+    draw_coverage(picture, session.coverage[camera])
+    view = guidance.seen.views[camera] if guidance.seen is not None else None
+    if view is not None:
+        draw_corners(picture, view, image_width)
+    if guidance.target is not None and guidance.target[0] == camera:
+        draw_wanted(picture, guidance.target[1])
+    if taken:
+        draw_taken(picture)

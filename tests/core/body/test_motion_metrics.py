@@ -173,7 +173,7 @@ def test_nothing_in_common_is_refused() -> None:
 
 def test_angle_frames_are_those_of_the_cmu_files(cmu_dir: Path) -> None:
     for path in sorted(cmu_dir.glob("*/*.asf")):
-        skeleton = read_asf(path)
+        skeleton = read_asf(path).skeleton
         ours = with_angle_frames(default_skeleton())
         assert np.degrees(rot.angle_between(skeleton.angle_axes, ours.angle_axes)).max() < 1e-6
         assert skeleton.angle_orders == ours.angle_orders

@@ -204,7 +204,7 @@ def test_every_cmu_skeleton_reads(cmu_dir: Path) -> None:
     paths = sorted(cmu_dir.glob("*/*.asf"))
     assert len(paths) == 15
     for path in paths:
-        skeleton = read_asf(path)
+        skeleton = read_asf(path).skeleton
         assert skeleton.names == JOINT_NAMES
         leg = np.linalg.norm(skeleton.tips_m[[1, 2]], axis=1).sum()
         assert 0.7 < leg < 1.0
