@@ -106,7 +106,8 @@ class Labeller:
             elapsed_s: time since that pose.
         """
         labels = np.full(len(points_m), -1, dtype=np.int64)
-        rows, columns = assign_points(points_m, covariances_m2, *self.expected(predicted_m, elapsed_s))
+        lately = self._seen.lost_s < _MEMORY_S
+        rows, columns = assign_points(points_m, covariances_m2, *self.expected(predicted_m, elapsed_s), lately)
         labels[rows] = columns
         self._remember(points_m, labels, elapsed_s)
         return labels
@@ -131,12 +132,13 @@ class Labeller:
         """
         frame = undistort_blobs(frame, cameras)
         expected, gates = self.expected(predicted_m, elapsed_s)
+        lately = self._seen.lost_s < _MEMORY_S
         count = len(expected)
         blobs = np.full((count, len(cameras)), -1, dtype=np.int64)
         normalised = np.full((count, len(cameras), 2), np.nan)
         strangeness = np.full((count, len(cameras)), np.inf)
         for index, camera in enumerate(cameras):
-            rows, columns, shares = assign_blobs(frame.blobs[index], camera, expected, gates)
+            rows, columns, shares = assign_blobs(frame.blobs[index], camera, expected, gates, lately)
             blobs[columns, index] = rows
             strangeness[columns, index] = shares
             normalised[columns, index] = frame.normalised[index][rows]
@@ -195,7 +197,7 @@ class Labeller:
 
 
 def assign_points(
-    points_m: Array, covariances_m2: Array, expected_m: Array, gates_m: Array
+    points_m: Array, covariances_m2: Array, expected_m: Array, gates_m: Array, lately: Mask | None = None
 ) -> tuple[IntArray, IntArray]:
     """Return (points, markers) that belong together.
 
@@ -203,28 +205,43 @@ def assign_points(
         points_m, covariances_m2: (N, 3) and (N, 3, 3) located points.
         expected_m: (M, 3) where each marker should be.
         gates_m: (M,) how far off it may be.
+        lately: (M,) markers seen lately; the others have what these leave. Default all.
     """
     deviation = np.sqrt(np.trace(covariances_m2, axis1=1, axis2=2) / 3.0)
     distances = np.linalg.norm(points_m[:, None] - expected_m[None], axis=-1)
-    return assign((distances / (gates_m[None] + 2.0 * deviation[:, None])) ** 2)
+    return _assign_in_turn((distances / (gates_m[None] + 2.0 * deviation[:, None])) ** 2, lately)
 
 
 def assign_blobs(
-    blobs: FloatArray, camera: Camera, expected_m: Array, gates_m: Array
+    blobs: FloatArray, camera: Camera, expected_m: Array, gates_m: Array, lately: Mask | None = None
 ) -> tuple[IntArray, IntArray, Array]:
     """Return matching (blobs, markers) of one image, and distances as shares of gates.
 
     Args:
         blobs: (n, 5) as a `MarkerFrame` has them.
-        expected_m, gates_m: as of `assign_points`.
+        expected_m, gates_m, lately: as of `assign_points`.
     """
     pixels = blobs[:, :2].astype(np.float64)
     depth = np.maximum(camera.to_camera(expected_m)[:, 2], 0.1)
     with np.errstate(invalid="ignore"):
         distances = np.linalg.norm(pixels[:, None] - camera.project(expected_m)[None], axis=-1)
     limits = gates_m * camera.focal_px / depth
-    rows, columns = assign((np.where(np.isnan(distances), np.inf, distances) / limits[None]) ** 2)
+    rows, columns = _assign_in_turn((np.where(np.isnan(distances), np.inf, distances) / limits[None]) ** 2, lately)
     return rows, columns, distances[rows, columns] / limits[columns]
+
+
+def _assign_in_turn(costs: Array, lately: Mask | None) -> tuple[IntArray, IntArray]:
+    """Return rows and columns assigned: columns seen lately first, then the others.
+
+    Together they would leave as few as possible over: a lost marker, allowed anywhere near, would push others aside.
+    """
+    if lately is None or lately.all():
+        return assign(costs)
+    first = np.flatnonzero(lately)
+    rows, columns = assign(costs[:, first])
+    others, left = np.flatnonzero(~lately), np.setdiff1d(np.arange(len(costs)), rows)
+    further_rows, further_columns = assign(costs[np.ix_(left, others)])
+    return np.concatenate((rows, left[further_rows])), np.concatenate((first[columns], others[further_columns]))
 
 
 def _known_points(frame: MarkerFrame, blobs: IntArray) -> Array:

@@ -49,18 +49,25 @@ class CourseCheck:
         near, _ = self._sample.nearest(query, _NEAREST)
         around = self._step * near[:, None] + np.arange(-(self._step // 2), self._step // 2 + 1)
         free = np.unique(np.clip(around, 0, len(self._markers) - 1))
-        share = np.sqrt(
-            np.min(self._distances(state, observation, root, free))
-            / np.min(self._distances(state, observation, root, examples[:_EXAMPLES]))
-        )
+        nearest = [
+            self._distances(state, observation, root, frames).min(axis=1) for frames in (free, examples[:_EXAMPLES])
+        ]
+        share = np.prod(nearest[0] / nearest[1]) ** 0.25
         return max(state.evidence + float(np.log(_USUAL / share)), 0.0)
 
     def _distances(self, state: SolverState, observation: Observation, root: RootPose, frames: IntArray) -> Array:
-        """Return squared distances (K,), m^2, of markers, now and earlier, to frames."""
+        """Return squared distances (2, K), m^2, of markers, now and earlier, to frames.
+
+        The second row compares earlier markers about their mean: on a treadmill a body stays where it is.
+        """
         seen = observation.located
         now = root.to_root_frame(observation.points_m[seen])
+        away = np.tile(np.sum((self._markers[frames][:, seen] - now) ** 2, axis=(1, 2)), (2, 1))
         earlier = self._earlier.observed(state.observed, state.time_s, root)
-        known = np.isfinite(earlier[..., 0])
-        away = np.sum((self._markers[frames][:, seen] - now) ** 2, axis=(1, 2))
-        away += np.sum((self._earlier.of_frames(frames)[:, known] - earlier[known]) ** 2, axis=(1, 2))
+        for observed, known in zip(earlier, np.moveaxis(self._earlier.of_frames(frames), 1, 0), strict=True):
+            seen = np.isfinite(observed[:, 0])
+            if seen.any():
+                apart = known[:, seen] - observed[seen]
+                away[0] += np.sum(apart**2, axis=(1, 2))
+                away[1] += np.sum((apart - apart.mean(axis=1, keepdims=True)) ** 2, axis=(1, 2))
         return np.asarray(np.maximum(away, 1e-12))

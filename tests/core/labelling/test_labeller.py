@@ -178,3 +178,17 @@ def test_a_marker_hidden_for_a_frame_is_found_where_it_was_going() -> None:
 def test_nothing_is_sure_after_a_frame_that_shows_other_points_only() -> None:
     start = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
     assert not followed([start, start + 3.0]).any()
+
+
+def test_a_lost_marker_pushes_no_other_aside() -> None:
+    body = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
+    labeller, step = Labeller(["a", "b", "c", "lost"]), np.array([5.0 / 60, 0.0, 0.0])
+    labeller.begin(body, np.arange(4))
+    for _ in range(12):  # a fifth of a second, after which the lost one may be 0.35 m away
+        before, body = body, body + step
+        assert labeller.label(body[:3], spread(3), before, 1 / 60).tolist() == [0, 1, 2]
+    before, body = body.copy(), body + step
+    # a point that is b's if the lost one takes b's own, as would be best if as few as possible were left over
+    points = np.concatenate((body[:3], body[1:2] - [0.0, 0.072, 0.0]))
+    before[3] = body[1] + [0.0, 0.295, 0.0]
+    assert labeller.label(points, spread(4), before, 1 / 60).tolist() == [0, 1, 2, -1]
