@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 
 from ...core.body.standard_skeleton import default_skeleton
-from ...core.errors import CaptureError, PerfanimError
+from ...core.errors import CaptureError
 from ...core.geometry.camera import CameraRig
 from ...core.geometry.rig_file import rig_tables
 from ...core.markers.prop import Prop, check_distinct, prop_tables
@@ -48,11 +48,11 @@ def make(settings: Any) -> Setup:
     Raises:
         PerfanimError: a file is missing or bad.
     """
-    marker_set = _good(readiness.marker_set(settings))
+    marker_set = readiness.good(readiness.marker_set(settings))
     database_path = str(readiness.database_path(settings))
-    _good(readiness.database_frames(database_path))
+    readiness.good(readiness.database_frames(database_path))
     if settings.subject:
-        subject: Subject = _good(readiness.worn_subject(settings))
+        subject: Subject = readiness.good(readiness.worn_subject(settings))
     else:  # the simulated performer's true body and markers
         subject = Subject("Simulated performer", default_skeleton(SIMULATED_HEIGHT_M), marker_set)
     performers = (subject, *target_settings.performers(settings.id_data))
@@ -118,16 +118,10 @@ def calibration(settings: Any, in_use: bool = False) -> dict[str, Any]:
     Raises:
         PerfanimError: the file is missing or bad.
     """
-    rig: CameraRig = _good(readiness.rig(absolute(settings.calibration)))
+    rig: CameraRig = readiness.good(readiness.rig(absolute(settings.calibration)))
     if in_use and len(rig) > 1 and readiness.is_one_camera(settings):
         rig = CameraRig(rig.cameras[:1], rig.metadata)
     return rig_tables(rig)
-
-
-def _good(found: Any) -> Any:
-    if isinstance(found, PerfanimError):
-        raise found
-    return found
 
 
 def source(settings: Any) -> dict[str, Any]:

@@ -31,7 +31,6 @@ class PERFANIM_UL_joints(bpy.types.UIList):
         _active_data: Any,
         _active_property: str,
     ) -> None:
-        """Draw a joint."""
         needed = item.name in EXPECTED
         row = layout.row(align=True)
         row.alert = item.state == MatchState.DOUBTFUL.value or (needed and item.state == MatchState.MISSING.value)

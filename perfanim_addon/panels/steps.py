@@ -19,8 +19,6 @@ from .drawing import draw_job, draw_text, header_status
 
 
 class _Step(SidebarPanel):
-    """Base of the panels of a step."""
-
     bl_options = {"DEFAULT_CLOSED"}
     state: Callable[[Any], readiness.StepStatus]
     key = ""

@@ -30,7 +30,6 @@ class PERFANIM_UL_targets(bpy.types.UIList):
         active_data: Any,
         active_property: str,
     ) -> None:
-        """Draw."""
         split = layout.split(factor=0.5)
         is_prop = item.kind == "PROP"
         split.label(text=target_settings.title(item), icon="EMPTY_AXIS" if is_prop else "USER")

@@ -58,6 +58,13 @@ subject: Callable[[str], Subject | PerfanimError] = partial(_loaded, "subject", 
 prop: Callable[[str], Prop | PerfanimError] = partial(_loaded, "prop", load_prop)
 
 
+def good(found: Any) -> Any:
+    """Return the content that was found; raise the error if it is one."""
+    if isinstance(found, PerfanimError):
+        raise found
+    return found
+
+
 def database_frames(path: str) -> int | PerfanimError:
     """Return the number of frames of a database file, or the error in it."""
     # the database itself is not kept: an open file cannot be replaced on Windows

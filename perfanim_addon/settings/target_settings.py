@@ -1,8 +1,7 @@
 """Additional targets of a capture, stored in the scene: props and performers."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import bpy
 
@@ -130,13 +129,7 @@ def props(scene: bpy.types.Scene) -> list[Prop]:
     Raises:
         PerfanimError: a definition is missing or bad.
     """
-    found = []
-    for entry in of_kind(scene, "PROP"):
-        prop = found_prop(entry)
-        if isinstance(prop, PerfanimError):
-            raise prop
-        found.append(prop)
-    return found
+    return [readiness.good(found_prop(entry)) for entry in of_kind(scene, "PROP")]
 
 
 def performers(scene: bpy.types.Scene) -> list[Subject]:
@@ -147,9 +140,7 @@ def performers(scene: bpy.types.Scene) -> list[Subject]:
     """
     found, driven = [], {scene.perfanim.armature} - {None}
     for entry in of_kind(scene, "PERFORMER"):
-        subject = found_subject(entry)
-        if isinstance(subject, PerfanimError):
-            raise subject
+        found.append(readiness.good(found_subject(entry)))
         if entry.armature in driven:
             advice = "choose another under Additional Targets, or none for a new character"
             raise CharacterError("cannot follow two performers", where=entry.armature.name, advice=advice)
@@ -158,7 +149,6 @@ def performers(scene: bpy.types.Scene) -> list[Subject]:
             reason = map_problem(entry.armature)
             if reason:
                 raise CharacterError(reason, where=entry.armature.name)
-        found.append(subject)
     if found and (readiness.is_one_camera(scene.perfanim) or not readiness.has_cameras(scene.perfanim)):
         what = "one camera cannot" if readiness.has_cameras(scene.perfanim) else "trackers cannot"
         raise SettingsError(f"{what} tell several performers apart", advice="use two cameras")
@@ -167,20 +157,14 @@ def performers(scene: bpy.types.Scene) -> list[Subject]:
 
 def object_of(context: bpy.types.Context, prop: Prop) -> str:
     """Return the name of the object that follows a prop; add one if none is chosen."""
-    entry = next(_of(context.scene, prop.name), None)
+    found = ((entry, found_prop(entry)) for entry in of_kind(context.scene, "PROP"))
+    entry = next((entry for entry, own in found if isinstance(own, Prop) and own.name == prop.name), None)
     if entry is not None and entry.object is not None:
         return str(entry.object.name)
     made = add_prop_object(context, prop)
     if entry is not None:
         entry.object = made
     return str(made.name)
-
-
-def _of(scene: bpy.types.Scene, name: str) -> Iterator[Any]:
-    for entry in of_kind(scene, "PROP"):
-        prop = found_prop(entry)
-        if isinstance(prop, Prop) and prop.name == name:
-            yield entry
 
 
 def meant_for(scene: bpy.types.Scene, names: Sequence[str]) -> list[int | None]:
