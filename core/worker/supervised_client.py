@@ -18,9 +18,7 @@ class SupervisedClient:
         on_restart: called with the restart point and the cause before the other process starts.
     """
 
-    def __init__(
-        self, client: WorkerClient, name: str, on_restart: Callable[[RestartPoint, str], None] | None = None
-    ) -> None:
+    def __init__(self, client: WorkerClient, name: str, on_restart: Callable[[RestartPoint, str], None]) -> None:
         self._client = client
         self._name = name
         self._on_restart = on_restart
@@ -46,7 +44,6 @@ class SupervisedClient:
             cause = f"{self._name} {error.what}"
         number, time_s, stamp_s = self._last
         point = RestartPoint.after(self._first, (number, time_s), stamp_s)
-        if self._on_restart is not None:
-            self._on_restart(point, cause)
+        self._on_restart(point, cause)
         self._client.restart(after=point.table(), cause=cause)
         return []

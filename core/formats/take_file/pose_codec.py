@@ -11,7 +11,8 @@ import numpy as np
 
 from ...body.body_parts import PARTS
 from ...body.scene_pose import PerformerPose, PropPose, ScenePose
-from ...errors import CaptureError
+from ...errors import CaptureError, TakeError
+from .chunks import join_records, split_records
 
 _MAGIC = b"PFPF"
 # the lowest that holds a pose, for older readers; the last has another before the errors of parts
@@ -21,7 +22,6 @@ _HEADER = struct.Struct("<4sHHHHqdddii")
 _PART_ERRORS = struct.Struct("<4sHHI")  # magic, version, parts, bytes of the pose without them
 _PROPS = struct.Struct("<H")  # how many
 _PROP = struct.Struct("<7ddi")  # rotation, position, RMS, markers seen
-_LENGTH = struct.Struct("<I")  # bytes of the props, or of a further performer's pose
 _TIMED_HEADER = struct.Struct("<ddI")  # stamp, seconds in the solver, frames waiting
 
 
@@ -82,11 +82,11 @@ def unpack_pose(data: bytes) -> ScenePose:
 
 
 def _pack_scene(pose: ScenePose) -> bytes:
-    """Return first performer, props, further performers."""
+    """Return first performer, props, further performers; with these, as records."""
     first, further = replace(pose.performers[0], notes=pose.notes), pose.performers[1:]
     if further:
         parts = [_pack_props(pose.props), *(_pack_performer(performer, _ONE_PERFORMER) for performer in further)]
-        return _pack_performer(first, _SEVERAL_PERFORMERS) + b"".join(_LENGTH.pack(len(part)) + part for part in parts)
+        return _pack_performer(first, _SEVERAL_PERFORMERS) + join_records(parts)
     if pose.props:
         return _pack_performer(first, _WITH_PROPS) + _pack_props(pose.props)
     return _pack_performer(first, _ONE_PERFORMER)
@@ -97,7 +97,7 @@ def _unpack_scene(data: bytes) -> ScenePose:
     version, first, rest = _unpack_performer(data)
     try:
         if version == _SEVERAL_PERFORMERS:
-            props, *further = _split(rest)
+            props, *further = split_records(rest)
             if not further:
                 raise struct.error("no further performer")
             performers = (first, *map(_only_performer, further))
@@ -107,7 +107,7 @@ def _unpack_scene(data: bytes) -> ScenePose:
         if rest:
             raise struct.error("another length")
         return ScenePose((first,), (), first.notes)
-    except (struct.error, ValueError) as error:
+    except (struct.error, ValueError, TakeError) as error:
         raise CaptureError("a pose was cut off", where=f"frame {first.number}") from error
 
 
@@ -176,16 +176,3 @@ def _unpack_props(data: bytes) -> tuple[PropPose, ...]:
         raise struct.error("another length")
     rows = (np.array(row) for row in _PROP.iter_unpack(data[_PROPS.size :]))
     return tuple(PropPose(row[:4], row[4:7], float(row[7]), int(row[8])) for row in rows)
-
-
-def _split(data: bytes) -> list[bytes]:
-    """Return parts with their lengths before them; struct.error for a part cut off."""
-    parts, position = [], 0
-    while position < len(data):
-        (length,) = _LENGTH.unpack_from(data, position)
-        position += _LENGTH.size
-        if position + length > len(data):
-            raise struct.error("cut off")
-        parts.append(data[position : position + length])
-        position += length
-    return parts

@@ -12,7 +12,7 @@ import numpy as np
 from ...body.calibration_poses import t_pose
 from ...body.motion import Motion
 from ...body.skeleton import Skeleton, forward_kinematics
-from ...body.source_motion import SourceMotion
+from ...body.source_motion import SourceMotion, source_of_motion
 from ...body.standard_skeleton import JOINT_NAMES, default_skeleton
 from ...errors import TakeError
 from ...geometry import rotations as rot
@@ -146,16 +146,5 @@ def _parents(names: tuple[str, ...]) -> IntArray:
 def _source(
     name: str, fps: float, names: tuple[str, ...], offsets_m: Array, rotations: Array, hips_m: Array
 ) -> SourceMotion:
-    return SourceMotion(
-        name=name,
-        where=name,
-        fps=fps,
-        names=names,
-        parents=_parents(names),
-        offsets_m=offsets_m,
-        tips_m=np.zeros((len(names), 3)),
-        rotations=rotations,
-        translations_m={0: hips_m},
-        euler_orders=("ZXY",) * len(names),
-        metres_per_unit=1.0,
-    )
+    skeleton = Skeleton(names, _parents(names), offsets_m, np.zeros((len(names), 3)))
+    return source_of_motion(Motion(name, fps, skeleton, rotations, hips_m), name)
