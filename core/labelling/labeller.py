@@ -106,7 +106,7 @@ class Labeller:
             elapsed_s: time since that pose.
         """
         labels = np.full(len(points_m), -1, dtype=np.int64)
-        lately = self._seen.lost_s < _MEMORY_S
+        lately = self._seen.lost_s == 0.0
         rows, columns = assign_points(points_m, covariances_m2, *self.expected(predicted_m, elapsed_s), lately)
         labels[rows] = columns
         self._remember(points_m, labels, elapsed_s)
@@ -132,7 +132,7 @@ class Labeller:
         """
         frame = undistort_blobs(frame, cameras)
         expected, gates = self.expected(predicted_m, elapsed_s)
-        lately = self._seen.lost_s < _MEMORY_S
+        lately = self._seen.lost_s == 0.0
         count = len(expected)
         blobs = np.full((count, len(cameras)), -1, dtype=np.int64)
         normalised = np.full((count, len(cameras), 2), np.nan)
@@ -205,7 +205,7 @@ def assign_points(
         points_m, covariances_m2: (N, 3) and (N, 3, 3) located points.
         expected_m: (M, 3) where each marker should be.
         gates_m: (M,) how far off it may be.
-        lately: (M,) markers seen lately; the others have what these leave. Default all.
+        lately: (M,) markers seen in the last frame; the others have what these leave. Default all.
     """
     deviation = np.sqrt(np.trace(covariances_m2, axis1=1, axis2=2) / 3.0)
     distances = np.linalg.norm(points_m[:, None] - expected_m[None], axis=-1)
@@ -239,9 +239,11 @@ def _assign_in_turn(costs: Array, lately: Mask | None) -> tuple[IntArray, IntArr
         return assign(costs)
     first = np.flatnonzero(lately)
     rows, columns = assign(costs[:, first])
-    others, left = np.flatnonzero(~lately), np.setdiff1d(np.arange(len(costs)), rows)
+    columns = first[columns]
+    left = np.setdiff1d(np.arange(len(costs)), rows)
+    others = np.setdiff1d(np.arange(costs.shape[1]), columns)
     further_rows, further_columns = assign(costs[np.ix_(left, others)])
-    return np.concatenate((rows, left[further_rows])), np.concatenate((first[columns], others[further_columns]))
+    return np.concatenate((rows, left[further_rows])), np.concatenate((columns, others[further_columns]))
 
 
 def _known_points(frame: MarkerFrame, blobs: IntArray) -> Array:
