@@ -110,8 +110,9 @@ class FrameLabeller:
         is_sure = self._labeller.is_sure & (not rival.contradicts)
         away = np.linalg.norm(frame.points_m[:, None] - pose.observed_m[None], axis=-1)
         points, markers = np.nonzero(away < _SAME_M)
-        kept = is_sure[markers]
         labels[np.isin(labels, np.flatnonzero(is_sure))] = -1
+        # a point without a name there keeps its own: it got it since the search began, or lost a wrong one just now
+        kept = is_sure[markers] | ((labels[points] < 0) & ~np.isin(markers, labels))
         labels[points[kept]] = markers[kept]
         is_same = labels[points] == markers
         if is_same.all() and np.sum(labels >= 0) == len(points):  # what the search found has been seen meanwhile
