@@ -124,9 +124,9 @@ class PoseOutput:
         """Send the pose that waits; wait a little and return False if Blender lags."""
         if self._ready is None:
             return False
-        ahead, stopped = self._channel.frames - self._channel.acknowledged, self._channel.stop_requested.is_set()
-        if self._poses_ahead is not None and ahead >= self._poses_ahead and not stopped:
-            self._channel.wait_for_ack(self._poses_ahead - 1, _ACK_LIMIT_S)
+        channel, most = self._channel, self._poses_ahead
+        if most is not None and channel.frames - channel.acknowledged >= most and not channel.stop_requested.is_set():
+            channel.wait_for_ack(most - 1, _ACK_LIMIT_S)
             return False
         self._channel.send_pose(self._ready)
         self._ready = None
