@@ -8,6 +8,7 @@ import contextlib
 import errno
 import json
 import os
+import tempfile
 import threading
 import time
 from collections import deque
@@ -18,6 +19,7 @@ from typing import Any
 from ...errors import FormatError, PerfanimError, TakeError
 from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_frame_codec import pack_stamped, unpack_stamped
+from ...system.files import atomic_path
 from .chunks import HEADER_BYTES, ChunkKind, encode_chunk, join_records, preamble, scan, split_records
 from .footer import Footer
 from .lock import lock
@@ -141,7 +143,20 @@ class TakeWriter:
         with contextlib.suppress(OSError):
             os.fsync(self._file)
         self._closed = True
+        if self._waiting:
+            self._write_elsewhere()
         os.close(self._file)
+
+    def _write_elsewhere(self) -> None:
+        """Write the whole take into another folder, as its own disk stays full; `path` is the new one then."""
+        for folder in (Path.home(), Path(tempfile.gettempdir())):
+            path = unused_path(folder, self.path.stem)
+            with contextlib.suppress(OSError, FormatError), atomic_path(path) as temporary:
+                temporary.write_bytes(self.path.read_bytes()[: self._whole] + self._waiting)
+            if path.exists():
+                self._report(f"{self.path.name} did not fit on its disk: all of it is in {path}; move it to your takes")
+                self.path = path
+                return
 
     def _write_loop(self) -> None:
         while not self._ending.wait(RETRY_EVERY_S if self._problem else WRITE_EVERY_S):
@@ -244,8 +259,10 @@ def record_frames(out: Path, setup: TakeSetup, frames: Iterable[MarkerFrame], *,
         writer.close()
         if not (keep_cut and writer.frames):
             path.unlink()
+            writer.path.unlink(missing_ok=True)
         elif isinstance(error, PerfanimError):
-            raise type(error)(error.what, where=error.where, advice=f"the frames before are in {path}") from error
+            advice = f"the frames before are in {writer.path}"
+            raise type(error)(error.what, where=error.where, advice=advice) from error
         raise
     return path
 

@@ -110,6 +110,37 @@ def test_a_full_disk_is_told_and_nothing_is_lost_when_there_is_space_again(
     assert frames_of(take) == [frame_record(number) for number in range(8)]
 
 
+def test_a_take_whose_disk_stays_full_is_whole_in_another_folder(
+    tmp_path: Path, setup: TakeSetup, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    home = tmp_path / "home"
+    home.mkdir()
+    monkeypatch.setattr(Path, "home", lambda: home)
+    monkeypatch.setattr(writer_module, "WRITE_EVERY_S", 3600.0)
+    told: list[str] = []
+    writer = TakeWriter(tmp_path / "a.perftake", setup, report=told.append)
+    for number in range(3):
+        writer.add_frame(frame_record(number))
+    writer._collect()
+    writer._write()
+
+    def full(handle: int, data: memoryview) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(writer_module.os, "write", full)
+    for number in range(3, 8):
+        writer.add_frame(frame_record(number))
+    writer.close()
+    monkeypatch.undo()
+    assert writer.path == home / "a.perftake"
+    assert str(writer.path) in told[-1]
+    take = read_take_file(writer.path)
+    assert take.complete
+    assert frames_of(take) == [frame_record(number) for number in range(8)]
+    begun = read_take_file(tmp_path / "a.perftake")
+    assert frames_of(begun) == [frame_record(number) for number in range(3)]  # what fitted stays where it is
+
+
 def test_a_disk_that_stays_full_costs_no_more_memory_than_allowed(
     tmp_path: Path, setup: TakeSetup, monkeypatch: pytest.MonkeyPatch
 ) -> None:
