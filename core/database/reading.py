@@ -26,7 +26,7 @@ from ..formats.motion.read_motion import read_motion_parts
 from ..geometry import rotations as rot
 from ..geometry.arrays import FloatArray
 from ..system.json_process import JsonProcess
-from .store import skeleton_facts, skeleton_from_facts
+from .skeleton_facts import skeleton_facts, skeleton_from_facts
 
 _AHEAD = 8  # files per process that may be read before they are taken
 

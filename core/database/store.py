@@ -1,12 +1,14 @@
 """Motion database file: a JSON header and aligned arrays, mapped when opened.
 
 Layout: magic, version (u32), header length (u64), file length (u64), header digest (32 bytes), header (JSON), padding,
-arrays. The file length and the digest reveal a file that was cut off or changed; nothing is ever half read.
+arrays. The file length and the digest reveal a file that was cut off, checksums of the arrays one that was changed; these
+are read when it is solved with. Files of earlier versions have none.
 """
 
 import hashlib
 import json
 import struct
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -23,6 +25,7 @@ from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray
 from ..system.files import atomic_path, is_file, open_foreign, reading
 from .graph import GraphSettings, NeighbourGraph, build_graph
+from .skeleton_facts import skeleton_facts, skeleton_from_facts
 
 DATABASE_SUFFIX = ".pfdb"
 OLD_DATABASE_SUFFIX = ".perfdb"  # written by versions up to 0.1; opened like the other
@@ -231,7 +234,7 @@ def _write_file(stream: BinaryIO, facts: dict[str, Any], arrays: Mapping[str, ND
     layout: dict[str, dict[str, Any]] = {}
     for name, array in arrays.items():
         position += -position % _ALIGNMENT
-        layout[name] = {"dtype": array.dtype.str, "shape": list(array.shape), "offset": position}
+        layout[name] = {"dtype": array.dtype.str, "shape": list(array.shape), "offset": position, "crc32": _sum(array)}
         position += array.nbytes
     header = json.dumps(facts | {"arrays": layout}).encode("utf-8")
     start = _PREAMBLE.size + len(header)
@@ -252,15 +255,10 @@ def open_database(path: str | Path) -> Database:
     """
     path = Path(path)
     with open_foreign(path, DatabaseError) as stream, reading(path, DatabaseError, _ADVICE):
-        header = _read_header(path, stream)
-        facts = json.loads(header)
+        facts, arrays = _map_arrays(path, stream)
         if tuple(facts["joints"]) != JOINT_NAMES:
             raise DatabaseError("was made for other joints", where=str(path), advice=_ADVICE)
-        start = _PREAMBLE.size + len(header)
-        start += -start % _ALIGNMENT
-        return _database_from(
-            path, facts, {name: _map_array(path, start, row) for name, row in facts["arrays"].items()}
-        )
+        return _database_from(path, facts, arrays)
 
 
 def check_file(database: Database) -> None:
@@ -271,6 +269,19 @@ def check_file(database: Database) -> None:
     if is_file(database.path):
         with open_foreign(database.path, DatabaseError) as stream, reading(database.path, DatabaseError, _ADVICE):
             _read_header(database.path, stream)
+
+
+def _map_arrays(path: Path, stream: BinaryIO) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Return a file's facts, and its arrays mapped into memory; any error for a damaged one."""
+    header = _read_header(path, stream)
+    facts, start = json.loads(header), _PREAMBLE.size + len(header)
+    start += -start % _ALIGNMENT
+    return facts, {name: _map_array(path, start, row) for name, row in facts["arrays"].items()}
+
+
+def _sum(array: NDArray[Any]) -> int:
+    """Return the CRC-32 of an array's bytes."""
+    return zlib.crc32(np.ascontiguousarray(array).data.cast("B")) if array.size else 0
 
 
 def _read_header(path: Path, stream: BinaryIO) -> bytes:
@@ -333,10 +344,18 @@ def _database_from(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, ND
 
 
 def check_arrays(database: Database) -> None:
-    """Read all poses once; DatabaseError where a number is not finite, or no rotation.
+    """Read all arrays once; DatabaseError where bytes have changed, or a number is no pose.
 
     What opens a database does not read it. What solves with it does, and calls this.
     """
+    if is_file(database.path):
+        with open_foreign(database.path, DatabaseError) as stream, reading(database.path, DatabaseError, _ADVICE):
+            facts, arrays = _map_arrays(database.path, stream)
+            for name, row in facts["arrays"].items():
+                if "crc32" in row and row["crc32"] != _sum(arrays[name]):
+                    raise DatabaseError(
+                        f"is damaged: its {name} have changed", where=str(database.path), advice=_ADVICE
+                    )
     for frames in range(0, database.frames, _CHUNK):
         part = slice(frames, frames + _CHUNK)
         lengths = np.linalg.norm(database.root_rotations[part], axis=1)
@@ -363,26 +382,3 @@ def _map_array(path: Path, start: int, row: Mapping[str, Any]) -> NDArray[Any]:
     if not row["offset"] >= 0:
         raise ValueError("an array lies before the others")
     return np.memmap(path, dtype=row["dtype"], mode="r", offset=start + row["offset"], shape=tuple(row["shape"]))
-
-
-def skeleton_facts(skeleton: Skeleton) -> dict[str, Any]:
-    """Return a standard skeleton's numbers, for JSON."""
-    return {
-        "offsets_m": skeleton.offsets_m.tolist(),
-        "tips_m": skeleton.tips_m.tolist(),
-        "angle_axes": skeleton.angle_axes.tolist(),
-        "angle_orders": list(skeleton.angle_orders),
-        "parents": skeleton.parents.tolist(),
-    }
-
-
-def skeleton_from_facts(row: Mapping[str, Any]) -> Skeleton:
-    """Return the skeleton of `skeleton_facts`."""
-    return Skeleton(
-        JOINT_NAMES,
-        np.array(row["parents"]),
-        np.array(row["offsets_m"]),
-        np.array(row["tips_m"]),
-        np.array(row["angle_axes"]),
-        tuple(row["angle_orders"]),
-    )

@@ -233,3 +233,15 @@ def test_numbers_that_are_no_poses_are_refused_before_a_solve(written: Path) -> 
         array.reshape(len(array), -1)[FRAMES // 2] = value
         with pytest.raises(DatabaseError, match="holds numbers that are no poses"):
             check_arrays(replace(database, **{name: array}))
+
+
+def test_a_changed_bit_is_found_before_a_solve(written: Path) -> None:
+    content = written.read_bytes()
+    for name in ("poses", "root_rotations", "root_positions_m"):
+        damaged = bytearray(content)
+        damaged[getattr(open_database(written), name).offset] ^= 1  # of the lowest byte: still a pose
+        written.write_bytes(damaged)
+        with pytest.raises(DatabaseError, match=f"is damaged: its {name} have changed"):
+            check_arrays(open_database(written))
+        written.write_bytes(content)
+    check_arrays(open_database(written))
