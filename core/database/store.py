@@ -1,8 +1,8 @@
 """Motion database file: a JSON header and aligned arrays, mapped when opened.
 
 Layout: magic, version (u32), header length (u64), file length (u64), header digest (32 bytes), header (JSON), padding,
-arrays. The file length and the digest reveal a file that was cut off, checksums of the arrays one that was changed; these
-are read when it is solved with. Files of earlier versions have none.
+arrays. The file length and the digest reveal a file that was cut off; checksums of the arrays, read before a solve, one
+that was changed. Files of earlier versions have none.
 """
 
 import hashlib
