@@ -272,7 +272,7 @@ def check_file(database: Database) -> None:
 
 
 def _map_arrays(path: Path, stream: BinaryIO) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return a file's facts, and its arrays mapped into memory; any error for a damaged one."""
+    """Return a file's facts and mapped arrays; any error for a damaged one."""
     header = _read_header(path, stream)
     facts, start = json.loads(header), _PREAMBLE.size + len(header)
     start += -start % _ALIGNMENT
@@ -344,7 +344,7 @@ def _database_from(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, ND
 
 
 def check_arrays(database: Database) -> None:
-    """Read all arrays once; DatabaseError where bytes have changed, or a number is no pose.
+    """Read all arrays once; DatabaseError for changed bytes, or odd numbers.
 
     What opens a database does not read it. What solves with it does, and calls this.
     """

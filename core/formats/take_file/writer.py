@@ -148,7 +148,7 @@ class TakeWriter:
         os.close(self._file)
 
     def _write_elsewhere(self) -> None:
-        """Write the whole take into another folder, as its own disk stays full; `path` is the new one then."""
+        """Write the whole take elsewhere, its disk being full; change `path`."""
         for folder in (Path.home(), Path(tempfile.gettempdir())):
             path = unused_path(folder, self.path.stem)
             with contextlib.suppress(OSError, FormatError), atomic_path(path) as temporary:
