@@ -17,6 +17,7 @@ _COARSE = 8  # every so many examples are enough to choose between placements of
 _FITTED = 400  # torsos that are fitted,
 _PLACED = 24  # of these, compared with some examples,
 _COMPARED = 8  # and of these, compared with all and completed by limbs
+_TOGETHER = 21_000  # at once with so many examples of all limbs: fewer are overhead, and more too dear for a frame
 _LABELLINGS = 40  # of the limbs, kept while they are completed
 _BEST = 6  # of each torso
 _LIMB_POINTS = 12  # that are tried for each limb
@@ -91,8 +92,8 @@ class InitialLabeller:
         own = np.ascontiguousarray(self._examples[:, self._torso])
         self._torsos = TorsoCandidates(own)
         self._torso_places, self._mean_torso = own, own.mean(axis=0, dtype=np.float64)
-        self._limb_places = np.ascontiguousarray(self._examples[:, self._limbs].transpose(1, 0, 2))
-        norms = np.einsum("lsc,lsc->ls", self._limb_places, self._limb_places)
+        self._limb_places = np.ascontiguousarray(self._examples[:, self._limbs].transpose(1, 2, 0))
+        norms = np.einsum("lcs,lcs->ls", self._limb_places, self._limb_places)
         self._limb_norms = norms
         self._reach_m = float(np.sqrt(norms.max(initial=0.0))) + _MARGIN_M
 
@@ -114,11 +115,15 @@ class InitialLabeller:
         placements = self._place_roughly(points_m, torsos[:_FITTED])
         yield 5.0 * _PLACED * self._torso_places[::_COARSE].size + 500.0 * len(torsos[:_FITTED])
         found: list[_Found] = []
-        for placement in placements:
+        examples = len(self._examples) * len(self._limbs)
+        step = max(_TOGETHER // max(examples, 1), 1)
+        for first in range(0, len(placements), step):
             least = min((each.cost for each in found), default=np.inf)
-            if placement.cost < min(placements[0].cost + _HOPELESS, least + _HOPELESS_SUM):
-                found += self._label_limbs(points_m, placement)
-                yield 50.0 * len(self._examples) * len(self._limbs)
+            most = min(placements[0].cost + _HOPELESS, least + _HOPELESS_SUM)
+            together = [placement for placement in placements[first : first + step] if placement.cost < most]
+            if together:
+                found += self._label_limbs(points_m, together)
+                yield 40.0 * len(together) * examples
         result = self._result(points_m, found)
         count, markers = int(np.sum(result.labels >= 0)), self._examples.shape[1]
         cost = result.cost - _GHOST_COST * (len(points_m) - count) - _MISSED_LIMB_COST * (markers - count)
@@ -140,10 +145,10 @@ class InitialLabeller:
                 return float("inf")
             placing, torso = np.where(seen[:, None], markers_m, followed_m), self._torso
         turns, shifts, _ = _fit_torsos(self._mean_torso, placing, torso[None])
-        placement = self._place(placing, _Placement(torso, turns[0], shifts[0]))
+        placement = self._place(placing, torso[None], turns, shifts)[0]
         found = seen[self._limbs]
         own = np.where(found, self._limbs, -1)[:, None]
-        pairs = self._pair_costs(_to_local(markers_m, placement), own, placement)
+        pairs = self._pair_costs(_to_local(markers_m, placement)[None], own[None], placement.turn[None])[0]
         column = np.where(found, 0, 1)
         rows = np.arange(len(found))
         chosen = pairs[rows[:, None], column[:, None], rows[None], column[None]]
@@ -157,43 +162,48 @@ class InitialLabeller:
         rough = errors / (2.0 * _TORSO_SIGMA_M**2) + MISSED_COST * missing.sum(axis=1)
         rough += _BACK_COST * 0.5 * (1.0 - turns[:, 2, 2])
         rows = np.argsort(rough, kind="stable")[:_PLACED]
-        placements = [_Placement(torsos[row], turns[row], shifts[row]) for row in rows]
-        coarse = [self._place(points_m, placement, _COARSE).cost for placement in placements]
-        best = np.argsort(coarse, kind="stable")[:_COMPARED]
-        return sorted((self._place(points_m, placements[row]) for row in best), key=lambda placed: placed.cost)
+        coarse = self._place(points_m, torsos[rows], turns[rows], shifts[rows], _COARSE)
+        rows = rows[np.argsort([placed.cost for placed in coarse], kind="stable")[:_COMPARED]]
+        return sorted(self._place(points_m, torsos[rows], turns[rows], shifts[rows]), key=lambda placed: placed.cost)
 
-    def _place(self, points_m: Array, placement: _Placement, step: int = 1) -> _Placement:
-        """Return a placement with the cost of the torso against every `step`th example."""
-        torso, turn = placement.torso, placement.turn
-        cost = float(self._torso_costs(points_m, placement, step).min())
-        cost += MISSED_COST * float(np.sum(torso < 0)) + _BACK_COST * 0.5 * (1.0 - turn[2, 2])
-        return _Placement(torso, turn, placement.shift, cost)
+    def _place(self, points_m: Array, torsos: IntArray, turns: Array, shifts: Array, step: int = 1) -> list[_Placement]:
+        """Return placements by turns and shifts of torsos (P, T), with their costs.
 
-    def _torso_costs(self, points_m: Array, placement: _Placement, step: int = 1) -> FloatArray:
-        """Return the cost of the torso's places and of the vertical against examples (S,)."""
-        seen = placement.torso >= 0
-        away = self._torso_places[::step, seen] - _to_local(points_m[placement.torso[seen]], placement)
-        costs = np.einsum("smc,smc->s", away, away) / np.float32(2.0 * _TORSO_SIGMA_M**2)
-        tilt = 1.0 - self._ups[::step] @ placement.turn[1].astype(np.float32)
+        The torsos' places and the vertical are compared with every `step`th example.
+        """
+        seen = torsos >= 0
+        places_m = np.where(seen[..., None], points_m[torsos] - shifts[:, None], 0.0)
+        away = self._torso_places[None, ::step] - (places_m @ turns).astype(np.float32)[:, None]
+        away *= away
+        weights = np.repeat(seen * np.float32(0.5 / _TORSO_SIGMA_M**2), 3, axis=1)
+        costs = (away.reshape(*away.shape[:2], -1) @ weights[..., None])[..., 0]
+        tilt = 1.0 - turns[:, 1].astype(np.float32) @ self._ups[::step].T
         costs += _UP_TAIL * np.log1p(np.maximum(tilt, 0.0) * np.float32(1.0 / (_UP_TAIL * _UP_SIGMA_RAD**2)))
-        return np.asarray(costs, dtype=np.float32)
+        least = costs.min(axis=1) + MISSED_COST * np.sum(torsos < 0, axis=1) + _BACK_COST * 0.5 * (1.0 - turns[:, 2, 2])
+        return [_Placement(*row) for row in zip(torsos, turns, shifts, least.tolist(), strict=True)]
 
-    def _label_limbs(self, points_m: Array, placement: _Placement) -> list[_Found]:
-        """Label the points that are not the torso by pairs of limbs, the likeliest first."""
-        torso = placement.torso
-        local = _to_local(points_m, placement)
-        is_free = np.einsum("nc,nc->n", local, local) < self._reach_m**2
-        is_free[torso[torso >= 0]] = False
-        candidates = self._limb_candidates(local, np.flatnonzero(is_free))
-        choices, costs = _cheapest(self._pair_costs(local, candidates, placement), candidates)
-        result = []
-        for choice, cost in zip(choices, costs, strict=True):
-            labels = np.full(len(points_m), -1, dtype=np.int64)
-            labels[torso[torso >= 0]] = self._torso[torso >= 0]
-            labels[choice[choice >= 0]] = self._limbs[choice >= 0]
-            cost += placement.cost + _MISSED_LIMB_COST * np.sum(choice < 0) + _GHOST_COST * np.sum(labels < 0)
-            result.append(_Found(float(cost), labels, placement))
-        return result
+    def _label_limbs(self, points_m: Array, placements: list[_Placement]) -> list[_Found]:
+        """Label the points that are not the torso by pairs of limbs."""
+        local = np.stack([_to_local(points_m, placement) for placement in placements])
+        is_free = np.einsum("pnc,pnc->pn", local, local) < self._reach_m**2
+        for row, placement in zip(is_free, placements, strict=True):
+            row[placement.torso[placement.torso >= 0]] = False
+        candidates = self._limb_candidates(local, is_free)
+        turns = np.stack([placement.turn for placement in placements])
+        choices, costs = _cheapest(self._pair_costs(local, candidates, turns), candidates)
+        # a last label, cut off, takes those of no point
+        labels = np.full((*costs.shape, len(points_m) + 1), -1)
+        torsos = np.stack([placement.torso for placement in placements])
+        np.put_along_axis(labels, np.repeat(torsos[:, None], costs.shape[1], axis=1), self._torso, axis=2)
+        np.put_along_axis(labels, choices, self._limbs, axis=2)
+        labels = labels[..., :-1]
+        costs += np.array([placement.cost for placement in placements])[:, None]
+        costs += _MISSED_LIMB_COST * np.sum(choices < 0, axis=2) + _GHOST_COST * np.sum(labels < 0, axis=2)
+        return [
+            _Found(float(cost), labels[row, column], placements[row])
+            for (row, column), cost in np.ndenumerate(costs)
+            if np.isfinite(cost)
+        ]
 
     def _result(self, points_m: Array, found: list[_Found]) -> InitialLabels:
         """Return the likeliest labels with where the closest example has the markers."""
@@ -206,61 +216,82 @@ class InitialLabeller:
         rivals = tuple((other.labels, other.cost) for other in found[1:])
         return InitialLabels(labels, cost, np.asarray(markers @ turns[0].T + shifts[0]), rivals)
 
-    def _limb_candidates(self, local: FloatArray, free: IntArray) -> IntArray:
-        """Return the points (L, C) that may be each limb, the likeliest of many."""
+    def _limb_candidates(self, local: FloatArray, is_free: Mask) -> IntArray:
+        """Return the likeliest points (P, L, C) of each limb, -1 where there are fewer."""
         limbs = len(self._limbs)
-        if len(free) <= _LIMB_POINTS:
-            return np.repeat(free[None], limbs, axis=0)
-        likelihoods = [_likelihoods(places[::_COARSE], norms[::_COARSE], local[free]).sum(axis=0)
-                       for places, norms in zip(self._limb_places, self._limb_norms, strict=True)]  # fmt: skip
-        return free[np.argsort(likelihoods, axis=1)[:, : -_LIMB_POINTS - 1 : -1]]
+        result = np.full((len(local), limbs, min(int(is_free.sum(axis=1).max()), _LIMB_POINTS)), -1)
+        for row, points, free in zip(result, local, is_free, strict=True):
+            chosen = np.flatnonzero(free)[None]
+            if chosen.size > _LIMB_POINTS:
+                places, norms = self._limb_places[..., ::_COARSE], self._limb_norms[:, ::_COARSE]
+                near = _likelihoods(places, norms, points[chosen]).sum(axis=2)
+                chosen = chosen[0][np.argsort(near, axis=1)[:, : -_LIMB_POINTS - 1 : -1]]
+            row[:, : chosen.shape[1]] = chosen
+        return result
 
-    def _pair_costs(self, local: FloatArray, candidates: IntArray, placement: _Placement) -> FloatArray:
-        """Return the `pairs` of `_cheapest` for points in a placement's frame."""
-        limbs, count = candidates.shape
-        likelihoods = np.ones((limbs, count + 1, len(self._examples)), dtype=np.float32)
-        for limb, own in enumerate(candidates):
-            likelihoods[limb, :count] = _likelihoods(self._limb_places[limb], self._limb_norms[limb], local[own]).T
-        flat = likelihoods.reshape(-1, len(self._examples))
+    def _pair_costs(self, local: FloatArray, candidates: IntArray, turns: Array) -> FloatArray:
+        """Return the `pairs` of `_cheapest` for points in the frames of placements."""
+        placements, limbs, count = candidates.shape
+        likelihoods = np.ones((placements, limbs, count + 1, len(self._examples)), dtype=np.float32)
+        own = local[np.arange(placements)[:, None, None], candidates]
+        likelihoods[:, :, :count] = _likelihoods(self._limb_places, self._limb_norms, own)
+        flat = likelihoods.reshape(placements, -1, len(self._examples))
         # examples with another vertical say less
-        tilt = self._ups @ placement.turn[1].astype(np.float32)
+        tilt = turns[:, 1].astype(np.float32) @ self._ups.T
         weights = np.exp((tilt - 1.0) / np.float32(_ALIKE_RAD**2)) + np.float32(_UNLIKE_WEIGHT)
-        costs = -np.log((flat * (weights / weights.sum())) @ flat.T + np.float32(_LEAST_LIKELIHOOD))
-        return np.asarray(costs.reshape(limbs, count + 1, limbs, count + 1), dtype=np.float32)
+        weights /= weights.sum(axis=1, keepdims=True)
+        together = (flat * weights[:, None]) @ flat.swapaxes(1, 2)
+        costs = -np.log(together + np.float32(_LEAST_LIKELIHOOD))
+        return np.asarray(costs.reshape(placements, limbs, count + 1, limbs, count + 1), dtype=np.float32)
 
 
 def _likelihoods(places: FloatArray, norms: FloatArray, points: FloatArray) -> FloatArray:
-    """Return the heavy-tailed likelihoods (S, N) of points by places of examples."""
-    away = norms[:, None] + np.einsum("nc,nc->n", points, points) - 2.0 * (places @ points.T)
-    far = 1.0 / (1.0 + np.maximum(away, 0.0) * np.float32(1.0 / (8.0 * _LIMB_SIGMA_M**2)))
+    """Return heavy-tailed likelihoods (..., L, N, S) of points (..., L or 1, N, 3).
+
+    Args:
+        places, norms: (L, 3, S) and (L, S) examples of each limb, and their squared lengths.
+    """
+    far = points @ places  # every further step is taken in place
+    far *= np.float32(-2.0)
+    far += norms[:, None]
+    far += np.einsum("...c,...c->...", points, points)[..., None]
+    np.maximum(far, 0.0, out=far)
+    far *= np.float32(1.0 / (8.0 * _LIMB_SIGMA_M**2))
+    far += np.float32(1.0)
+    np.reciprocal(far, out=far)
     far *= far
-    return np.asarray(far * far, dtype=np.float32)
+    far *= far
+    return np.asarray(far)
 
 
 def _cheapest(pairs: FloatArray, candidates: IntArray) -> tuple[IntArray, Array]:
-    """Return the cheapest points (K, L) of the limbs, -1 for none, and costs (K,).
+    """Return the cheapest points (P, K, L) of limbs, -1 for none, and costs (P, K).
+
+    Costs are infinite where there are fewer.
 
     Args:
-        pairs: (L, C + 1, L, C + 1) costs of two limbs at two of their candidates; the last stands for none.
-        candidates: (L, C) points.
+        pairs: (P, L, C + 1, L, C + 1) costs of two limbs at two of their candidates; the last stands for none.
+        candidates: (P, L, C) points of each placement, -1 where there are fewer.
     """
-    limbs, none = candidates.shape
-    points = np.column_stack((candidates, np.full(limbs, -1)))
-    chosen, costs = np.empty((1, 0), dtype=np.int64), np.zeros(1)
+    placements, limbs, none = candidates.shape
+    every = np.arange(placements)[:, None, None]
+    chosen, rows = np.empty((2, placements, 1, 0), dtype=np.int64)
+    costs = np.zeros((placements, 1))
     for limb in range(limbs):
-        earlier = np.arange(limb)
-        taken = points[earlier, chosen][:, None] == points[limb][:, None]
-        fits = ~np.any(taken & (points[limb] >= 0)[:, None], axis=2)
-        cost = costs[:, None] + pairs[earlier, chosen, limb].sum(axis=1) / max(limbs - 1, 1)
+        own = np.column_stack((candidates[:, limb], np.full(placements, -1)))
+        cost = costs[:, :, None] + pairs[every, np.arange(limb), chosen, limb].sum(axis=2) / max(limbs - 1, 1)
         # a limb without a point leaves a point without a limb
-        cost[:, none] += _MISSED_LIMB_COST + _GHOST_COST
-        parent, column = np.nonzero(fits)
-        best = np.argsort(cost[parent, column], kind="stable")[:_LABELLINGS]
-        chosen = np.column_stack((chosen[parent[best]], column[best]))
-        costs = cost[parent[best], column[best]]
-    chosen, costs = chosen[:_BEST], costs[:_BEST]
-    rows = points[np.arange(limbs), chosen]
-    return rows, costs - (_MISSED_LIMB_COST + _GHOST_COST) * np.sum(rows < 0, axis=1)
+        cost[:, :, none] += _MISSED_LIMB_COST + _GHOST_COST
+        taken = np.any(rows[:, :, None] == own[:, None, :, None], axis=3) | (own < 0)[:, None]
+        cost[:, :, :none][taken[:, :, :none]] = np.inf
+        flat = cost.reshape(placements, -1)
+        best = np.argsort(flat, axis=1, kind="stable")[:, :_LABELLINGS]
+        parent, column = best // (none + 1), best % (none + 1)
+        chosen = np.concatenate((chosen[every[..., 0], parent], column[..., None]), axis=2)
+        rows = np.concatenate((rows[every[..., 0], parent], own[every[..., 0], column][..., None]), axis=2)
+        costs = np.take_along_axis(flat, best, axis=1)
+    rows, costs = rows[:, :_BEST], costs[:, :_BEST]
+    return rows, costs - (_MISSED_LIMB_COST + _GHOST_COST) * np.sum(rows < 0, axis=2)
 
 
 def _to_local(points_m: Array, placement: _Placement) -> FloatArray:

@@ -11,15 +11,15 @@ from ..database.store import Database
 from ..geometry.arrays import Array, FloatArray, IntArray
 from .lagged_history import LaggedMarkers
 from .observation import Observation
-from .search.exhaustive import ExhaustiveSearch, Query
+from .search.exhaustive import Query
+from .search.sample import SampleSearch
 from .solution import SolverState
 from .subject_model import RootPose
 
 INTERVAL_S = 0.1  # between two comparisons
 PROVEN = 0.5  # evidence above which another course is the right one
 _USUAL = 0.85  # distance of the nearest frame of all, as a share of the nearest example's, on a right course
-_SAMPLE = 8192  # frames of the database that stand for all
-_NEAREST = 24  # of these, compared with their neighbours in time
+_NEAREST = 24  # frames of the sample that are compared with their neighbours in time
 _EXAMPLES = 64
 
 
@@ -32,9 +32,8 @@ class CourseCheck:
     """
 
     def __init__(self, database: Database, markers_m: FloatArray, lags_s: tuple[float, ...]) -> None:
-        self._markers, self._step = markers_m, -(-database.frames // _SAMPLE)
-        poses = database.poses.reshape(database.frames, -1)
-        self._sample = ExhaustiveSearch(markers_m[:: self._step], poses[:: self._step])
+        self._markers = markers_m
+        self._sample = SampleSearch(markers_m, database.poses.reshape(database.frames, -1))
         self._earlier = LaggedMarkers(database, markers_m, lags_s)
 
     def evidence(self, state: SolverState, observation: Observation, root: RootPose, examples: IntArray) -> float:
@@ -46,9 +45,7 @@ class CourseCheck:
             examples: (K,) frames near the motion so far, nearest first.
         """
         query = Query(root.to_root_frame(observation.points_m), None, 1.0, 0.0)
-        near, _ = self._sample.nearest(query, _NEAREST)
-        around = self._step * near[:, None] + np.arange(-(self._step // 2), self._step // 2 + 1)
-        free = np.unique(np.clip(around, 0, len(self._markers) - 1))
+        free = self._sample.around(self._sample.nearest(query, _NEAREST))
         nearest = [
             self._distances(state, observation, root, frames).min(axis=1) for frames in (free, examples[:_EXAMPLES])
         ]

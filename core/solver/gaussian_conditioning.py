@@ -17,7 +17,7 @@ from scipy.linalg import cho_factor, cho_solve, get_blas_funcs, solve_triangular
 from scipy.linalg.blas import dgemm
 
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array, IntArray
+from ..geometry.arrays import Array
 from .observation import Observation, control_jacobian, control_residual
 from .subject_model import RootPose, SubjectModel
 
@@ -172,9 +172,10 @@ def fit_to_markers(
     change, dual = kept = np.zeros((2, 6 + len(mean)))
     damping, least = 0.0, np.inf
     taken = 0
+    beyond_rad = _beyond_limits(mean, expectation.limits)
     while taken < steps:
         taken += 1
-        residual, jacobian = _linearise(expectation, subject, change, np.sqrt(marker_variance_m2))
+        residual, jacobian = _linearise(expectation, subject, change, beyond_rad, np.sqrt(marker_variance_m2))
         cost = float(residual @ residual) / marker_variance_m2 + float(change @ dual)
         if cost > least:
             change, dual = kept
@@ -183,14 +184,17 @@ def fit_to_markers(
             least, kept, damping = cost, np.array((change, dual)), damping / _DAMPING_GROWTH**2
             gains = np.concatenate((root_variances * jacobian[:, :6].T, _product(covariance, jacobian[:, 6:].T)))
             across, innovation, slopes = jacobian @ gains, jacobian @ change - residual, jacobian
+            is_within = beyond_rad == 0.0
         share = 1.0 / (1.0 + damping)
         system = share * across
         system[np.diag_indices_from(system)] += marker_variance_m2
         forces = share * _solve(system, innovation - (1.0 - share) * (slopes @ change))
         change = (1.0 - share) * change + gains @ forces
         dual = (1.0 - share) * dual + slopes.T @ forces
-        _, beyond_rad = _beyond_limits(mean + change[6:], expectation.limits)
-        if max(np.max(np.abs(change - kept[0])[3:]), np.max(np.abs(beyond_rad), initial=0.0)) < _STRAIGHT_RAD:
+        beyond_rad = _beyond_limits(mean + change[6:], expectation.limits)
+        # limits that were passed before are in the linear model
+        passed_rad = np.abs(beyond_rad[is_within]).max(initial=0.0)
+        if max(np.abs(change - kept[0])[3:].max(), passed_rad) < _STRAIGHT_RAD:
             break
     else:
         change = kept[0]  # the last step was not tried
@@ -208,23 +212,23 @@ def _facts(steps: int, covariance: Array, system: Array, gains: Array, innovatio
     return FitFacts(steps, sigmas_rad, float(np.sqrt(unlikely / max(len(halves), 1))))
 
 
-def _linearise(expectation: Expectation, subject: SubjectModel, change: Array, sigma_m: float) -> tuple[Array, Array]:
+def _linearise(
+    expectation: Expectation, subject: SubjectModel, change: Array, beyond_rad: Array, sigma_m: float
+) -> tuple[Array, Array]:
     """Return residuals of markers and limits, and their Jacobian, at a changed pose."""
     pose = expectation.prior.mean + change[6:]
     markers, full = subject.markers_and_jacobian(pose.reshape(-1, 3), _moved_root(expectation.root, change))
-    beyond, beyond_rad = _beyond_limits(pose, expectation.limits)
+    beyond = np.flatnonzero(beyond_rad)
     stiffness = sigma_m / _LIMIT_RAD  # as if it were a marker
     limits = np.zeros((len(beyond), full.shape[-1]))
     limits[np.arange(len(beyond)), 6 + beyond] = stiffness
-    residual = np.concatenate((control_residual(expectation.observation, markers), stiffness * beyond_rad))
+    residual = np.concatenate((control_residual(expectation.observation, markers), stiffness * beyond_rad[beyond]))
     return residual, np.concatenate((control_jacobian(expectation.observation, full), limits))
 
 
-def _beyond_limits(pose: Array, limits: Array) -> tuple[IntArray, Array]:
-    """Return the entries of a pose (D,) outside the limits (2, D), and by how much."""
-    beyond_rad = pose - np.clip(pose, limits[0], limits[1])
-    beyond = np.flatnonzero(beyond_rad)
-    return beyond, beyond_rad[beyond]
+def _beyond_limits(pose: Array, limits: Array) -> Array:
+    """Return by how much the entries of a pose (D,) are outside the limits (2, D)."""
+    return np.asarray(pose - np.minimum(np.maximum(pose, limits[0]), limits[1]))
 
 
 def _moved_root(root: RootPose, change: Array) -> RootPose:

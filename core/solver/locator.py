@@ -9,14 +9,14 @@ from ..geometry.arrays import Array, FloatArray, IntArray
 from .methods import Method
 from .observation import Observation
 from .root import root_from_torso
-from .search.exhaustive import ExhaustiveSearch, Query, Search
+from .search.exhaustive import Query, Search
+from .search.sample import SampleSearch
 from .solution import Examples, SolverState
 from .subject_model import RootPose, SubjectModel
 
 _ROOT_PASSES = 2  # the root needs the pose's torso markers and the pose needs the root
 _FIRST_ROOT_PASSES = 4  # at the start nothing is known about either
-_SPARSE_PASSES = 3  # before the others where time is short, with a sample of the database,
-_SPARSE = 8192  # of so many frames
+_SAMPLE_PASSES = 3  # before the others where time is short, with a sample of the database
 _TORSO_EXAMPLES = 8  # closest examples; the root is fitted to the mean of their torsos
 _SPARE_CANDIDATES = 2  # candidates kept, per example wanted, to rank again under a better root
 
@@ -50,29 +50,31 @@ class Locator:
         self._subject, self._markers, self._search, self._alpha = subject, markers_m, search, query_alpha
         self._examples, self._pose_m_per_rad = method.examples, method.query_pose_m_per_rad
         self._poses = database.poses.reshape(database.frames, -1)
-        self._step = -(-database.frames // _SPARSE)
-        self._sparse = ExhaustiveSearch(markers_m[:: self._step], self._poses[:: self._step])
+        self._sample = SampleSearch(markers_m, self._poses)
         self._typical_markers = np.mean(markers_m[:: max(1, len(markers_m) // 2048)], axis=0, dtype=np.float64)
 
     @property
     def visited(self) -> int:
         """Number of distances computed by all searches so far."""
-        return self._search.visited + self._sparse.visited
+        return self._search.visited + self._sample.visited
 
     def locate(self, state: SolverState, observation: Observation, hurried: bool = False) -> Located | None:
-        """Find root, closest examples and the next search's start; None without a root."""
+        """Find root, closest examples and the next search's start; None without a root.
+
+        `hurried` examples are the closest ones of a sample, and their neighbours in time.
+        """
         continued = state.continued_pose
         local = self._typical_markers if continued is None else self._subject.markers(continued.reshape(-1, 3))
         root, found = state.root, state.found
         is_first = continued is None and not hurried
-        for _ in range(_SPARSE_PASSES if hurried else 0):
+        frames: IntArray | None = None
+        for _ in range(_SAMPLE_PASSES if hurried else 0):
             root = root_from_torso(observation, local, self._subject, root)
             if root is None:
                 return None
-            sampled, _ = self._sparse.nearest(self._query(observation, root, None), self._examples)
-            found = self._step * sampled
-            local = _closest_mean(self._markers, found)
-        frames: IntArray | None = None
+            sampled = self._sample.nearest(self._query(observation, root, None), self._examples)
+            frames = found = self._sample.around(sampled, self._examples * _SPARE_CANDIDATES)
+            local = _closest_mean(self._markers, sampled)
         for _ in range(_FIRST_ROOT_PASSES if is_first else _ROOT_PASSES):
             root = root_from_torso(observation, local, self._subject, root)
             if root is None:

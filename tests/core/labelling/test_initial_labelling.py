@@ -68,6 +68,8 @@ def test_cost_tells_wrong_labels_from_right_ones(labeller, true_markers):
     hidden = row.copy()
     hidden[5] = np.nan
     assert labeller.cost(hidden) > right
+    hidden[[0, 7]] = np.nan
+    assert right < labeller.cost(hidden) < np.inf  # a marker of the torso among those not seen
     hidden[:3] = np.nan
     assert labeller.cost(hidden) == np.inf  # nothing tells where the body is
 

@@ -171,7 +171,7 @@ def test_the_closest_example_is_told_without_going_on(model, database, noisy):
 
 
 def test_no_frame_pays_for_many_searches(model, database, noisy, monkeypatch):
-    """Every second frame jumps; the past is looked beyond now and then only, and each look is one search more."""
+    """Every second frame jumps; the past is looked beyond now and then only, and looks search a sample only."""
     solver = PoseSolver(model, database, SolveSettings(search="exhaustive"))
     search, searches = solver._locator._search.nearest, []
     monkeypatch.setattr(solver._locator._search, "nearest", lambda *query: searches.append(1) or search(*query))
@@ -185,8 +185,7 @@ def test_no_frame_pays_for_many_searches(model, database, noisy, monkeypatch):
         counts.append(len(searches))
     assert any(looked)
     assert not any(looked[:5])
-    assert set(counts[1:]) == {1, 2}
-    assert [count == 2 for count in counts[1:]] == looked[1:]
+    assert set(counts[1:]) == {1}
 
 
 def test_a_hurried_first_frame_is_nearly_as_good(model, database, noisy, truth):
