@@ -3,7 +3,8 @@
 Each point has at most one target. Props come first, as their patterns are exact; performers share the rest.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -89,6 +90,19 @@ class MultiTargetSession:
         pairs = zip(self._props, known.props, strict=True)
         hidden = [f"{prop.name} hidden" for prop, pose in pairs if not pose.found]
         return self._solve(frame.notes, shares, known.props, hidden, doubts=False)
+
+    def solve_two_ways(self, poses: Sequence[ScenePose], progress: Callable[[float], None]) -> list[ScenePose]:
+        """Return poses of a recorded take, with their labels, solved in both directions."""
+        columns: list[Sequence[PerformerPose]] = []
+        for index, session in enumerate(self._sessions):
+            own, solver = [pose.performers[index] for pose in poses], session.two_way_solver
+
+            def report(share: float, index: int = index) -> None:
+                progress((index + share) / len(self._sessions))
+
+            columns.append(solver.solve(own, report) if solver else own)
+        rows = zip(poses, zip(*columns, strict=True), strict=True)
+        return [replace(pose, performers=performers) for pose, performers in rows]
 
     def _usable(self, frame: MarkerFrame) -> MarkerFrame:
         labels = max(len(subject.marker_set) for subject in self.subjects)

@@ -1,6 +1,7 @@
 """One capture of one subject: marker frames in, poses out, live and from takes."""
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from .frame_labelling import BodyExamples, FrameLabeller, is_labelled, rest_mark
 from .hypothesis_tracking import HypothesisTracker
 from .part_errors import PartErrors, doubtful_joints
 from .tracking_quality import TrackingNote, TrackingQuality, assess_fit
+from .two_way_solve import TwoWaySolver
 
 _WORSE_M = 0.004  # RMS by which right labels may fit the body worse than others
 
@@ -39,7 +41,8 @@ class Session:
         self.subject = subject
         self.settings = settings or SolveSettings()
         self.rig = rig
-        cameras = rig.cameras if rig else ()
+        self._database, self._cameras = database, rig.cameras if rig else ()
+        cameras = self._cameras
         self._has_one_camera = len(cameras) == 1
         self._model = SubjectModel(subject, database.zero_of(subject.skeleton, subject.name))
         self._solver = PoseSolver(self._model, database, self.settings)
@@ -85,6 +88,13 @@ class Session:
         elif doubts and solution and not is_labelled(frame):
             self._compare_labels(frame, elapsed_s, before, pose, solution)
         return pose
+
+    @cached_property
+    def two_way_solver(self) -> TwoWaySolver | None:
+        """Solver of recorded poses, None for methods that know no history."""
+        if self.settings.method != "best":
+            return None
+        return TwoWaySolver(self._solver, self._database, self._cameras)
 
     @property
     def is_tracking(self) -> bool:

@@ -27,7 +27,8 @@ from .multi_target_session import MultiTargetSession
 from .recorded_frames import relabel
 from .session import Session
 
-_LIVE_SHARE = 0.7  # of the work, roughly, as live
+_LIVE_SHARE = 0.7  # of finding labels, roughly, as live
+_LABELS_SHARE = 0.25  # of the whole, for takes that are solved in both directions
 _REPORT_EVERY = 30  # frames between two signs of progress
 
 
@@ -74,11 +75,15 @@ def solve_take(
     settings: SolveSettings,
     progress: Progress,
     sessions: SessionMaker = Session,
+    causal: bool = False,
 ) -> SolvedTake:
-    """Solve a labelled take, also with its markers seen by single cameras."""
+    """Solve a labelled take, also with its markers seen by single cameras.
+
+    In both directions (see `two_way_solve`); each pose by earlier frames alone, as live, if `causal`.
+    """
     session = MultiTargetSession([sessions(subject, database, take.single.rig if take.single else None, settings)])
     frames = list(take_frames(take, subject.marker_set))
-    solved = solve_frames(frames, session, f"solving {take.name}", progress)
+    solved = _solve_whole(frames, session, f"solving {take.name}", progress, causal)
     return replace(solved, motions=(motion_of(solved.poses_of(), subject, take.name, take.fps),))
 
 
@@ -109,19 +114,33 @@ def solve_recorded(
 
     Args:
         frames: its marker frames, or others from its 2D detections.
-        causal: see `solve_frames`.
+        causal: by earlier frames alone, as live: labels (see `solve_frames`), and poses (see `two_way_solve`).
 
     Raises:
         TakeError: there are not two frames.
     """
     name = take.notes.name
-    solved = solve_frames(frames, setup.make_session(sessions), f"solving {name}", progress, causal)
+    solved = _solve_whole(frames, setup.make_session(sessions), f"solving {name}", progress, causal)
     recorded = [pose for pose in solved.poses if take.is_recorded(pose.number)]
     motions = tuple(
         resample_uniform([pose.performers[index] for pose in recorded], subject, name, str(take.path))
         for index, subject in enumerate(setup.performers)
     )
     return replace(solved, motions=motions)
+
+
+def _solve_whole(
+    frames: Sequence[MarkerFrame], session: MultiTargetSession, activity: str, progress: Progress, causal: bool
+) -> SolvedTake:
+    """Return the poses of all frames, in both directions unless `causal`."""
+    if causal:
+        return solve_frames(frames, session, activity, progress, causal)
+    solved = solve_frames(frames, session, activity, lambda share, text: progress(_LABELS_SHARE * share, text))
+
+    def later(share: float) -> None:
+        progress(_LABELS_SHARE + (1.0 - _LABELS_SHARE) * share, f"{activity} in both directions")
+
+    return replace(solved, poses=tuple(session.solve_two_ways(solved.poses, later)))
 
 
 def solve_frames(

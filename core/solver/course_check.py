@@ -5,6 +5,8 @@ Now and then the markers of the last moments are compared with a sample of the w
 frames are nearer than the present examples, on a wrong one some always are.
 """
 
+from copy import copy
+
 import numpy as np
 
 from ..database.store import Database
@@ -35,6 +37,12 @@ class CourseCheck:
         self._markers = markers_m
         self._sample = SampleSearch(markers_m, database.poses.reshape(database.frames, -1))
         self._earlier = LaggedMarkers(database, markers_m, lags_s)
+
+    def backwards(self) -> "CourseCheck":
+        """Return the same for time that runs backwards."""
+        found = copy(self)
+        found._earlier = self._earlier.backwards()
+        return found
 
     def evidence(self, state: SolverState, observation: Observation, root: RootPose, examples: IntArray) -> float:
         """Return the evidence against the present course after one more comparison.

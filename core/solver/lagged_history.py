@@ -7,6 +7,7 @@ frame rate and without a solved pose. Earlier poses hold the rest as far as it w
 
 from bisect import bisect_left
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,15 +59,23 @@ class LaggedHistory:
 
 
 class LaggedFrames:
-    """Earlier frames of the same clip for frames of a database."""
+    """Earlier frames of the same clip for frames of a database; later ones if backwards."""
 
     def __init__(self, database: Database, lags_s: tuple[float, ...]) -> None:
         self._lags = np.array([max(1, round(lag * database.fps)) for lag in lags_s], dtype=np.int64)
-        self._starts = np.array([clip.start for clip in database.clips])[database.clip_of_frame]
+        ends = np.array([(clip.start, clip.stop - 1) for clip in database.clips])
+        self._ends = ends[database.clip_of_frame].T
+
+    def backwards(self) -> "LaggedFrames":
+        """Return the same for time that runs backwards."""
+        found = copy(self)
+        found._lags = -self._lags
+        return found
 
     def of(self, frames: IntArray) -> IntArray:
         """Return (K, L) frames before those (K,), in a clip's beginning its first."""
-        return np.asarray(np.maximum(frames[:, None] - self._lags, self._starts[frames][:, None]))
+        first, last = self._ends[:, frames, None]
+        return np.asarray(np.clip(frames[:, None] - self._lags, first, last))
 
 
 class LaggedMarkers:
@@ -82,6 +91,12 @@ class LaggedMarkers:
         self._root_matrices = rot.to_matrix(database.root_rotations).astype(np.float32)
         self._root_positions_m = database.root_positions_m
         self._earlier = LaggedFrames(database, lags_s)
+
+    def backwards(self) -> "LaggedMarkers":
+        """Return the same for time that runs backwards."""
+        found = copy(self)
+        found._earlier = self._earlier.backwards()
+        return found
 
     def observed(self, history: LaggedHistory, time_s: float, root: RootPose) -> Array:
         """Return earlier observed markers (L, M, 3) in the root's frame, NaN if unknown."""
@@ -117,6 +132,12 @@ class LaggedPoses:
         poses = database.poses.reshape(database.frames, -1)
         self._projected = np.asarray(sgemm(1.0, self._components.T, poses.T)).T
         self._earlier = LaggedFrames(database, lags_s)
+
+    def backwards(self) -> "LaggedPoses":
+        """Return the same for time that runs backwards."""
+        found = copy(self)
+        found._earlier = self._earlier.backwards()
+        return found
 
     def observed(self, history: LaggedHistory, time_s: float) -> Array:
         """Return the components (L, C) of earlier solved poses, NaN if unknown."""

@@ -1,5 +1,6 @@
 """Methods for the pose of the closest examples: best, local-pca, lwr, nearest."""
 
+from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -198,19 +199,38 @@ class BestMethod:
         if self._learned:
             self.longest_s = max(self.longest_s, self._learned.lags_s[-1])
         poses = database.poses.reshape(database.frames, -1)
-        broad_frames = np.arange(0, len(poses), max(1, len(poses) // _BROAD_SAMPLES))
-        broad_poses = poses[broad_frames].astype(np.float64)
+        self._broad_frames = np.arange(0, len(poses), max(1, len(poses) // _BROAD_SAMPLES))
+        self._broad_poses = poses[self._broad_frames].astype(np.float64)
         self._markers = LaggedMarkers(database, markers_m, settings.history_s)
-        self._poses = LaggedPoses(database, _principal_components(broad_poses), settings.history_s)
-        broad = np.asarray(np.cov(np.concatenate((broad_poses, *self._history_of(broad_frames)), axis=1).T, ddof=0))
+        self._poses = LaggedPoses(database, _principal_components(self._broad_poses), settings.history_s)
         margin = np.array([[-_LIMIT_MARGIN_RAD], [_LIMIT_MARGIN_RAD]])
-        self._limits = np.percentile(broad_poses, _LIMIT_PERCENTILES, axis=0) + margin
-        # beside the neighbours' covariance, and of the pose about the continued motion
+        self._limits = np.percentile(self._broad_poses, _LIMIT_PERCENTILES, axis=0) + margin
+        self._grant_covariances()
+
+    def _grant_covariances(self) -> None:
+        """Find those beside the neighbours', and of a pose about the continued motion."""
+        settings, history = self._settings, self._history_of(self._broad_frames)
+        broad = np.asarray(np.cov(np.concatenate((self._broad_poses, *history), axis=1).T, ddof=0))
         self._floor = settings.broad_share * broad
         self._floor[np.diag_indices_from(broad)] += settings.pose_floor_rad**2
-        size = poses.shape[1]
+        size = self._broad_poses.shape[1]
         self._change = settings.change_share * broad[:size, :size]
         self._change[np.diag_indices(size)] += settings.change_rad**2
+
+    def backwards(self) -> "BestMethod":
+        """Return the same for time that runs backwards."""
+        found = copy(self)
+        found._markers, found._poses = self._markers.backwards(), self._poses.backwards()
+        found._grant_covariances()
+        return found
+
+    def fit_about(self, pose: Array, root: RootPose, observation: Observation) -> tuple[Array, RootPose]:
+        """Return pose (D,) and root near others, fitted to the markers."""
+        settings, prior = self._settings, Prior(pose, self._change)
+        root_sigma = (settings.root_sigma_m, settings.root_sigma_rad)
+        expectation = Expectation(prior, observation, root, root_sigma, self._limits)
+        variance_m2 = settings.marker_sigma_m**2
+        return gaussian_conditioning.fit_to_markers(expectation, self._subject, variance_m2, _FIT_STEPS)[:2]
 
     def estimate(self, problem: FrameProblem) -> Estimate:
         """Return the pose expected for the markers, fitted to them together with the root."""

@@ -1,5 +1,6 @@
 """From labelled markers to poses, frame by frame."""
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from ..geometry.arrays import Array
 from .course_check import INTERVAL_S, PROVEN, CourseCheck
 from .lagged_history import LaggedHistory
 from .locator import Located, Locator
-from .methods import FrameProblem, prepare_method
+from .methods import BestMethod, FrameProblem, Method, prepare_method
 from .observation import Observation
 from .search.choose import choose_search
 from .settings import SolveSettings
@@ -36,7 +37,7 @@ class PoseSolver:
         self.subject = subject
         self.settings = settings
         markers = subject.database_markers(database)
-        self._method = prepare_method(settings, subject, database, markers)
+        self._method: Method = prepare_method(settings, subject, database, markers)
         search = choose_search(settings.search, database, markers, database.poses.reshape(database.frames, -1))
         self._locator = Locator(subject, database, markers, search, self._method, settings.query_alpha)
         self._course: CourseCheck | None = None
@@ -50,6 +51,20 @@ class PoseSolver:
     def visited(self) -> int:
         """Number of distances computed by all searches so far."""
         return self._locator.visited
+
+    def backwards(self) -> "PoseSolver":
+        """Return the solver of time that runs backwards, by the method "best"."""
+        found = copy(self)
+        found._method = self.best.backwards()
+        found._course = self._course.backwards() if self._course else None
+        return found
+
+    @property
+    def best(self) -> BestMethod:
+        """The method "best"; other methods have no way to go back."""
+        if not isinstance(self._method, BestMethod):
+            raise TypeError(self.settings.method)
+        return self._method
 
     def forget_poses(self, state: SolverState) -> SolverState:
         """Return a state that knows only where the root was."""

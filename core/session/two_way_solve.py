@@ -1,0 +1,239 @@
+"""Poses of recorded takes, solved in both directions and in a mirror.
+
+Live, a pose knows the past alone and keeps to the first examples that explain the markers. A recorded take is solved
+three times more: backwards, with the database's motion also backwards, and both ways in a mirror, where the examples
+are those of the other side. Each of the four errs in its own way. Their poses are averaged, each part of the body by
+its expected errors, and low-passed: that is the course of what no marker shows. The markers, with their gaps closed by
+that course, then determine the rest once more.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from ..body.body_parts import PART_JOINTS, PARTS
+from ..body.mirroring import mirrored_points, mirrored_rotations
+from ..body.motion import Motion
+from ..body.scene_pose import PerformerPose
+from ..body.standard_skeleton import mirrored_name
+from ..database.store import Database, pose_from_rotations
+from ..formats.markers.recorded_take import take_of_poses
+from ..geometry import rotations as rot
+from ..geometry.arrays import Array, runs
+from ..geometry.camera import Camera
+from ..markers.filtering import smooth_motion
+from ..markers.frame_rate import frame_rate
+from ..markers.gap_filling import fill_gaps
+from ..solver.observation import Observation
+from ..solver.pose_solver import PoseSolver
+from ..solver.subject_model import RootPose
+from .part_errors import PartErrors
+from .tracking_quality import TrackingNote
+
+_SHORTEST = 12  # frames in a row that are solved again
+_PAUSE_S = 0.25  # without a pose, from which on the motion is another,
+_CUT_M_S = 9.0  # or half the markers faster than bodies are
+_WEIGHT_POWER = 4.0  # of the expected error, by which a solution counts less
+_WEIGHT_S = 0.25  # standard deviation of the time over which errors are averaged for this
+_UNKNOWN_DEG = 90.0  # expected error of parts about which nothing is known
+_SMOOTH_HZ = 4.0  # cut-off for the course of what no marker shows
+_REPORT_EVERY = 30  # frames between two signs of progress
+_TORSO = list(PARTS).index("torso")  # the root's
+_OTHER = [
+    [*map(set, PARTS.values())].index(set(map(mirrored_name, joints))) for joints in PARTS.values()
+]  # side's part
+
+
+@dataclass(frozen=True)
+class _Course:
+    """One solution of a stretch: rotations (F, J, 4), root (F, 3), errors (F, P)."""
+
+    rotations: Array
+    root_positions_m: Array
+    errors_deg: Array
+
+
+class TwoWaySolver:
+    """Solves recorded stretches of one performer in both directions and in a mirror.
+
+    Args:
+        solver: of the live poses, by the method "best".
+        cameras: that the poses' single cameras refer to.
+    """
+
+    def __init__(self, solver: PoseSolver, database: Database, cameras: tuple[Camera, ...]) -> None:
+        self._solver, self._cameras = solver, cameras
+        self._solvers = [(solver.backwards(), False, True)]
+        if not any(clip.mirrored for clip in database.clips):  # its examples are of both sides already
+            mirrored = PoseSolver(solver.subject.mirrored(database), database, solver.settings)
+            self._solvers += [(mirrored, True, False), (mirrored.backwards(), True, True)]
+
+    def solve(self, poses: Sequence[PerformerPose], progress: Callable[[float], None]) -> list[PerformerPose]:
+        """Return the poses of a performer solved again; those without a body stay."""
+        result = list(poses)
+        for start, stop in _stretches(poses):
+            share, done = (stop - start) / len(poses), start / len(poses)
+            result[start:stop] = self._solve(poses[start:stop], lambda part: progress(done + share * part))  # noqa: B023
+        return result
+
+    def _solve(self, poses: Sequence[PerformerPose], progress: Callable[[float], None]) -> list[PerformerPose]:
+        observations = [self._observation(pose) for pose in poses]
+        courses = [_live_course(poses)]
+        for index, (solver, is_mirrored, is_backward) in enumerate(self._solvers):
+
+            def report(share: float, index: int = index) -> None:
+                progress((index + share) / (1 + len(self._solvers)))
+
+            courses.append(_solved_course(solver, poses, observations, (is_mirrored, is_backward), report))
+        fps = frame_rate(np.array([pose.time_s for pose in poses]), np.array([pose.number for pose in poses]))
+        return self._fitted(poses, _blended(courses, fps), fps, observations)
+
+    def _observation(self, pose: PerformerPose) -> Observation:
+        """Return the markers of a pose, none where they do not fit the body."""
+        if TrackingNote.HELD.value in pose.notes:
+            return Observation.of_points(np.full(pose.observed_m.shape, np.nan))
+        return Observation(pose.observed_m, pose.single_cameras, pose.single_points, self._cameras)
+
+    def _fitted(
+        self, poses: Sequence[PerformerPose], course: _Course, fps: float, observations: Sequence[Observation]
+    ) -> list[PerformerPose]:
+        """Return the course fitted to the markers, with gaps closed by the course itself."""
+        model = self._solver.subject
+        motion = Motion("", fps, model.skeleton, course.rotations, course.root_positions_m)
+        if fps > 2.0 * _SMOOTH_HZ:
+            motion = smooth_motion(motion, _SMOOTH_HZ)
+        marker_set = model.subject.marker_set
+        take = take_of_poses(poses, marker_set.names, "", fps)
+        seen = np.array([observation.points_m for observation in observations])
+        filled = fill_gaps(replace(take, positions_m=seen), marker_set, motion).positions_m
+        fitted = []
+        for index, (pose, observation) in enumerate(zip(poses, observations, strict=True)):
+            single = observation.single[:, None]
+            observed = replace(observation, points_m=np.where(single, np.nan, filled[index]))
+            root = RootPose(motion.rotations[index, 0], motion.root_positions_m[index])
+            start = pose_from_rotations(motion.rotations[index], model.mean_rotations)
+            vectors, root = self._solver.best.fit_about(start.ravel(), root, observed)
+            markers_m = model.markers(vectors.reshape(-1, 3), root)
+            away_m = np.linalg.norm(markers_m - pose.observed_m, axis=1)
+            fitted.append(
+                replace(
+                    pose,
+                    rotations=model.rotations(vectors.reshape(-1, 3), root),
+                    root_position_m=root.position_m,
+                    markers_m=markers_m,
+                    marker_rms_m=pose.marker_rms_m if np.isnan(away_m).all() else float(np.sqrt(np.nanmean(away_m**2))),
+                    part_errors_deg=course.errors_deg[index],
+                )
+            )
+        return fitted
+
+
+def _stretches(poses: Sequence[PerformerPose]) -> list[tuple[int, int]]:
+    """Return the stretches of one motion, long enough to be solved again."""
+    waits = {TrackingNote.WAITING.value, TrackingNote.REFUSED.value}
+    solved = np.array([waits.isdisjoint(pose.notes) for pose in poses])
+    begins = np.array([True, *(_begins(before, pose) for before, pose in pairwise(poses))])
+    found = []
+    for start, stop in runs(solved):
+        cuts = [start, *(start + 1 + np.flatnonzero(begins[start + 1 : stop])).tolist(), stop]
+        found += [(at, end) for at, end in pairwise(cuts) if end - at >= _SHORTEST]
+    return found
+
+
+def _begins(before: PerformerPose, pose: PerformerPose) -> bool:
+    """Return whether another motion begins: after a pause, or elsewhere at once."""
+    passed_s = pose.time_s - before.time_s
+    moved_m = np.linalg.norm(pose.observed_m - before.observed_m, axis=1)
+    moved_m = moved_m[np.isfinite(moved_m)]
+    is_cut = len(moved_m) > 0 and float(np.median(moved_m)) > _CUT_M_S * passed_s
+    return bool(not 0.0 < passed_s < _PAUSE_S or is_cut)
+
+
+def _live_course(poses: Sequence[PerformerPose]) -> _Course:
+    """Return the live solution of a stretch."""
+    return _Course(
+        np.array([pose.rotations for pose in poses]),
+        np.array([pose.root_position_m for pose in poses]),
+        np.array([_known(pose.part_errors_deg) for pose in poses]),
+    )
+
+
+def _solved_course(
+    solver: PoseSolver,
+    poses: Sequence[PerformerPose],
+    observations: Sequence[Observation],
+    kind: tuple[bool, bool],
+    progress: Callable[[float], None],
+) -> _Course:
+    """Return the solution of a stretch by one solver, with infinite errors where it has none.
+
+    Args:
+        poses: as live: where the first markers are, and the poses that stand for missing ones.
+        kind: whether it is mirrored, and whether it goes backwards.
+    """
+    is_mirrored, is_backward = kind
+    live, part_errors = _live_course(poses), PartErrors(solver.subject)
+    course = _Course(live.rotations.copy(), live.root_positions_m.copy(), np.full_like(live.errors_deg, np.inf))
+    first = poses[-1 if is_backward else 0].markers_m
+    state = replace(solver.initial_state, markers_m=mirrored_points(first) if is_mirrored else first)
+    order: Iterable[int] = reversed(range(len(poses))) if is_backward else range(len(poses))
+    for done, index in enumerate(order):
+        if done % _REPORT_EVERY == 0:
+            progress(done / len(poses))
+        observation = _mirrored(observations[index]) if is_mirrored else observations[index]
+        time_s = -poses[index].time_s if is_backward else poses[index].time_s
+        solution, state = solver.step(state, observation, time_s)
+        if solution is None:
+            continue
+        rotations, root_m = solver.subject.rotations(solution.pose, solution.root), solution.root.position_m
+        errors_deg = _known(part_errors.expected_deg(solution))
+        if is_mirrored:
+            rotations, root_m, errors_deg = mirrored_rotations(rotations), mirrored_points(root_m), errors_deg[_OTHER]
+        course.rotations[index], course.root_positions_m[index], course.errors_deg[index] = (
+            rotations,
+            root_m,
+            errors_deg,
+        )
+    return course
+
+
+def _known(errors_deg: Array) -> Array:
+    """Return expected errors (P,), large ones in place of none."""
+    return errors_deg if len(errors_deg) else np.full(len(PARTS), _UNKNOWN_DEG)
+
+
+def _mirrored(observation: Observation) -> Observation:
+    """Return the mirror image of markers, with cameras whose images are mirrored, too."""
+    rig = tuple(
+        replace(
+            camera,
+            rotation=mirrored_points(mirrored_points(camera.rotation).T).T,
+            translation_m=mirrored_points(camera.translation_m),
+        )
+        for camera in observation.rig
+    )
+    points = mirrored_points(observation.points_m)
+    return Observation(points, observation.cameras, observation.image_points * np.array([-1.0, 1.0]), rig)
+
+
+def _blended(courses: Sequence[_Course], fps: float) -> _Course:
+    """Return the mean of courses, each part of the body weighted by its expected errors."""
+    errors = np.array([course.errors_deg for course in courses])
+    lasting = gaussian_filter1d(np.minimum(errors, _UNKNOWN_DEG), _WEIGHT_S * fps, axis=1, mode="nearest")
+    weights = np.where(np.isfinite(errors), lasting, np.inf) ** -_WEIGHT_POWER
+    weights /= weights.sum(axis=0)
+    first = courses[0].rotations
+    rotations = np.zeros_like(first)
+    root_m = np.zeros_like(courses[0].root_positions_m)
+    for course, weight in zip(courses, weights, strict=True):
+        joints = np.empty(first.shape[:2])
+        joints[:, 0] = weight[:, _TORSO]
+        for part, part_joints in enumerate(PART_JOINTS.values()):
+            joints[:, part_joints] = weight[:, part, None]
+        side = np.where(np.sum(course.rotations * first, axis=-1) < 0.0, -1.0, 1.0)
+        rotations += (joints * side)[..., None] * course.rotations
+        root_m += weight[:, _TORSO, None] * course.root_positions_m
+    return _Course(rot.normalize(rotations), root_m, np.sum(weights * np.minimum(errors, _UNKNOWN_DEG), axis=0))
