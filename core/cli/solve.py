@@ -26,6 +26,7 @@ def add_parser(subparsers: Any) -> None:
     add_text(parser, "--database", "DB", "motion database (default of a .perftake: the one it was recorded with)")
     _add_performer_options(parser)
     add_choice(parser, "--method", METHODS, "solver method (default best; of a .perftake, as live)")
+    add_switch(parser, "--causal", "solve each frame by earlier ones alone, as live (default: in both directions)")
     _add_marker_options(parser)
     _add_recorded_options(parser)
     parser.add_argument(
@@ -93,7 +94,6 @@ def _add_recorded_options(parser: argparse.ArgumentParser) -> None:
         help="of a .perftake: a prop besides the performer (repeatable; default: the recorded ones); writes "
         "MOTION.PROP.csv beside the motion",
     )
-    add_switch(parser, "--causal", "of a .perftake: label each frame by earlier ones alone, as live")
     add_repeated(
         parser,
         "--performer",
@@ -125,7 +125,6 @@ def check(args: argparse.Namespace) -> None:
     for is_wrong, message in (
         (not recorded and args.cameras is not None, "--cameras: only a .perftake holds 2D detections of cameras"),
         (not recorded and args.prop, f"--prop: {unlabelled}"),
-        (not recorded and args.causal, f"--causal: {unlabelled}"),
         (not recorded and args.performer, f"--performer: {unlabelled}"),
         (recorded and args.up is not None, "--up: a .perftake has y up"),
         (recorded and args.names is not None, "--names: a .perftake has its marker set's labels"),
@@ -167,5 +166,7 @@ def solve(args: argparse.Namespace, progress: Progress, cache: SessionCache) -> 
 
             request = replace(request, retriangulate=retriangulate)
     else:
-        request = SolveMarkers(str(args.take), args.database, body, output, args.names, args.use, args.up, args.method)
+        request = SolveMarkers(
+            str(args.take), args.database, body, output, args.names, args.use, args.up, args.method, args.causal
+        )
     return request.run(progress, cache)

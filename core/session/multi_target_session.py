@@ -16,6 +16,7 @@ from ..markers.prop import Prop, check_distinct
 from ..markers.usable_frame import FrameTimes, usable_frame
 from .performer_assignment import PerformerAssignment
 from .session import Session
+from .two_way_solve import TwoWaySolver
 
 _SIGMA_M = 0.001  # uncertainty of points with known labels
 
@@ -95,12 +96,14 @@ class MultiTargetSession:
         """Return poses of a recorded take, with their labels, solved in both directions."""
         columns: list[Sequence[PerformerPose]] = []
         for index, session in enumerate(self._sessions):
-            own, solver = [pose.performers[index] for pose in poses], session.two_way_solver
+            own = [pose.performers[index] for pose in poses]
 
             def report(share: float, index: int = index) -> None:
                 progress((index + share) / len(self._sessions))
 
-            columns.append(solver.solve(own, report) if solver else own)
+            if session.settings.method == "best":  # the others know no history
+                own = TwoWaySolver(session.solver, self.rig.cameras if self.rig else ()).solve(own, report)
+            columns.append(own)
         rows = zip(poses, zip(*columns, strict=True), strict=True)
         return [replace(pose, performers=performers) for pose, performers in rows]
 

@@ -1,7 +1,6 @@
 """One capture of one subject: marker frames in, poses out, live and from takes."""
 
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 
@@ -23,7 +22,6 @@ from .frame_labelling import BodyExamples, FrameLabeller, is_labelled, rest_mark
 from .hypothesis_tracking import HypothesisTracker
 from .part_errors import PartErrors, doubtful_joints
 from .tracking_quality import TrackingNote, TrackingQuality, assess_fit
-from .two_way_solve import TwoWaySolver
 
 _WORSE_M = 0.004  # RMS by which right labels may fit the body worse than others
 
@@ -32,7 +30,7 @@ class Session:
     """Labels and solves the frames of one subject; single-camera markers need `rig`.
 
     Attributes:
-        labeller: of its frames.
+        labeller, solver: of its frames.
     """
 
     def __init__(
@@ -41,16 +39,15 @@ class Session:
         self.subject = subject
         self.settings = settings or SolveSettings()
         self.rig = rig
-        self._database, self._cameras = database, rig.cameras if rig else ()
-        cameras = self._cameras
+        cameras = rig.cameras if rig else ()
         self._has_one_camera = len(cameras) == 1
         self._model = SubjectModel(subject, database.zero_of(subject.skeleton, subject.name))
-        self._solver = PoseSolver(self._model, database, self.settings)
+        self.solver = PoseSolver(self._model, database, self.settings)
         examples = BodyExamples(self._model, database)
         self.labeller = FrameLabeller(subject.marker_set.names, self._model, cameras, examples)
         self._hypotheses: HypothesisTracker | None = None
         if self._has_one_camera:
-            self._hypotheses = HypothesisTracker(cameras[0], self._solver, examples.start_poses_m, examples.markers_m)
+            self._hypotheses = HypothesisTracker(cameras[0], self.solver, examples.start_poses_m, examples.markers_m)
         self._quality = TrackingQuality(self._model.torso, self._has_one_camera)
         self._part_errors = PartErrors(self._model)
         self.reset()
@@ -89,13 +86,6 @@ class Session:
             self._compare_labels(frame, elapsed_s, before, pose, solution)
         return pose
 
-    @cached_property
-    def two_way_solver(self) -> TwoWaySolver | None:
-        """Solver of recorded poses, None for methods that know no history."""
-        if self.settings.method != "best":
-            return None
-        return TwoWaySolver(self._solver, self._database, self._cameras)
-
     @property
     def is_tracking(self) -> bool:
         """Whether the place of the body is known."""
@@ -114,7 +104,7 @@ class Session:
 
     def _forget(self) -> None:
         """Let the next frame be solved like the first."""
-        self._state = self._solver.initial_state
+        self._state = self.solver.initial_state
         self._quality.reset()
         if self._hypotheses is not None:
             self._hypotheses.reset()
@@ -126,7 +116,7 @@ class Session:
         """Label and solve a frame by the pose before."""
         observation = self.labeller.label(frame, self._state.markers_m, self._elapsed_s(frame.time_s))
         # no frame pays for two dear things
-        solution, self._state = self._solver.step(self._state, observation, frame.time_s, self.labeller.has_searched)
+        solution, self._state = self.solver.step(self._state, observation, frame.time_s, self.labeller.has_searched)
         if self._quality.is_pose_check_due(frame.time_s, observation, solution) and solution is not None:
             solution = self._escape_local_minimum(frame.time_s, observation, solution)
         return observation, solution
@@ -137,9 +127,9 @@ class Session:
         A wrong pose persists, as examples are searched near the continued motion.
         """
         settings = self._quality.settings
-        state = self._solver.forget_poses(self._state)
+        state = self.solver.forget_poses(self._state)
         limit_m = settings.promising * solution.nearest_m
-        found, state = self._solver.step(state, observation, time_s, True, limit_m)
+        found, state = self.solver.step(state, observation, time_s, True, limit_m)
         if found is None or not found.nearest_m < settings.nearer * solution.nearest_m:
             return solution
         self._state = state
@@ -152,11 +142,11 @@ class Session:
         rival = self.labeller.find_rival(frame, elapsed_s, pose, busy=solution.looked)
         if rival is None:
             return
-        limit_m, fresh = rival.nearer * solution.nearest_m, self._solver.initial_state
-        if rival.adds and limit_m < np.inf and not self._solver.closest_m(fresh, rival.observation) < limit_m:
+        limit_m, fresh = rival.nearer * solution.nearest_m, self.solver.initial_state
+        if rival.adds and limit_m < np.inf and not self.solver.closest_m(fresh, rival.observation) < limit_m:
             return
         start = before if rival.adds else fresh
-        found, state = self._solver.step(start, rival.observation, frame.time_s, True, limit_m)
+        found, state = self.solver.step(start, rival.observation, frame.time_s, True, limit_m)
         if found is None:
             return
         settings = self._quality.settings

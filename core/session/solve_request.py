@@ -135,6 +135,7 @@ class SolveMarkers:
         names: file from labels to markers; None for none.
         use: names of markers to solve with, or how many to choose; None for all.
         up: axis of the file that points up, as of `import_take`; None for y in metres, as it is.
+        causal: each pose by earlier frames alone, see `solve_take`.
     """
 
     take: str
@@ -145,6 +146,7 @@ class SolveMarkers:
     use: str | None = None
     up: str | None = None
     method: str | None = None
+    causal: bool = False
 
     def run(self, progress: Progress, cache: SessionCache) -> tuple[SolvedTake, Facts]:
         """Solve, write the motion, return poses and facts."""
@@ -160,7 +162,7 @@ class SolveMarkers:
             take = smooth_take(take, self.output.smooth_hz)
         settings, database = SolveSettings(method=self.method or "best"), cache.database(self.database)
         worn, facts = self._worn_subject(take, subject, database)
-        solved = solve_take(take, worn, database, settings, progress, cache.session)
+        solved = solve_take(take, worn, database, settings, progress, cache.session, self.causal)
         check_file(database)
         if self.use is not None:
             facts["left_out_rms_mm"] = 1e3 * _left_out_rms_m(take, subject, worn, solved.motion)
@@ -222,7 +224,7 @@ class SolveRecorded:
     Args:
         take: the file; its set-up replaces None and empty values here.
         performers: files of further performers.
-        causal: as live, see `solve_frames`.
+        causal: as live, see `solve_recorded`.
         retriangulate: function needed with `cameras`; this package loads no OpenCV.
     """
 

@@ -19,7 +19,7 @@ from ..body.mirroring import mirrored_points, mirrored_rotations
 from ..body.motion import Motion
 from ..body.scene_pose import PerformerPose
 from ..body.standard_skeleton import mirrored_name
-from ..database.store import Database, pose_from_rotations
+from ..database.store import pose_from_rotations
 from ..formats.markers.recorded_take import take_of_poses
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, runs
@@ -64,8 +64,8 @@ class TwoWaySolver:
         cameras: that the poses' single cameras refer to.
     """
 
-    def __init__(self, solver: PoseSolver, database: Database, cameras: tuple[Camera, ...]) -> None:
-        self._solver, self._cameras = solver, cameras
+    def __init__(self, solver: PoseSolver, cameras: tuple[Camera, ...]) -> None:
+        self._solver, self._cameras, database = solver, cameras, solver.database
         self._solvers = [(solver.backwards(), False, True)]
         if not any(clip.mirrored for clip in database.clips):  # its examples are of both sides already
             mirrored = PoseSolver(solver.subject.mirrored(database), database, solver.settings)
@@ -85,7 +85,7 @@ class TwoWaySolver:
         for index, (solver, is_mirrored, is_backward) in enumerate(self._solvers):
 
             def report(share: float, index: int = index) -> None:
-                progress((index + share) / (1 + len(self._solvers)))
+                progress((index + share) / len(self._solvers))
 
             courses.append(_solved_course(solver, poses, observations, (is_mirrored, is_backward), report))
         fps = frame_rate(np.array([pose.time_s for pose in poses]), np.array([pose.number for pose in poses]))
@@ -168,7 +168,7 @@ def _solved_course(
     kind: tuple[bool, bool],
     progress: Callable[[float], None],
 ) -> _Course:
-    """Return the solution of a stretch by one solver, with infinite errors where it has none.
+    """Return a stretch as a solver solves it; where it does not, errors are infinite.
 
     Args:
         poses: as live: where the first markers are, and the poses that stand for missing ones.
@@ -206,7 +206,7 @@ def _known(errors_deg: Array) -> Array:
 
 
 def _mirrored(observation: Observation) -> Observation:
-    """Return the mirror image of markers, with cameras whose images are mirrored, too."""
+    """Return the mirror image of markers and of the cameras that see them."""
     rig = tuple(
         replace(
             camera,
@@ -220,7 +220,7 @@ def _mirrored(observation: Observation) -> Observation:
 
 
 def _blended(courses: Sequence[_Course], fps: float) -> _Course:
-    """Return the mean of courses, each part of the body weighted by its expected errors."""
+    """Return the mean of courses, parts weighted by their expected errors."""
     errors = np.array([course.errors_deg for course in courses])
     lasting = gaussian_filter1d(np.minimum(errors, _UNKNOWN_DEG), _WEIGHT_S * fps, axis=1, mode="nearest")
     weights = np.where(np.isfinite(errors), lasting, np.inf) ** -_WEIGHT_POWER

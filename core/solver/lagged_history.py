@@ -59,7 +59,7 @@ class LaggedHistory:
 
 
 class LaggedFrames:
-    """Earlier frames of the same clip for frames of a database; later ones if backwards."""
+    """Frames of the same clip before frames of a database; if backwards, after."""
 
     def __init__(self, database: Database, lags_s: tuple[float, ...]) -> None:
         self._lags = np.array([max(1, round(lag * database.fps)) for lag in lags_s], dtype=np.int64)

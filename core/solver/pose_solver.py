@@ -34,7 +34,7 @@ class PoseSolver:
         if database.frames < 2:
             raise DatabaseError("has fewer than two frames", where=str(database.path), advice="import more motion")
         check_arrays(database)
-        self.subject = subject
+        self.subject, self.database = subject, database
         self.settings = settings
         markers = subject.database_markers(database)
         self._method: Method = prepare_method(settings, subject, database, markers)

@@ -57,7 +57,7 @@ class SubjectModel:
         self.torso = subject.marker_set.torso
 
     def mirrored(self, database: Database) -> "SubjectModel":
-        """Return the mirror image; whoever is not in the database has its common zero."""
+        """Return the mirror image, of a body unknown to the database with the same zero."""
         is_known = self.mean_rotations is not database.mean_rotations
         zero = mirrored_rotations(self.mean_rotations) if is_known else self.mean_rotations
         return SubjectModel(self.subject.mirrored(), zero)

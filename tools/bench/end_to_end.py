@@ -137,7 +137,7 @@ def _hidden(take: MarkerTake, seen: Seen) -> MarkerTake:
 
 
 def _from_take(take: MarkerTake, subject: Subject, database: Database) -> Motion:
-    return solve_take(take, subject, database, WITHOUT_PRIOR, lambda fraction, text: None).motion
+    return solve_take(take, subject, database, WITHOUT_PRIOR, lambda fraction, text: None, causal=True).motion
 
 
 def _from_one_camera(motion: Motion, database: Database, rig: CameraRig) -> Motion:

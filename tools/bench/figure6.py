@@ -72,11 +72,13 @@ def true_subject(truth: Motion) -> Subject:
     return Subject(truth.name, truth.skeleton, load_marker_set(MARKER_SET))
 
 
-def solve_truth(truth: Motion, database: Database, settings: SolveSettings) -> tuple[Motion, float]:
-    """Solve a motion's markers; return the motion and the median time of a frame, ms."""
+def solve_truth(
+    truth: Motion, database: Database, settings: SolveSettings, causal: bool = True
+) -> tuple[Motion, float]:
+    """Solve a motion's markers; return the motion and the median time of a frame."""
     subject = true_subject(truth)
     take, _ = simulate_markers(truth, subject)
-    result = solve_take(take, subject, database, settings, lambda fraction, text: None)
+    result = solve_take(take, subject, database, settings, lambda fraction, text: None, causal=causal)
     return result.motion, 1e3 * float(np.median(result.seconds))
 
 

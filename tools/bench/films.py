@@ -131,7 +131,7 @@ def film_row(film: Film, filmed: Filmed, database: Database) -> tuple[dict[str, 
     take, _ = simulate_markers(filmed.truth, subject)
     located = replace(take, positions_m=np.where(filmed.both[..., None], take.positions_m, np.nan))
     exact, shown = (
-        solve_take(each, subject, database, WITHOUT_PRIOR, lambda fraction, text: None).motion
+        solve_take(each, subject, database, WITHOUT_PRIOR, lambda fraction, text: None, causal=True).motion
         for each in (take, located)
     )
     session = MultiTargetSession([Session(subject, database, filmed.rig, WITHOUT_PRIOR)])

@@ -46,7 +46,7 @@ def solve(
     """Return the motion and the poses of a take's markers, solved."""
     subject = true_subject(truth)
     take, _ = simulate_markers(truth, subject, noise_mm, dropout, seed)
-    result = solve_take(take, subject, database, settings, lambda fraction, text: None)
+    result = solve_take(take, subject, database, settings, lambda fraction, text: None, causal=True)
     return result.motion, result.poses_of()
 
 

@@ -1,0 +1,78 @@
+"""Takes solved in both directions and in a mirror, against the same takes as live."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from perfanim.core.body.motion_metrics import evaluate
+from perfanim.core.markers.take_frames import take_frames
+from perfanim.core.session.session import Session
+from perfanim.core.session.solve_take import solve_take
+from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.solver.settings import SolveSettings
+
+
+def silent(fraction, text):
+    """Show no progress."""
+
+
+@pytest.fixture(scope="module")
+def take(truth, subject):
+    return simulate_markers(truth, subject, noise_mm=2.0, dropout=0.05, seed=1)[0]
+
+
+@pytest.fixture(scope="module")
+def live(take, subject, database):
+    return solve_take(take, subject, database, SolveSettings(), silent, causal=True)
+
+
+@pytest.fixture(scope="module")
+def recorded(take, subject, database):
+    return solve_take(take, subject, database, SolveSettings(), silent)
+
+
+def test_both_directions_are_better_than_live(live, recorded, truth):
+    before, after = (evaluate(solved.motion, truth) for solved in (live, recorded))
+    assert after["deg_per_joint"] < before["deg_per_joint"]
+    assert after["jitter_ratio"] < before["jitter_ratio"]
+
+
+def test_causal_poses_are_those_of_a_live_session(take, live, subject, database):
+    session = Session(subject, database)
+    for frame, pose in zip(take_frames(take, subject.marker_set), live.poses_of(), strict=True):
+        np.testing.assert_array_equal(session.step(frame).rotations, pose.rotations)
+
+
+def test_solving_again_gives_the_same(recorded, take, subject, database):
+    """Also in a session that has solved something else before."""
+    session = Session(subject, database)
+    for _ in range(2):
+        again = solve_take(take, subject, database, SolveSettings(), silent, lambda *_: session)
+        session.reset()
+        np.testing.assert_array_equal(again.motion.rotations, recorded.motion.rotations)
+
+
+def test_motion_before_a_cut_does_not_depend_on_what_follows(take, subject, database):
+    """Frames on both sides of a cut are solved as if they were takes of their own."""
+    first, cut = 20, take.positions_m.copy()
+    cut[first:] += [3.0, 0.0, 0.0]
+    short = replace(
+        take,
+        positions_m=cut[:first],
+        frame_numbers=take.frame_numbers[:first],
+        times_s=take.times_s[:first],
+    )
+    whole = solve_take(replace(take, positions_m=cut), subject, database, SolveSettings(), silent)
+    alone = solve_take(short, subject, database, SolveSettings(), silent)
+    np.testing.assert_array_equal(whole.motion.rotations[:first], alone.motion.rotations)
+
+
+def test_what_cancels_comes_through_at_any_moment(take, subject, database):
+    for at in (0.1, 0.5, 0.8):
+
+        def cancel(fraction, text, at=at):
+            if fraction >= at:
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            solve_take(take, subject, database, SolveSettings(), cancel)
