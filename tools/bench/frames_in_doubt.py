@@ -68,7 +68,7 @@ def _standing(cut: Cut) -> Motion:
 
 def _search_ms(session: Session) -> float:
     """Return the median processor time of an exhaustive search, ms."""
-    locator, taken = session._solver._locator, []
+    locator, taken = session.solver._locator, []
     search = ExhaustiveSearch(locator._markers, locator._poses)
     for frame in np.linspace(0, len(locator._markers) - 1, _SEARCHES).astype(int):
         query = Query(locator._markers[frame].astype(np.float64), locator._poses[frame].astype(np.float64), 0.8, 0.2)

@@ -246,8 +246,8 @@ def _solving(truth: Motion, database: Database) -> list[Row]:
     subject = true_subject(truth)
     frames = list(take_frames(simulate_markers(truth, subject)[0], subject.marker_set))
     session = Session(subject, database)
-    search = _TimedSearch(session._solver._locator._search)
-    session._solver._locator._search = search
+    search = _TimedSearch(session.solver._locator._search)
+    session.solver._locator._search = search
     taken = []
     for frame in frames:
         wall_s, processor_s, searched_s = time.perf_counter(), time.process_time(), search.seconds
