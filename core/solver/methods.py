@@ -25,9 +25,10 @@ _HISTORY_SHARE = 0.3  # weight of a squared distance of earlier markers against 
 _BROAD_SAMPLES = 4096  # frames that the covariance of the whole database is taken over
 _COMPONENTS = 30  # principal ones of earlier poses that "best" goes by
 _FIT_STEPS = 8  # of Gauss-Newton at most: most priors are so close that one is enough
-# RMS deviations of the markers from the neighbours at which these and the learned prior count alike: for bodies that
-# the database lacks, and for those it knows. By the fourth power: each decides alone where it is surely better.
-_TRUSTED, _TRUSTED_KNOWN = 0.6, 1.2
+# The learned prior and the neighbours count alike where the markers lie so many times further from the neighbours than
+# from it, each in its own deviations: for bodies that the database lacks, and for those it knows. By the fourth power:
+# each decides alone where it is surely better.
+_TRUSTED, _TRUSTED_KNOWN = 2.0, 4.0
 _MOST_DOUBT = 100.0
 # a pose's deviations given its markers grow with this power of the markers' deviation from the prior, and are a share
 # of that for bodies that the database knows: found on takes, see `session.part_errors`
@@ -194,8 +195,8 @@ class BestMethod:
         network = open_network(Path(settings.prior_file or MOTION_PRIOR)) if settings.prior_share else None
         self._learned = MotionPrior(network, subject, database.mean_rotations) if network else None
         bodies = (database.skeletons[index].offsets_m for index in {clip.skeleton for clip in database.clips})
-        known = any(same_bones(body_m, subject.skeleton.offsets_m) for body_m in bodies)
-        self._trusted, self._widened = (_TRUSTED_KNOWN, _KNOWN_SHARE) if known else (_TRUSTED, 1.0)
+        self._known = any(same_bones(body_m, subject.skeleton.offsets_m) for body_m in bodies)
+        self._trusted, self._widened = (_TRUSTED_KNOWN, _KNOWN_SHARE) if self._known else (_TRUSTED, 1.0)
         if self._learned:
             self.longest_s = max(self.longest_s, self._learned.lags_s[-1])
         poses = database.poses.reshape(database.frames, -1)
@@ -239,9 +240,15 @@ class BestMethod:
         root, root_sigma = problem.root, (settings.root_sigma_m, settings.root_sigma_rad)
         if self._learned:
             learned = self._learned.estimate(self._learned.recent(problem.observation, state), root)
-            root, root_sigma = learned.root, learned.root_sigma
-            off = Expectation(prior, problem.observation, root, root_sigma, self._limits).deviation(self._subject)
-            doubt = float(np.clip((off / self._trusted) ** 4, 1.0 / _MOST_DOUBT, _MOST_DOUBT))
+            if not self._known:  # a known body's torso shows its root better
+                root, root_sigma = learned.root, learned.root_sigma
+            off, learned_off = (
+                Expectation(each, problem.observation, root, root_sigma, self._limits).deviation(self._subject)
+                for each in (prior, learned.pose)
+            )
+            # without markers nothing speaks for either
+            ratio = off / (learned_off * self._trusted) if learned_off else 1.0
+            doubt = float(np.clip(ratio**4, 1.0 / _MOST_DOUBT, _MOST_DOUBT))
             prior = continue_prior(
                 Prior(prior.mean, max(doubt, 1.0) * prior.covariance),
                 learned.pose.mean,

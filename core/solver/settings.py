@@ -120,7 +120,7 @@ class BestSettings:
     change_rad: float = 0.03
     root_sigma_m: float = 0.03
     root_sigma_rad: float = 0.1
-    prior_share: float = 0.0
+    prior_share: float = 1.0
     prior_file: str = ""
 
     def __post_init__(self) -> None:

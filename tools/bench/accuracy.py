@@ -88,8 +88,8 @@ class _Case:
 def accuracy(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
     """Solve takes by every method in every condition.
 
-    Unseen kinds of motion keep the performer's other clips. `best` stands without the learned prior, and with the one
-    beside the databases (`out`/databases/motion_prior.npz) where that has not seen the performer.
+    Unseen kinds of motion keep the performer's other clips. `best` stands without the learned prior, and with one of
+    those beside the databases (`out`/databases/motion_prior*.npz) that has not seen the performer.
 
     Returns:
         rows (condition, take, method, frames, errors, share of the nearest neighbour's error), joints (errors by

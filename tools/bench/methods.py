@@ -50,13 +50,14 @@ METHODS: dict[str, SolveSettings] = {
 def default_settings(out: Path, subject: str, search: str = "auto") -> SolveSettings:
     """Return the default settings without a prior that has seen the subject.
 
-    The prior is the one beside the databases in `out` (see `tools/train_prior.py`), never the shipped one, which has
-    seen everybody; none if there is no such file, or if it was trained on the subject.
+    The prior is the first of those beside the databases in `out` (`motion_prior*.npz`, see `tools/train_prior.py`) that
+    was not trained on the subject, never the shipped one, which has seen everybody; none if there is no such file.
     """
-    path = out / "databases" / "motion_prior.npz"
-    network = open_network(path)
-    unseen = network is not None and subject not in network.facts["subjects"]
-    best = BestSettings(prior_share=1.0, prior_file=str(path)) if unseen else _NO_PRIOR
+    best = _NO_PRIOR
+    for path in sorted((out / "databases").glob("motion_prior*.npz"), reverse=True):
+        network = open_network(path)
+        if network is not None and subject not in network.facts["subjects"]:
+            best = BestSettings(prior_share=1.0, prior_file=str(path))
     return SolveSettings(search=search, best=best)
 
 

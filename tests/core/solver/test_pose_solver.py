@@ -10,7 +10,7 @@ from perfanim.core.markers.subject import Subject
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.pose_solver import PoseSolver
-from perfanim.core.solver.settings import METHODS, LocalPcaSettings, SolveSettings
+from perfanim.core.solver.settings import METHODS, BestSettings, LocalPcaSettings, SolveSettings
 from perfanim.core.solver.subject_model import SubjectModel
 
 NOISE_M = 0.002
@@ -22,8 +22,9 @@ def noisy(true_markers):
     return true_markers + np.random.default_rng(0).normal(scale=NOISE_M, size=true_markers.shape)
 
 
-def solve(model, database, observations, method="best"):
-    return follow(PoseSolver(model, database, SolveSettings(method=method)), observations)[0]
+def solve(model, database, observations, method="best", prior_share=1.0):
+    settings = SolveSettings(method=method, best=BestSettings(prior_share=prior_share))
+    return follow(PoseSolver(model, database, settings), observations)[0]
 
 
 def follow(solver, observations, state=None):
@@ -47,14 +48,14 @@ def solved(model, database, noisy):
 
 
 def errors_without(embedded_motion, name, path, database_of):
-    """Degrees per joint of every method on a clip that the database lacks."""
+    """Degrees per joint of every method on a clip that the database lacks; the learned prior has seen it."""
     database = database_of(path, [motion for other, motion in embedded_motion.items() if other != name])
     truth = sliced(embedded_motion[name], 20, 60)
     subject = Subject(name, truth.skeleton, load_marker_set("locomotion"))
     take, _ = simulate_markers(truth, subject, 1e3 * NOISE_M)
     observations = [Observation.of_points(row) for row in take.positions_m]
     model = SubjectModel(subject, database.mean_rotations)
-    return {m: degrees_per_joint(model, solve(model, database, observations, m), truth) for m in METHODS}
+    return {m: degrees_per_joint(model, solve(model, database, observations, m, 0.0), truth) for m in METHODS}
 
 
 def test_methods_stand_in_order(embedded_motion, tmp_path, database_of):
