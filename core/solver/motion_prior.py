@@ -28,6 +28,8 @@ from .subject_model import RootPose, SubjectModel, exponential_and_right_jacobia
 VERSION = 1
 _OFFSET_SCALE = 10.0  # offsets are centimetres, the other inputs decimetres to metres
 _LAG_FLOOR_S = 0.03  # movements are divided by their lag plus this
+_FASTEST_M_S = 12.0  # earlier markers that are further away were elsewhere: a cut, or another label
+LOG_SIGMAS, FARTHEST = (-5.0, 2.0), 10.0  # limits of the outputs, in their units
 _ROOT = 6  # outputs of the root: turn, position
 WEIGHTS = ("marker_weights", "marker_biases", "weights", "biases", "first_weights", "output_weights", "output_biases")
 
@@ -162,10 +164,10 @@ class MotionPrior:
             root: where the body is if too few torso markers show it.
         """
         frame = root_from_torso(Observation.of_points(points_m[0]), self._rest, self._body, root) or root
-        features = marker_features(
-            frame.to_root_frame(points_m), self._rest, self._offsets_m, self._network.lags_s
-        ).astype(np.float32)
-        mean, sigma = self._run(features, np.isfinite(points_m[..., 0]).any(axis=0))
+        features = marker_features(frame.to_root_frame(points_m), self._rest, self._offsets_m, self._network.lags_s)
+        # whatever the markers are, what follows is finite
+        within = np.asarray(np.clip(features, -_FASTEST_M_S, _FASTEST_M_S), dtype=np.float32)
+        mean, sigma = self._run(within, np.isfinite(points_m[..., 0]).any(axis=0))
         turn = rot.multiply(frame.rotation, rot.from_rotation_vector(mean[:3]))
         root = RootPose(turn, frame.to_world(mean[3:_ROOT]))
         root_sigma = (float(np.sqrt(np.mean(sigma[3:_ROOT] ** 2))), float(np.sqrt(np.mean(sigma[:3] ** 2))))
@@ -182,6 +184,7 @@ class MotionPrior:
         for weights, bias in zip(network.weights, network.biases[1:], strict=True):
             state = state + _silu(state @ weights + bias)
         mean, log_sigma = np.split(state @ network.output_weights + network.output_biases, 2)
+        mean, log_sigma = np.clip(mean, -FARTHEST, FARTHEST), np.clip(log_sigma, *LOG_SIGMAS)
         offset, scale = network.outputs
         sigma = np.hypot(network.spread[0] * scale * np.exp(log_sigma.astype(np.float64)), network.spread[1])
         return offset + scale * mean.astype(np.float64), sigma
@@ -210,6 +213,7 @@ def marker_features(points_m: Array, rest_m: Array, offsets_m: Array, lags_s: Ar
     seen = np.isfinite(points[..., 0])
     latest = np.take_along_axis(points, np.argmax(seen, axis=-1)[..., None, None], axis=-2)
     moved = (points[..., 1:, :] - latest) / (_LAG_FLOOR_S + lags_s[1:, None])
+    seen[..., 1:] &= np.linalg.norm(np.nan_to_num(moved), axis=-1) < _FASTEST_M_S
     moved = np.where(seen[..., 1:, None], moved, 0.0)
     parts = (
         np.where(seen.any(axis=-1)[..., None], latest[..., 0, :] - rest_m, 0.0),
@@ -222,4 +226,4 @@ def marker_features(points_m: Array, rest_m: Array, offsets_m: Array, lags_s: Ar
 
 
 def _silu(x: FloatArray) -> FloatArray:
-    return x / (1.0 + np.exp(-x))
+    return 0.5 * x * (1.0 + np.tanh(0.5 * x))  # which nothing overflows

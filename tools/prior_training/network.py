@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from perfanim.core.body.standard_skeleton import JOINT_NAMES
 from perfanim.core.geometry.arrays import Array, FloatArray
+from perfanim.core.solver.motion_prior import FARTHEST, LOG_SIGMAS
 
 from .windows import LAGS_S, Batch, WindowMaker
 
@@ -27,7 +28,6 @@ PART_OF_JOINT = np.array([next(i for i, names in enumerate(_PARTS) if name in na
 _RATE, _WARM_UP = 1.5e-3, 300  # of Adam, after so many steps
 _BETA = 0.5  # of the loss: 0 is the plain likelihood, 1 squared errors (Seitzer et al. 2022)
 _AVERAGED = 0.998  # of the averaged weights that stays at each step
-_LOG_SIGMAS = (-5.0, 2.0)
 _REPORT_EVERY = 100
 LEAST_SCALE = 0.005  # of an output
 
@@ -73,7 +73,7 @@ def forward(parameters: Parameters, features: Any, seen: Any, joints: Any, bones
     for layer in range(2):
         state = state + jax.nn.silu(state @ parameters["weights"][layer] + parameters["biases"][1 + layer])
     both = state @ parameters["output_weights"] + parameters["output_biases"]
-    return both[..., :OUTPUTS], jnp.clip(both[..., OUTPUTS:], *_LOG_SIGMAS)
+    return both[..., :OUTPUTS], jnp.clip(both[..., OUTPUTS:], *LOG_SIGMAS)
 
 
 def _loss(parameters: Parameters, inputs: tuple[Any, ...], targets: Any) -> tuple[Any, Any]:
@@ -101,7 +101,7 @@ class Scaling:
 
     def targets(self, batch: Batch) -> Array:
         """Return the targets in the outputs' units."""
-        return np.clip((batch.targets - self.outputs[0]) / self.outputs[1], -10.0, 10.0)
+        return np.clip((batch.targets - self.outputs[0]) / self.outputs[1], -FARTHEST, FARTHEST)
 
 
 def scaling_of(windows: WindowMaker, generator: np.random.Generator) -> Scaling:

@@ -93,6 +93,21 @@ def test_place_and_heading_of_the_body_do_not_matter(network, model, points):
     assert rot.angle_between(other.root.rotation, rot.multiply(turn, one.root.rotation)) < 1e-4
 
 
+def test_markers_that_were_elsewhere_are_no_motion(network, model, points):
+    """A cut: earlier markers metres away count as not seen; absurd ones give numbers all the same."""
+    prior, root = MotionPrior(network, model, model.mean_rotations), RootPose(rot.identity(), np.zeros(3))
+    points[:, np.isnan(points[0, :, 0])] = np.nan
+    cut, alone = points.copy(), points.copy()
+    cut[1:] += [30.0, 0.0, 0.0]
+    alone[1:] = np.nan
+    np.testing.assert_array_equal(prior.estimate(cut, root).pose.mean, prior.estimate(alone, root).pose.mean)
+    for far in (1e3, 1e30):
+        absurd = points.copy()
+        absurd[0, np.flatnonzero(~model.torso)[0]] = far
+        estimate = prior.estimate(absurd, root)
+        assert np.all(np.isfinite(estimate.pose.mean)) and np.all(np.isfinite(estimate.pose.covariance))
+
+
 def solved(model, database, markers, **settings):
     solver = PoseSolver(model, database, SolveSettings(best=BestSettings(**settings)))
     state, poses = solver.initial_state, []
