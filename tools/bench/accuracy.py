@@ -12,9 +12,11 @@ from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.database.labels import subject_of
 from perfanim.core.database.store import Database, open_database
+from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.system.assets import MOTION
 from perfanim.core.system.progress import Progress
 
+from .baseline import Baseline
 from .data import (
     BANDAI,
     BOXING,
@@ -23,12 +25,13 @@ from .data import (
     WALKING,
     TestTake,
     read_take,
+    skeleton_path,
     whole_database,
     without_subject,
     without_tests,
 )
-from .figure6 import describe, solve_truth
-from .methods import METHODS, WITH_PRIOR, compared_methods
+from .figure6 import MARKER_SET, describe, solve_truth, true_subject
+from .methods import BASELINE, METHODS, WITH_PRIOR, compared_methods
 from .report import write_figures
 
 TAKES = (
@@ -63,6 +66,7 @@ _KINDS = {
 }
 _KIND_OF_TRIAL = {"16_16": "walk", "35_01": "walk", "16_02": "jump", "09_03": "run", "14_02": "box", "86_01": "kick"}
 _FRAMES = 240  # of each take
+_DRAWN = 2000  # samples of the takes, for an interval
 _UNITS = (
     "deg_per_joint",
     "deg_per_angle",
@@ -77,25 +81,34 @@ _UNITS = (
 
 @dataclass(frozen=True)
 class _Case:
-    """A take to be solved with a database."""
+    """A take to be solved with a database.
+
+    Args:
+        skeleton: file with the body.
+    """
 
     condition: str
     take: TestTake
     truth: Motion
+    skeleton: Path
     database: Database
 
 
-def accuracy(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
+def accuracy(data: Path, out: Path, workers: int, progress: Progress, checkout: Path | None = None) -> dict[str, Any]:
     """Solve takes by every method in every condition.
 
     Unseen kinds of motion keep the performer's other clips. `best` stands without the learned prior, and with one of
     those beside the databases (`out`/databases/motion_prior*.npz) that has not seen the performer.
 
+    Args:
+        checkout: of another version, whose `best` solves the same takes with its own databases of the same motion.
+
     Returns:
         rows (condition, take, method, frames, errors, share of the nearest neighbour's error), joints (errors by
         joint), means (the same over the takes), prior (geometric means of the errors with the prior over those
-        without, and the worst take), databases, outputs.
+        without, and the worst take), against (the same of `best` over the other version's), databases, outputs.
     """
+    baseline = Baseline(checkout, data, out / "baseline") if checkout else None
     rows: list[dict[str, Any]] = []
     joints: list[dict[str, Any]] = []
     databases: dict[str, dict[str, Any]] = {}
@@ -108,6 +121,8 @@ def accuracy(data: Path, out: Path, workers: int, progress: Progress) -> dict[st
             method: evaluate(solve_truth(case.truth, case.database, settings)[0], case.truth)
             for method, settings in methods.items()
         }
+        if baseline:
+            errors[BASELINE] = evaluate(_solve_by(baseline, case), case.truth)
         of = {"condition": case.condition, "take": case.take.title}
         rows += [
             of
@@ -121,7 +136,8 @@ def accuracy(data: Path, out: Path, workers: int, progress: Progress) -> dict[st
             for method, error in errors.items()
             for joint, by_unit in error["per_joint"].items()
         ]
-    figures = {"rows": rows, "means": _means(rows), "prior": _prior_ratios(rows), "databases": databases}
+    figures = {"rows": rows, "means": _means(rows), "databases": databases}
+    figures |= {"prior": _ratios(rows, WITH_PRIOR, "best"), "against": _ratios(rows, "best", BASELINE)}
     return write_figures(out, "accuracy", figures, {"": rows, "joints": joints})
 
 
@@ -131,12 +147,24 @@ def _cases(data: Path, out: Path, workers: int, progress: Progress) -> Iterable[
     for take in TAKES:
         truth = read_take(data, take)
         truth = sliced(truth, 0, min(_FRAMES, truth.frames))
+        skeleton = skeleton_path(data, take)
         for condition, database in _databases(whole, folder, take).items():
-            yield _Case(condition, take, truth, database)
-        yield _Case(EMBEDDED, take, truth, embedded)
+            yield _Case(condition, take, truth, skeleton, database)
+        yield _Case(EMBEDDED, take, truth, skeleton, embedded)
     for take in STUDIO_TAKES:
         truth = read_take(data, take, BANDAI)
-        yield _Case(STUDIO, take, sliced(truth, 0, min(_FRAMES, truth.frames)), whole)
+        skeleton = skeleton_path(data, take, BANDAI)
+        yield _Case(STUDIO, take, sliced(truth, 0, min(_FRAMES, truth.frames)), skeleton, whole)
+
+
+def _solve_by(baseline: Baseline, case: _Case) -> Motion:
+    """Return the other version's solution of a case."""
+    take, _ = simulate_markers(case.truth, true_subject(case.truth))
+    if case.condition == EMBEDDED:
+        database = baseline.embedded_database()
+    else:
+        database = baseline.database(case.database.path.stem, {clip.name for clip in case.database.clips})
+    return baseline.solve(take, case.skeleton, MARKER_SET, database)
 
 
 def _embedded_database(folder: Path) -> Database:
@@ -167,7 +195,7 @@ def _databases(whole: Database, folder: Path, take: TestTake) -> dict[str, Datab
 def _means(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     means = []
     for condition in CONDITIONS:
-        for method in (*METHODS, WITH_PRIOR):
+        for method in (*METHODS, WITH_PRIOR, BASELINE):
             of = [row for row in rows if row["condition"] == condition and row["method"] == method]
             if of:
                 means.append(
@@ -177,18 +205,32 @@ def _means(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return means
 
 
-def _prior_ratios(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the ratios of errors with the prior to those without, by condition."""
+def _ratios(rows: Sequence[dict[str, Any]], method: str, other: str) -> list[dict[str, Any]]:
+    """Return the ratios of a method's errors to another's, by condition.
+
+    Geometric means over the takes; of degrees per joint also their 95 % interval (bootstrap over takes) and the worst.
+    """
     found = []
     for condition in CONDITIONS:
         by = {(row["take"], row["method"]): row for row in rows if row["condition"] == condition}
-        takes = [take for take, method in by if method == WITH_PRIOR]
+        takes = [take for take, name in by if name == method and (take, other) in by]
         if not takes:
             continue
-        ratios = {
-            unit: [by[take, WITH_PRIOR][unit] / by[take, "best"][unit] for take in takes]
+        logs = {
+            unit: np.log([by[take, method][unit] / by[take, other][unit] for take in takes])
             for unit in ("deg_per_joint", "mpjpe_mm", "bone_direction_deg", "root_rotation_deg", "jitter_ratio")
         }
-        means = {unit: round(float(np.exp(np.mean(np.log(values)))), 3) for unit, values in ratios.items()}
-        found.append({"condition": condition, "takes": len(takes)} | means | {"worst": max(ratios["deg_per_joint"])})
+        means = {unit: round(float(np.exp(values.mean())), 3) for unit, values in logs.items()}
+        degrees = logs["deg_per_joint"]
+        drawn = np.random.default_rng(0).choice(degrees, (_DRAWN, len(takes))).mean(axis=1)
+        low, high = np.exp(np.percentile(drawn, (2.5, 97.5)))
+        found.append(
+            {"condition": condition, "takes": len(takes)}
+            | means
+            | {
+                "low": round(float(low), 3),
+                "high": round(float(high), 3),
+                "worst": round(float(np.exp(max(degrees))), 3),
+            }
+        )
     return found

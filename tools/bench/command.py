@@ -45,11 +45,20 @@ def add_parser(subparsers: Any) -> None:
         parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes that read (default 2)")
         if bench is robustness:
             parser.add_argument("--full", action="store_true", help="500 cuts and 100,000 frames, which takes hours")
+        if bench is accuracy:
+            parser.add_argument(
+                "--baseline",
+                type=Path,
+                metavar="CHECKOUT",
+                help="another version's folder, which solves the same takes",
+            )
         parser.set_defaults(run=_run, bench=bench)
 
 
 def _run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if args.workers < 1:
         raise SettingsError(f"--workers {args.workers} is out of range", advice="give 1 or more")
-    sizes = {"sizes": FULL} if getattr(args, "full", False) else {}
-    return args.bench(args.data, args.out, args.workers, progress, **sizes)
+    more = {"sizes": FULL} if getattr(args, "full", False) else {}
+    if getattr(args, "baseline", None):
+        more["checkout"] = args.baseline
+    return args.bench(args.data, args.out, args.workers, progress, **more)

@@ -8,7 +8,7 @@ from perfanim.core.body.motion import Motion, resampled, sliced
 from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.database.store import Clip, Database, open_database
 from perfanim.core.errors import FormatError
-from perfanim.core.formats.motion.motion_sources import motion_files
+from perfanim.core.formats.motion.motion_sources import MotionFile, motion_files
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.system.progress import Progress
 
@@ -55,11 +55,22 @@ def data_folders(data: Path, names: tuple[str, ...]) -> list[Path]:
 
 def read_take(data: Path, take: TestTake, folder: str = CMU) -> Motion:
     """Return a test take at the rate of the databases."""
+    file = _file_of(data, take, folder)
+    motion = resampled(read_motion(file.path, file.skeleton), FPS)
+    return sliced(motion, int(motion.frames * take.first), int(motion.frames * take.last))
+
+
+def skeleton_path(data: Path, take: TestTake, folder: str = CMU) -> Path:
+    """Return the file that holds a test take's skeleton."""
+    file = _file_of(data, take, folder)
+    return file.skeleton or file.path
+
+
+def _file_of(data: Path, take: TestTake, folder: str) -> MotionFile:
     with motion_files(data_folders(data, (folder,))) as files:
         for file in files:
             if file.stem == take.trial:
-                motion = resampled(read_motion(file.path, file.skeleton), FPS)
-                return sliced(motion, int(motion.frames * take.first), int(motion.frames * take.last))
+                return file
     raise FormatError(f"take {take.trial} is missing", where=str(data / folder))
 
 

@@ -10,6 +10,7 @@ from perfanim.core.solver.motion_prior import open_network
 from perfanim.core.solver.settings import BestSettings, LocalPcaSettings, SolveSettings
 
 WITH_PRIOR = "best with prior"
+BASELINE = "best of the other version"
 
 PAPER_RANGE = SolveSettings(
     method="local-pca",
