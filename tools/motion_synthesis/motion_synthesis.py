@@ -32,6 +32,10 @@ _UNREST = {
 # how one person's carriage differs from another's: standard deviations of constant differences, radians
 _HABITS = {"pelvis": 0.015, "spine": 0.025, "head": 0.05, "arm": 0.05, "elbow": 0.06, "hand": 0.10}
 _HABITS_IN_S = 0.8
+# how people carry what the controls leave open, radians; means over ten people of the CMU Graphics Lab Motion Capture
+# Database (mocap.cs.cmu.edu): necks lean forward from an upright chest, hands hang straight, thumbs lie to the palm
+_NECK_CARRIED = {"lowerneck": -0.19, "upperneck": 0.265, "head": 0.16}  # about the left
+_HAND_RAISED, _THUMB_BENT = 0.42, 0.30
 _STRAIGHT_ELBOW_RAD = 0.04
 _UNREST_HAND_RAD, _UNREST_TARGET_M = 0.035, 0.006
 
@@ -50,6 +54,7 @@ class MotionSynthesis:
         self._grip_sword()
         self.feet = {side: timeline.feet[side].sample(self.times) for side in SIDES}
         self.local = rot.identity((count, len(self.body.skeleton)))
+        self.carried = ease((self.times - timeline.natural_from_s) / _HABITS_IN_S)
 
     def _grip_sword(self) -> None:
         """Lead both hands along the sword's grip where it is held."""
@@ -152,6 +157,10 @@ class MotionSynthesis:
         wanted = rot.multiply(gaze, about("Z", roll))
         whole = limited(rot.multiply(rot.conjugate(chest), wanted), *_NECK_RANGE_RAD)
         self._share_out(SPINE_JOINTS[3:], whole, _NECK_SHARES)
+        for joint, lean in _NECK_CARRIED.items():
+            self.put(
+                joint, rot.multiply(about("X", lean * self.carried), self.local[:, self.body.skeleton.index(joint)])
+            )
 
     def _share_out(self, joints: tuple[str, ...], whole: Array, shares: tuple[float, ...]) -> None:
         vector = rot.to_rotation_vector(whole)
@@ -181,7 +190,7 @@ class MotionSynthesis:
         collar = self._collar_bone(side, free, rot.rotate(rot.conjugate(chest), target - neck), guide)
         shoulder = neck + rot.rotate(rot.multiply(chest, collar), self.body.offset(f"{side}humerus"))
         from_collar = rot.conjugate(collar)
-        angles = _arm_by_angles(self.tracks, side, rot.multiply(from_collar, free))
+        angles = _arm_by_angles(self.tracks, side, rot.multiply(from_collar, free), _HAND_RAISED * self.carried)
         if np.any(guide > 0.0):
             palm = rot.multiply(heading, rot.normalize(self.tracks[f"{side}.palm"]))
             led = self._arm_to_target(side, shoulder, target, chest, palm)
@@ -192,7 +201,7 @@ class MotionSynthesis:
             self.put(side + joint, rotation)
         grip = self.tracks[f"{side}.grip"][:, 0]
         self.put(f"{side}fingers", about("Z", -outward(side) * 1.6 * grip))
-        self.put(f"{side}thumb", about("Y", outward(side) * 0.6 * grip))
+        self.put(f"{side}thumb", about("Y", outward(side) * (0.6 * grip + _THUMB_BENT * self.carried)))
 
     def _collar_bone(self, side: str, free: Array, from_neck: Array, guide: Array) -> Array:
         """Return chest-from-collar-bone, following the arm up and forward.
@@ -247,9 +256,9 @@ def _ankle_ground(ground: Array, sole: Sole) -> Array:
     return np.stack((ground[:, 0] + dx, ground[:, 1] + dz), axis=1)
 
 
-def _arm_by_angles(tracks: dict[str, Array], side: str, humerus: Array) -> list[Array]:
+def _arm_by_angles(tracks: dict[str, Array], side: str, humerus: Array, raised_rad: Array) -> list[Array]:
     pronation, flexion, aside = tracks[f"{side}.hand"].T
-    hand = rot.multiply(about("Z", -outward(side) * flexion), about("Y", outward(side) * aside))
+    hand = rot.multiply(about("Z", outward(side) * (raised_rad - flexion)), about("Y", outward(side) * aside))
     wanted = tracks[f"{side}.elbow"][:, 0]
     bend = 0.5 * (wanted + np.sqrt(wanted**2 + _STRAIGHT_ELBOW_RAD**2))  # elbows do not bend backwards
     return [humerus, elbow(side, bend), about("X", pronation), hand]
