@@ -30,6 +30,7 @@ from .data import (
     without_subject,
     without_tests,
 )
+from .disturbed import disturbed_errors, disturbed_means
 from .figure6 import MARKER_SET, describe, solve_truth, true_subject
 from .methods import BASELINE, METHODS, WITH_PRIOR, compared_methods
 from .report import write_figures
@@ -106,11 +107,13 @@ def accuracy(data: Path, out: Path, workers: int, progress: Progress, checkout: 
     Returns:
         rows (condition, take, method, frames, errors, share of the nearest neighbour's error), joints (errors by
         joint), means (the same over the takes), prior (geometric means of the errors with the prior over those
-        without, and the worst take), against (the same of `best` over the other version's), databases, outputs.
+        without, and the worst take), against (the same of `best` over the other version's), disturbed (`best` on noisy,
+        missing, slow and fast markers), disturbed_means, databases, outputs.
     """
     baseline = Baseline(checkout, data, out / "baseline") if checkout else None
     rows: list[dict[str, Any]] = []
     joints: list[dict[str, Any]] = []
+    disturbed: list[dict[str, Any]] = []
     databases: dict[str, dict[str, Any]] = {}
     cases = list(_cases(data, out, workers, progress))
     for number, case in enumerate(cases):
@@ -136,9 +139,13 @@ def accuracy(data: Path, out: Path, workers: int, progress: Progress, checkout: 
             for method, error in errors.items()
             for joint, by_unit in error["per_joint"].items()
         ]
+        if case.condition != EMBEDDED:
+            found = disturbed_errors(case.truth, case.take.trial, case.database, out, lambda share, text: None)
+            disturbed += [of | row for row in found]
     figures = {"rows": rows, "means": _means(rows), "databases": databases}
+    figures |= {"disturbed": disturbed, "disturbed_means": disturbed_means(disturbed, CONDITIONS)}
     figures |= {"prior": _ratios(rows, WITH_PRIOR, "best"), "against": _ratios(rows, "best", BASELINE)}
-    return write_figures(out, "accuracy", figures, {"": rows, "joints": joints})
+    return write_figures(out, "accuracy", figures, {"": rows, "joints": joints, "disturbed": disturbed})
 
 
 def _cases(data: Path, out: Path, workers: int, progress: Progress) -> Iterable[_Case]:

@@ -44,8 +44,9 @@ class Baseline:
         folder = self._out / name
         with motion_files(data_folders(self._data, (CMU,))) as files:
             for file in files:
-                if file.skeleton and file.stem in trials:
-                    _lay((file.path, file.skeleton), folder / file.path.parent.name)
+                if file.stem in trials:
+                    paths = [file.path] + ([file.skeleton] if file.skeleton else [])
+                    _lay(paths, folder / file.path.parent.name)
         self._run("database", "build", str(folder), "--out", str(path), "--fps", f"{FPS:g}")
         return path
 
@@ -92,7 +93,7 @@ def _lay(paths: Sequence[Path], folder: Path) -> None:
         target = folder / path.name
         if target.exists():
             continue
-        if path.stem == SPLIT:
+        if path.name == f"{SPLIT}.amc":
             target.write_text(_first_share(path.read_text(encoding="utf-8")), encoding="utf-8")
         else:
             target.symlink_to(path.resolve())

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench.accuracy import CONDITIONS, accuracy
-from bench.data import WALKING
+from bench.accuracy import CONDITIONS, EMBEDDED, accuracy
+from bench.baseline import Baseline
+from bench.data import WALKING, read_take, skeleton_path
+from bench.disturbed import DISTURBANCES, Disturbance
 from bench.figure5 import (
     DIMENSIONS,
     GPLVM,
@@ -21,7 +23,7 @@ from bench.figure5 import (
     gplvm_missing,
     reconstruction_errors,
 )
-from bench.figure6 import degrees_per_joint, figure6, ratios
+from bench.figure6 import MARKER_SET, degrees_per_joint, figure6, ratios, true_subject
 from bench.methods import METHODS, PAPER_RANGE, WITH_PRIOR, compared_methods
 from bench.plots import Line, Panel, check_plots, write_plot
 from bench.scale import scale
@@ -32,10 +34,13 @@ from bench.table1 import searched, table1
 from perfanim.core.body.motion import sliced
 from perfanim.core.cli.main import main
 from perfanim.core.database.store import open_database
-from perfanim.core.errors import DatabaseError, SettingsError
+from perfanim.core.errors import DatabaseError, FormatError, SettingsError
 from perfanim.core.formats.motion.bvh import write_bvh
+from perfanim.core.session.solve_take import solve_take
+from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.solver.pose_solver import PoseSolver
+from perfanim.core.solver.settings import SolveSettings
 from random_prior import write_network
 
 TRIALS = {
@@ -124,7 +129,36 @@ def test_accuracy_leaves_out_the_clip_and_then_whoever_moves(data, tmp_path, mon
         nearest, best = (rows[condition, method]["deg_per_joint"] for method in ("nearest", "best"))
         assert rows[condition, "best"]["of_nearest"] == pytest.approx(best / nearest, abs=1e-3)
     assert [row["takes"] for row in figures["means"]] == [1] * len(CONDITIONS) * len(METHODS)
-    assert figures["prior"] == []
+    assert figures["prior"] == figures["against"] == []
+    ratios = {(row["condition"], row["disturbance"]): row["of_clean"] for row in figures["disturbed_means"]}
+    assert len(ratios) == (len(CONDITIONS) - 1) * len(DISTURBANCES)  # none of the embedded motion
+    for condition in set(CONDITIONS) - {EMBEDDED}:
+        assert ratios[condition, "clean"] == 1.0
+        assert ratios[condition, "3 mm"] > 1.0
+
+
+def test_another_version_solves_the_same_takes(data, tmp_path):
+    """This checkout stands in for it: both give one solution, but for the rounding of BVH."""
+    truth, clips = read_take(data, WALKING), {"16_15", "16_17"}
+    baseline = Baseline(Path(__file__).parents[3], data, tmp_path / "baseline")
+    database = baseline.database("two", clips)
+    assert {clip.name for clip in open_database(database).clips} == clips
+    skeleton = skeleton_path(data, WALKING)
+    take, _ = simulate_markers(truth, true_subject(truth))
+    theirs = baseline.solve(take, skeleton, MARKER_SET, database)
+    ours = solve_take(take, true_subject(truth), open_database(database), SolveSettings(), silent).motion
+    assert degrees_per_joint(theirs, ours).max() < 0.01
+    with pytest.raises(FormatError, match="`perfanim solve` failed"):
+        baseline.solve(take, skeleton, MARKER_SET, tmp_path / "missing.pfdb")
+
+
+def test_a_hand_is_hidden_for_half_a_second(embedded_motion):
+    truth = sliced(embedded_motion["walking-02-energetic"], 0, 120)
+    take, moved = Disturbance("", hides=True, fps=30.0).take_of(truth, 0)
+    assert (take.fps, moved.fps, len(take.positions_m)) == (30.0, 30.0, moved.frames)
+    missing = np.isnan(take.positions_m[:, :, 0])
+    assert np.flatnonzero(missing[:, take.names.index("LHAN")]).tolist() == list(range(30, 45))
+    assert missing.sum() == 15
 
 
 def test_a_prior_is_compared_on_people_that_it_has_not_seen(tmp_path, database):
