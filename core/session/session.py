@@ -149,8 +149,10 @@ class Session:
         found, state = self.solver.step(start, rival.observation, frame.time_s, True, limit_m)
         if found is None:
             return
-        settings = self._quality.settings
-        if assess_fit(rival.observation, found, settings).rms_m > pose.marker_rms_m + _WORSE_M:
+        # only by the markers that both have: with more of them any fit is worse
+        seen = rival.observation.located & np.isfinite(pose.observed_m[:, 0])
+        away_m = np.linalg.norm(found.markers_m[seen] - rival.observation.points_m[seen], axis=1)
+        if np.any(seen) and np.sqrt(np.mean(away_m**2)) > pose.marker_rms_m + _WORSE_M:
             self.labeller.refute_rival(rival)
             return
         if not rival.adds:
