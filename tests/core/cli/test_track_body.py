@@ -135,7 +135,7 @@ def test_a_tracked_take_is_solved_as_live(film, bare, database_file, run, tmp_pa
     for take, options in ((known, []), (bare, body)):
         assert [pack(frame) for frame in read_take_file(take).frames] == [pack(frame) for frame in frames]
         solved = tmp_path / "solved.perftake"
-        run("solve", take, *options, "--out", solved)
+        run("solve", take, *options, "--causal", "--out", solved)
         offline = [timed.pose.performers[0] for timed in read_take_file(solved).poses]
         for own, other in zip(offline, poses, strict=True):
             assert (own.number, own.time_s, own.notes) == (other.number, other.time_s, other.notes)
@@ -177,7 +177,7 @@ def test_labels_without_a_body_are_guessed_and_said_to_be(film, run, tmp_path):
     told = run(*film.command("--marker-set", "boxing", "--out", tmp_path / "take.trc"))
     assert told["labels"] == "guessed without a body"
     assert told["warnings"] == ["labels are guessed without a body; give --subject and --database"]
-    assert right_share(read_take(tmp_path / "take.trc"), film.truth) < 0.5
+    assert right_share(read_take(tmp_path / "take.trc"), film.truth) < 0.9  # 0.99 with a body
 
 
 def test_a_take_without_a_performer_is_coped_with(film, bare, run, refused, tmp_path):

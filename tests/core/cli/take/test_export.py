@@ -126,7 +126,7 @@ def test_solve_writes_any_kind_of_motion(tmp_path, recorded, capsys):
 
 
 def test_solving_again_gives_what_live_gave(tmp_path, recorded, capsys):
-    facts = run(capsys, "solve", recorded, "--out", tmp_path / "again.bvh")
+    facts = run(capsys, "solve", recorded, "--causal", "--out", tmp_path / "again.bvh")
     assert (facts["frames"], facts["complete"], facts["method"], facts["warnings"]) == (57, True, "best", [])
     run(capsys, "take", "export", recorded, "--out", tmp_path / "live.bvh")
     again, live = read_motion(tmp_path / "again.bvh"), read_motion(tmp_path / "live.bvh")
@@ -168,7 +168,7 @@ def test_a_countdown_stays_in_the_take_and_out_of_the_motion(tmp_path, recorded,
     live, everything = read_motion(tmp_path / "live.bvh"), read_motion(tmp_path / "all.bvh")
     assert live.frames == 31
     np.testing.assert_allclose(live.root_positions_m, everything.root_positions_m[10:41], atol=1e-9)
-    run(capsys, "solve", part, "--out", tmp_path / "again.bvh")
+    run(capsys, "solve", part, "--causal", "--out", tmp_path / "again.bvh")
     assert np.degrees(rot.angle_between(read_motion(tmp_path / "again.bvh").rotations, live.rotations)).max() < 0.01
     run(capsys, "solve", part, "--out", tmp_path / "anew.perftake")
     anew = read_take_file(tmp_path / "anew.perftake")
