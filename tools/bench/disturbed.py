@@ -26,7 +26,7 @@ _UNITS = ("deg_per_joint", "mpjpe_mm", "bone_direction_deg", "jitter_ratio", "fo
 
 @dataclass(frozen=True)
 class Disturbance:
-    """What is wrong with the markers of a take.
+    """Faults of the markers of a take.
 
     Args:
         noise_mm: standard deviation of each coordinate.
@@ -67,7 +67,7 @@ DISTURBANCES = (
 
 
 def disturbed_errors(truth: Motion, trial: str, database: Database, out: Path, progress: Progress) -> Rows:
-    """Return the errors of a take under each disturbance, and their ratios to the clean take's.
+    """Return the errors of a take by disturbance, and their ratios to the clean one.
 
     Figures are means over the seeds; what has no chance in it is solved once.
     """
@@ -88,7 +88,7 @@ def disturbed_errors(truth: Motion, trial: str, database: Database, out: Path, p
 
 
 def disturbed_means(rows: Rows, conditions: Sequence[str]) -> list[dict[str, Any]]:
-    """Return geometric means over the takes by condition and disturbance, and the worst ratio."""
+    """Return geometric means by condition and disturbance, and the worst ratio."""
     means = []
     for condition in conditions:
         for disturbance in DISTURBANCES:
