@@ -102,7 +102,7 @@ def accuracy(data: Path, out: Path, workers: int, progress: Progress, checkout: 
     those beside the databases (`out`/databases/motion_prior*.npz) that has not seen the performer.
 
     Args:
-        checkout: of another version, whose `best` solves the same takes with its own databases of the same motion.
+        checkout: of another version; its `best` solves the same takes with its own databases of the same motion.
 
     Returns:
         rows (condition, take, method, frames, errors, share of the nearest neighbour's error), joints (errors by

@@ -37,7 +37,7 @@ class Baseline:
         link.symlink_to(self._checkout, target_is_directory=True)
 
     def database(self, name: str, trials: Collection[str]) -> Path:
-        """Return its database of CMU's trials, built if missing; of the split take only what is no test."""
+        """Return its database of CMU's trials without tests, built if missing."""
         path = self._out / f"{name}.pfdb"
         if path.exists():
             return path
@@ -82,7 +82,7 @@ class Baseline:
             raise FormatError(
                 f"`perfanim {arguments[0]}` failed ({done.stderr.strip()[-200:]})",
                 where=str(self._checkout),
-                advice="give a checkout whose command line works with --baseline",
+                advice="give a checkout with a working command line with --baseline",
             )
 
 

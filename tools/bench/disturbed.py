@@ -1,4 +1,4 @@
-"""The default method on markers as cameras give them: noisy, missing, slow or fast."""
+"""The default method on markers that are noisy, missing, slow or fast."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
