@@ -72,7 +72,9 @@ train-prior: $(STAMP)
 	$(PRIOR_VENV)/bin/python tools/train_prior.py --database out/prior/cmu.pfdb --unseen $(PRIOR_FOLD) --out out/prior/fold.npz
 	$(BIN)/perfanim database build assets/motion --out out/prior/embedded.pfdb
 	$(PRIOR_VENV)/bin/python tools/train_prior.py --database out/prior/cmu.pfdb out/prior/embedded.pfdb --further out/prior/fold.npz \
-	  --out assets/motion_prior.npz
+	  --out out/prior/everybody.npz
+	$(PRIOR_VENV)/bin/python tools/train_prior.py --database out/prior/cmu.pfdb out/prior/embedded.pfdb \
+	  --further out/prior/everybody.npz --seed 2 --out assets/motion_prior.npz
 
 gplvm-test: $(GPLVM_STAMP)
 	$(GPLVM_VENV)/bin/python -m pytest tests/gplvm

@@ -65,8 +65,8 @@ def _sigmas(differences: Array) -> Array:
     ordered = np.sort(differences, axis=0)  # NaN last
     counts = np.isfinite(differences).sum(axis=0)
     known = counts >= _FEWEST
-    if not known.any():
-        return np.zeros(len(counts))
+    if not known.any():  # soon after the start: all together
+        return np.full(len(counts), np.nanmedian(differences) / _MEDIAN_LENGTH if counts.sum() >= _FEWEST else 0.0)
     middle = np.maximum(counts - 1, 0)
     low, high = (np.take_along_axis(ordered, index[None], axis=0)[0] for index in (middle // 2, (middle + 1) // 2))
     sigmas = 0.5 * (low + high) / _MEDIAN_LENGTH

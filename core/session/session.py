@@ -11,6 +11,7 @@ from ..database.store import Database
 from ..geometry.arrays import Array
 from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_smoothing import MarkerSmoother
 from ..markers.subject import Subject
 from ..markers.usable_frame import FrameTimes, usable_frame
 from ..solver.observation import Observation
@@ -105,6 +106,7 @@ class Session:
     def _forget(self) -> None:
         """Let the next frame be solved like the first."""
         self._state = self.solver.initial_state
+        self._smoother = MarkerSmoother(len(self.subject.marker_set))
         self._quality.reset()
         if self._hypotheses is not None:
             self._hypotheses.reset()
@@ -115,10 +117,11 @@ class Session:
     def _track(self, frame: MarkerFrame) -> tuple[Observation, Solution | None]:
         """Label and solve a frame by the pose before."""
         observation = self.labeller.label(frame, self._state.markers_m, self._elapsed_s(frame.time_s))
+        smoothed = observation.smoothed(*self._smoother.step(frame.time_s, observation.points_m))
         # no frame pays for two dear things
-        solution, self._state = self.solver.step(self._state, observation, frame.time_s, self.labeller.has_searched)
+        solution, self._state = self.solver.step(self._state, smoothed, frame.time_s, self.labeller.has_searched)
         if self._quality.is_pose_check_due(frame.time_s, observation, solution) and solution is not None:
-            solution = self._escape_local_minimum(frame.time_s, observation, solution)
+            solution = self._escape_local_minimum(frame.time_s, smoothed, solution)
         return observation, solution
 
     def _escape_local_minimum(self, time_s: float, observation: Observation, solution: Solution) -> Solution:
@@ -126,8 +129,7 @@ class Session:
 
         A wrong pose persists, as examples are searched near the continued motion.
         """
-        settings = self._quality.settings
-        state = self.solver.forget_poses(self._state)
+        settings, state = self._quality.settings, self.solver.forget_poses(self._state)
         limit_m = settings.promising * solution.nearest_m
         found, state = self.solver.step(state, observation, time_s, True, limit_m)
         if found is None or not found.nearest_m < settings.nearer * solution.nearest_m:

@@ -27,6 +27,7 @@ from ..geometry.camera import Camera
 from ..markers.filtering import smooth_motion
 from ..markers.frame_rate import frame_rate
 from ..markers.gap_filling import fill_gaps
+from ..markers.marker_smoothing import smooth_markers
 from ..solver.observation import Observation
 from ..solver.pose_solver import PoseSolver
 from ..solver.subject_model import RootPose
@@ -80,7 +81,7 @@ class TwoWaySolver:
         return result
 
     def _solve(self, poses: Sequence[PerformerPose], progress: Callable[[float], None]) -> list[PerformerPose]:
-        observations = [self._observation(pose) for pose in poses]
+        observations = _smoothed(poses, [self._observation(pose) for pose in poses])
         courses = [_live_course(poses)]
         for index, (solver, is_mirrored, is_backward) in enumerate(self._solvers):
 
@@ -129,6 +130,13 @@ class TwoWaySolver:
                 )
             )
         return fitted
+
+
+def _smoothed(poses: Sequence[PerformerPose], observations: Sequence[Observation]) -> list[Observation]:
+    """Return observations without the noise of their markers."""
+    times_s = np.array([pose.time_s for pose in poses])
+    points_m, noise_m = smooth_markers(times_s, np.array([observation.points_m for observation in observations]))
+    return [each.smoothed(*markers) for each, *markers in zip(observations, points_m, noise_m, strict=True)]
 
 
 def _stretches(poses: Sequence[PerformerPose]) -> list[tuple[int, int]]:
@@ -216,7 +224,8 @@ def _mirrored(observation: Observation) -> Observation:
         for camera in observation.rig
     )
     points = mirrored_points(observation.points_m)
-    return Observation(points, observation.cameras, observation.image_points * np.array([-1.0, 1.0]), rig)
+    image_points = observation.image_points * np.array([-1.0, 1.0])
+    return replace(observation, points_m=points, image_points=image_points, rig=rig)
 
 
 def _blended(courses: Sequence[_Course], fps: float) -> _Course:

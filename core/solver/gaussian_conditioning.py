@@ -18,7 +18,7 @@ from scipy.linalg.blas import dgemm
 
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array
-from .observation import Observation, control_jacobian, control_residual
+from .observation import Observation, control_jacobian, control_residual, control_sigmas
 from .subject_model import RootPose, SubjectModel
 
 _EXPECTED_SIGMA_M = 0.01  # of a marker about the prior's: skin moves, and no prior is exact
@@ -155,7 +155,7 @@ class FitFacts:
 
 
 def fit_to_markers(
-    expectation: Expectation, subject: SubjectModel, marker_variance_m2: float, steps: int
+    expectation: Expectation, subject: SubjectModel, marker_sigma_m: float, steps: int
 ) -> tuple[Array, RootPose, FitFacts]:
     """Fit pose (D,) and root to the markers under the prior, within the limits.
 
@@ -164,8 +164,10 @@ def fit_to_markers(
 
     Args:
         expectation: prior, observed markers, root and limits.
+        marker_sigma_m: standard deviation of a marker's coordinate beside its noise.
         steps: at most.
     """
+    sigmas_m = control_sigmas(expectation.observation, marker_sigma_m)
     covariance, mean = expectation.prior.covariance, expectation.prior.mean
     root_variances = np.repeat(np.square(expectation.root_sigma), 3)[:, None]
     # the change of root and pose from the prior is the covariance times the dual; their product is the prior's cost
@@ -175,8 +177,8 @@ def fit_to_markers(
     beyond_rad = _beyond_limits(mean, expectation.limits)
     while taken < steps:
         taken += 1
-        residual, jacobian = _linearise(expectation, subject, change, beyond_rad, np.sqrt(marker_variance_m2))
-        cost = float(residual @ residual) / marker_variance_m2 + float(change @ dual)
+        residual, jacobian = _linearise(expectation, subject, change, beyond_rad, sigmas_m)
+        cost = float(residual @ residual) + float(change @ dual)
         if cost > least:
             change, dual = kept
             damping = max(_FIRST_DAMPING, _DAMPING_GROWTH * damping)
@@ -187,7 +189,7 @@ def fit_to_markers(
             is_within = beyond_rad == 0.0
         share = 1.0 / (1.0 + damping)
         system = share * across
-        system[np.diag_indices_from(system)] += marker_variance_m2
+        system[np.diag_indices_from(system)] += 1.0
         forces = share * _solve(system, innovation - (1.0 - share) * (slopes @ change))
         change = (1.0 - share) * change + gains @ forces
         dual = (1.0 - share) * dual + slopes.T @ forces
@@ -198,7 +200,7 @@ def fit_to_markers(
             break
     else:
         change = kept[0]  # the last step was not tried
-    across[np.diag_indices_from(across)] += marker_variance_m2
+    across[np.diag_indices_from(across)] += 1.0
     facts = _facts(taken, covariance, across, gains[6:], innovation)
     return mean + change[6:], _moved_root(expectation.root, change), facts
 
@@ -213,17 +215,17 @@ def _facts(steps: int, covariance: Array, system: Array, gains: Array, innovatio
 
 
 def _linearise(
-    expectation: Expectation, subject: SubjectModel, change: Array, beyond_rad: Array, sigma_m: float
+    expectation: Expectation, subject: SubjectModel, change: Array, beyond_rad: Array, sigmas_m: Array
 ) -> tuple[Array, Array]:
-    """Return residuals of markers and limits, and their Jacobian, at a changed pose."""
+    """Return whitened residuals of markers and limits, and their Jacobian."""
     pose = expectation.prior.mean + change[6:]
     markers, full = subject.markers_and_jacobian(pose.reshape(-1, 3), _moved_root(expectation.root, change))
     beyond = np.flatnonzero(beyond_rad)
-    stiffness = sigma_m / _LIMIT_RAD  # as if it were a marker
     limits = np.zeros((len(beyond), full.shape[-1]))
-    limits[np.arange(len(beyond)), 6 + beyond] = stiffness
-    residual = np.concatenate((control_residual(expectation.observation, markers), stiffness * beyond_rad[beyond]))
-    return residual, np.concatenate((control_jacobian(expectation.observation, full), limits))
+    limits[np.arange(len(beyond)), 6 + beyond] = 1.0 / _LIMIT_RAD
+    residual = control_residual(expectation.observation, markers) / sigmas_m
+    jacobian = control_jacobian(expectation.observation, full) / sigmas_m[:, None]
+    return np.concatenate((residual, beyond_rad[beyond] / _LIMIT_RAD)), np.concatenate((jacobian, limits))
 
 
 def _beyond_limits(pose: Array, limits: Array) -> Array:

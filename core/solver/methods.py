@@ -28,11 +28,14 @@ _FIT_STEPS = 8  # of Gauss-Newton at most: most priors are so close that one is 
 # The learned prior and the neighbours count alike where the markers lie so many times further from the neighbours than
 # from it, each in its own deviations: for bodies that the database lacks, and for those it knows. By the fourth power:
 # each decides alone where it is surely better.
-_TRUSTED, _TRUSTED_KNOWN = 2.0, 4.0
+_TRUSTED, _TRUSTED_KNOWN = 2.0, 3.0
 _MOST_DOUBT = 100.0
+# where the markers of a body that the database knows lie further from the neighbours, in their deviations, these are
+# widened by as much: it moves as they do not
+_USUAL_DEVIATION = 0.5
 # a pose's deviations given its markers grow with this power of the markers' deviation from the prior, and are a share
 # of that for bodies that the database knows: found on takes, see `session.part_errors`
-_WIDENING, _LEAST_DEVIATION, _KNOWN_SHARE = 0.67, 0.05, 0.7
+_WIDENING, _LEAST_DEVIATION, _SHARE, _KNOWN_SHARE = 0.67, 0.05, 1.4, 0.55
 _LIMIT_PERCENTILES = (1.0, 99.0)  # of the database's joint angles,
 _LIMIT_MARGIN_RAD = 0.05  # beyond which a joint hardly goes
 _SYNTHESIS_PASSES = 2  # synthesis needs the root and the root needs the synthesized torso
@@ -189,14 +192,16 @@ class BestMethod:
         database: Database,
         markers_m: FloatArray,
     ) -> None:
-        self._settings, self._query_alpha, self._subject = settings, query_alpha, subject
+        self._query_alpha, self._subject = query_alpha, subject
         self.examples = settings.neighbours
         self.query_pose_m_per_rad, self.longest_s = settings.query_pose_m_per_rad, settings.history_s[-1]
         network = open_network(Path(settings.prior_file or MOTION_PRIOR)) if settings.prior_share else None
         self._learned = MotionPrior(network, subject, database.mean_rotations) if network else None
         bodies = (database.skeletons[index].offsets_m for index in {clip.skeleton for clip in database.clips})
         self._known = any(same_bones(body_m, subject.skeleton.offsets_m) for body_m in bodies)
-        self._trusted, self._widened = (_TRUSTED_KNOWN, _KNOWN_SHARE) if self._known else (_TRUSTED, 1.0)
+        self._settings = settings.for_known_body() if self._known else settings
+        self._trusted, self._widened = (_TRUSTED_KNOWN, _KNOWN_SHARE) if self._known else (_TRUSTED, _SHARE)
+        self._usual_deviation = _USUAL_DEVIATION if self._known else np.inf
         if self._learned:
             self.longest_s = max(self.longest_s, self._learned.lags_s[-1])
         poses = database.poses.reshape(database.frames, -1)
@@ -230,36 +235,42 @@ class BestMethod:
         settings, prior = self._settings, Prior(pose, self._change)
         root_sigma = (settings.root_sigma_m, settings.root_sigma_rad)
         expectation = Expectation(prior, observation, root, root_sigma, self._limits)
-        variance_m2 = settings.marker_sigma_m**2
-        return gaussian_conditioning.fit_to_markers(expectation, self._subject, variance_m2, _FIT_STEPS)[:2]
+        return gaussian_conditioning.fit_to_markers(expectation, self._subject, settings.marker_sigma_m, _FIT_STEPS)[:2]
 
     def estimate(self, problem: FrameProblem) -> Estimate:
         """Return the pose expected for the markers, fitted to them together with the root."""
         settings, state = self._settings, problem.state
         prior, neighbours = self._prior(problem)
         root, root_sigma = problem.root, (settings.root_sigma_m, settings.root_sigma_rad)
+        learned = None
         if self._learned:
             learned = self._learned.estimate(self._learned.recent(problem.observation, state), root)
             if not self._known:  # a known body's torso shows its root better
                 root, root_sigma = learned.root, learned.root_sigma
-            off, learned_off = (
-                Expectation(each, problem.observation, root, root_sigma, self._limits).deviation(self._subject)
-                for each in (prior, learned.pose)
-            )
+
+        def deviation(of: Prior) -> float:
+            return Expectation(of, problem.observation, root, root_sigma, self._limits).deviation(self._subject)
+
+        off = deviation(prior)
+        widening = max(1.0, (off / self._usual_deviation) ** 2)
+        if learned:
+            learned_off = deviation(learned.pose)
             # without markers nothing speaks for either
             ratio = off / (learned_off * self._trusted) if learned_off else 1.0
             doubt = float(np.clip(ratio**4, 1.0 / _MOST_DOUBT, _MOST_DOUBT))
             prior = continue_prior(
-                Prior(prior.mean, max(doubt, 1.0) * prior.covariance),
+                Prior(prior.mean, max(widening, doubt) * prior.covariance),
                 learned.pose.mean,
                 learned.pose.covariance / (settings.prior_share * min(doubt, 1.0)),
             )
+        else:
+            prior = Prior(prior.mean, widening * prior.covariance)
         if state.pose is not None and state.previous_pose is not None:
             expected = state.pose + settings.momentum * (state.pose - state.previous_pose)
             prior = continue_prior(prior, expected, self._change)
         expectation = Expectation(prior, problem.observation, root, root_sigma, self._limits)
         pose, root, facts = gaussian_conditioning.fit_to_markers(
-            expectation, self._subject, settings.marker_sigma_m**2, _FIT_STEPS
+            expectation, self._subject, settings.marker_sigma_m, _FIT_STEPS
         )
         widened = facts.sigmas_rad * (self._widened * (facts.deviation + _LEAST_DEVIATION) ** _WIDENING)
         return Estimate(pose, root, neighbours, 0, facts.steps, expectation, widened)

@@ -17,18 +17,24 @@ class Observation:
         cameras: (M,) index of the one camera that saw the marker, -1 where none or where it was located in space.
         image_points: (M, 2) undistorted normalised coordinates in that camera, NaN elsewhere.
         rig: the cameras that `cameras` refers to.
+        noise_m: (M,) standard deviations of the positions' coordinates, None for exact ones.
     """
 
     points_m: Array
     cameras: IntArray
     image_points: Array
     rig: tuple[Camera, ...] = ()
+    noise_m: Array | None = None
 
     @classmethod
     def of_points(cls, points_m: Array) -> "Observation":
         """Return the observation of located markers only."""
         count = len(points_m)
         return cls(points_m, np.full(count, -1, dtype=np.int64), np.full((count, 2), np.nan))
+
+    def smoothed(self, points_m: Array, noise_m: Array) -> "Observation":
+        """Return the observation with other positions (M, 3) and their noise (M,)."""
+        return replace(self, points_m=points_m, noise_m=noise_m)
 
     def back_projected(self, markers_m: Array) -> "Observation":
         """Return the observation with single-camera markers at points on their rays.
@@ -79,3 +85,12 @@ def control_jacobian(observation: Observation, jacobian: Array) -> Array:
         across = np.array([[1.0, 0.0, -u], [0.0, 1.0, -v]]) @ camera.rotation
         parts.append(across @ jacobian[marker])
     return np.concatenate(parts)
+
+
+def control_sigmas(observation: Observation, least_m: float) -> Array:
+    """Return the standard deviations of the rows of `control_residual`, metres."""
+    located = observation.located
+    noise_m = np.zeros(len(located)) if observation.noise_m is None else observation.noise_m
+    return np.concatenate(
+        (np.repeat(np.hypot(least_m, noise_m[located]), 3), np.full(2 * observation.single.sum(), least_m))
+    )

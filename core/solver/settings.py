@@ -1,7 +1,7 @@
 """Settings of the solver and of its methods."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from ..errors import SettingsError
@@ -92,7 +92,7 @@ class BestSettings:
     """Settings of "best", see `gaussian_conditioning`.
 
     Args:
-        neighbours, marker_sigma_m: K, and the standard deviation of a marker coordinate.
+        neighbours, marker_sigma_m: K, and the standard deviation of a marker coordinate beside its noise.
         query_pose_m_per_rad: metres of marker distance that a radian of pose counts in the search.
         broad_share: share of the whole database's covariance added to the neighbours'.
         pose_floor_rad: standard deviation granted to every joint angle beside these.
@@ -102,6 +102,8 @@ class BestSettings:
         momentum: expected share of the last change of pose in the next.
         change_share: share of the whole database's covariance with which the pose varies about that expectation.
         change_rad: standard deviation of each joint angle beside that.
+        known_marker_sigma_m, known_momentum, known_change_share: the same for a body that the database knows: its
+            neighbours are closer.
         root_sigma_m, root_sigma_rad: standard deviations of the root about the torso markers' estimate.
         prior_share: weight of the learned prior (see `motion_prior`), 0 for none.
         prior_file: its file, "" for the shipped one.
@@ -118,18 +120,30 @@ class BestSettings:
     momentum: float = 0.5
     change_share: float = 0.03
     change_rad: float = 0.03
+    known_marker_sigma_m: float = 0.001
+    known_momentum: float = 0.8
+    known_change_share: float = 0.2
     root_sigma_m: float = 0.03
     root_sigma_rad: float = 0.1
     prior_share: float = 1.0
     prior_file: str = ""
 
     def __post_init__(self) -> None:
-        _check_positive(self, "marker_sigma_m", "query_pose_m_per_rad")
+        _check_positive(self, "marker_sigma_m", "known_marker_sigma_m", "query_pose_m_per_rad")
         if not self.prior_share >= 0.0:
             raise SettingsError("prior_share must not be negative")
         lags = self.history_s
         if not lags or list(lags) != sorted(set(lags)) or not lags[0] > 0.0:
             raise SettingsError("history_s must be ascending times above 0")
+
+    def for_known_body(self) -> "BestSettings":
+        """Return the settings for a body that the database knows."""
+        return replace(
+            self,
+            marker_sigma_m=self.known_marker_sigma_m,
+            momentum=self.known_momentum,
+            change_share=self.known_change_share,
+        )
 
 
 @dataclass(frozen=True)

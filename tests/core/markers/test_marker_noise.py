@@ -37,7 +37,8 @@ def test_what_is_captured_gives_the_same_within_a_second_and_follows_a_change():
     positions[120:, 0] += np.random.default_rng(2).normal(0.0, 0.003, (120, 3))
     noise = MarkerNoise()
     found_mm = 1e3 * np.array([noise.step(*frame) for frame in zip(times_s, positions, strict=True)])
-    assert np.all(found_mm[:13] == 0.0)  # too little is known
+    assert np.all(found_mm[:6] == 0.0)  # too little is known
+    np.testing.assert_allclose(found_mm[7:12], np.median(SIGMAS_MM), rtol=0.7)  # that of all together
     np.testing.assert_allclose(np.median(found_mm[60:120], axis=0), SIGMAS_MM, rtol=0.25, atol=0.1)
     assert np.median(found_mm[185:, 0]) == pytest.approx(3.0, rel=0.25)
     assert np.all(found_mm[185:, 3] > 0.9)  # hidden: as the others

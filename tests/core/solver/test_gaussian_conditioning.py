@@ -88,7 +88,7 @@ UNLIMITED = np.array([[-np.inf], [np.inf]])
 def fitted(model, frame, observation, steps=3):
     prior, _, root, _ = frame
     expectation = Expectation(prior, observation, root, (0.03, 0.1), UNLIMITED)
-    return fit_to_markers(expectation, model, NOISE_M**2, steps)[:2]
+    return fit_to_markers(expectation, model, NOISE_M, steps)[:2]
 
 
 def test_fit_brings_the_markers_to_within_their_noise(model, frame):
@@ -105,7 +105,7 @@ def test_fit_comes_closer_to_the_true_pose_than_the_prior(model, frame, database
     poses = np.asarray(database.poses[::10], dtype=np.float64).reshape(-1, 84)
     prior = neighbours_prior(poses, np.full(len(poses), 1.0 / len(poses)), FLOOR)  # knows nothing of this moment
     expectation = Expectation(prior, Observation.of_points(points), root, (0.03, 0.1), UNLIMITED)
-    pose, _, _ = fit_to_markers(expectation, model, NOISE_M**2, 5)
+    pose, _, _ = fit_to_markers(expectation, model, NOISE_M, 5)
     assert np.linalg.norm(pose - true_pose) < 0.7 * np.linalg.norm(prior.mean - true_pose)
 
 
@@ -114,7 +114,7 @@ def test_fit_tells_the_deviations_of_the_laplace_posterior(model, frame):
     points = np.where(np.arange(8)[:, None] == 4, np.nan, points)  # without the left hand
     observation = Observation.of_points(points)
     expectation = Expectation(prior, observation, root, (0.03, 0.1), UNLIMITED)
-    pose, found, facts = fit_to_markers(expectation, model, NOISE_M**2, 20)
+    pose, found, facts = fit_to_markers(expectation, model, NOISE_M, 20)
     _, jacobian = model.markers_and_jacobian(pose.reshape(-1, 3), found)
     rows = jacobian[observation.located].reshape(-1, 90)
     precision = rows.T @ rows / NOISE_M**2
@@ -177,6 +177,17 @@ def test_a_marker_on_a_ray_helps(model, frame, stage_rig, true_markers):
     assert np.linalg.norm(local[:2] / local[2] - image_points[hand]) * local[2] < 2.0 * NOISE_M
 
 
+def test_a_noisy_marker_counts_less(model, frame):
+    *_, points = frame
+    hand = 4
+    pulled = points + np.where(np.arange(8) == hand, 0.03, 0.0)[:, None]
+    away = []
+    for noise_m in (np.zeros(8), np.where(np.arange(8) == hand, 0.05, 0.0)):
+        pose, found = fitted(model, frame, Observation.of_points(pulled).smoothed(pulled, noise_m))
+        away.append(np.linalg.norm((model.markers(pose.reshape(-1, 3), found) - pulled)[hand]))
+    assert away[1] > 2.0 * away[0]
+
+
 def test_fit_comes_back_from_a_prior_that_is_far_off(model, frame):
     """Full Gauss-Newton steps from a prior so far away wring the limbs and leave the markers."""
     prior, _, root, points = frame
@@ -185,7 +196,7 @@ def test_fit_comes_back_from_a_prior_that_is_far_off(model, frame):
         wrong = Prior(prior.mean + generator.normal(0.0, 0.8, len(prior.mean)), prior.covariance)
         start = rms(model.markers(wrong.mean.reshape(-1, 3), root), points)
         expectation = Expectation(wrong, Observation.of_points(points), root, (0.03, 0.1), UNLIMITED)
-        pose, found, _ = fit_to_markers(expectation, model, NOISE_M**2, 8)
+        pose, found, _ = fit_to_markers(expectation, model, NOISE_M, 8)
         assert rms(model.markers(pose.reshape(-1, 3), found), points) <= start
 
 
@@ -197,6 +208,6 @@ def test_fit_keeps_joints_within_their_limits(model, frame):
     free = Expectation(prior, Observation.of_points(far), root, (0.03, 0.1), UNLIMITED)
     beyond = [
         np.abs(pose - np.clip(pose, *limits)).max()
-        for pose, _, _ in (fit_to_markers(wanted, model, 0.02**2, 8) for wanted in (expectation, free))
+        for pose, _, _ in (fit_to_markers(wanted, model, 0.02, 8) for wanted in (expectation, free))
     ]
     assert beyond[0] < 0.05 < 0.1 < beyond[1]  # 0.02 is the standard deviation beyond a limit

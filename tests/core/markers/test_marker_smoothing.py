@@ -1,0 +1,82 @@
+import numpy as np
+import pytest
+from perfanim.core.markers.marker_smoothing import MarkerSmoother, smooth_markers
+
+FPS = 60.0
+TIMES_S = np.arange(240) / FPS
+SETTLED = slice(30, None)
+STILL, ARM, PUNCH = range(3)
+PUNCHED_S, PUNCH_S = 2.0, 0.15
+
+
+def moving() -> np.ndarray:
+    """A marker that stands, one of an arm that swings, one of a fist (F, 3, 3)."""
+    phase = 2.0 * np.pi * TIMES_S
+    arm = 0.3 * np.stack((np.sin(phase), np.cos(phase), np.zeros_like(phase)), axis=-1)
+    way = np.clip((TIMES_S - PUNCHED_S) / PUNCH_S, 0.0, 1.0)
+    fist = np.stack((0.5 * way**3 * (10.0 - 15.0 * way + 6.0 * way**2), *np.zeros((2, len(way)))), axis=-1)
+    return np.stack((np.broadcast_to([0.1, 1.0, 0.2], arm.shape), arm, fist), axis=1)
+
+
+def noisy(noise_m: float, seed: int = 0) -> np.ndarray:
+    return moving() + np.random.default_rng(seed).normal(0.0, noise_m, moving().shape)
+
+
+def smoothed(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    smoother = MarkerSmoother(points.shape[1])
+    frames = [smoother.step(*frame) for frame in zip(TIMES_S, points, strict=True)]
+    return np.array([frame[0] for frame in frames]), np.array([frame[1] for frame in frames])
+
+
+def rms(values: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.mean(values[SETTLED] ** 2, axis=(0, 2)))
+
+
+def test_exact_markers_pass():
+    errors = rms(smoothed(moving())[0] - moving())
+    assert errors[:PUNCH].max() < 1e-4
+    assert errors[PUNCH] < 6e-4  # it starts within a frame
+
+
+@pytest.mark.parametrize("noise_m", [0.001, 0.003])
+def test_noise_falls_most_where_a_marker_stands_and_nothing_is_late(noise_m):
+    points = noisy(noise_m)
+    found, deviations = smoothed(points)
+    errors = rms(found - moving())
+    assert errors[STILL] < 0.65 * noise_m
+    assert np.all(errors < noise_m)
+    steps = np.abs(np.diff(found, 3, axis=0)), np.abs(np.diff(points, 3, axis=0))
+    assert steps[0][SETTLED, STILL].mean() < 0.3 * steps[1][SETTLED, STILL].mean()
+    # the part of the error along the way, as a time
+    velocity = np.gradient(moving()[:, ARM], 1.0 / FPS, axis=0)
+    late_s = -np.sum((found - moving())[SETTLED, ARM] * velocity[SETTLED]) / np.sum(velocity[SETTLED] ** 2)
+    assert abs(late_s) < 0.002
+    np.testing.assert_allclose(np.median(deviations[SETTLED], axis=0)[:PUNCH], errors[:PUNCH], rtol=0.5)
+
+
+def test_a_take_is_smoothed_by_what_follows_too():
+    points = noisy(0.003)
+    live, both = smoothed(points)[0], smooth_markers(TIMES_S, points)[0]
+    assert np.all(rms(both - moving())[:PUNCH] < 0.9 * rms(live - moving())[:PUNCH])
+    assert rms(both - moving())[PUNCH] < rms(live - moving())[PUNCH]
+
+
+def test_a_marker_that_jumps_or_comes_back_is_where_it_is_seen():
+    points = noisy(0.001)
+    points[100:, STILL] += [0.4, 0.0, 0.0]
+    points[60:120, ARM] = np.nan
+    for found in (smoothed(points)[0], smooth_markers(TIMES_S, points)[0]):
+        np.testing.assert_array_equal(np.isnan(found), np.isnan(points))
+        assert np.nanmax(np.abs(found[98:103, STILL] - points[98:103, STILL])) < 0.005
+        assert np.abs(found[120:125, ARM] - points[120:125, ARM]).max() < 0.01
+        away = np.linalg.norm(found - points, axis=-1)
+        assert np.nanmax(away) < 0.02
+
+
+def test_times_far_apart_and_no_markers_are_no_harm():
+    smoother = MarkerSmoother(2)
+    for time_s in (1e6, 1e6 + 0.01, 1e9):
+        found, deviations = smoother.step(time_s, np.array([[1.0, 2.0, 3.0], [np.nan] * 3]))
+        np.testing.assert_allclose(found[0], [1.0, 2.0, 3.0], atol=1e-6)
+        assert np.all(np.isnan(found[1]))
+        assert np.all(np.isfinite(deviations))
