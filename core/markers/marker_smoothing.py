@@ -16,6 +16,7 @@ _DENSITIES = np.square(_CHANGES_M) * 60.0**5  # of the jerk's white noise, m^2/s
 _STAYS_S = 1.0  # mean time for which one of these holds
 _LEAST_SIGMA_M = 0.2e-3  # of markers without noise: skin and optics
 _UNKNOWN_SIGMA_M = 1e-3  # in the first frames
+_MOST_SIGMA_M = 4e-3  # beyond that it is sudden motion at a low rate
 _PAUSE_S = 0.25  # after so long out of sight a marker starts over,
 _JUMP_SIGMAS, _JUMP_M = 8.0, 0.05  # and where it is so far from every prediction
 _FIRST_SPEED_M_S, _FIRST_ACCELERATION_M_S2 = 2.0, 20.0  # deviations at a start
@@ -40,7 +41,7 @@ class MarkerSmoother:
             points_m: (M, 3), NaN where a marker was not located; stays so.
         """
         self._follower.predict(time_s)
-        noise_m = self._noise.step(time_s, points_m)
+        noise_m = np.minimum(self._noise.step(time_s, points_m), _MOST_SIGMA_M)
         self._follower.observe(points_m, np.where(noise_m > 0.0, noise_m, _UNKNOWN_SIGMA_M))
         means, deviations = self._follower.means()
         return np.where(np.isfinite(points_m), means, np.nan), deviations
@@ -55,7 +56,7 @@ def smooth_markers(times_s: Array, points_m: Array) -> tuple[Array, Array]:
         times_s: (F,) ascending.
         points_m: metres, NaN where a marker was not located; stays so.
     """
-    noise_m = marker_noise(times_s, points_m)
+    noise_m = np.minimum(marker_noise(times_s, points_m), _MOST_SIGMA_M)
     smoothed, deviations = np.full(points_m.shape, np.nan), np.zeros(points_m.shape[:2])
     forwards, backwards = _Follower(points_m.shape[1]), _Follower(points_m.shape[1])
     for index, time_s in enumerate(times_s):

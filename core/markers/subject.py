@@ -7,9 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..body.mirroring import mirrored_points, mirrored_skeleton
 from ..body.skeleton import Skeleton
-from ..body.standard_skeleton import mirrored_name
 from ..errors import SubjectError
 from ..system.files import read_toml, reading, write_toml
 from .marker_set import MarkerSet, marker_set_from, marker_set_table
@@ -31,20 +29,6 @@ class Subject:
     def __post_init__(self) -> None:
         self.marker_set.joint_indices(self.skeleton)
         _ = self.marker_set.offsets_m
-
-    def mirrored(self) -> "Subject":
-        """Return the mirror image; each marker keeps its name and is on the other side."""
-        worn = [
-            replace(
-                marker, joint=mirrored_name(marker.joint), offset_m=tuple(mirrored_points(np.array(marker.offset_m)))
-            )
-            for marker in self.marker_set.markers
-        ]
-        return replace(
-            self,
-            skeleton=mirrored_skeleton(self.skeleton),
-            marker_set=replace(self.marker_set, markers=tuple(worn)),
-        )
 
     def wearing(self, marker_set: MarkerSet) -> "Subject":
         """Return the subject with a set's markers; SubjectError for one not calibrated."""

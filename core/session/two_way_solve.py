@@ -1,13 +1,12 @@
-"""Poses of recorded takes, solved in both directions and in a mirror.
+"""Poses of recorded takes, solved in both directions.
 
-Live, a pose knows the past alone and keeps to the first examples that explain the markers. A recorded take is solved
-three times more: backwards, with the database's motion also backwards, and both ways in a mirror, where the examples
-are those of the other side. Each of the four errs in its own way. Their poses are averaged, each part of the body by
-its expected errors, and low-passed: that is the course of what no marker shows. The markers, with their gaps closed by
+Live, a pose knows the past alone. A recorded take is solved once more backwards, with the database's motion also
+backwards. The two err in their own ways: their poses are averaged, each part of the body by its expected errors, and
+low-passed: that is the course of what no marker shows. The markers, without their noise and with their gaps closed by
 that course, then determine the rest once more.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -15,10 +14,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from ..body.body_parts import PART_JOINTS, PARTS
-from ..body.mirroring import mirrored_points, mirrored_rotations
 from ..body.motion import Motion
 from ..body.scene_pose import PerformerPose
-from ..body.standard_skeleton import mirrored_name
 from ..database.store import pose_from_rotations
 from ..formats.markers.recorded_take import take_of_poses
 from ..geometry import rotations as rot
@@ -40,12 +37,9 @@ _CUT_M_S = 9.0  # or half the markers faster than bodies are
 _WEIGHT_POWER = 4.0  # of the expected error, by which a solution counts less
 _WEIGHT_S = 0.25  # standard deviation of the time over which errors are averaged for this
 _UNKNOWN_DEG = 90.0  # expected error of parts about which nothing is known
-_SMOOTH_HZ = 4.0  # cut-off for the course of what no marker shows
+_SMOOTH_HZ = 8.0  # cut-off for the course of what no marker shows
 _REPORT_EVERY = 30  # frames between two signs of progress
 _TORSO = list(PARTS).index("torso")  # the root's
-_OTHER = [
-    [*map(set, PARTS.values())].index(set(map(mirrored_name, joints))) for joints in PARTS.values()
-]  # side's part
 
 
 @dataclass(frozen=True)
@@ -58,7 +52,7 @@ class _Course:
 
 
 class TwoWaySolver:
-    """Solves recorded stretches of one performer in both directions and in a mirror.
+    """Solves recorded stretches of one performer in both directions.
 
     Args:
         solver: of the live poses, by the method "best".
@@ -66,11 +60,8 @@ class TwoWaySolver:
     """
 
     def __init__(self, solver: PoseSolver, cameras: tuple[Camera, ...]) -> None:
-        self._solver, self._cameras, database = solver, cameras, solver.database
-        self._solvers = [(solver.backwards(), False, True)]
-        if not any(clip.mirrored for clip in database.clips):  # its examples are of both sides already
-            mirrored = PoseSolver(solver.subject.mirrored(database), database, solver.settings)
-            self._solvers += [(mirrored, True, False), (mirrored.backwards(), True, True)]
+        self._solver, self._cameras = solver, cameras
+        self._backward = solver.backwards()
 
     def solve(self, poses: Sequence[PerformerPose], progress: Callable[[float], None]) -> list[PerformerPose]:
         """Return the poses of a performer solved again; those without a body stay."""
@@ -82,13 +73,7 @@ class TwoWaySolver:
 
     def _solve(self, poses: Sequence[PerformerPose], progress: Callable[[float], None]) -> list[PerformerPose]:
         observations = _smoothed(poses, [self._observation(pose) for pose in poses])
-        courses = [_live_course(poses)]
-        for index, (solver, is_mirrored, is_backward) in enumerate(self._solvers):
-
-            def report(share: float, index: int = index) -> None:
-                progress((index + share) / len(self._solvers))
-
-            courses.append(_solved_course(solver, poses, observations, (is_mirrored, is_backward), report))
+        courses = (_live_course(poses), _backward_course(self._backward, poses, observations, progress))
         fps = frame_rate(np.array([pose.time_s for pose in poses]), np.array([pose.number for pose in poses]))
         return self._fitted(poses, _blended(courses, fps), fps, observations)
 
@@ -169,63 +154,37 @@ def _live_course(poses: Sequence[PerformerPose]) -> _Course:
     )
 
 
-def _solved_course(
+def _backward_course(
     solver: PoseSolver,
     poses: Sequence[PerformerPose],
     observations: Sequence[Observation],
-    kind: tuple[bool, bool],
     progress: Callable[[float], None],
 ) -> _Course:
-    """Return a stretch as a solver solves it; where it does not, errors are infinite.
+    """Return a stretch solved from its end; where it is not, errors are infinite.
 
     Args:
-        poses: as live: where the first markers are, and the poses that stand for missing ones.
-        kind: whether it is mirrored, and whether it goes backwards.
+        solver: of time that runs backwards.
+        poses: as live: where the last markers are, and the poses that stand for missing ones.
     """
-    is_mirrored, is_backward = kind
     live, part_errors = _live_course(poses), PartErrors(solver.subject)
     course = _Course(live.rotations.copy(), live.root_positions_m.copy(), np.full_like(live.errors_deg, np.inf))
-    first = poses[-1 if is_backward else 0].markers_m
-    state = replace(solver.initial_state, markers_m=mirrored_points(first) if is_mirrored else first)
-    order: Iterable[int] = reversed(range(len(poses))) if is_backward else range(len(poses))
-    for done, index in enumerate(order):
+    state = replace(solver.initial_state, markers_m=poses[-1].markers_m)
+    for done, index in enumerate(reversed(range(len(poses)))):
         if done % _REPORT_EVERY == 0:
             progress(done / len(poses))
-        observation = _mirrored(observations[index]) if is_mirrored else observations[index]
-        time_s = -poses[index].time_s if is_backward else poses[index].time_s
-        solution, state = solver.step(state, observation, time_s)
+        solution, state = solver.step(state, observations[index], -poses[index].time_s)
         if solution is None:
             continue
-        rotations, root_m = solver.subject.rotations(solution.pose, solution.root), solution.root.position_m
-        errors_deg = _known(part_errors.expected_deg(solution))
-        if is_mirrored:
-            rotations, root_m, errors_deg = mirrored_rotations(rotations), mirrored_points(root_m), errors_deg[_OTHER]
-        course.rotations[index], course.root_positions_m[index], course.errors_deg[index] = (
-            rotations,
-            root_m,
-            errors_deg,
-        )
+        course.rotations[index] = solver.subject.rotations(solution.pose, solution.root)
+        course.root_positions_m[index] = solution.root.position_m
+        course.errors_deg[index] = _known(part_errors.expected_deg(solution))
+    progress(1.0)
     return course
 
 
 def _known(errors_deg: Array) -> Array:
     """Return expected errors (P,), large ones in place of none."""
     return errors_deg if len(errors_deg) else np.full(len(PARTS), _UNKNOWN_DEG)
-
-
-def _mirrored(observation: Observation) -> Observation:
-    """Return the mirror image of markers and of the cameras that see them."""
-    rig = tuple(
-        replace(
-            camera,
-            rotation=mirrored_points(mirrored_points(camera.rotation).T).T,
-            translation_m=mirrored_points(camera.translation_m),
-        )
-        for camera in observation.rig
-    )
-    points = mirrored_points(observation.points_m)
-    image_points = observation.image_points * np.array([-1.0, 1.0])
-    return replace(observation, points_m=points, image_points=image_points, rig=rig)
 
 
 def _blended(courses: Sequence[_Course], fps: float) -> _Course:

@@ -199,6 +199,7 @@ class BestMethod:
         self._learned = MotionPrior(network, subject, database.mean_rotations) if network else None
         bodies = (database.skeletons[index].offsets_m for index in {clip.skeleton for clip in database.clips})
         self._known = any(same_bones(body_m, subject.skeleton.offsets_m) for body_m in bodies)
+        self._course_share = settings.change_share
         self._settings = settings.for_known_body() if self._known else settings
         self._trusted, self._widened = (_TRUSTED_KNOWN, _KNOWN_SHARE) if self._known else (_TRUSTED, _SHARE)
         self._usual_deviation = _USUAL_DEVIATION if self._known else np.inf
@@ -222,6 +223,7 @@ class BestMethod:
         size = self._broad_poses.shape[1]
         self._change = settings.change_share * broad[:size, :size]
         self._change[np.diag_indices(size)] += settings.change_rad**2
+        self._course = self._course_share / settings.change_share * self._change
 
     def backwards(self) -> "BestMethod":
         """Return the same for time that runs backwards."""
@@ -232,7 +234,8 @@ class BestMethod:
 
     def fit_about(self, pose: Array, root: RootPose, observation: Observation) -> tuple[Array, RootPose]:
         """Return pose (D,) and root near others, fitted to the markers."""
-        settings, prior = self._settings, Prior(pose, self._change)
+        # as closely as to other bodies: courses of a known one are better still
+        settings, prior = self._settings, Prior(pose, self._course)
         root_sigma = (settings.root_sigma_m, settings.root_sigma_rad)
         expectation = Expectation(prior, observation, root, root_sigma, self._limits)
         return gaussian_conditioning.fit_to_markers(expectation, self._subject, settings.marker_sigma_m, _FIT_STEPS)[:2]

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from ..body.mirroring import mirrored_rotations
 from ..body.skeleton import Skeleton, forward_kinematics_matrices, marker_jacobian, marker_positions
 from ..body.standard_skeleton import JOINT_NAMES
 from ..database.store import Database, rotations_from_pose
@@ -55,12 +54,6 @@ class SubjectModel:
         self.joints = subject.marker_set.joint_indices(self.skeleton)
         self.offsets_m = subject.marker_set.offsets_m
         self.torso = subject.marker_set.torso
-
-    def mirrored(self, database: Database) -> "SubjectModel":
-        """Return the mirror image, of a body unknown to the database with the same zero."""
-        is_known = self.mean_rotations is not database.mean_rotations
-        zero = mirrored_rotations(self.mean_rotations) if is_known else self.mean_rotations
-        return SubjectModel(self.subject.mirrored(), zero)
 
     @cached_property
     def _mean_matrices(self) -> Array:
