@@ -33,8 +33,8 @@ _MOST_DOUBT = 100.0
 # where the markers of a body that the database knows lie further from the neighbours, in their deviations, these are
 # widened by as much: it moves as they do not
 _USUAL_DEVIATION = 0.5
-# a pose's deviations given its markers grow with this power of the markers' deviation from the prior, and are a share
-# of that for bodies that the database knows: found on takes, see `session.part_errors`
+# a pose's deviations given its markers grow with this power of the markers' deviation from the prior, times this share
+# for bodies that the database lacks, and for those it knows: found on takes, see `session.part_errors`
 _WIDENING, _LEAST_DEVIATION, _SHARE, _KNOWN_SHARE = 0.67, 0.05, 1.4, 0.55
 _LIMIT_PERCENTILES = (1.0, 99.0)  # of the database's joint angles,
 _LIMIT_MARGIN_RAD = 0.05  # beyond which a joint hardly goes

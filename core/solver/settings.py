@@ -129,7 +129,7 @@ class BestSettings:
     prior_file: str = ""
 
     def __post_init__(self) -> None:
-        _check_positive(self, "marker_sigma_m", "known_marker_sigma_m", "query_pose_m_per_rad")
+        _check_positive(self, "marker_sigma_m", "known_marker_sigma_m", "known_change_share", "query_pose_m_per_rad")
         if not self.prior_share >= 0.0:
             raise SettingsError("prior_share must not be negative")
         lags = self.history_s

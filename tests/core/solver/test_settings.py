@@ -21,6 +21,7 @@ def test_the_papers_values_are_the_defaults():
         {"control_alpha": -0.1},
         {"smoothness_beta": float("nan")},
         {"marker_sigma_m": 0.0},
+        {"best_known_change_share": 0.0},
         {"pose_sigma_rad": float("nan")},
         {"neighbours": ()},
         {"neighbours": (30, 20)},
