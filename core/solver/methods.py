@@ -35,7 +35,7 @@ _MOST_DOUBT = 100.0
 _USUAL_DEVIATION = 0.5
 # a pose's deviations given its markers grow with this power of the markers' deviation from the prior, times this share
 # for bodies that the database lacks, and for those it knows: found on takes, see `session.part_errors`
-_WIDENING, _LEAST_DEVIATION, _SHARE, _KNOWN_SHARE = 0.67, 0.05, 1.4, 0.55
+_WIDENING, _LEAST_DEVIATION, _SHARE, _KNOWN_SHARE = 0.67, 0.05, 1.2, 0.5
 _LIMIT_PERCENTILES = (1.0, 99.0)  # of the database's joint angles,
 _LIMIT_MARGIN_RAD = 0.05  # beyond which a joint hardly goes
 _SYNTHESIS_PASSES = 2  # synthesis needs the root and the root needs the synthesized torso
