@@ -199,10 +199,9 @@ class BestMethod:
         self._learned = MotionPrior(network, subject, database.mean_rotations) if network else None
         bodies = (database.skeletons[index].offsets_m for index in {clip.skeleton for clip in database.clips})
         self._known = any(same_bones(body_m, subject.skeleton.offsets_m) for body_m in bodies)
-        self._course_share = settings.change_share
         self._settings = settings.for_known_body() if self._known else settings
+        self._settings_without_depth = settings
         self._trusted, self._widened = (_TRUSTED_KNOWN, _KNOWN_SHARE) if self._known else (_TRUSTED, _SHARE)
-        self._usual_deviation = _USUAL_DEVIATION if self._known else np.inf
         if self._learned:
             self.longest_s = max(self.longest_s, self._learned.lags_s[-1])
         poses = database.poses.reshape(database.frames, -1)
@@ -221,9 +220,10 @@ class BestMethod:
         self._floor = settings.broad_share * broad
         self._floor[np.diag_indices_from(broad)] += settings.pose_floor_rad**2
         size = self._broad_poses.shape[1]
-        self._change = settings.change_share * broad[:size, :size]
-        self._change[np.diag_indices(size)] += settings.change_rad**2
-        self._course = self._course_share / settings.change_share * self._change
+        shares = (settings.change_share, self._settings_without_depth.change_share)
+        self._change, self._smaller_change = (
+            share * broad[:size, :size] + settings.change_rad**2 * np.eye(size) for share in shares
+        )
 
     def backwards(self) -> "BestMethod":
         """Return the same for time that runs backwards."""
@@ -235,14 +235,16 @@ class BestMethod:
     def fit_about(self, pose: Array, root: RootPose, observation: Observation) -> tuple[Array, RootPose]:
         """Return pose (D,) and root near others, fitted to the markers."""
         # as closely as to other bodies: courses of a known one are better still
-        settings, prior = self._settings, Prior(pose, self._course)
+        settings, prior = self._settings, Prior(pose, self._smaller_change)
         root_sigma = (settings.root_sigma_m, settings.root_sigma_rad)
         expectation = Expectation(prior, observation, root, root_sigma, self._limits)
         return gaussian_conditioning.fit_to_markers(expectation, self._subject, settings.marker_sigma_m, _FIT_STEPS)[:2]
 
     def estimate(self, problem: FrameProblem) -> Estimate:
         """Return the pose expected for the markers, fitted to them together with the root."""
-        settings, state = self._settings, problem.state
+        # by a single camera's rays alone, even a known body is held less closely: its depth is a guess
+        state, known = problem.state, self._known and problem.observation.located.any()
+        settings = self._settings if known else self._settings_without_depth
         prior, neighbours = self._prior(problem)
         root, root_sigma = problem.root, (settings.root_sigma_m, settings.root_sigma_rad)
         learned = None
@@ -255,7 +257,7 @@ class BestMethod:
             return Expectation(of, problem.observation, root, root_sigma, self._limits).deviation(self._subject)
 
         off = deviation(prior)
-        widening = max(1.0, (off / self._usual_deviation) ** 2)
+        widening = max(1.0, (off / _USUAL_DEVIATION) ** 2) if known else 1.0
         if learned:
             learned_off = deviation(learned.pose)
             # without markers nothing speaks for either
@@ -270,7 +272,7 @@ class BestMethod:
             prior = Prior(prior.mean, widening * prior.covariance)
         if state.pose is not None and state.previous_pose is not None:
             expected = state.pose + settings.momentum * (state.pose - state.previous_pose)
-            prior = continue_prior(prior, expected, self._change)
+            prior = continue_prior(prior, expected, self._change if known else self._smaller_change)
         expectation = Expectation(prior, problem.observation, root, root_sigma, self._limits)
         pose, root, facts = gaussian_conditioning.fit_to_markers(
             expectation, self._subject, settings.marker_sigma_m, _FIT_STEPS

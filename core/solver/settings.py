@@ -102,8 +102,8 @@ class BestSettings:
         momentum: expected share of the last change of pose in the next.
         change_share: share of the whole database's covariance with which the pose varies about that expectation.
         change_rad: standard deviation of each joint angle beside that.
-        known_marker_sigma_m, known_momentum, known_change_share: the same for a body that the database knows: its
-            neighbours are closer.
+        known_marker_sigma_m, known_momentum, known_change_share: the same for a body that the database knows, with a
+            marker located in space: its neighbours are closer.
         root_sigma_m, root_sigma_rad: standard deviations of the root about the torso markers' estimate.
         prior_share: weight of the learned prior (see `motion_prior`), 0 for none.
         prior_file: its file, "" for the shipped one.
